@@ -1,0 +1,93 @@
+"""The form of a channel: how many components it has, in what space and unit, and what an empty pixel holds."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import torch
+from torch import Tensor
+
+Kind = Literal["float", "bool", "int"]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One row of the channel table; see `gbufrt.gbuffer.CHANNELS` and `gbufrt.frame.SIGNALS`."""
+
+    components: int
+    """C of ``(B, C, H, W)``."""
+    meaning: str
+    """What the numbers are, with unit and space."""
+    kind: Kind = "float"
+    clear: float = 0.0
+    """What a pixel that hit nothing holds (``nan`` stands for the camera's ``far``)."""
+    required: bool = False
+    full_size: bool = True
+    """False for the few that are not one value a pixel of the picture (environment, exposure)."""
+
+
+def channel(
+    components: int,
+    meaning: str,
+    *,
+    kind: Kind = "float",
+    clear: float = 0.0,
+    required: bool = False,
+    full_size: bool = True,
+) -> Any:
+    """A dataclass field that carries its own row of the channel table."""
+    row = Channel(components, meaning, kind, clear, required, full_size)
+    if required:
+        return dataclasses.field(metadata={"channel": row})
+    return dataclasses.field(default=None, metadata={"channel": row})
+
+
+def channels_of(cls: type) -> dict[str, Channel]:
+    """The channel table of a dataclass, by name, in the order of declaration."""
+    return {f.name: f.metadata["channel"] for f in dataclasses.fields(cls) if "channel" in f.metadata}
+
+
+def check_tensor(
+    name: str, tensor: Any, row: Channel, *, batch: int, size: tuple[int, int], device: torch.device
+) -> None:
+    """Raise if ``tensor`` breaks the form that ``row`` gives it.
+
+    Raises:
+        TypeError: not a tensor, or of the wrong kind of number.
+        ValueError: wrong shape or device.
+    """
+    if not isinstance(tensor, Tensor):
+        raise TypeError(f"{name} must be a torch.Tensor, got {type(tensor).__name__}")
+    expected = f"({batch},{row.components},{size[0]},{size[1]})" if row.full_size else f"({batch},{row.components},h,w)"
+    shape = tuple(tensor.shape)
+    fits = len(shape) == 4 and shape[:2] == (batch, row.components) and (not row.full_size or shape[2:] == size)
+    if not fits:
+        raise ValueError(f"{name} must be {expected}, {row.meaning}; got {_shape_text(shape)}{_shape_hint(shape, row)}")
+    right = {
+        "float": tensor.dtype in (torch.float32, torch.float64),
+        "bool": tensor.dtype == torch.bool,
+        "int": tensor.dtype in (torch.int16, torch.int32, torch.int64),
+    }[row.kind]
+    if not right:
+        wanted = {"float": "float32 or float64", "bool": "bool", "int": "int32"}[row.kind]
+        raise TypeError(
+            f"{name} must be {wanted}, got {str(tensor.dtype).removeprefix('torch.')}; convert it with .to()"
+        )
+    if tensor.device != device:
+        raise ValueError(f"{name} is on {tensor.device} but the camera is on {device}; move one with .to()")
+
+
+def _shape_text(shape: tuple[int, ...]) -> str:
+    return "(" + ",".join(map(str, shape)) + ")"
+
+
+def _shape_hint(shape: tuple[int, ...], row: Channel) -> str:
+    if len(shape) == 4 and shape[-1] == row.components and shape[1] != row.components:
+        return "; it looks channels-last: use .permute(0, 3, 1, 2)"
+    if len(shape) == 3 and shape[0] == row.components:
+        return "; add the batch dimension: x[None]"
+    if len(shape) == 2 and row.components == 1:
+        return "; add batch and channel dimensions: x[None, None]"
+    return ""

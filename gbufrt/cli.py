@@ -1,0 +1,5 @@
+"""The `gbufrt` command."""
+
+
+def main() -> None:
+    """Entry point."""

@@ -1,0 +1,126 @@
+"""Frame: a G-buffer, the light that reached it, and the signals that passes have written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt.channels import channel, channels_of, check_tensor
+from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
+from gbufrt.tree import map_tensors
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Frame:
+    """What passes read and write. All light is outgoing linear radiance with albedo included.
+
+    Raises:
+        TypeError: a field is not a tensor, or of the wrong type.
+        ValueError: a field has the wrong shape or device, or an extra signal takes the name of a known one.
+    """
+
+    gbuffer: GBuffer
+    index: int = 0
+    """Frame number: with the seed, the only source of noise."""
+    time: float = 0.0
+    """Seconds."""
+    cut: Tensor | None = None
+    """``(B,)`` bool: the camera jumped, so nothing of the frame before may be used."""
+    emitters_sampled: bool = True
+    """Whether ``radiance`` already holds the light of emissive surfaces on others, so that GI must not gather emission."""
+    behind: Frame | None = None
+    """What lies straight behind the first transmissive surface, without refraction; never part of ``radiance``."""
+    previous: Frame | None = None
+    """The frame before, filled by the outermost pipeline; its own ``previous`` is None."""
+    extra: Mapping[str, Tensor] = field(default_factory=dict)
+    """Signals that gbufrt has no field for, by name; reach them with `read` and `write`."""
+
+    radiance: Tensor | None = channel(3, "direct light and emission, outgoing linear radiance")
+    ambient: Tensor | None = channel(3, "sky light as if nothing blocked it, outgoing linear radiance")
+    environment: Tensor | None = channel(3, "lat-long sky radiance, linear", full_size=False)
+
+    ao: Tensor | None = channel(1, "ambient visibility, 1 open", clear=1.0)
+    sky_visibility: Tensor | None = channel(1, "visibility of the sky at unlimited radius, 1 open", clear=1.0)
+    bent_normal: Tensor | None = channel(3, "mean unoccluded direction, world space, unit length")
+    gi: Tensor | None = channel(3, "indirect diffuse, outgoing linear radiance")
+    reflection: Tensor | None = channel(3, "specular light, Fresnel included, linear radiance")
+    reflection_confidence: Tensor | None = channel(1, "share of the reflection found on screen, 0 to 1")
+    reflection_distance: Tensor | None = channel(1, "distance from the surface to what it mirrors, world units")
+    composite: Tensor | None = channel(3, "all light together, linear radiance")
+    color: Tensor | None = channel(3, "the composite after lens and anti-aliasing passes, linear radiance")
+    exposure: Tensor | None = channel(1, "factor on colour before the tone curve, (B,1,1,1)", full_size=False)
+    image: Tensor | None = channel(3, "display-referred picture in [0, 1]")
+
+    def __post_init__(self) -> None:
+        camera = self.gbuffer.camera
+        for name, row in SIGNALS.items():
+            tensor = getattr(self, name)
+            if tensor is not None:
+                check_tensor(name, tensor, row, batch=camera.batch, size=camera.size, device=camera.device)
+        for name in self.extra:
+            if name in SIGNALS or name in CHANNELS:
+                raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
+        if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
+            raise ValueError(f"cut must be ({camera.batch},) bool, got {tuple(self.cut.shape)} {self.cut.dtype}")
+
+    def replace(self, **changes: Any) -> Frame:
+        """A copy with some fields changed."""
+        return replace(self, **changes)
+
+    def to(self, *args: Any, **kwargs: Any) -> Frame:
+        """All tensors on another device; arguments as `torch.Tensor.to`."""
+        return map_tensors(to_function(*args, **kwargs), self)
+
+    def detach(self) -> Frame:
+        """The same numbers without their gradients."""
+        return map_tensors(Tensor.detach, self)
+
+    def get(self, name: str) -> Tensor | None:
+        """The signal, light or channel called ``name``, or None where it is absent."""
+        if name in SIGNALS:
+            return getattr(self, name)
+        return getattr(self.gbuffer, name) if name in CHANNELS else self.extra.get(name)
+
+    def read(self, name: str) -> Tensor:
+        """The signal, light or channel called ``name``.
+
+        Raises:
+            ValueError: it is absent; the message lists what is there.
+        """
+        tensor = self.get(name)
+        if tensor is None:
+            raise ValueError(f"the frame has no {name!r}; it holds {', '.join(self.present)}")
+        return tensor
+
+    def write(self, name: str, tensor: Tensor) -> Frame:
+        """A copy with the signal ``name`` set: a known one in its field, any other among ``extra``.
+
+        Raises:
+            ValueError: the name is a G-buffer channel, which passes do not write.
+        """
+        if name in CHANNELS:
+            raise ValueError(f"{name!r} is a G-buffer channel; use frame.replace(gbuffer=frame.gbuffer.replace(...))")
+        if name in SIGNALS:
+            return replace(self, **{name: tensor})
+        return replace(self, extra={**self.extra, name: tensor})
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """Names of all channels, light and signals that are there."""
+        signals = tuple(name for name in SIGNALS if getattr(self, name) is not None)
+        return self.gbuffer.present + signals + tuple(self.extra)
+
+    def as_previous(self) -> Frame:
+        """What the next frame may know of this one: geometry and unblurred light, detached."""
+        keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "composite")}
+        kept = Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
+        return kept.detach()
+
+
+SIGNALS = channels_of(Frame)
+LIGHT = ("radiance", "ambient", "environment")
+"""Signals that come with the frame rather than from a pass."""

@@ -1,0 +1,106 @@
+"""GBuffer: what a camera saw, one value a pixel, under one set of conventions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.channels import channel, channels_of, check_tensor
+from gbufrt.tree import map_tensors
+from gbufrt.validation import validate_gbuffer
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GBuffer:
+    """Geometry and material of the first surface at each pixel.
+
+    Every channel is ``(B, C, H, W)``; the fields below are the channel table (also `gbufrt.gbuffer.CHANNELS`). Absent
+    channels are None, never zeros. Where nothing was hit, ``hit`` is False and the other channels hold the clear value
+    (``depth``: the camera's ``far``).
+
+    Raises:
+        TypeError: a channel is not a tensor, or of the wrong type.
+        ValueError: a channel has the wrong shape or device. `validate` checks the values.
+    """
+
+    camera: Camera
+    previous_camera: Camera | None = None
+
+    depth: Tensor = channel(1, "planar view-space z in world units", clear=float("nan"), required=True)
+    hit: Tensor = channel(1, "whether a surface was hit", kind="bool", required=True)
+    normal: Tensor = channel(3, "shading normal, world space, unit length, facing the camera", required=True)
+    normal_geo: Tensor | None = channel(3, "geometric normal, world space, unit length, facing the camera")
+    motion: Tensor | None = channel(2, "previous minus current px in pixels, without jitter")
+    motion_z: Tensor | None = channel(1, "previous minus current view z in world units")
+    albedo: Tensor | None = channel(3, "linear reflectance in [0, 1]")
+    roughness: Tensor | None = channel(1, "perceptual roughness in [0, 1]; alpha is its square", clear=1.0)
+    metallic: Tensor | None = channel(1, "metalness in [0, 1]")
+    emission: Tensor | None = channel(3, "emitted linear radiance")
+    opacity: Tensor | None = channel(1, "1 opaque, less where light from behind passes")
+    transmittance: Tensor | None = channel(3, "fraction of the light from `behind` that arrives, linear RGB")
+    material_id: Tensor | None = channel(1, "material index", kind="int")
+    object_id: Tensor | None = channel(1, "0 static world or sky, else the moving instance", kind="int")
+    thickness: Tensor | None = channel(1, "distance along the view ray to the back of the first solid run, world units")
+
+    def __post_init__(self) -> None:
+        for name, row in CHANNELS.items():
+            tensor = getattr(self, name)
+            if tensor is None and not row.required:
+                continue
+            check_tensor(name, tensor, row, batch=self.batch, size=self.camera.size, device=self.camera.device)
+        previous = self.previous_camera
+        if previous is not None and (previous.batch, previous.size) != (self.batch, self.camera.size):
+            raise ValueError(
+                f"previous_camera must have batch {self.batch} and size {self.camera.size} like camera, "
+                f"got batch {previous.batch} and size {previous.size}"
+            )
+
+    @property
+    def batch(self) -> int:
+        """B."""
+        return self.camera.batch
+
+    @property
+    def present(self) -> tuple[str, ...]:
+        """Names of the channels that are there."""
+        return tuple(name for name in CHANNELS if getattr(self, name) is not None)
+
+    def replace(self, **changes: Any) -> GBuffer:
+        """A copy with some fields changed."""
+        return replace(self, **changes)
+
+    def to(self, *args: Any, **kwargs: Any) -> GBuffer:
+        """All tensors on another device; arguments as `torch.Tensor.to`. A dtype applies to the float channels only."""
+        return map_tensors(to_function(*args, **kwargs), self)
+
+    def points_view(self) -> Tensor:
+        """``(B, 3, H, W)`` view-space position of each pixel's surface."""
+        return self.camera.unproject(self.depth)
+
+    def validate(self) -> None:
+        """Check the values against the conventions.
+
+        Raises:
+            ValueError: names the first channel that breaks a rule, the rule, and a remedy.
+        """
+        validate_gbuffer(self)
+
+
+CHANNELS = channels_of(GBuffer)
+
+
+def to_function(*args: Any, **kwargs: Any) -> Any:
+    """``Tensor.to`` for trees: float types reach float tensors only, so that ids and masks keep theirs."""
+    dtype = kwargs.get("dtype", next((a for a in args if isinstance(a, torch.dtype)), None))
+
+    def move(tensor: Tensor) -> Tensor:
+        if dtype is None or tensor.is_floating_point() == dtype.is_floating_point:
+            return tensor.to(*args, **kwargs)
+        device = kwargs.get("device", next((a for a in args if not isinstance(a, (torch.dtype, bool))), None))
+        return tensor if device is None else tensor.to(device)
+
+    return move

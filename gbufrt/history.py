@@ -1,0 +1,40 @@
+"""History: what a temporal pass carries from one frame to the next, as a plain value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt.gbuffer import GBuffer, to_function
+from gbufrt.tree import map_tensors
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class History:
+    """Accumulated signals, how many frames each pixel has behind it, and the geometry they belong to.
+
+    Args:
+        signals: by name, ``(B, C, H, W)``: accumulated values and whatever else the pass needs again (moments...).
+        length: ``(B, 1, H, W)`` float: frames accumulated; 0 means nothing here may be used.
+        gbuffer: geometry of the frame that the signals belong to, to tell where they are still valid.
+    """
+
+    length: Tensor
+    signals: Mapping[str, Tensor] = field(default_factory=dict)
+    gbuffer: GBuffer | None = None
+
+    def to(self, *args: Any, **kwargs: Any) -> History:
+        """The history on another device; arguments as `torch.Tensor.to`."""
+        return map_tensors(to_function(*args, **kwargs), self)
+
+    def detach(self) -> History:
+        """The same numbers without their gradients."""
+        return map_tensors(Tensor.detach, self)
+
+    def reset(self, mask: Tensor) -> History:
+        """Forget the batch elements where ``mask`` ``(B,)`` is True."""
+        return replace(self, length=torch.where(mask[:, None, None, None], 0.0, self.length))

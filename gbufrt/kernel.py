@@ -1,0 +1,44 @@
+"""How a scalar kernel body becomes a CPU operator.
+
+A marching loop (a voxel traversal, a screen-space ray) is written once as plain scalar Python over flat arrays, marked
+`scalar`; a short driver marked `driver` hands out its items to threads; a `torch.library.custom_op` with a fake wraps
+the driver. Beside each stands a torch reference: the definition, the oracle of the tests, and what runs on devices for
+which there is no compiled form.
+
+numba caches machine code beside the source file, so a second process compiles nothing. Two traps: the cache notices
+changes in the file of the driver only, so keep bodies and driver in one file; and asking numba for its thread count
+inside a kernel switches the cache off, so it is an argument.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+import torch
+from torch import Tensor
+
+
+def scalar(function: Callable[..., Any]) -> Any:
+    """A helper or body that works on one item."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+
+
+def driver(function: Callable[..., Any]) -> Any:
+    """A loop over items: ``for t in prange(threads): for i in range(t, n, threads): body(i, ...)``.
+
+    Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground.
+    """
+    return numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy")(function)
+
+
+def threads() -> int:
+    """How many threads a driver may use: torch's own number, but no more than numba started."""
+    return max(1, min(torch.get_num_threads(), numba.get_num_threads()))
+
+
+def array(tensor: Tensor) -> np.ndarray:
+    """The numbers of a CPU tensor as a contiguous array, without a copy where it already is."""
+    return tensor.detach().contiguous().numpy()

@@ -1,0 +1,58 @@
+"""Reading pictures at arbitrary positions: the only grid_sample and the only gathers."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+
+def sample(image: Tensor, px: Tensor, *, mode: Literal["bilinear", "nearest", "bicubic"] = "bilinear") -> Tensor:
+    """Read a picture between its pixels; positions outside read the border.
+
+    Args:
+        image: ``(B, C, H, W)`` float.
+        px: ``(B, 2, h, w)`` pixels, centres at +0.5 (a position that the picture's camera sampled; see
+            ``Camera.project(..., jittered=True)``).
+        mode: ``bilinear``, ``nearest`` or ``bicubic``.
+
+    Returns:
+        ``(B, C, h, w)``; differentiable in ``image`` and, except for ``nearest``, in ``px``.
+    """
+    height, width = image.shape[-2:]
+    grid = torch.stack([px[:, 0] * (2 / width) - 1, px[:, 1] * (2 / height) - 1], dim=-1)
+    batch = max(image.shape[0], grid.shape[0])
+    image, grid = image.expand(batch, -1, -1, -1), grid.expand(batch, -1, -1, -1)
+    return F.grid_sample(image, grid.to(image.dtype), mode=mode, padding_mode="border", align_corners=False)
+
+
+def gather(image: Tensor, x: Tensor, y: Tensor) -> Tensor:
+    """Read whole pixels of any type; positions outside read the border.
+
+    Args:
+        image: ``(B, C, H, W)``, any dtype.
+        x: ``(B, h, w)`` integer column (0 is the leftmost pixel).
+        y: as ``x``, row.
+
+    Returns:
+        ``(B, C, h, w)``.
+    """
+    batch, channels, height, width = image.shape
+    index = (y.clamp(0, height - 1) * width + x.clamp(0, width - 1)).long().flatten(1)
+    picked = image.flatten(2).gather(2, index[:, None].expand(-1, channels, -1))
+    return picked.view(batch, channels, *x.shape[1:])
+
+
+def shifted(image: Tensor, dx: int, dy: int) -> Tensor:
+    """``out[y, x] = image[y + dy, x + dx]``, repeating the border: a tap of a fixed kernel, without a gather."""
+    height, width = image.shape[-2:]
+    padded = F.pad(image, (max(-dx, 0), max(dx, 0), max(-dy, 0), max(dy, 0)), mode="replicate")
+    return padded[..., max(dy, 0) : max(dy, 0) + height, max(dx, 0) : max(dx, 0) + width]
+
+
+def inside(px: Tensor, size: tuple[int, int]) -> Tensor:
+    """``(B, 1, h, w)`` bool: whether positions ``(B, 2, h, w)`` in pixels lie in a picture of ``size`` ``(H, W)``."""
+    x, y = px[:, 0:1], px[:, 1:2]
+    return (x >= 0) & (x < size[1]) & (y >= 0) & (y < size[0])

@@ -1,0 +1,114 @@
+"""Materials: what a voxel is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt.tree import map_tensors
+
+RGB = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """One row of a material table; colours are linear.
+
+    Args:
+        name: for people and for look-ups.
+        albedo: reflectance in [0, 1].
+        roughness: perceptual, in [0, 1].
+        metallic: in [0, 1].
+        emission: radiance it sends out.
+        opacity: 1 stops all light; less lets ``tint`` of the rest through.
+        tint: transmitted share of light per world unit of the material's depth.
+        variation: how far the colour of a face's texels strays from ``albedo``, relative.
+    """
+
+    name: str
+    albedo: RGB = (0.8, 0.8, 0.8)
+    roughness: float = 0.9
+    metallic: float = 0.0
+    emission: RGB = (0.0, 0.0, 0.0)
+    opacity: float = 1.0
+    tint: RGB = (1.0, 1.0, 1.0)
+    variation: float = 0.08
+
+    def __post_init__(self) -> None:
+        unit = {"albedo": self.albedo, "tint": self.tint}
+        unit |= {k: (getattr(self, k),) for k in ("roughness", "metallic", "opacity", "variation")}
+        for key, values in unit.items():
+            if not all(0.0 <= v <= 1.0 for v in values):
+                raise ValueError(f"{key} of material {self.name!r} must lie in [0, 1], got {values}")
+        if min(self.emission) < 0:
+            raise ValueError(f"emission of material {self.name!r} must not be negative, got {self.emission}")
+
+
+AIR = Material(name="air", albedo=(0.0, 0.0, 0.0), opacity=0.0, variation=0.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MaterialTable:
+    """M materials as tensors, row 0 being air: what kernels index with a voxel id.
+
+    Args:
+        names: M names.
+        albedo: ``(M, 3)`` linear.
+        roughness: ``(M,)`` perceptual.
+        metallic: ``(M,)``.
+        emission: ``(M, 3)`` radiance.
+        opacity: ``(M,)``.
+        tint: ``(M, 3)`` transmitted share per world unit.
+        variation: ``(M,)`` relative.
+    """
+
+    names: tuple[str, ...]
+    albedo: Tensor
+    roughness: Tensor
+    metallic: Tensor
+    emission: Tensor
+    opacity: Tensor
+    tint: Tensor
+    variation: Tensor
+
+    @staticmethod
+    def of(materials: Sequence[Material]) -> MaterialTable:
+        """A table of ``materials`` after air, which is added as row 0.
+
+        Raises:
+            ValueError: two share a name, or there are more than int16 ids can name.
+        """
+        rows = [AIR, *materials]
+        names = tuple(m.name for m in rows)
+        if len(set(names)) != len(names):
+            raise ValueError(
+                f"material names must differ, got {sorted({n for n in names if names.count(n) > 1})} twice"
+            )
+        if len(rows) > 32767:
+            raise ValueError(f"at most 32766 materials fit int16 voxel ids, got {len(materials)}")
+        columns = {
+            key: torch.tensor([getattr(m, key) for m in rows], dtype=torch.float32)
+            for key in ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
+        }
+        return MaterialTable(names=names, **columns)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def id(self, name: str) -> int:
+        """The voxel id of a material.
+
+        Raises:
+            ValueError: there is none of that name.
+        """
+        if name not in self.names:
+            raise ValueError(f"no material {name!r}; there are {', '.join(self.names)}")
+        return self.names.index(name)
+
+    def to(self, *args: Any, **kwargs: Any) -> MaterialTable:
+        """The table on another device; arguments as `torch.Tensor.to`."""
+        return map_tensors(lambda t: t.to(*args, **kwargs), self)
