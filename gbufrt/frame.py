@@ -31,7 +31,7 @@ class Frame:
     cut: Tensor | None = None
     """``(B,)`` bool: the camera jumped, so nothing of the frame before may be used."""
     emitters_sampled: bool = True
-    """Whether ``radiance`` already holds the light of emissive surfaces on others, so that GI must not gather emission."""
+    """Whether ``radiance`` already holds what lamps cast on others, so that GI must not gather emission again."""
     behind: Frame | None = None
     """What lies straight behind the first transmissive surface, without refraction; never part of ``radiance``."""
     previous: Frame | None = None
