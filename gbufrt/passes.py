@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from torch import Tensor, nn
 
@@ -104,6 +104,7 @@ class Pipeline(TemporalPass):
 
     Args:
         given: signals that incoming frames already hold, beyond G-buffer channels and light.
+        layer: ``"behind"`` runs the stages on ``frame.behind``, where there is one, instead of on the frame.
         stages: passes, temporal passes or pipelines by name; None leaves a stage out.
 
     Raises:
@@ -111,9 +112,14 @@ class Pipeline(TemporalPass):
         ValueError: a stage reads a signal that nothing before it writes.
     """
 
-    def __init__(self, *, given: Iterable[str] = (), **stages: Stage | None) -> None:
+    def __init__(
+        self, *, given: Iterable[str] = (), layer: Literal["behind"] | None = None, **stages: Stage | None
+    ) -> None:
         super().__init__()
+        if layer not in (None, "behind"):
+            raise ValueError(f'layer must be "behind" or None, got {layer!r}')
         self.given = frozenset(given)
+        self.layer = layer
         self.fused = False
         self.stages = nn.ModuleDict()
         for name, stage in stages.items():
@@ -127,18 +133,19 @@ class Pipeline(TemporalPass):
     def _connect(self) -> None:
         """Work out what the whole reads and writes, and that every signal read inside has been written."""
         have, reads, optional = set(self.given), set(self.given), set()
-        for path, stage in self.passes():
+        for name, stage in self._stages():
             for signal in sorted(stage.reads - have):
                 if signal not in LIGHT and signal not in CHANNELS:
                     raise ValueError(
-                        f"{path} ({type(stage).__name__}) reads {signal!r}, but no stage before it writes that: "
+                        f"{name} ({type(stage).__name__}) reads {signal!r}, but no stage before it writes that: "
                         f"add one, or pass given={{{signal!r}}} if the frames hold it already"
                     )
                 reads.add(signal)
             optional |= stage.optional - have
             have |= stage.writes
-        self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
-        self.writes = frozenset().union(*(stage.writes for _, stage in self.passes()))
+        if self.layer is None:  # what happens on another layer is not this frame's concern
+            self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
+            self.writes = frozenset().union(*(stage.writes for _, stage in self._stages()))
 
     def forward(self, frame: Frame, state: PipelineState | None = None) -> tuple[Frame, PipelineState]:
         """Run every stage. ``frame.previous`` is filled from the state; ``frame.cut`` resets what may not be kept."""
@@ -151,9 +158,17 @@ class Pipeline(TemporalPass):
         return frame.replace(previous=None), PipelineState(stages=after.stages, previous=frame.as_previous())
 
     def _run(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
+        if self.layer == "behind":
+            if frame.behind is None:
+                return frame, PipelineState()
+            behind, after = self._run_stages(frame.behind, state)
+            return frame.replace(behind=behind), after
+        return self._run_stages(frame, state)
+
+    def _run_stages(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
         before = {} if state is None else state.stages
         after: dict[str, Any] = {}
-        for name, stage in self.stages.items():
+        for name, stage in self._stages():
             if isinstance(stage, Pipeline):
                 frame, after[name] = stage._run(frame, before.get(name))
             elif isinstance(stage, TemporalPass):
@@ -173,10 +188,15 @@ class Pipeline(TemporalPass):
 
     def passes(self) -> Iterator[tuple[str, Stage]]:
         """Every pass that is not itself a pipeline, with its dotted name, in order."""
-        for name, stage in self.stages.items():
+        for name, stage in self._stages():
             if isinstance(stage, Pipeline):
                 yield from ((f"{name}.{path}", inner) for path, inner in stage.passes())
-            elif isinstance(stage, Stage):
+            else:
+                yield name, stage
+
+    def _stages(self) -> Iterator[tuple[str, Stage]]:
+        for name, stage in self.stages.items():
+            if isinstance(stage, Stage):  # always; tells the type checker what a ModuleDict cannot
                 yield name, stage
 
     def without(self, *paths: str) -> Pipeline:
@@ -251,7 +271,7 @@ class Pipeline(TemporalPass):
             stages[head] = changed if len(changed.stages) else None
         else:
             raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
-        result = Pipeline(given=self.given, **stages)
+        result = Pipeline(given=self.given, layer=self.layer, **stages)
         result.fused = self.fused
         return result
 

@@ -77,7 +77,7 @@ def frame(
         metallic=torch.zeros_like(depth),
         emission=torch.zeros_like(albedo),
         opacity=torch.where(hit, 1.0, torch.zeros_like(depth)),
-        transmittance=torch.where(hit, torch.zeros_like(albedo), torch.ones_like(albedo)),
+        transmittance=torch.zeros_like(albedo),
         material_id=torch.where(hit, which[:, None] + 1, 0).int(),
         object_id=torch.where(hit & (which[:, None] == 2), 1, 0).int(),
         thickness=torch.where(hit, (leave - distance)[:, None], 0.0),

@@ -1,0 +1,35 @@
+# make demo   install and render the built-in world into demo/
+# make test   install and run the tests
+# make check  install and run the linters, the type checker and the layer test
+PYTHON ?= python3.11
+ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
+PYTHON := python3
+endif
+BIN := .venv/bin
+export GBUFRT_TEST_DATA ?= $(wildcard $(abspath ../shared/data))
+ifeq ($(GBUFRT_TEST_DATA),)
+unexport GBUFRT_TEST_DATA
+endif
+
+.PHONY: install demo test check clean
+install: .venv/installed
+
+.venv/installed: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: install
+	$(BIN)/gbufrt render --out demo
+
+test: install
+	$(BIN)/python -m pytest -n 2
+
+check: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/python -m pytest tests/test_layers.py
+
+clean:
+	rm -rf .venv demo
