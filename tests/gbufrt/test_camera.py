@@ -1,0 +1,140 @@
+"""Where pixels look: each row of the conventions table that concerns cameras."""
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+
+from gbufrt import Camera
+
+EYE = torch.eye(4)
+K = torch.tensor([[100.0, 0.0, 32.0], [0.0, 100.0, 24.0], [0.0, 0.0, 1.0]])
+
+
+def make(**changes) -> Camera:
+    return Camera.from_intrinsics(K, EYE, size=(48, 64), **changes)
+
+
+def test_pixel_centres_are_at_half():
+    centers = make().pixel_centers()
+    assert centers.shape == (1, 2, 48, 64)
+    assert centers[0, :, 0, 0].tolist() == [0.5, 0.5]
+    assert centers[0, :, 2, 7].tolist() == [7.5, 2.5]
+
+
+def test_jitter_moves_the_sample_and_nothing_else():
+    camera = make().with_jitter((0.25, -0.5))
+    assert camera.pixel_centers()[0, :, 0, 0].tolist() == [0.75, 0.0]
+    assert camera.pixel_centers(jittered=False)[0, :, 0, 0].tolist() == [0.5, 0.5]
+    points = camera.unproject(torch.full((1, 1, 48, 64), 5.0))
+    torch.testing.assert_close(camera.project(points), camera.pixel_centers(), atol=1e-4, rtol=0)
+    torch.testing.assert_close(
+        camera.project(points, jittered=True), camera.pixel_centers(jittered=False), atol=1e-4, rtol=0
+    )
+
+
+def test_view_space_is_right_down_forward():
+    x, y, z = make().unproject(torch.full((1, 1, 48, 64), 2.0))[0, :, 0, -1]
+    assert x > 0
+    assert y < 0, "the top of the picture has negative view y"
+    assert z == 2
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_project_inverts_unproject(orthographic):
+    camera = boxes.camera((9, 13), orthographic=orthographic)
+    depth = torch.rand(1, 1, 9, 13) * 20 + 1
+    points = camera.unproject(depth)
+    torch.testing.assert_close(camera.project(points), camera.pixel_centers(), atol=1e-4, rtol=0)
+    torch.testing.assert_close(camera.to_view(camera.to_world(points)), points, atol=1e-4, rtol=1e-5)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_rays_pass_through_unprojected_points(orthographic):
+    camera = boxes.camera((9, 13), orthographic=orthographic)
+    origin, direction = camera.rays()
+    torch.testing.assert_close(direction.norm(dim=-1), torch.ones(1, 9, 13))
+    world = camera.to_world(camera.unproject(torch.full((1, 1, 9, 13), 7.0))).permute(0, 2, 3, 1)
+    offset = world - origin
+    assert torch.linalg.cross(offset, direction).norm(dim=-1).max() < 1e-4
+    assert (offset * direction).sum(-1).min() > 0
+
+
+def test_look_at_sees_up_as_up():
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), size=(48, 64))
+    point = camera.project(camera.to_view(torch.tensor([[0.5, 1.0, 0.0]]).reshape(1, 3, 1)))[0, :, 0]
+    assert point[0] > 32, "world +x is on the right when looking along -z"
+    assert point[1] < 24, "world +y is up, toward row 0"
+    assert torch.det(camera.world_from_view[0, :3, :3]) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_static_motion_matches_projection_of_the_same_point():
+    camera, previous = boxes.camera((24, 32), dx=0.4), boxes.camera((24, 32))
+    f = boxes.frame(camera, previous=previous)
+    g = f.gbuffer
+    assert g.motion is not None
+    world = camera.to_world(g.points_view())
+    expected = previous.project(previous.to_view(world)) - camera.pixel_centers()
+    torch.testing.assert_close(torch.where(g.hit, g.motion, 0), torch.where(g.hit, expected, 0), atol=1e-3, rtol=0)
+    assert g.motion[0, 0][g.hit[0, 0]].mean() > 0, "the camera went right, so points came from further right"
+
+
+def test_sky_moves_by_rotation_alone():
+    depth, miss = torch.full((1, 1, 48, 64), 1000.0), torch.zeros(1, 1, 48, 64, dtype=torch.bool)
+    moved = make().to(torch.float64)
+    pose = EYE.clone()
+    pose[0, 3] = 3.0
+    previous = Camera.from_intrinsics(K, pose, size=(48, 64))
+    motion, motion_z = moved.static_motion(previous, depth, miss)
+    assert motion.abs().max() < 1e-4
+    assert motion_z.abs().max() == 0
+    angle = torch.tensor(0.05)
+    turn = torch.tensor([[angle.cos(), 0, angle.sin()], [0, 1, 0], [-angle.sin(), 0, angle.cos()]])
+    pose = EYE.clone()
+    pose[:3, :3] = turn
+    motion, _ = make().static_motion(Camera.from_intrinsics(K, pose, size=(48, 64)), depth, miss)
+    assert motion[0, 0, 24, 32] == pytest.approx(-100 * float(torch.tan(angle)), abs=0.1)
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("jitter", [None, (0.3, -0.2)])
+def test_normals_from_depth_face_the_camera(orthographic, jitter):
+    camera = boxes.camera((60, 80), orthographic=orthographic).with_jitter(jitter)
+    g = boxes.frame(camera, boxes=boxes.ROOM[:1]).gbuffer
+    inner = g.hit[0, 0].clone()
+    inner[:30] = False  # below the horizon, away from the border's one-sided differences
+    inner[-2:], inner[:, :2], inner[:, -2:] = False, False, False
+    inner &= g.normal[0, 1] > 0.5  # parallel rays that start below the floor see its underside
+    inner[1:-1] &= inner[2:] & inner[:-2]
+    cosine = (camera.normals_from_depth(g.depth) * g.normal).sum(1)[0]
+    assert cosine[inner].min() > 0.999
+
+
+def test_pixels_per_unit():
+    depth = torch.full((1, 1, 48, 64), 4.0)
+    assert make().pixels_per_unit(depth).mean() == pytest.approx(25.0)
+    assert make(orthographic=True).pixels_per_unit(depth).mean() == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"size": (0, 10)}, "size must be"),
+        ({"near": 2.0, "far": 1.0}, "near < far"),
+        ({"world_from_view": torch.eye(3)}, "world_from_view"),
+        ({"intrinsics": torch.eye(4)}, "intrinsics"),
+        ({"jitter": torch.zeros(3)}, "jitter"),
+    ],
+)
+def test_bad_cameras_name_the_argument(changes, message):
+    arguments = {"intrinsics": K, "world_from_view": EYE, "size": (4, 4), **changes}
+    with pytest.raises(ValueError, match=message):
+        Camera.from_intrinsics(arguments.pop("intrinsics"), arguments.pop("world_from_view"), **arguments)
+
+
+def test_look_at_refuses_degenerate_views():
+    with pytest.raises(ValueError, match="one line"):
+        Camera.look_at((0, 5, 0), (0, 0, 0), size=(4, 4))
+    with pytest.raises(ValueError, match="fov_y"):
+        Camera.look_at((0, 0, 5), (0, 0, 0), size=(4, 4), fov_y=180)

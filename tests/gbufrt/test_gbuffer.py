@@ -1,0 +1,116 @@
+"""The channel table, and what `validate` catches."""
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+
+from gbufrt import CHANNELS, SIGNALS, Frame, GBuffer
+
+
+@pytest.fixture
+def moving() -> GBuffer:
+    return boxes.frame(boxes.camera(dx=0.3), previous=boxes.camera()).gbuffer
+
+
+def test_good_buffers_pass(moving):
+    moving.validate()
+    boxes.frame(boxes.camera(orthographic=True)).gbuffer.validate()
+    boxes.frame(boxes=boxes.ROOM + 500.0).gbuffer.validate()  # sky alone
+
+
+def test_absent_channels_are_none():
+    g = boxes.frame().gbuffer
+    bare = GBuffer(camera=g.camera, depth=g.depth, hit=g.hit, normal=g.normal)
+    assert bare.present == ("depth", "hit", "normal")
+    assert bare.albedo is None
+    bare.validate()
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "error", "message"),
+    [
+        ("depth", lambda t: t[0], ValueError, "add the batch dimension"),
+        ("depth", lambda t: t[0, 0], ValueError, "add batch and channel"),
+        ("normal", lambda t: t.permute(0, 2, 3, 1), ValueError, "channels-last"),
+        ("motion", lambda t: t[:, :1], ValueError, r"motion must be \(1,2,72,96\).*got \(1,1,72,96\)"),
+        ("depth", lambda t: t.half(), TypeError, "float32"),
+        ("hit", lambda t: t.float(), TypeError, "hit must be bool"),
+        ("object_id", lambda t: t.float(), TypeError, "int32"),
+        ("albedo", lambda t: t.to("meta"), ValueError, "albedo is on meta"),
+        ("depth", lambda t: t.numpy(), TypeError, "torch.Tensor"),
+    ],
+)
+def test_form_is_checked_when_built(moving, name, change, error, message):
+    with pytest.raises(error, match=message):
+        moving.replace(**{name: change(getattr(moving, name))})
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("depth", lambda t: torch.where(t > 50, torch.inf, t), "far and hit = False"),
+        ("normal", lambda t: t * torch.nan, "normal must be finite"),
+        ("depth", lambda t: -t, "negate it"),
+        ("depth", lambda t: t * 1000, "raise far"),
+        ("normal", lambda t: t * 0.5 + 0.5, r"2 \* n - 1"),
+        ("normal", lambda t: t * 3, "normalize"),
+        ("normal", lambda t: -t, "face away"),
+        ("albedo", lambda t: t * 255, "albedo must lie in"),
+        ("motion", lambda t: -t, "looks negated"),
+        ("motion", lambda t: t / torch.tensor([96.0, 72.0])[None, :, None, None], "UV units"),
+        ("motion", lambda t: t / torch.tensor([48.0, -36.0])[None, :, None, None], "NDC units"),
+        ("motion", lambda t: t * 3 + 5, "check its sign"),
+    ],
+)
+def test_broken_conventions_are_named(moving, name, change, message):
+    with pytest.raises(ValueError, match=message):
+        moving.replace(**{name: change(getattr(moving, name))}).validate()
+
+
+def test_view_space_normals_are_caught(moving):
+    view = moving.camera.rotate_to_view(moving.normal)
+    with pytest.raises(ValueError, match="world space"):
+        moving.replace(normal=view).validate()
+
+
+def test_moves_between_types_and_keeps_ids(moving):
+    double = moving.to(torch.float64)
+    assert double.depth.dtype == torch.float64
+    assert double.camera.intrinsics.dtype == torch.float64
+    assert double.hit.dtype == torch.bool
+    assert double.object_id.dtype == torch.int32
+    assert moving.depth.dtype == torch.float32
+
+
+def test_frame_reads_and_writes_by_name():
+    f = boxes.frame()
+    ao = torch.ones_like(f.gbuffer.depth)
+    assert f.write("ao", ao).read("ao") is ao
+    assert f.write("fog", ao).read("fog") is ao
+    assert f.write("fog", ao).extra["fog"] is ao
+    assert f.read("depth") is f.gbuffer.depth
+    with pytest.raises(ValueError, match="no 'gi'"):
+        f.read("gi")
+    with pytest.raises(ValueError, match="G-buffer channel"):
+        f.write("depth", ao)
+    with pytest.raises(ValueError, match="name of a known channel"):
+        f.replace(extra={"ao": ao})
+    with pytest.raises(ValueError, match="cut must be"):
+        f.replace(cut=torch.zeros(2, dtype=torch.bool))
+
+
+def test_as_previous_keeps_no_chain():
+    f = boxes.frame()
+    f = f.replace(previous=f, color=f.radiance, composite=f.radiance)
+    assert f.as_previous().previous is None
+    assert f.as_previous().color is None
+    assert f.as_previous().composite is not None
+
+
+def test_tables_describe_every_field():
+    assert set(CHANNELS).isdisjoint(SIGNALS)
+    assert all(row.meaning for row in (*CHANNELS.values(), *SIGNALS.values()))
+    assert {"depth", "hit", "normal"} == {name for name, row in CHANNELS.items() if row.required}
+    assert isinstance(boxes.frame(), Frame)
