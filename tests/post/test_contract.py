@@ -1,0 +1,166 @@
+"""What every exported pass owes, whoever wrote it: house rules 1, 2 and 4, and frames that engines get wrong."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+import post
+from gbufrt import CHANNELS, SIGNALS, Camera, Frame, Pass, Pipeline, Stage, TemporalPass
+from gbufrt.tree import map_tensors
+
+PASSES = sorted(
+    (v for v in vars(post).values() if inspect.isclass(v) and issubclass(v, Stage) and not inspect.isabstract(v)),
+    key=lambda c: c.__name__,
+)
+FUNCTIONS = sorted(
+    (v for v in vars(post).values() if inspect.isfunction(v) and v.__module__.startswith("post.")),
+    key=lambda f: f.__name__,
+)
+
+
+def dress(frame: Frame) -> Frame:
+    """Fill every signal, so that any pass can run on its own."""
+    shape, generator = frame.gbuffer.depth.shape, torch.Generator().manual_seed(5)
+
+    def noise(channels: int) -> Tensor:
+        one = torch.rand(1, channels, *shape[2:], generator=generator, dtype=torch.float64)
+        return one.to(frame.gbuffer.depth).expand(shape[0], -1, -1, -1).contiguous()
+
+    assert frame.radiance is not None
+    lit = frame.radiance + 0.1
+    return frame.replace(
+        ao=noise(1),
+        sky_visibility=noise(1),
+        bent_normal=frame.gbuffer.normal,
+        gi=0.2 * noise(3),
+        reflection=0.2 * noise(3),
+        reflection_confidence=noise(1),
+        reflection_distance=1 + noise(1),
+        composite=lit,
+        color=lit,
+        image=lit.clamp(0, 1),
+    )
+
+
+def cameras(count: int, size: tuple[int, int], **options: Any) -> Camera:
+    one = boxes.camera(size, **options)
+    moved = [boxes.camera(size, dx=0.2 * i, **options) for i in range(count)]
+    return Camera(
+        intrinsics=torch.cat([c.intrinsics for c in moved]),
+        world_from_view=torch.cat([c.world_from_view for c in moved]),
+        size=size,
+        near=one.near,
+        far=one.far,
+        orthographic=one.orthographic,
+    )
+
+
+def run(stage: Stage, frame: Frame, times: int = 2) -> Frame:
+    """A few frames through one pass; temporal passes keep their state."""
+    pipeline, state = Pipeline(given=stage.reads - set(CHANNELS), stage=stage), None
+    result = frame
+    for step in range(times):
+        result, state = pipeline(frame.replace(index=frame.index + step), state)
+    return result
+
+
+def written(stage: Stage, frame: Frame) -> dict[str, Tensor]:
+    return {name: frame.read(name) for name in sorted(stage.writes) if frame.get(name) is not None}
+
+
+@pytest.fixture(params=PASSES, ids=lambda c: c.__name__)
+def stage(request) -> Stage:
+    torch.manual_seed(0)
+    return request.param()
+
+
+def test_all_passes_are_exported():
+    assert len(PASSES) >= 10
+    assert set(post.__all__) <= set(vars(post))
+
+
+def test_writes_what_it_says(stage):
+    frame = dress(boxes.frame(boxes.camera((36, 48))))
+    result = run(stage, frame, times=1)
+    assert written(stage, result), "a pass must write something"
+    changed = {n for n in (*SIGNALS, *result.extra) if result.get(n) is not frame.get(n)}
+    assert changed <= stage.writes | {"previous"}, f"wrote {changed - stage.writes} without saying so"
+
+
+def test_reads_what_it_says(stage):
+    """Everything that is not declared may be absent."""
+    frame = dress(boxes.frame(boxes.camera((36, 48))))
+    kept = stage.reads
+    g = frame.gbuffer
+    bare = g.replace(**{n: None for n, row in CHANNELS.items() if not row.required and n not in kept})
+    nothing = {n: None for n in SIGNALS if n not in kept}
+    result = run(stage, frame.replace(gbuffer=bare, **nothing), times=1)
+    for name, value in written(stage, result).items():
+        assert torch.isfinite(value).all(), name
+
+
+@pytest.mark.parametrize("case", ["odd", "orthographic", "sky", "one row", "one column", "jittered"])
+def test_awkward_frames(stage, case):
+    size = {"odd": (127, 73), "one row": (1, 9), "one column": (9, 1)}.get(case, (24, 32))
+    camera = cameras(1, size, orthographic=case == "orthographic")
+    camera = camera.with_jitter((0.3, -0.4)) if case == "jittered" else camera
+    frame = dress(boxes.frame(camera, boxes=boxes.ROOM + 500 if case == "sky" else boxes.ROOM))
+    for name, value in written(stage, run(stage, frame)).items():
+        assert torch.isfinite(value).all(), name
+
+
+def test_batch_equals_loop(stage):
+    size = (30, 40)
+    both = dress(boxes.frame(cameras(2, size)))
+    together = written(stage, run(stage, both, times=3))
+    for b in range(2):
+        one = map_tensors(lambda t, b=b: t[b : b + 1] if t.shape[0] == 2 else t, both)
+        for name, value in written(stage, run(stage, one, times=3)).items():
+            worst = float((value[0] - together[name][b]).abs().max())
+            assert torch.allclose(value[0], together[name][b], atol=2e-4, rtol=1e-3), f"{name} differs by {worst}"
+
+
+def test_repeats_bit_for_bit_and_leaves_its_input_alone(stage):
+    frame = dress(boxes.frame(boxes.camera((24, 32))))
+    kept = map_tensors(torch.clone, frame)
+    first, second = run(stage, frame), run(stage, frame)
+    for name, value in written(stage, first).items():
+        assert torch.equal(value, second.read(name)), name
+    for name in frame.present:
+        assert torch.equal(kept.read(name), frame.read(name)), f"{name} was changed in place"
+
+
+def test_double_precision(stage):
+    frame = dress(boxes.frame(boxes.camera((24, 32)))).to(torch.float64)
+    for name, value in written(stage, run(stage, frame)).items():
+        assert value.dtype == torch.float64, name
+
+
+def test_module_is_thin_and_documented(stage):
+    cls = type(stage)
+    source = inspect.getsource(cls.forward).splitlines()
+    body = [line for line in source if line.strip()][1:]
+    assert len(body) <= 12, f"{cls.__name__}.forward is {len(body)} lines: move work into its function"
+    assert cls.__doc__
+    assert len(stage.tunables()) <= 9, "at most eight tunables, and the seed"
+    assert type(stage)(**stage.tunables()).tunables() == stage.tunables()
+    parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]
+    assert all(p.kind is p.KEYWORD_ONLY for p in parameters)
+    assert isinstance(stage, (Pass, TemporalPass))
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+def test_functions_are_documented(function):
+    doc = inspect.getdoc(function) or ""
+    names = [p for p in inspect.signature(function).parameters if p not in ("self",)]
+    if function.__name__ != "me1":
+        assert "Returns:" in doc, f"{function.__name__} must say what it returns"
+    missing = [n for n in names if f"{n}:" not in doc and f"{n}``" not in doc]
+    assert not missing, f"{function.__name__} does not document {missing}"
+    assert all(p.kind is not p.VAR_KEYWORD for p in inspect.signature(function).parameters.values())
