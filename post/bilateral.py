@@ -1,0 +1,172 @@
+"""Joint bilateral denoise: one edge-aware kernel whose width follows the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame, Pass
+from gbufrt.fusion import fusible
+from post.edges import MIN_MEAN, edge_weight, offsets, spatial_moments, surface, windows
+from post.signals import guides, signal_names, stack, unstack, wants_albedo
+
+NARROWEST = 0.4  # of sigma, where there is no noise
+AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
+MIRROR = 0.4  # roughness from which on a reflection may be blurred as much as any signal
+
+
+def bilateral(
+    signal: Tensor,
+    depth: Tensor,
+    normal: Tensor,
+    *,
+    hit: Tensor,
+    camera: Camera,
+    radius: int = 4,
+    sigma: float = 2.5,
+    depth_sensitivity: float = 1.0,
+    normal_power: float = 32.0,
+    variance_sensitivity: float = 5.0,
+    variance: Tensor | None = None,
+    roughness: Tensor | None = None,
+    confidence: Tensor | None = None,
+    lead: int | None = None,
+) -> Tensor:
+    """Denoise a signal with one joint bilateral kernel: depth exp(-s d), normal dot^p, spatial Gaussian.
+
+    d is the distance from the pixel's tangent plane in pixel footprints, so slanted floors are not cut and the weight
+    means the same near and far. The Gaussian is wide where the signal is noisy and narrow at edges.
+
+    Args:
+        signal: ``(B, C, H, W)``, any unit; several signals stacked share one set of weights.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space, unit length.
+        hit: ``(B, 1, H, W)`` bool; pixels that hit nothing keep their value and give none away.
+        camera: the camera of depth.
+        radius: of the disc of taps, pixels.
+        sigma: widest standard deviation of the spatial Gaussian, pixels.
+        depth_sensitivity: s, per pixel footprint.
+        normal_power: p.
+        variance_sensitivity: the Gaussian is widest where this times the relative noise reaches one.
+        variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 3x3 neighbours where absent.
+        roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
+        confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
+        lead: how many of the first channels make the luminance; all by default.
+
+    Returns:
+        ``(B, C, H, W)``.
+
+    Raises:
+        ValueError: radius is below 1 or sigma not positive, or sizes disagree.
+
+    Source: Tomasi and Manduchi 1998; Petschnigg et al. 2004 (joint bilateral); plane distance as in Schied et al. 2017.
+    """
+    if radius < 1 or sigma <= 0:
+        raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
+    geometry = surface(depth, normal, hit, camera, roughness)
+    local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
+    noise = (spread if variance is None else variance).clamp_min(1e-12).sqrt() / local.abs().clamp_min(MIN_MEAN)
+    width = sigma * (NARROWEST + (1 - NARROWEST) * (variance_sensitivity * noise).clamp_max(1.0))
+    if roughness is not None:
+        width = width * (roughness / MIRROR).clamp(1e-3, 1.0)
+    if confidence is not None:
+        width = width * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
+    filtered = _filter(
+        windows(signal, radius),
+        geometry.taps(radius),
+        geometry.plane,
+        width,
+        radius,
+        geometry.perspective,
+        depth_sensitivity,
+        normal_power,
+    )
+    return torch.where(hit, filtered, signal)
+
+
+@fusible
+def _filter(
+    values: Sequence[Tensor],
+    guides: Sequence[Tensor],
+    plane: Tensor,
+    width: Tensor,
+    radius: int,
+    perspective: bool,
+    depth_sensitivity: float,
+    normal_power: float,
+) -> Tensor:
+    middle = len(values) // 2
+    center, channels = guides[middle], values[middle].shape[1]
+    places = [(k, dy, dx) for k, (dy, dx) in enumerate(offsets(radius)) if 0 < dy * dy + dx * dx < (radius + 0.5) ** 2]
+    weights = {
+        (dy, dx): edge_weight(
+            center,
+            guides[k],
+            plane,
+            dx,
+            dy,
+            perspective=perspective,
+            depth_sensitivity=depth_sensitivity,
+            normal_power=normal_power,
+        )
+        for k, dy, dx in places
+    }
+    open_share = (weights[0, 1] + weights[0, -1] + weights[1, 0] + weights[-1, 0]) / 4
+    narrow = width[:, 0] * (AT_EDGES + (1 - AT_EDGES) * open_share)
+    falloff = -0.5 / (narrow * narrow)
+    total = torch.ones_like(narrow)
+    sums = [values[middle][:, c] for c in range(channels)]
+    for k, dy, dx in places:
+        weight = weights[dy, dx] * torch.exp(falloff * (dy * dy + dx * dx))
+        total = total + weight
+        sums = [s + weight * values[k][:, c] for c, s in enumerate(sums)]
+    return torch.stack(sums, dim=1) / total[:, None]
+
+
+class Bilateral(Pass):
+    """Denoise one signal, or several with one set of weights. See `bilateral`.
+
+    Reads ``<signal>_variance`` where a pass has left it. A reflection takes its confidence along.
+
+    Args:
+        signal: name of a signal, or several; the first leads.
+        radius: see `bilateral`, as the rest.
+        demodulate: divide albedo out first; by default for ``gi``.
+    """
+
+    def __init__(
+        self,
+        *,
+        signal: str | tuple[str, ...] = "ao",
+        radius: int = 4,
+        sigma: float = 2.5,
+        depth_sensitivity: float = 1.0,
+        normal_power: float = 32.0,
+        variance_sensitivity: float = 5.0,
+        demodulate: bool | None = None,
+    ) -> None:
+        super().__init__()
+        self.signal = signal
+        self.radius = radius
+        self.sigma = sigma
+        self.depth_sensitivity = depth_sensitivity
+        self.normal_power = normal_power
+        self.variance_sensitivity = variance_sensitivity
+        self.demodulate = demodulate
+        names = signal_names(signal)
+        self.reads = frozenset({"depth", "normal", "hit", names[0]})
+        self.optional = frozenset({*names[1:], f"{names[0]}_variance", "albedo", "roughness"})
+        self.writes = frozenset(names)
+
+    def forward(self, frame: Frame) -> Frame:
+        g, names = frame.gbuffer, signal_names(self.signal)
+        divide = wants_albedo(names, self.demodulate)
+        filtered = bilateral(
+            stack(frame, names, demodulate=divide), g.depth, g.normal, hit=g.hit, camera=g.camera,
+            radius=self.radius, sigma=self.sigma, depth_sensitivity=self.depth_sensitivity,
+            normal_power=self.normal_power, variance_sensitivity=self.variance_sensitivity,
+            **guides(frame, names),
+        )  # fmt: skip
+        return unstack(frame, names, filtered, demodulate=divide)

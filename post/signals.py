@@ -1,0 +1,94 @@
+"""Signals as the denoise and accumulate stages see them: stacked by name, led by the first, albedo divided out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TypedDict
+
+import torch
+from torch import Tensor
+
+from gbufrt import SIGNALS, Frame
+
+UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
+REC709 = (0.2126, 0.7152, 0.0722)
+MIN_ALBEDO = 1e-2  # below this, dividing albedo out would raise noise more than it removes detail
+
+
+class Guides(TypedDict):
+    """Keywords that denoisers share."""
+
+    lead: int
+    variance: Tensor | None
+    roughness: Tensor | None
+    confidence: Tensor | None
+
+
+def signal_names(signal: str | Iterable[str]) -> tuple[str, ...]:
+    """One name or several as a tuple; a lone reflection brings its confidence along.
+
+    Raises:
+        ValueError: there is no name.
+    """
+    names = (signal,) if isinstance(signal, str) else tuple(signal)
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"signal must be a name or several such as ('ao', 'bent_normal'), got {signal!r}")
+    return ("reflection", "reflection_confidence") if names == ("reflection",) else names
+
+
+def luminance(signal: Tensor, lead: int | None = None) -> Tensor:
+    """``(B, 1, H, W)``: Rec. 709 luminance where the first ``lead`` channels are RGB, else the first channel."""
+    if (lead or signal.shape[1]) < 3:
+        return signal[:, :1]
+    red, green, blue = REC709
+    return red * signal[:, 0:1] + green * signal[:, 1:2] + blue * signal[:, 2:3]
+
+
+def wants_albedo(names: tuple[str, ...], demodulate: bool | None) -> bool:
+    """Whether albedo is to be divided out: as asked, by default for diffuse bounce light alone."""
+    return names[0] == "gi" if demodulate is None else demodulate
+
+
+def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> Tensor:
+    """The named signals, those that the frame has, in one ``(B, C, H, W)``; the first must be there."""
+    present = [frame.read(names[0])] + [tensor for name in names[1:] if (tensor := frame.get(name)) is not None]
+    if demodulate and present[0].shape[1] == 3:
+        present[0] = present[0] / _divisor(frame)
+    return torch.cat(present, dim=1) if len(present) > 1 else present[0]
+
+
+def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate: bool = False) -> Frame:
+    """The inverse of `stack`: write the signals back, unit vectors at unit length, sky pixels as they were."""
+    start = 0
+    for name in names:
+        before = frame.get(name)
+        if before is None:
+            continue
+        signal = stacked[:, start : start + before.shape[1]]
+        start += before.shape[1]
+        if demodulate and name == names[0] and before.shape[1] == 3:
+            signal = signal * _divisor(frame)
+        if name in UNIT_VECTORS:
+            length = signal.norm(dim=1, keepdim=True)
+            signal = torch.where(length > 1e-6, signal / length.clamp_min(1e-6), before)
+        frame = frame.write(name, torch.where(frame.gbuffer.hit, signal, before))
+    return frame
+
+
+def guides(frame: Frame, names: tuple[str, ...]) -> Guides:
+    """What else a denoiser should know of these signals, as keywords."""
+    mirrored = names[0] == "reflection"
+    return {
+        "lead": frame.read(names[0]).shape[1],
+        "variance": frame.extra.get(f"{names[0]}_variance"),
+        "roughness": frame.gbuffer.roughness if mirrored else None,
+        "confidence": frame.reflection_confidence if mirrored else None,
+    }
+
+
+def _divisor(frame: Frame) -> Tensor:
+    """Albedo, guarded; multiplying back is exact for any guard. Sky and frames without albedo divide by one."""
+    albedo = frame.gbuffer.albedo
+    if albedo is None:
+        return torch.ones_like(frame.gbuffer.depth)
+    return torch.where(frame.gbuffer.hit, albedo.clamp_min(MIN_ALBEDO), 1.0)
