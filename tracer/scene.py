@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -11,6 +12,8 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.tree import map_tensors
+from tracer.grids import Grids, join
+from tracer.material import MaterialTable
 from tracer.world import World
 
 Pose = Callable[[float], Tensor]
@@ -93,6 +96,30 @@ class Scene:
         if not self.instances:
             return torch.zeros(len(times), 0, 4, 4)
         return torch.stack([torch.stack([i.pose(t).float() for i in self.instances]) for t in times])
+
+    @cached_property
+    def grids(self) -> Grids:
+        """The voxels of world and instances in the form that rays walk through."""
+        return join(
+            [self.world, *(i.model for i in self.instances)],
+            [MASK_ALL, *(i.mask for i in self.instances)],
+            ["", *(i.name for i in self.instances)],
+        )
+
+    @property
+    def materials(self) -> MaterialTable:
+        """Materials of world and instances in one table; the world's voxel ids keep their rows."""
+        return self.grids.materials
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no voxel at all."""
+        return self.world.empty and all(i.model.empty for i in self.instances)
+
+    def world_from_model(self, poses: Tensor) -> Tensor:
+        """``poses`` ``(..., I, 4, 4)`` with the scale of each instance in them."""
+        scales = poses.new_tensor([[i.scale, i.scale, i.scale, 1.0] for i in self.instances]).view(-1, 1, 4)
+        return poses * scales
 
     def to(self, *args: Any, **kwargs: Any) -> Scene:
         """The scene on another device; arguments as `torch.Tensor.to`."""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
+from tracer.grids import BRICK, Grid
 from tracer.material import MaterialTable
-
-BRICK = 16
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,6 +41,10 @@ class World:
             raise ValueError(f"index must be (X,Y,Z), got {tuple(self.index.shape)}")
         if self.bricks.dtype != torch.int16 or self.index.dtype != torch.int32:
             raise TypeError(f"bricks must be int16 and index int32, got {self.bricks.dtype} and {self.index.dtype}")
+        if bool(self.bricks[0].any()):
+            raise ValueError("bricks[0] must be all air, because index 0 stands for an empty cell")
+        _check_ids("bricks", self.bricks, len(self.materials), "the material table")
+        _check_ids("index", self.index, len(self.bricks), "the bricks")
 
     @staticmethod
     def from_dense(voxels: Tensor, materials: MaterialTable, *, origin: tuple[int, int, int] = (0, 0, 0)) -> World:
@@ -53,12 +57,13 @@ class World:
 
         Raises:
             ValueError: not a 3D grid, or ids outside the material table.
+            TypeError: not integers.
         """
         if voxels.ndim != 3 or voxels.numel() == 0:
             raise ValueError(f"voxels must be (X,Y,Z) with no side of zero, got {tuple(voxels.shape)}")
-        low, high = int(voxels.min()), int(voxels.max())
-        if low < 0 or high >= len(materials):
-            raise ValueError(f"voxel ids must lie in 0..{len(materials) - 1}, the material table; got {low}..{high}")
+        if voxels.is_floating_point() or voxels.dtype == torch.bool:
+            raise TypeError(f"voxels must hold integer material ids, got {voxels.dtype}; convert them with .to()")
+        _check_ids("voxels", voxels, len(materials), "the material table")
         cells = [(n + BRICK - 1) // BRICK for n in voxels.shape]
         padded = torch.zeros([n * BRICK for n in cells], dtype=torch.int16, device=voxels.device)
         padded[tuple(slice(0, n) for n in voxels.shape)] = voxels.to(torch.int16)
@@ -78,6 +83,11 @@ class World:
     def empty(self) -> bool:
         """Whether there is no voxel at all."""
         return not bool(self.bricks.any())
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The voxels in the form that rays walk through."""
+        return Grid.of(self.bricks, self.index)
 
     @property
     def device(self) -> torch.device:
@@ -110,3 +120,8 @@ class World:
     def to(self, *args: Any, **kwargs: Any) -> World:
         """The world on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(lambda t: t.to(*args, **kwargs), self)
+
+
+def _check_ids(name: str, ids: Tensor, count: int, what: str) -> None:
+    if ids.numel() and not 0 <= int(ids.min()) <= int(ids.max()) < count:
+        raise ValueError(f"{name} must hold ids in 0..{count - 1}, {what}; got {int(ids.min())}..{int(ids.max())}")
