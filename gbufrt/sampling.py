@@ -52,6 +52,14 @@ def shifted(image: Tensor, dx: int, dy: int) -> Tensor:
     return padded[..., max(dy, 0) : max(dy, 0) + height, max(dx, 0) : max(dx, 0) + width]
 
 
+def pixel_centers(image: Tensor) -> Tensor:
+    """``(1, 2, H, W)`` px of the middle of every pixel of ``image`` ``(B, C, H, W)``: `sample` there gives it back."""
+    y = torch.arange(image.shape[-2], dtype=image.dtype, device=image.device) + 0.5
+    x = torch.arange(image.shape[-1], dtype=image.dtype, device=image.device) + 0.5
+    rows, columns = torch.meshgrid(y, x, indexing="ij")
+    return torch.stack([columns, rows])[None]
+
+
 def inside(px: Tensor, size: tuple[int, int]) -> Tensor:
     """``(B, 1, h, w)`` bool: whether positions ``(B, 2, h, w)`` in pixels lie in a picture of ``size`` ``(H, W)``."""
     x, y = px[:, 0:1], px[:, 1:2]
