@@ -1,0 +1,193 @@
+"""The compiled form of `post.march.march_rays`: one screen-space ray as a scalar body, and its driver.
+
+Every name and step is that of the torch reference in `post.march`, which is the definition. ``q`` is nearness: 1 / z
+for a perspective camera, -z for an orthographic one. Along a ray and over a plane it is linear in the picture.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from numba import prange
+from torch import Tensor
+
+from gbufrt import kernel
+
+LEFT, HIT, BLOCKED, SPENT = 0, 1, 2, 3  # repeated, for numba's cache sees changes of this file only
+TOLERANCE = 3e-4
+
+
+@kernel.scalar
+def _boundary(start, slope, cell, size):
+    """Share of the ray at which it leaves a cell along one axis."""
+    if slope > 0.0:
+        return ((cell + 1) * size - start) / slope
+    if slope < 0.0:
+        return (cell * size - start) / slope
+    return np.inf
+
+
+@kernel.scalar
+def _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep):
+    """How the ray from (ax, ay, qa) to (bx, by, qb) meets the surface of one pixel: status, share, agreement."""
+    q, gx, gy, back = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2], planes[iy, ix, 3]
+    front_a = qa - (q + gx * (ax - ix - 0.5) + gy * (ay - iy - 0.5))
+    front_b = qb - (q + gx * (bx - ix - 0.5) + gy * (by - iy - 0.5))
+    tolerance = TOLERANCE * abs(q)
+    if front_a >= -tolerance:
+        if front_b >= -tolerance:
+            return LEFT, 0.0, 0.0
+        return HIT, front_a / (front_a - front_b), 1.0
+    crack = abs(gx) + abs(gy) + flat + steep * abs(q)
+    if front_b < front_a and front_a > -crack:
+        return HIT, 0.0, 1.0 + front_a / crack
+    if qa > back or qb > back:
+        return BLOCKED, 0.0, min(1.0, max(0.0, (qa - back) / (qa - front_a - back)))
+    return LEFT, 0.0, 0.0
+
+
+@kernel.scalar
+def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps):
+    """Walk the cells that the ray passes: status, share of the ray, pixel column and row, agreement."""
+    height, width, top = planes.shape[0], planes.shape[1], table.shape[0] - 1
+    ix, iy, level, share = int(math.floor(x0)), int(math.floor(y0)), 0, 0.0
+    if ix < 0 or ix >= width or iy < 0 or iy >= height:
+        return LEFT, 0.0, ix, iy, 0.0
+    for step in range(steps):
+        size = 1 << level
+        cx, cy = ix >> level, iy >> level
+        leave_x, leave_y = _boundary(x0, dx, cx, size), _boundary(y0, dy, cy, size)
+        leave = min(min(leave_x, leave_y), 1.0)
+        qa, qb = q0 + share * dq, q0 + leave * dq
+        if level > 0:
+            cell = table[level, 0] + cy * table[level, 1] + cx
+            if not (min(qa, qb) > pyramid[cell, 0] or max(qa, qb) < pyramid[cell, 1]):
+                level -= 1
+                continue
+        elif step > 0:
+            ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
+            status, part, agreement = _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep)
+            if status != LEFT:
+                return status, max(share + part * (leave - share), 0.0), ix, iy, agreement
+        share = leave
+        if leave >= 1.0:
+            return SPENT, 1.0, ix, iy, 0.0
+        if leave_x < leave_y:
+            ix = (cx + 1) * size if dx > 0.0 else cx * size - 1
+            iy = min(max(int(math.floor(y0 + share * dy)), cy * size), cy * size + size - 1)
+        else:
+            iy = (cy + 1) * size if dy > 0.0 else cy * size - 1
+            ix = min(max(int(math.floor(x0 + share * dx)), cx * size), cx * size + size - 1)
+        if ix < 0 or ix >= width or iy < 0 or iy >= height:
+            return LEFT, share, ix, iy, 0.0
+        if level < top and ((ix >> (level + 1)) != (cx >> 1) or (iy >> (level + 1)) != (cy >> 1)):
+            level += 1
+    return LEFT, share, ix, iy, 0.0
+
+
+@kernel.scalar
+def _same_surface(planes, ix, iy, jx, jy, flat, steep):
+    """Whether pixel j continues the plane of pixel i."""
+    if jx < 0 or jy < 0 or jx >= planes.shape[1] or jy >= planes.shape[0]:
+        return True  # reads beyond the border repeat pixel i
+    q = planes[iy, ix, 0]
+    expected = q + planes[iy, ix, 1] * (jx - ix) + planes[iy, ix, 2] * (jy - iy)
+    return abs(planes[jy, jx, 0] - expected) <= 0.25 * (flat + steep * abs(q))
+
+
+@kernel.scalar
+def _snap(planes, ix, iy, x, y, flat, steep):
+    """The place in pixel i nearest to (x, y) where a bilinear read mixes in no other surface."""
+    x, y = min(max(x, ix + 0.0), ix + 1.0), min(max(y, iy + 0.0), iy + 1.0)
+    ox, oy = x - ix - 0.5, y - iy - 0.5
+    jx, jy = ix + (1 if ox > 0 else -1), iy + (1 if oy > 0 else -1)
+    keep_x = _same_surface(planes, ix, iy, jx, iy, flat, steep)
+    keep_y = _same_surface(planes, ix, iy, ix, jy, flat, steep)
+    if keep_x and keep_y and not _same_surface(planes, ix, iy, jx, jy, flat, steep):
+        keep_x, keep_y = abs(ox) >= abs(oy), abs(ox) < abs(oy)
+    return (x if keep_x else ix + 0.5), (y if keep_y else iy + 0.5)
+
+
+@kernel.scalar
+def _ray(planes, pyramid, table, lens, ox, oy, oz, dx, dy, dz, near, orthographic, distance, steps):
+    """One ray from view-space origin and unit direction: px x, px y, distance, agreement, status."""
+    if dx * dx + dy * dy + dz * dz < 0.5 or (oz <= near and not orthographic):
+        return 0.0, 0.0, 0.0, 0.0, LEFT
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    length = distance
+    if dz < 0.0 and not orthographic:
+        length = min(length, (near - oz) / dz)
+    ex, ey, ez = ox + length * dx, oy + length * dy, oz + length * dz
+    if orthographic:
+        q0, q1, flat, steep = -oz, -ez, 1.0 / fy, 0.0
+        x0, y0, x1, y1 = ox * fx + cx, oy * fy + cy, ex * fx + cx, ey * fy + cy
+    else:
+        q0, q1, flat, steep = 1.0 / oz, 1.0 / ez, 0.0, 1.0 / fy
+        x0, y0, x1, y1 = ox * q0 * fx + cx, oy * q0 * fy + cy, ex * q1 * fx + cx, ey * q1 * fy + cy
+    status, share, ix, iy, agreement = _traverse(
+        planes, pyramid, table, x0, y0, q0, x1 - x0, y1 - y0, q1 - q0, flat, steep, steps
+    )
+    travelled = length * share if orthographic else length * share * q1 / (q0 + share * (q1 - q0))
+    x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+    if status == HIT:
+        x, y = _snap(planes, ix, iy, x, y, flat, steep)
+    elif status == BLOCKED:
+        x, y = ix + 0.5, iy + 0.5
+    return x, y, travelled, agreement, status
+
+
+@kernel.driver
+def _march_all(out, planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps, threads):
+    batch, _, height, width = origins.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            for x in range(width):
+                px, py, travelled, agreement, status = _ray(
+                    planes[b],
+                    pyramid[b],
+                    table,
+                    lens[b],
+                    np.float64(origins[b, 0, y, x]),
+                    np.float64(origins[b, 1, y, x]),
+                    np.float64(origins[b, 2, y, x]),
+                    np.float64(directions[b, 0, y, x]),
+                    np.float64(directions[b, 1, y, x]),
+                    np.float64(directions[b, 2, y, x]),
+                    near,
+                    orthographic,
+                    distance,
+                    steps,
+                )
+                out[b, 0, y, x] = px
+                out[b, 1, y, x] = py
+                out[b, 2, y, x] = travelled
+                out[b, 3, y, x] = agreement
+                out[b, 4, y, x] = status
+
+
+@torch.library.custom_op("gbufrt::march_rays", mutates_args=())
+def march_rays_cpu(
+    planes: Tensor,
+    pyramid: Tensor,
+    table: Tensor,
+    lens: Tensor,
+    origins: Tensor,
+    directions: Tensor,
+    near: float,
+    orthographic: bool,
+    distance: float,
+    steps: int,
+) -> Tensor:
+    """``(B, 5, h, w)`` float32: px x, px y, distance, agreement, status. Inputs as `post.march` lays them out."""
+    out = np.empty((origins.shape[0], 5, *origins.shape[2:]), dtype=np.float32)
+    inputs = [kernel.array(t) for t in (planes, pyramid, table, lens, origins, directions)]
+    _march_all(out, *inputs, near, orthographic, distance, steps, kernel.threads())
+    return torch.from_numpy(out)
+
+
+@march_rays_cpu.register_fake
+def _(planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps):
+    return origins.new_empty((origins.shape[0], 5, *origins.shape[2:]), dtype=torch.float32)
