@@ -94,7 +94,7 @@ def sky_irradiance(scene: Scene, normals: Tensor) -> Tensor:
     Returns:
         ``(B, 3, H, W)``, exact to 0.3 %.
 
-    Source: Ramamoorthi and Hanrahan 2001: irradiance is a low-pass filter of the environment, so a small table holds it.
+    Source: Ramamoorthi and Hanrahan 2001: irradiance low-passes the environment, so a small table holds it.
     """
     sky = environment(scene, size=INTEGRATION).flatten(2)[0]
     way = environment_directions(INTEGRATION, device=sky.device).flatten(2)[0]
