@@ -78,22 +78,22 @@ def depth_hierarchy(
         if tensor.shape != (camera.batch, channels, *camera.size):
             expected = f"({camera.batch},{channels},{camera.height},{camera.width})"
             raise ValueError(f"{name} must be {expected}, as the camera says, got {tuple(tensor.shape)}")
-    points = camera.unproject(depth)
+    ray = camera.unproject(torch.ones_like(depth))
     facing = camera.rotate_to_view(normal)
-    focal = torch.stack([camera.intrinsics[:, 0, 0], camera.intrinsics[:, 1, 1]], dim=1).to(depth.dtype)[..., None, None]
+    focal = torch.stack([camera.intrinsics[:, 0, 0], camera.intrinsics[:, 1, 1]], dim=1).to(depth.dtype)[
+        ..., None, None
+    ]
     if camera.orthographic:
         slope = facing[:, :2] / (focal * facing[:, 2:].clamp_max(-STEEPEST))
         q, pixel = -depth, 1 / focal[:, 1:]
         back = q - thickness
     else:
-        radius = points.norm(dim=1, keepdim=True)
-        across = torch.minimum((facing * points).sum(1, keepdim=True), -1e-3 * radius)
-        slope = facing[:, :2] / (focal * across)
+        length = (ray * ray).sum(1, keepdim=True).sqrt()
         q = 1 / depth.clamp_min(1e-9)
         pixel = q / focal[:, 1:]
-        along = thickness * depth / radius.clamp_min(1e-9) if isinstance(thickness, Tensor) else thickness
-        back = 1 / (depth + along).clamp_min(1e-9)
-        slope = slope * (q / slope.abs().sum(1, keepdim=True).clamp_min(1e-30)).clamp_max(1.0)
+        slope = facing[:, :2] * (q / (focal * torch.minimum((facing * ray).sum(1, keepdim=True), -1e-3 * length)))
+        slope = slope * (q / slope.abs().sum(1, keepdim=True).clamp_min(1e-30)).clamp_max(1.0)  # none reaches behind us
+        back = 1 / (depth + (thickness / length if isinstance(thickness, Tensor) else thickness)).clamp_min(1e-9)
     reach = slope.abs().sum(1, keepdim=True)
     back = torch.minimum(back, q - reach - pixel)  # nothing is thinner than what `crack` lets rays fall through
     front = torch.where(hit, q, -NOTHING)
@@ -130,10 +130,10 @@ def march_rays(
 
     Args:
         hierarchy: see `depth_hierarchy`.
-        origins: ``(B, 3, h, w)`` view space, world units; of any picture size. The pixel that a ray starts in is left out.
+        origins: ``(B, 3, h, w)`` view space, world units; the pixel that a ray starts in is left out.
         directions: ``(B, 3, h, w)`` view space, unit; a zero vector sends no ray.
         camera: the camera of the hierarchy.
-        steps: how many cells a ray may look at.
+        steps: with how many pixels a ray may be compared one by one; what it skips in the pyramid does not count.
         distance: how far it may go, world units.
         compiled: use the compiled kernel; by default on the CPU. The reference runs elsewhere.
 

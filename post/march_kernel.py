@@ -20,16 +20,6 @@ TOLERANCE = 3e-4
 
 
 @kernel.scalar
-def _boundary(start, slope, cell, size):
-    """Share of the ray at which it leaves a cell along one axis."""
-    if slope > 0.0:
-        return ((cell + 1) * size - start) / slope
-    if slope < 0.0:
-        return (cell * size - start) / slope
-    return np.inf
-
-
-@kernel.scalar
 def _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep):
     """How the ray from (ax, ay, qa) to (bx, by, qb) meets the surface of one pixel: status, share, agreement."""
     q, gx, gy, back = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2], planes[iy, ix, 3]
@@ -52,13 +42,14 @@ def _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep):
 def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps):
     """Walk the cells that the ray passes: status, share of the ray, pixel column and row, agreement."""
     height, width, top = planes.shape[0], planes.shape[1], table.shape[0] - 1
-    ix, iy, level, share = int(math.floor(x0)), int(math.floor(y0)), 0, 0.0
+    ix, iy, level, share, pixels = math.floor(x0), math.floor(y0), 0, 0.0, -1
     if ix < 0 or ix >= width or iy < 0 or iy >= height:
         return LEFT, 0.0, ix, iy, 0.0
-    for step in range(steps):
-        size = 1 << level
+    per_x, per_y = 1.0 / dx, 1.0 / dy
+    right, down = 1 if dx >= 0.0 else 0, 1 if dy >= 0.0 else 0
+    while pixels < steps:
         cx, cy = ix >> level, iy >> level
-        leave_x, leave_y = _boundary(x0, dx, cx, size), _boundary(y0, dy, cy, size)
+        leave_x, leave_y = (((cx + right) << level) - x0) * per_x, (((cy + down) << level) - y0) * per_y
         leave = min(min(leave_x, leave_y), 1.0)
         qa, qb = q0 + share * dq, q0 + leave * dq
         if level > 0:
@@ -66,20 +57,22 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
             if not (min(qa, qb) > pyramid[cell, 0] or max(qa, qb) < pyramid[cell, 1]):
                 level -= 1
                 continue
-        elif step > 0:
-            ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
-            status, part, agreement = _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep)
-            if status != LEFT:
-                return status, max(share + part * (leave - share), 0.0), ix, iy, agreement
+        else:
+            pixels += 1
+            if pixels > 0:  # none but the pixel that it starts in, which it leaves
+                ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
+                status, part, agreement = _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep)
+                if status != LEFT:
+                    return status, max(share + part * (leave - share), 0.0), ix, iy, agreement
         share = leave
         if leave >= 1.0:
             return SPENT, 1.0, ix, iy, 0.0
         if leave_x < leave_y:
-            ix = (cx + 1) * size if dx > 0.0 else cx * size - 1
-            iy = min(max(int(math.floor(y0 + share * dy)), cy * size), cy * size + size - 1)
+            ix = ((cx + 1) << level) if right else (cx << level) - 1
+            iy = min(max(math.floor(y0 + share * dy), cy << level), ((cy + 1) << level) - 1)
         else:
-            iy = (cy + 1) * size if dy > 0.0 else cy * size - 1
-            ix = min(max(int(math.floor(x0 + share * dx)), cx * size), cx * size + size - 1)
+            iy = ((cy + 1) << level) if down else (cy << level) - 1
+            ix = min(max(math.floor(x0 + share * dx), cx << level), ((cx + 1) << level) - 1)
         if ix < 0 or ix >= width or iy < 0 or iy >= height:
             return LEFT, share, ix, iy, 0.0
         if level < top and ((ix >> (level + 1)) != (cx >> 1) or (iy >> (level + 1)) != (cy >> 1)):
@@ -144,12 +137,13 @@ def _march_all(out, planes, pyramid, table, lens, origins, directions, near, ort
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
+            surfaces, cells, lens_b = planes[b], pyramid[b], lens[b]
             for x in range(width):
                 px, py, travelled, agreement, status = _ray(
-                    planes[b],
-                    pyramid[b],
+                    surfaces,
+                    cells,
                     table,
-                    lens[b],
+                    lens_b,
                     np.float64(origins[b, 0, y, x]),
                     np.float64(origins[b, 1, y, x]),
                     np.float64(origins[b, 2, y, x]),

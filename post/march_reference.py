@@ -36,7 +36,7 @@ def march_rays_reference(
         near: view z at which rays toward the eye end.
         orthographic: whether ``q`` is -z rather than 1 / z.
         distance: world units a ray may go.
-        steps: cells a ray may look at.
+        steps: pixels whose surface a ray may be compared with.
     """
     rays = _Rays(lens, origins.double(), directions.double(), near, orthographic, distance)
     status, share, ix, iy, agreement = _traverse(planes, pyramid, table, rays, steps)
@@ -48,9 +48,12 @@ def march_rays_reference(
     x = torch.where(status == HIT, sx, torch.where(status == BLOCKED, ix + 0.5, x))
     y = torch.where(status == HIT, sy, torch.where(status == BLOCKED, iy + 0.5, y))
     out = torch.stack([x, y, travelled, agreement, status.double()], dim=1)
-    return torch.where(rays.alive[:, None], out, 0.0).view(origins.shape[0], *origins.shape[2:], 5).permute(
-        0, 3, 1, 2
-    ).float()
+    return (
+        torch.where(rays.alive[:, None], out, 0.0)
+        .view(origins.shape[0], *origins.shape[2:], 5)
+        .permute(0, 3, 1, 2)
+        .float()
+    )
 
 
 class _Rays:
@@ -85,12 +88,6 @@ class _Rays:
         return self.flat + self.steep * q.abs()
 
 
-def _boundary(start: Tensor, slope: Tensor, cell: Tensor, size: Tensor) -> Tensor:
-    """Share of the ray at which it leaves a cell along one axis."""
-    edge = torch.where(slope > 0, cell + 1, cell) * size
-    return torch.where(slope == 0, torch.inf, (edge - start) / torch.where(slope == 0, 1.0, slope))
-
-
 def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps: int) -> tuple[Tensor, ...]:
     height, width, top = planes.shape[1], planes.shape[2], table.shape[0] - 1
     ix, iy = rays.x.floor().clamp(-1, width).long(), rays.y.floor().clamp(-1, height).long()
@@ -101,11 +98,11 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         return (ix < 0) | (ix >= width) | (iy < 0) | (iy >= height)
 
     running = rays.alive & ~outside()
-    for step in range(steps):
-        if not bool(running.any()):
-            break
+    right, down = (rays.dx >= 0).long(), (rays.dy >= 0).long()
+    pixels = torch.full_like(ix, -1)
+    while bool(running.any()):
         size, cx, cy = 1 << level, ix >> level, iy >> level
-        leave_x, leave_y = _boundary(rays.x, rays.dx, cx, size), _boundary(rays.y, rays.dy, cy, size)
+        leave_x, leave_y = ((cx + right) * size - rays.x) / rays.dx, ((cy + down) * size - rays.y) / rays.dy
         leave = torch.minimum(leave_x, leave_y).clamp_max(1.0)
         qa, qb = rays.q + share * rays.dq, rays.q + leave * rays.dq
         cell = torch.where(running & (level > 0), table[level, 0] + cy * table[level, 1] + cx, 0)
@@ -113,7 +110,8 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         skips = (torch.minimum(qa, qb) > front) | (torch.maximum(qa, qb) < back)
         descends = running & (level > 0) & ~skips
         met, part, agrees = _meet(planes, rays, ix, iy, share, leave, qa, qb)
-        ends = running & (level == 0) & (met != LEFT) & (step > 0)
+        pixels = pixels + (running & (level == 0)).long()
+        ends = running & (level == 0) & (met != LEFT) & (pixels > 0)  # not in the pixel that it starts in
         status, agreement = torch.where(ends, met, status), torch.where(ends, agrees, agreement)
         share = torch.where(ends, (share + part * (leave - share)).clamp_min(0.0), share)
         moves = running & ~descends & ~ends
@@ -127,10 +125,10 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         across = (rays.x + share * rays.dx).floor().clamp(-1e9, 1e9).long()
         above = torch.minimum(torch.maximum(across, cx * size), cx * size + size - 1)
         sideways = leave_x < leave_y
-        nx = torch.where(sideways, torch.where(rays.dx > 0, (cx + 1) * size, cx * size - 1), above)
-        ny = torch.where(sideways, beside, torch.where(rays.dy > 0, (cy + 1) * size, cy * size - 1))
+        nx = torch.where(sideways, (cx + right) * size - 1 + right, above)
+        ny = torch.where(sideways, beside, (cy + down) * size - 1 + down)
         ix, iy = torch.where(moves, nx, ix), torch.where(moves, ny, iy)
-        running = running & ~ends & ~spent & ~outside()
+        running = running & ~ends & ~spent & ~outside() & (pixels < steps)
         rises = moves & (level < top) & (((ix >> (level + 1)) != (cx >> 1)) | ((iy >> (level + 1)) != (cy >> 1)))
         level = level + rises.long() - descends.long()
     return status, share, ix, iy, agreement
