@@ -1,0 +1,46 @@
+"""Built-in worlds, and worlds from files, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from os import PathLike, fspath
+from pathlib import Path
+from types import MappingProxyType
+
+from tracer.scene import Scene
+from tracer.worlds.terrain import terrain
+from tracer.worlds.valley import valley
+
+__all__ = ["WORLDS", "builtin", "load", "terrain"]
+
+builtin = valley
+
+WORLDS: Mapping[str, Callable[..., Scene]] = MappingProxyType({"valley": valley, "terrain": terrain})
+"""Built-in worlds by name; each takes ``seed``. The first is the default."""
+
+
+def load(name_or_path: str | PathLike[str]) -> Scene:
+    """A built-in world by its name, or a MagicaVoxel scene by its path.
+
+    Args:
+        name_or_path: a name in `WORLDS`, ``builtin``, or the path of a ``.vox`` file.
+
+    Raises:
+        ValueError: neither a name nor a ``.vox`` path, or the file is broken.
+        FileNotFoundError: there is no such file.
+    """
+    name = fspath(name_or_path)
+    if name == "builtin":
+        return builtin()
+    if name in WORLDS:
+        return WORLDS[name]()
+    path = Path(name)
+    if path.suffix.lower() != ".vox":
+        raise ValueError(
+            f"no world {name!r}; there are {', '.join(['builtin', *WORLDS])}, or give a path to a .vox file"
+        )
+    if not path.is_file():
+        raise FileNotFoundError(f"no such file: {path}")
+    from tracer.vox import load_vox_scene
+
+    return load_vox_scene(path)

@@ -1,0 +1,71 @@
+"""The built-in world: a lake village under cliffs, late in the afternoon."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracer.scene import Scene, Sky, Sun
+from tracer.worlds import flora, land
+from tracer.worlds.canvas import Canvas
+from tracer.worlds.cave import cave
+from tracer.worlds.hall import hall
+from tracer.worlds.motion import instances
+from tracer.worlds.outskirts import bridge, meadow, road, windmill
+from tracer.worlds.views import FLIGHT_EYE, views
+from tracer.worlds.village import village
+
+SUN = Sun(direction=(-0.80, 0.52, 0.34), irradiance=(3.9, 3.0, 1.95), angular_radius=0.6)
+SKY = Sky(zenith=(0.13, 0.27, 0.66), horizon=(0.62, 0.72, 0.88), ground=(0.20, 0.18, 0.15))
+
+CLEAR = (
+    (150, 92, 228, 186),  # the village
+    (143, 10, 160, 112),  # the mine and its track
+    (160, 66, 216, 104),  # the hall
+    (33, 101, 56, 123),  # the mill
+    (88, 88, 126, 108),  # the bridge
+)
+"""Where nothing grows: x, z, x, z."""
+
+
+def valley(seed: int = 0) -> Scene:
+    """The built-in world.
+
+    A lake with a shore and a fall, a village with a plaza of polished stone, a hall with coloured walls, a mine lit by
+    lamps, a windmill, woods and cliffs; mill sails, a boat, a mine cart, a walker and three lanterns move.
+
+    Args:
+        seed: varies the land and what grows on it; the village stays where it is.
+
+    Returns:
+        The scene, 256 x 96 x 256 voxels with its low corner at the origin.
+    """
+    land_rng, flora_rng, detail_rng = (np.random.default_rng([seed, k]) for k in range(3))
+    canvas = Canvas(land.SIZE)
+    height = land.heights(land_rng)
+    land.paint(canvas, height, land_rng)
+    top = np.clip(np.rint(height).astype(np.int64), 4, land.SIZE[1] - 2)
+    road(canvas, top)
+    village(canvas, detail_rng)
+    hall(canvas)
+    cave(canvas, detail_rng)
+    windmill(canvas)
+    bridge(canvas)
+    meadow(canvas, top)
+    free = _free(top)
+    flora.reeds(canvas, top, free, land.WATER, flora_rng)
+    flora.forest(canvas, top, free & (top > land.WATER + 1), flora_rng)
+    flora.herbs(canvas, top, free, flora_rng)
+    return Scene(world=canvas.world(), instances=instances(), sun=SUN, sky=SKY, views=views())
+
+
+def _free(top: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Where something may grow: away from buildings and from the eyes of the views."""
+    free = np.ones(top.shape, bool)
+    for x0, z0, x1, z1 in CLEAR:
+        free[x0:x1, z0:z1] = False
+    x, z = np.indices(top.shape) + 0.5
+    eyes = [tuple(v.eye(0.0)) for v in views().values()] + list(FLIGHT_EYE)
+    for ex, _, ez in eyes:
+        free &= np.hypot(x - ex, z - ez) > 7.0
+    return free & (top < land.UPPER + 12)

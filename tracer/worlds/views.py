@@ -1,0 +1,94 @@
+"""Where to look at the valley from, and paths through it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tracer.scene import View
+
+Point = tuple[float, float, float]
+TAU = 2.0 * math.pi
+
+
+def still(eye: Point, target: Point, *, fov_y: float, description: str) -> View:
+    """A view that never moves."""
+    return View(eye=lambda _: eye, target=lambda _: target, fov_y=fov_y, description=description)
+
+
+def loop(points: Sequence[Point], seconds: float) -> Callable[[float], Point]:
+    """A smooth closed curve through ``points``, once round in ``seconds`` (a uniform Catmull-Rom spline)."""
+    knots = np.asarray(points, np.float64)
+
+    def at(time: float) -> Point:
+        s = time / seconds % 1.0 * len(knots)
+        i, t = int(s), s - int(s)
+        a, b, c, d = (knots[(i + k) % len(knots)] for k in (-1, 0, 1, 2))
+        p = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+        return float(p[0]), float(p[1]), float(p[2])
+
+    return at
+
+
+def round_trip(middle: Point, radius: float, height: float, seconds: float) -> Callable[[float], Point]:
+    """A circle at ``height`` above ``middle``, once round in ``seconds``."""
+
+    def at(time: float) -> Point:
+        angle = TAU * time / seconds + 0.75 * math.pi
+        return middle[0] + radius * math.cos(angle), middle[1] + height, middle[2] + radius * math.sin(angle)
+
+    return at
+
+
+FLIGHT_EYE: tuple[Point, ...] = (
+    (70.0, 36.0, 206.0),
+    (98.0, 31.0, 168.0),
+    (122.0, 34.0, 122.0),
+    (150.0, 41.0, 122.0),
+    (180.0, 44.0, 138.0),
+    (224.0, 58.0, 170.0),
+    (196.0, 60.0, 214.0),
+    (128.0, 46.0, 224.0),
+)
+FLIGHT_TARGET: tuple[Point, ...] = (
+    (150.0, 34.0, 125.0),
+    (108.0, 36.0, 62.0),
+    (150.0, 34.0, 66.0),
+    (186.0, 33.0, 112.0),
+    (186.0, 36.0, 90.0),
+    (186.0, 32.0, 116.0),
+    (120.0, 32.0, 130.0),
+    (60.0, 44.0, 120.0),
+)
+
+
+def views() -> dict[str, View]:
+    """The valley's views by name; the first is the default."""
+    return {
+        "village": still(
+            (84.0, 37.0, 200.0), (150.0, 35.5, 118.0), fov_y=46.0, description="across the lake to the village"
+        ),
+        "lake": still((134.0, 29.0, 176.0), (104.0, 36.0, 90.0), fov_y=58.0, description="from the water to the fall"),
+        "cave": still((114.5, 34.0, 40.0), (142.0, 31.0, 27.0), fov_y=66.0, description="the mine, lit by lamps"),
+        "plaza": still(
+            (172.5, 33.5, 139.0), (189.0, 32.0, 112.0), fov_y=58.0, description="polished stone, the walker"
+        ),
+        "hall": still((173.5, 35.5, 94.0), (189.0, 35.0, 80.0), fov_y=64.0, description="coloured walls, shiny floor"),
+        "horizon": still((236.0, 68.0, 232.0), (110.0, 24.0, 84.0), fov_y=50.0, description="the whole valley"),
+        "closeup": still((197.0, 31.5, 183.5), (200.5, 31.0, 166.0), fov_y=50.0, description="garden, fence, lantern"),
+        "mill": still((70.0, 47.0, 132.0), (46.0, 57.0, 113.0), fov_y=58.0, description="the windmill"),
+        "flythrough": View(
+            eye=loop(FLIGHT_EYE, 40.0),
+            target=loop(FLIGHT_TARGET, 40.0),
+            fov_y=58.0,
+            description="a flight through the valley, 40 s",
+        ),
+        "orbit": View(
+            eye=round_trip((160.0, 30.0, 130.0), 62.0, 36.0, 36.0),
+            target=lambda _: (172.0, 30.0, 122.0),
+            fov_y=52.0,
+            description="round the village, 36 s",
+        ),
+    }
