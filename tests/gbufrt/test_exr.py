@@ -144,7 +144,7 @@ def test_signals_that_cannot_be_written(tmp_path: Path):
     frame = boxes.frame(boxes.camera(SIZE))
     with pytest.raises(ValueError, match="count must fit 32 bits"):
         write_exr(tmp_path / "a.exr", frame.write("count", torch.full((1, 1, *SIZE), 2**40)))
-    with pytest.raises(ValueError, match="must be of type float32.*got float16"):
+    with pytest.raises(ValueError, match=r"must be of type float32.*got float16"):
         write_exr(tmp_path / "a.exr", frame.write("half", torch.zeros(1, 1, *SIZE).half()))
     clash = frame.replace(behind=frame).write("behind.ao", torch.zeros(1, 1, *SIZE))
     with pytest.raises(ValueError, match="taken; rename it"):
@@ -200,13 +200,13 @@ def test_flipped_bytes_never_crash(tmp_path: Path, stored: bytes, data: st.DataO
     for at, value in data.draw(st.lists(st.tuples(place, st.integers(0, 255)), min_size=1, max_size=4)):
         broken[at] = value
     (tmp_path / "a.exr").write_bytes(broken)
+    message, size = "", SIZE
     try:
-        frame = read_exr(tmp_path / "a.exr")
+        size = read_exr(tmp_path / "a.exr").gbuffer.camera.size
     except ValueError as error:
-        assert "a.exr" in str(error)
-        assert "\n" not in str(error)
-    else:
-        assert frame.gbuffer.camera.size == SIZE
+        message = str(error)
+    assert size == SIZE
+    assert not message or ("a.exr" in message and "\n" not in message)
 
 
 @pytest.mark.parametrize(
@@ -233,8 +233,13 @@ def test_nonsense_in_the_attribute(tmp_path: Path, stored: bytes, old: str, new:
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path):
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), atomic(path) as part:
-        part.write_text("half")
-        raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with atomic(path) as part:
+            part.write_text("half")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
