@@ -1,0 +1,254 @@
+"""Ambient occlusion by visibility bitmasks: each slice's arc is cut into sectors that taps cover one by one."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.fusion import fusible
+from gbufrt.noise import blue_noise
+from post import horizon
+from post.horizon import Receivers, Scene, Slice, Tap
+
+SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
+GROUPS = 6  # of sectors, one mean direction each
+PER_GROUP = SECTORS // GROUPS
+FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
+FADE = 0.1  # of the radius, to either side, over which detached occluders fade
+THICKNESS = 0.5  # assumed, in radii, where neither a measurement nor a guess is given
+
+
+class Front(NamedTuple):
+    """The tap before, on the same side of a slice. Planes ``(B, h, w)``."""
+
+    share: Tensor
+    rise: Tensor
+    run: Tensor
+    distance: Tensor
+    z: Tensor
+    solid: Tensor
+
+
+def bitmask_ao(
+    depth: Tensor,
+    normal: Tensor,
+    camera: Camera,
+    *,
+    hit: Tensor | None = None,
+    thickness: Tensor | float | None = None,
+    radius: float | Tensor = 0.5,
+    directions: int = 4,
+    steps: int = 6,
+    soft: bool | None = None,
+    index: int = 0,
+    seed: int = 0,
+) -> tuple[Tensor, Tensor]:
+    """Ambient visibility within a radius, and the mean open direction.
+
+    Every tap covers the sectors from the front to the back of what it sees. Taps in a row whose depth ranges overlap
+    are one body and leave no gap between them; a body that crosses the radius covers up to where it crosses.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space, unit length.
+        camera: of the picture.
+        hit: ``(B, 1, H, W)`` bool; by default every pixel.
+        thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
+            half the radius.
+        radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient.
+        directions: slices, each through the pixel to both sides.
+        steps: taps on each side of a slice.
+        soft: fractional coverage of edge sectors, which has gradients in depth, normal, thickness and radius; by
+            default where gradients are wanted. Otherwise edges are dithered.
+        index: frame number, for the noise.
+        seed: another seed, another noise.
+
+    Returns:
+        ao ``(B, 1, H, W)``, 1 open (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit
+        length, 0 where nothing was hit.
+
+    Raises:
+        ValueError: directions, steps or radius are not positive.
+
+    Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
+    """
+    horizon.check_sweep(directions, steps, radius)
+    hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
+    reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
+    thickness = THICKNESS * reach if thickness is None else thickness
+    around = horizon.scene(camera, depth, hit, horizon.planar_thickness(camera, depth, thickness))
+    at = horizon.receivers(camera, depth, normal)
+    if soft is None:
+        soft = torch.is_grad_enabled() and any(t.requires_grad for t in (around.picture, at.nx, reach))
+    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
+    rows = []
+    for cut, band in horizon.bands(at):
+        sums = torch.zeros(8, *band.z.shape, dtype=depth.dtype, device=depth.device)
+        for which in range(directions):
+            random = horizon.slice_noise(noise[:, cut], which, directions)
+            sums = sums + _slice(around, band, *random, reach, steps, camera.orthographic, soft)
+        rows.append(sums)
+    return horizon.finish(at, camera, hit, torch.cat(rows, dim=2), normal)
+
+
+@fusible
+def _slice(
+    around: Scene,
+    at: Receivers,
+    cos_psi: Tensor,
+    sin_psi: Tensor,
+    jitter: Tensor,
+    dither: Tensor,
+    radius: Tensor,
+    steps: int,
+    parallel: bool,
+    soft: bool,
+) -> Tensor:
+    """What one slice adds to the sums of `horizon.finish`."""
+    cut = horizon.cut_slice(at, cos_psi, sin_psi)
+    size = (around.picture.shape[-2] - 2, around.picture.shape[-1] - 2)
+    covered = no_cover(at.z, soft)
+    own = own_solid(around, at)
+    for side in (1.0, -1.0):
+        dx, dy, length, border = horizon.room(at, cut, side, size)
+        reach_px = torch.minimum(radius * length, border).detach()
+        whole = horizon.side_measure(cut, side)
+        before = start(at, whole, own)
+        for i in range(steps):
+            px = 1.0 + reach_px * ((i + jitter) / steps)
+            tap = horizon.look(around, at, cut, side, (dx * px, dy * px), parallel)
+            low, high, near, before = blocked(tap, before, at, cut, side, whole, radius, None if soft else dither)
+            covered, _ = cover(covered, low, high, near, dither)
+    return slice_sums(cut, covered)
+
+
+def start(at: Receivers, whole: Tensor, solid: Tensor) -> Front:
+    """The receiver itself, as what comes before the first tap."""
+    zero = torch.zeros_like(at.z)
+    return Front(whole, zero, zero, zero, at.z, solid)
+
+
+def own_solid(around: Scene, at: Receivers) -> Tensor:
+    """Planar depth from front to back at the receivers."""
+    return horizon.gather(around.picture[:, 1:2], at.column.int() + 1, at.row.int() + 1)[:, 0]
+
+
+def blocked(
+    tap: Tap,
+    before: Front,
+    at: Receivers,
+    cut: Slice,
+    side: float,
+    whole: Tensor,
+    radius: Tensor | None,
+    dither: Tensor | None,
+) -> tuple[Tensor, Tensor, Tensor, Front]:
+    """Shares of the arc between which a tap blocks, how far it counts (0 to 1), and itself as the next `Front`."""
+    z = at.z + tap.toward[2]
+    overlap = torch.minimum(z + tap.solid, before.z + before.solid) - torch.maximum(z, before.z)
+    joined = horizon.step(overlap) * horizon.step(tap.solid)
+    distance = (tap.distance2 + 1e-20).sqrt()
+    rise, run = tap.front_rise, tap.front_run
+    near = torch.ones_like(z)
+    if radius is not None:
+        crossing = joined * horizon.step(distance - radius) * horizon.step(radius - before.distance)
+        crossing = crossing * horizon.step(before.distance)
+        left = ((distance - radius) / (distance - before.distance).clamp_min(1e-9)).clamp(0, 1) * crossing
+        rise, run = rise + (before.rise - rise) * left, run + (before.run - run) * left
+        spread = (radius - distance) / (2 * FADE * radius) + 0.5
+        inside = spread.clamp(0, 1) if dither is None else horizon.step(spread - dither)
+        near = torch.maximum(inside, crossing)
+    front = horizon.arc_measure(rise, run, cut, side, whole)
+    back = horizon.arc_measure(tap.back_rise, tap.back_run, cut, side, whole)
+    low = front + (torch.minimum(front, before.share) - front) * joined
+    high = back + (torch.maximum(back, before.share) - back) * joined
+    middle = horizon.side_measure(cut, -1.0)
+    low, high = (middle + low, middle + high) if side > 0 else (middle - high, middle - low)
+    return low, high, near, Front(front, tap.front_rise, tap.front_run, distance, z, tap.solid)
+
+
+def no_cover(like: Tensor, soft: bool) -> Tensor:
+    """Sectors none of which is covered: a mask ``(B, h, w)``, or fractions ``(SECTORS, B, h, w)`` when soft."""
+    if soft:
+        return like.new_zeros(SECTORS, *like.shape)
+    return torch.zeros_like(like, dtype=torch.int32)
+
+
+def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tensor) -> tuple[Tensor, Tensor]:
+    """Cover the sectors between two shares of the arc; also returns what is new in the cover."""
+    if covered.dtype == torch.int32:
+        first = (low * SECTORS + dither).clamp(0, SECTORS).int()
+        last = torch.maximum((high * SECTORS + dither).clamp(0, SECTORS).int(), first)
+        one = torch.ones_like(covered)
+        bits = ((one << last) - (one << first)) * near.int()
+        return covered | bits, bits & ~covered
+    edge = torch.arange(SECTORS, dtype=low.dtype, device=low.device).view(-1, 1, 1, 1)
+    part = ((high * SECTORS - edge).clamp(0, 1) - (low * SECTORS - edge).clamp(0, 1)).clamp_min(0) * near
+    after = torch.maximum(covered, part)
+    return after, after - covered
+
+
+def group_shares(sectors: Tensor) -> Tensor:
+    """``(GROUPS, B, h, w)``: share of each group's sectors that is set."""
+    if sectors.dtype == torch.int32:
+        counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
+        field = (1 << PER_GROUP) - 1
+        counts = torch.stack([(counts >> (PER_GROUP * g)) & field for g in range(GROUPS)])
+        return counts.to(torch.get_default_dtype()) / PER_GROUP
+    return sectors.unflatten(0, (GROUPS, PER_GROUP)).mean(1)
+
+
+def share(sectors: Tensor) -> Tensor:
+    """``(B, h, w)``: share of all sectors that is set."""
+    if sectors.dtype != torch.int32:
+        return sectors.mean(0)
+    counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
+    field = (1 << PER_GROUP) - 1
+    halves = counts + (counts >> (SECTORS // 2))  # sums of up to 10 still fit a field
+    total = (halves & field) + ((halves >> PER_GROUP) & field) + ((halves >> (2 * PER_GROUP)) & field)
+    return total.to(torch.get_default_dtype()) / SECTORS
+
+
+def slice_sums(cut: Slice, covered: Tensor) -> Tensor:
+    """One slice's part of the sums of `horizon.finish`."""
+    open_groups = 1 - group_shares(covered).to(cut.n.dtype)
+    rise, run = mean_directions(cut.n)
+    rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
+    runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight
+    lift, slide = torch.stack([cut.hx, cut.hy, cut.hz]), torch.stack([cut.tx, cut.ty, cut.tz])
+    return torch.cat(
+        [
+            torch.stack([cut.weight, open_groups.mean(0) * cut.weight]),
+            rises[0] * lift + runs[0] * slide,
+            rises[1] * lift + runs[1] * slide,
+        ]
+    )
+
+
+def mean_directions(n: Tensor) -> tuple[Tensor, Tensor]:
+    """Along the projected normal and across it: each group's mean direction, both ``(GROUPS, B, h, w)``."""
+    terms = torch.tensor(_direction_polynomials(), dtype=n.dtype, device=n.device)[..., None, None, None]
+    value = terms[-1].expand(-1, *n.shape)
+    for term in reversed(terms[:-1].unbind(0)):
+        value = value * n + term
+    return value[:GROUPS], value[GROUPS:]
+
+
+@cache
+def _direction_polynomials() -> list[list[float]]:
+    """Polynomials in n, lowest power first, fitted to the groups' mean cos(alpha) and sin(alpha)."""
+    grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
+    alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2
+    density = alpha.cos() * (alpha + grid[:, None]).sin().abs()
+    density = density / density.sum(1, keepdim=True)
+    group = ((density.cumsum(1) - density / 2) * GROUPS).long().clamp(0, GROUPS - 1)
+    means = []
+    for direction in (alpha.cos(), alpha.sin()):
+        total = torch.zeros(65, GROUPS, dtype=torch.float64).scatter_add(1, group, density * direction)
+        means.append(total * GROUPS)
+    powers = grid[:, None] ** torch.arange(9, dtype=torch.float64)
+    return torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()
