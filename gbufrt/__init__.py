@@ -1,12 +1,29 @@
-"""The contract of gbufrt: what a frame is, and how passes compose."""
+"""The contract of gbufrt: what a frame is, and how passes compose.
 
-from gbufrt.camera import Camera
-from gbufrt.frame import SIGNALS, Frame
-from gbufrt.gbuffer import CHANNELS, GBuffer
-from gbufrt.history import History
-from gbufrt.passes import Pass, Pipeline, PipelineState, Stage, TemporalPass
+Names are imported when they are first used, so that the command line answers before torch is loaded.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gbufrt.camera import Camera
+    from gbufrt.frame import SIGNALS, Frame
+    from gbufrt.gbuffer import CHANNELS, GBuffer
+    from gbufrt.history import History
+    from gbufrt.passes import Pass, Pipeline, PipelineState, Stage, TemporalPass
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "camera": ("Camera",),
+    "frame": ("SIGNALS", "Frame"),
+    "gbuffer": ("CHANNELS", "GBuffer"),
+    "history": ("History",),
+    "passes": ("Pass", "Pipeline", "PipelineState", "Stage", "TemporalPass"),
+}
 
 __all__ = [
     "CHANNELS",
@@ -22,3 +39,15 @@ __all__ = [
     "TemporalPass",
     "__version__",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    for home, names in _HOMES.items():
+        if name in names:
+            value = globals()[name] = getattr(import_module(f"gbufrt.{home}"), name)
+            return value
+    raise AttributeError(f"module 'gbufrt' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
