@@ -1,0 +1,263 @@
+"""Temporal accumulation: each pixel's mean over the frames that showed the same surface."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Frame, GBuffer, History, TemporalPass
+from post.atrous import atrous
+from post.edges import spatial_moments, surface
+from post.reproject import geometry_of, history_for, motion_of, reproject
+from post.signals import luminance, signal_names, stack, unstack, wants_albedo
+
+FAST_BLEND = 0.8
+MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
+YOUNG = 4  # frames: before, variance comes from the neighbours
+RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
+VIRTUAL_ROUGHNESS = 0.5  # above, a reflection moves with its surface
+
+
+def temporal(
+    signal: Tensor,
+    gbuffer: GBuffer,
+    history: History | None = None,
+    *,
+    blend: float = 0.95,
+    clamp: float = 2.0,
+    firefly: float = 6.0,
+    motion_response: float = 0.01,
+    feedback: bool = False,
+    distance: Tensor | None = None,
+    lead: int | None = None,
+) -> tuple[Tensor, History]:
+    """Average a signal over time along the motion of surfaces.
+
+    The mean is plain (1/N) until ``blend`` limits it, and starts anew where no pixel of the frame before shows the same
+    surface. A fast history tells when the light itself has changed: where the 3x3 mean of its difference from the slow
+    one exceeds what noise explains, the slow one is drawn after it and becomes young again; the fast one is held to the
+    present frame in the same way. Differences cancel what stands still, so detail is not clamped away, and noise
+    loosens the clamp by itself.
+
+    Args:
+        signal: ``(B, C, H, W)`` of this frame, any unit; several signals stacked share one set of weights.
+        gbuffer: of this frame.
+        history: what this function returned for the frame before; None at first.
+        blend: largest share of history; 1 accumulates for ever.
+        clamp: standard deviations of noise by which histories may differ; 0 switches the test off.
+        firefly: standard deviations above history and neighbours at which a sample is cut; 0 keeps all.
+        motion_response: shortens the longest history by 1 / (1 + this x pixels moved).
+        feedback: keep the history filtered by one wavelet iteration, as SVGF does: less noise, less detail.
+        distance: ``(B, 1, H, W)`` world units to what a reflection shows: it is then also looked for where its virtual
+            image was, and the history that agrees better is taken.
+        lead: how many of the first channels the tests look at; all by default.
+
+    Returns:
+        The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
+        variance ``(B, 1, H, W)`` of the mean's luminance.
+
+    Raises:
+        ValueError: blend lies outside 0 to 1, or the history has another size than the frame.
+
+    Source: Schied et al. 2017 (SVGF), sections 4.1 and 4.2; fast history as in NVIDIA's ReLAX (Zhdan 2021).
+    """
+    if not 0.0 <= blend <= 1.0:
+        raise ValueError(f"blend must lie in 0 to 1, got {blend}")
+    lead = lead or signal.shape[1]
+    if history is None or history.gbuffer is None:
+        light = luminance(signal, lead)
+        moments = torch.cat([light, light * light], dim=1)
+        return _finish(signal, signal, signal[:, :lead], moments, torch.ones_like(light), gbuffer, feedback, lead)
+    old, fast, moments, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead)
+    noise = _typical_variance(moments, age)
+    sample = _without_fireflies(signal, old, noise, age, lead, firefly)
+    if clamp > 0:
+        old, fast, age = _follow_light(sample, old, fast, noise, age, lead, clamp)
+    motion, _ = motion_of(gbuffer, history.gbuffer.camera)
+    longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)
+    length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
+    light, alpha = luminance(sample, lead), 1 / length
+    mean = old + alpha * (sample - old)
+    fast = fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast)
+    fresh = torch.cat([light, light * light], dim=1)
+    moments = moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments)
+    return _finish(sample, mean, fast, moments, length, gbuffer, feedback, lead)
+
+
+def _fetch(
+    signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Mean, fast mean, moments and length of the history, as this frame's pixels find them."""
+    kept = history.signals
+    if kept["signal"].shape[1] != signal.shape[1]:
+        raise ValueError(
+            f"the history holds {kept['signal'].shape[1]} channels but the signal has {signal.shape[1]}; "
+            "start with state=None when signals come or go"
+        )
+    everything = torch.cat([kept["signal"], kept["fast"], kept["moments"], history.length], dim=1)
+    found = reproject(gbuffer, before, length=history.length).fetch(everything)
+    if distance is not None:
+        mirrored = reproject(gbuffer, before, length=history.length, motion=_virtual(gbuffer, before, distance))
+        image = mirrored.fetch(everything)
+        missing = ~mirrored.valid | (distance <= 0)
+        agrees = _misfit(image, signal, lead) < _misfit(found, signal, lead)
+        found = torch.where(~missing & (agrees | (found[:, -1:] <= 0)), image, found)
+    channels = signal.shape[1]
+    old, fast, moments, age = found.split([channels, lead, 2, 1], dim=1)
+    return old, fast, moments, age
+
+
+def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
+    """Motion of the mirror image, which lies as far behind the surface as the mirrored thing lies before it."""
+    camera = gbuffer.camera
+    points = gbuffer.points_view()
+    image = points - camera.to_eye(points) * distance
+    was = before.camera.project(before.camera.to_view(camera.to_world(image)))
+    return was - camera.pixel_centers(dtype=points.dtype)
+
+
+def _misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
+    return _pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
+
+
+def _pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
+    """Mean over a square of the pixels in ``mask``."""
+    total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
+    return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(1e-6)
+
+
+def _sample_variance(moments: Tensor, age: Tensor) -> Tensor:
+    """Variance of one frame's luminance, unbiased for the few frames that the moments hold."""
+    count = age.clamp(2.0, (1 + MOMENTS_BLEND) / (1 - MOMENTS_BLEND))
+    return (moments[:, 1:] - moments[:, :1] ** 2).clamp_min(0.0) * count / (count - 1)
+
+
+def _typical_variance(moments: Tensor, age: Tensor) -> Tensor:
+    """Variance as 7x7 pixels know it: rare bright samples have not yet come to every one of them."""
+    own, mature = _sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
+    typical = torch.maximum(own, _pooled(own, mature, 7))
+    seen = (age > 0).to(age.dtype)
+    around = _pooled(moments[:, 1:], seen, 7) - _pooled(moments[:, :1], seen, 7) ** 2
+    return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
+
+
+def _without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor, lead: int, firefly: float) -> Tensor:
+    """Scale down samples that stand far above both their own history and the 3x3 pixels around them."""
+    if firefly <= 0:
+        return signal
+    light, ones = luminance(signal, lead), torch.ones_like(age)
+    around = (9 * _pooled(light, ones) - light) / 8
+    spread = ((9 * _pooled(light * light, ones) - light * light) / 8 - around**2).clamp_min(0.0)
+    own = luminance(old, lead) + firefly * variance.add(1e-12).sqrt()
+    limit = torch.maximum(own, around + firefly * spread.add(1e-12).sqrt())
+    scale = torch.where((age >= YOUNG) & (light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
+    return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
+
+
+def _follow_light(
+    sample: Tensor, old: Tensor, fast: Tensor, variance: Tensor, age: Tensor, lead: int, clamp: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it."""
+    mask = (age > 0).to(age.dtype)
+    few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
+    floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
+
+    def excess(difference: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
+        allowed = clamp * (variance * share).add(1e-12).sqrt() + floor
+        difference = _pooled(difference, mask) * mask
+        within = torch.minimum(torch.maximum(difference, -allowed), allowed)
+        ratio = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0)
+        return difference - within, ratio
+
+    shift, _ = excess(sample[:, :lead] - fast, 1 / few + 1 / 3)  # 3: nine neighbours whose noise may be alike
+    fast = fast + shift
+    shift, ratio = excess(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
+    old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
+    return old, fast, torch.where(age > 1, 1 + (age - 1) * ratio, age)
+
+
+def _finish(
+    sample: Tensor,
+    mean: Tensor,
+    fast: Tensor,
+    moments: Tensor,
+    length: Tensor,
+    gbuffer: GBuffer,
+    feedback: bool,
+    lead: int,
+) -> tuple[Tensor, History]:
+    g, variance = gbuffer, _sample_variance(moments, length)
+    if bool((length < YOUNG).any()):
+        _, around = spatial_moments(sample, surface(g.depth, g.normal, g.hit, g.camera), radius=2, lead=lead)
+        variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
+    variance = variance / length
+    kept = mean
+    if feedback:
+        kept, _ = atrous(
+            mean, g.depth, g.normal, hit=g.hit, camera=g.camera, iterations=1, variance=variance, lead=lead
+        )
+    signals = {"signal": kept, "fast": fast, "moments": moments, "variance": variance}
+    return mean, History(length=length, signals=signals, gbuffer=geometry_of(gbuffer))
+
+
+class Temporal(TemporalPass):
+    """Accumulate one signal, or several by one set of weights. See `temporal`.
+
+    Leaves ``<signal>_variance`` (of what it wrote, albedo divided out where that was asked) for denoisers, and
+    ``<signal>_history``, the number of frames behind each pixel. A reflection takes its confidence along.
+
+    Args:
+        signal: name of a signal, or several; the first leads.
+        blend: see `temporal`, as the rest.
+        virtual: for reflections: also look where the mirror image was.
+        demodulate: divide albedo out first; by default for ``gi``.
+    """
+
+    def __init__(
+        self,
+        *,
+        signal: str | tuple[str, ...] = "ao",
+        blend: float = 0.95,
+        clamp: float = 2.0,
+        firefly: float = 6.0,
+        motion_response: float = 0.01,
+        feedback: bool = False,
+        virtual: bool = True,
+        demodulate: bool | None = None,
+    ) -> None:
+        super().__init__()
+        self.signal = signal
+        self.blend = blend
+        self.clamp = clamp
+        self.firefly = firefly
+        self.motion_response = motion_response
+        self.feedback = feedback
+        self.virtual = virtual
+        self.demodulate = demodulate
+        names = signal_names(signal)
+        self.reads = frozenset({"depth", "normal", "hit", names[0]})
+        self.optional = frozenset({*names[1:], "motion", "motion_z", "normal_geo", "object_id", "albedo", "roughness"})
+        if names[0] == "reflection" and virtual:
+            self.optional |= {"reflection_distance"}
+        self.writes = frozenset({*names, f"{names[0]}_variance", f"{names[0]}_history"})
+
+    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
+        names = signal_names(self.signal)
+        divide = wants_albedo(names, self.demodulate)
+        mean, state = temporal(
+            stack(frame, names, demodulate=divide), frame.gbuffer, history_for(state, frame.cut),
+            blend=self.blend, clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response,
+            feedback=self.feedback, distance=_mirrored(frame, names, self.virtual), lead=frame.read(names[0]).shape[1],
+        )  # fmt: skip
+        frame = unstack(frame, names, mean, demodulate=divide)
+        frame = frame.write(f"{names[0]}_variance", state.signals["variance"])
+        return frame.write(f"{names[0]}_history", state.length), state
+
+
+def _mirrored(frame: Frame, names: tuple[str, ...], virtual: bool) -> Tensor | None:
+    """Distance to what is mirrored, zero where the surface is too rough to hold an image."""
+    distance, roughness = frame.reflection_distance, frame.gbuffer.roughness
+    if not virtual or names[0] != "reflection" or distance is None:
+        return None
+    return distance if roughness is None else torch.where(roughness <= VIRTUAL_ROUGHNESS, distance, 0.0)
