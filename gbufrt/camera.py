@@ -254,7 +254,8 @@ class Camera:
         """Unit view-space directions from points ``(B, 3, H, W)`` toward the eye (parallel when orthographic)."""
         if self.orthographic:
             return torch.zeros_like(points_view) - points_view.new_tensor([0.0, 0.0, 1.0])[None, :, None, None]
-        return -points_view / points_view.norm(dim=1, keepdim=True).clamp_min(1e-12)
+        length = (points_view * points_view).sum(1, keepdim=True).sqrt()  # norm(dim=1) is far slower on planes
+        return -points_view / length.clamp_min(1e-12)
 
     def pixels_per_unit(self, depth: Tensor) -> Tensor:
         """How many pixels a world unit across the view spans at planar ``depth``; the shape of ``depth``."""
