@@ -25,10 +25,9 @@ def hall(canvas: Canvas) -> None:
     _columns(canvas)
     _roof(canvas)
     _statue(canvas)
-    for x in (x0 + 8, (x0 + x1) // 2, x1 - 9):
-        for z in (z0 + 6, z0 + 14):
-            canvas.box((x, CEILING - 4, z), (x + 1, CEILING, z + 1), "iron")
-            canvas.put(x, CEILING - 5, z, "lamp")
+    for x in (x0 + 8, x1 - 9):
+        canvas.box((x, CEILING - 3, z0 + 7), (x + 1, CEILING, z0 + 8), "iron")
+        canvas.put(x, CEILING - 4, z0 + 7, "lamp")
 
 
 def _walls(canvas: Canvas) -> None:
@@ -36,12 +35,12 @@ def _walls(canvas: Canvas) -> None:
     canvas.box((x0, FLOOR, z0), (x1, CEILING, z0 + 1), "white_wall")
     canvas.box((x0, FLOOR, z0), (x0 + 1, CEILING, z1 - 2), "red_wall")
     canvas.box((x1 - 1, FLOOR, z0), (x1, CEILING, z1 - 2), "teal_wall")
-    for z in range(z0 + 4, z1 - 4, 5):  # niches, deep enough to be dark in the corner
-        for x in (x0 - 1, x1):
-            canvas.box((x, FLOOR, z - 1), (x + 1, FLOOR + 8, z + 4), "white_wall")
-        for x in (x0, x1 - 1):
-            canvas.box((x, FLOOR + 1, z), (x + 1, FLOOR + 6, z + 3), "air")
-            canvas.put(x, FLOOR + 1, z + 1, "copper")
+    for z in range(z0 + 4, z1 - 4, 5):  # niches to the east, arches to the west that let the evening sun in
+        canvas.box((x1, FLOOR, z - 1), (x1 + 1, FLOOR + 8, z + 4), "white_wall")
+        canvas.box((x1 - 1, FLOOR + 1, z), (x1, FLOOR + 6, z + 3), "air")
+        canvas.put(x1 - 1, FLOOR + 1, z + 1, "copper")
+        canvas.box((x0, FLOOR, z), (x0 + 1, FLOOR + 9, z + 3), "air")
+        canvas.put(x0, FLOOR + 9, z + 1, "air")
     for x in (x0 + 4, x1 - 7):
         canvas.box((x, FLOOR + 4, z0), (x + 3, FLOOR + 10, z0 + 1), "glass")
 
@@ -49,10 +48,10 @@ def _walls(canvas: Canvas) -> None:
 def _columns(canvas: Canvas) -> None:
     (x0, z0), (x1, z1) = LOW, HIGH
     for x in range(x0, x1 - 1, 8):
-        for z in (z1 - 2, z0 + 10) if x not in (x0, x0 + 32) else (z1 - 2,):
-            canvas.box((x, FLOOR, z), (x + 2, CEILING, z + 2), "marble")
-            canvas.box((x - 1, FLOOR, z - 1), (x + 3, FLOOR + 1, z + 3), "white_wall")
-            canvas.box((x - 1, CEILING - 1, z - 1), (x + 3, CEILING, z + 3), "gold")
+        z = z1 - 2
+        canvas.box((x, FLOOR, z), (x + 2, CEILING, z + 2), "marble")
+        canvas.box((x - 1, FLOOR, z - 1), (x + 3, FLOOR + 1, z + 3), "white_wall")
+        canvas.box((x - 1, CEILING - 1, z - 1), (x + 3, CEILING, z + 3), "gold")
 
 
 def _roof(canvas: Canvas) -> None:

@@ -55,6 +55,7 @@ _LEVELS = (
     ((159.0, 98.0), (224.0, 182.0), VILLAGE, 10.0),
     ((163.0, 74.0), (212.0, 98.0), VILLAGE + 3, 7.0),
     ((145.0, 60.0), (156.0, 112.0), VILLAGE, 4.0),
+    ((124.0, 101.0), (142.0, 117.0), VILLAGE, 6.0),
     ((36.0, 104.0), (52.0, 120.0), 44.0, 5.0),
 )
 """Level places: low and high corner in x and z, height, and how softly they meet the land."""
@@ -86,7 +87,7 @@ def paint(canvas: Canvas, height: Field, rng: np.random.Generator) -> None:
     top = np.clip(np.rint(height).astype(int), 4, SIZE[1] - 2)
     y = np.arange(SIZE[1])[None, :, None]
     strata = canvas.ids(("rock", "rock_dark", "rock", "rock_warm", "rock_pale", "rock_warm"))
-    bend = value_noise((SIZE[0], SIZE[2]), 30.0, rng) * 4.0 + value_noise((SIZE[0], SIZE[2]), 5.0, rng) * 0.8
+    bend = value_noise((SIZE[0], SIZE[2]), 34.0, rng) * 5.0 + value_noise((SIZE[0], SIZE[2]), 9.0, rng) * 1.2
     layer = ((y + np.rint(bend)[:, None, :].astype(int)) // 3) % len(strata)
     cover, under = _cover(canvas, height, top, rng)
     under_water = top <= WATER
@@ -128,5 +129,5 @@ def _upper_river(canvas: Canvas, top: Field) -> None:
     lip = int(np.max(np.nonzero(bed.any(axis=0))[0])) + 1 if bed.any() else FALL_Z
     middle = int(river_x(np.array(float(lip))))
     for i in range(middle - 4, middle + 5):
-        canvas.box((i, WATER - 2, lip), (i + 1, UPPER, lip + 1), "foam" if (i * 7) % 3 == 0 else "water", into_air=True)
+        canvas.box((i, WATER - 2, lip), (i + 1, UPPER, lip + 1), "foam" if i % 4 == 1 else "water", into_air=True)
         canvas.box((i, WATER, lip + 1), (i + 1, WATER + 1 + (i * 5) % 3, lip + 2), "foam", into_air=True)

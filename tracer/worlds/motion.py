@@ -85,7 +85,7 @@ def lantern_pose(time: float, *, at: tuple[float, float, float], phase: float) -
     return drift @ rotation("y", time * 0.4 + phase) @ rotation("z", 0.12 * math.sin(TAU * time / 2.9 + phase))
 
 
-LANTERNS = ((176.5, VILLAGE + 9.0, 116.0), (195.0, VILLAGE + 11.0, 114.0), (201.0, VILLAGE + 4.6, 174.0))
+LANTERNS = ((176.5, VILLAGE + 9.0, 116.0), (195.0, VILLAGE + 11.0, 114.0), (199.0, VILLAGE + 4.6, 130.5))
 
 
 def instances() -> tuple[Instance, ...]:

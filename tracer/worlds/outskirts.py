@@ -8,7 +8,7 @@ import numpy as np
 
 from tracer.worlds.canvas import Canvas
 from tracer.worlds.land import WATER, river_x
-from tracer.worlds.village import fence, lamp_post
+from tracer.worlds.village import lamp_post
 
 MILL = (44, 44, 112)
 HUB = (MILL[0] + 0.5 + 3.9, MILL[1] + 17.0, MILL[2] + 0.5 + 4.6)
@@ -75,11 +75,8 @@ def road(canvas: Canvas, top: np.ndarray) -> None:
 
 
 def meadow(canvas: Canvas, top: np.ndarray) -> None:
-    """Fences and haystacks on the slope below the mill."""
+    """Haystacks on the slope below the mill."""
     for x, z in ((66, 92), (70, 94), (64, 97)):
         y = int(top[x, z])
         canvas.box((x - 1, y, z - 1), (x + 2, y + 2, z + 2), "hay")
         canvas.put(x, y + 2, z, "hay")
-    for x in range(30, 60, 10):
-        y = int(top[x, 121])
-        fence(canvas, (x, 121), (x + 7, 121), y)

@@ -15,8 +15,10 @@ from tracer.worlds.outskirts import bridge, meadow, road, windmill
 from tracer.worlds.views import FLIGHT_EYE, views
 from tracer.worlds.village import village
 
-SUN = Sun(direction=(-0.80, 0.52, 0.34), irradiance=(3.9, 3.0, 1.95), angular_radius=0.6)
-SKY = Sky(zenith=(0.13, 0.27, 0.66), horizon=(0.62, 0.72, 0.88), ground=(0.20, 0.18, 0.15))
+SUN = Sun(direction=(-0.80, 0.52, 0.34), irradiance=(4.3, 3.2, 2.0), angular_radius=0.6)
+SKY = Sky(zenith=(0.07, 0.19, 0.62), horizon=(0.46, 0.60, 0.90), ground=(0.30, 0.34, 0.40))
+
+CHERRIES = ((161, 107), (147, 118), (221, 104), (157, 92), (122, 122), (200, 184), (60, 128))
 
 CLEAR = (
     (150, 92, 228, 186),  # the village
@@ -24,6 +26,7 @@ CLEAR = (
     (160, 66, 216, 104),  # the hall
     (33, 101, 56, 123),  # the mill
     (88, 88, 126, 108),  # the bridge
+    (122, 99, 144, 119),  # the cottage
 )
 """Where nothing grows: x, z, x, z."""
 
@@ -53,6 +56,8 @@ def valley(seed: int = 0) -> Scene:
     bridge(canvas)
     meadow(canvas, top)
     free = _free(top)
+    for x, z in CHERRIES:
+        flora.cherry(canvas, x, int(top[x, z]), z, flora_rng)
     flora.reeds(canvas, top, free, land.WATER, flora_rng)
     flora.forest(canvas, top, free & (top > land.WATER + 1), flora_rng)
     flora.herbs(canvas, top, free, flora_rng)
@@ -67,5 +72,5 @@ def _free(top: NDArray[np.int64]) -> NDArray[np.bool_]:
     x, z = np.indices(top.shape) + 0.5
     eyes = [tuple(v.eye(0.0)) for v in views().values()] + list(FLIGHT_EYE)
     for ex, _, ez in eyes:
-        free &= np.hypot(x - ex, z - ez) > 7.0
+        free &= np.hypot(x - ex, z - ez) > 9.0
     return free & (top < land.UPPER + 12)

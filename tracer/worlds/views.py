@@ -68,16 +68,16 @@ def views() -> dict[str, View]:
     """The valley's views by name; the first is the default."""
     return {
         "village": still(
-            (84.0, 37.0, 200.0), (150.0, 35.5, 118.0), fov_y=46.0, description="across the lake to the village"
+            (77.0, 37.0, 204.0), (148.0, 34.5, 118.0), fov_y=46.0, description="across the lake to the village"
         ),
-        "lake": still((134.0, 29.0, 176.0), (104.0, 36.0, 90.0), fov_y=58.0, description="from the water to the fall"),
-        "cave": still((114.5, 34.0, 40.0), (142.0, 31.0, 27.0), fov_y=66.0, description="the mine, lit by lamps"),
+        "lake": still((128.0, 27.5, 184.0), (104.0, 35.0, 92.0), fov_y=54.0, description="from the water to the fall"),
+        "cave": still((114.8, 33.5, 33.0), (140.0, 30.5, 29.0), fov_y=68.0, description="the mine, lit by lamps"),
         "plaza": still(
-            (172.5, 33.5, 139.0), (189.0, 32.0, 112.0), fov_y=58.0, description="polished stone, the walker"
+            (183.0, 32.0, 141.0), (187.5, 33.5, 108.0), fov_y=56.0, description="polished stone, the walker"
         ),
-        "hall": still((173.5, 35.5, 94.0), (189.0, 35.0, 80.0), fov_y=64.0, description="coloured walls, shiny floor"),
-        "horizon": still((236.0, 68.0, 232.0), (110.0, 24.0, 84.0), fov_y=50.0, description="the whole valley"),
-        "closeup": still((197.0, 31.5, 183.5), (200.5, 31.0, 166.0), fov_y=50.0, description="garden, fence, lantern"),
+        "hall": still((200.0, 35.5, 92.5), (180.0, 34.5, 80.5), fov_y=64.0, description="coloured walls, shiny floor"),
+        "horizon": still((236.0, 70.0, 226.0), (112.0, 27.0, 84.0), fov_y=44.0, description="the whole valley"),
+        "closeup": still((203.5, 31.2, 129.0), (197.0, 30.6, 136.5), fov_y=52.0, description="market stall, lantern"),
         "mill": still((70.0, 47.0, 132.0), (46.0, 57.0, 113.0), fov_y=58.0, description="the windmill"),
         "flythrough": View(
             eye=loop(FLIGHT_EYE, 40.0),

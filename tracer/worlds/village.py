@@ -15,7 +15,7 @@ G = VILLAGE
 HOUSES = (
     House(at=(163, 138), ground=G, size=(13, 11), storeys=2, ridge="z", door="west"),
     House(at=(163, 156), ground=G, size=(11, 13), wall="plaster_ochre", roof="roof_slate", door="west"),
-    House(at=(162, 101), ground=G, size=(10, 12), wall="plaster_rose", roof="roof_moss", door="south"),
+    House(at=(127, 104), ground=G, size=(12, 10), wall="plaster", roof="roof_moss", door="south"),
     House(at=(182, 144), ground=G, size=(15, 10), storeys=2, wall="plaster_blue", door="north"),
     House(at=(206, 108), ground=G, size=(11, 15), storeys=2, roof="roof_slate", door="west", ridge="z"),
     House(at=(206, 130), ground=G, size=(13, 11), wall="plaster_ochre", door="west"),
@@ -97,8 +97,8 @@ def quay(canvas: Canvas) -> None:
     """The wall along the lake with its railing, and a pier."""
     canvas.box((152, WATER - 10, 126), (154, G, 179), "masonry")
     canvas.box((152, G - 1, 126), (155, G, 179), "masonry_dark")
-    for low, high in (((153, 126), (153, 136)), ((153, 142), (153, 178))):
-        fence(canvas, low, high, G, name="timber")
+    for z in (*range(126, 137, 3), *range(143, 179, 3)):
+        canvas.put(153, G, z, "masonry")
     for z in (127, 147, 161, 177):
         lamp_post(canvas, 154, G, z)
     canvas.box((132, WATER + 1, 137), (152, WATER + 2, 141), "planks")
@@ -130,6 +130,14 @@ def stall(canvas: Canvas, x: int, z: int, cloth: str) -> None:
     canvas.put(x + 3, G + 4, z + 2, "lamp")
 
 
+def crates(canvas: Canvas, x: int, z: int) -> None:
+    """Crates and a barrel, stacked so that light has corners to hide in."""
+    for dx, dz, tall, name in ((0, 0, 2, "planks"), (1, 2, 1, "hay"), (-1, 2, 1, "timber"), (2, 1, 1, "planks")):
+        canvas.box((x + dx, G, z + dz), (x + dx + 1, G + tall, z + dz + 1), name)
+    canvas.put(x + 2, G + 1, z + 1, "leaf_red")
+    canvas.put(x + 1, G, z, "copper")
+
+
 def garden(canvas: Canvas, low: tuple[int, int], high: tuple[int, int]) -> None:
     """Beds of flowers behind a fence."""
     for a, b in (
@@ -154,8 +162,9 @@ def village(canvas: Canvas, rng: np.random.Generator) -> None:
     quay(canvas)
     for house in HOUSES:
         build(canvas, house)
-    stall(canvas, 172, 128, "cloth_red")
+    stall(canvas, 167, 127, "cloth_red")
     stall(canvas, 194, 134, "cloth_blue")
+    crates(canvas, 201, 135)
     garden(canvas, (195, 173), (212, 181))
     garden(canvas, (163, 172), (174, 181))
     for x, z in ((176, 142), (176, 160), (204, 147), (199, 168), (160, 118), (160, 152), (178, 178)):
