@@ -20,8 +20,8 @@ TOLERANCE = 3e-4
 
 
 @kernel.scalar
-def _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep):
-    """How the ray from (ax, ay, qa) to (bx, by, qb) meets the surface of one pixel: status, share, agreement."""
+def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
+    """How the ray from (ax, ay, qa) in pixel j to (bx, by, qb) meets pixel i's surface: status, share, agreement."""
     q, gx, gy, back = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2], planes[iy, ix, 3]
     front_a = qa - (q + gx * (ax - ix - 0.5) + gy * (ay - iy - 0.5))
     front_b = qb - (q + gx * (bx - ix - 0.5) + gy * (by - iy - 0.5))
@@ -30,9 +30,9 @@ def _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep):
         if front_b >= -tolerance:
             return LEFT, 0.0, 0.0
         return HIT, front_a / (front_a - front_b), 1.0
-    crack = abs(gx) + abs(gy) + flat + steep * abs(q)
+    crack = abs(gx) + abs(gy) + abs(planes[jy, jx, 1]) + abs(planes[jy, jx, 2]) + flat + steep * abs(q)
     if front_b < front_a and front_a > -crack:
-        return HIT, 0.0, 1.0 + front_a / crack
+        return HIT, 0.0, min(1.0, 2.0 * (1.0 + front_a / crack))
     if qa > back or qb > back:
         return BLOCKED, 0.0, min(1.0, max(0.0, (qa - back) / (qa - front_a - back)))
     return LEFT, 0.0, 0.0
@@ -46,7 +46,7 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
     if ix < 0 or ix >= width or iy < 0 or iy >= height:
         return LEFT, 0.0, ix, iy, 0.0
     per_x, per_y = 1.0 / dx, 1.0 / dy
-    right, down = 1 if dx >= 0.0 else 0, 1 if dy >= 0.0 else 0
+    right, down, sideways = 1 if dx >= 0.0 else 0, 1 if dy >= 0.0 else 0, False
     while pixels < steps:
         cx, cy = ix >> level, iy >> level
         leave_x, leave_y = (((cx + right) << level) - x0) * per_x, (((cy + down) << level) - y0) * per_y
@@ -61,13 +61,16 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
             pixels += 1
             if pixels > 0:  # none but the pixel that it starts in, which it leaves
                 ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
-                status, part, agreement = _meet(planes, ix, iy, ax, ay, qa, bx, by, qb, flat, steep)
+                jx = ix + 1 - 2 * right if sideways else ix
+                jy = iy if sideways else iy + 1 - 2 * down
+                status, part, agreement = _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
                 if status != LEFT:
                     return status, max(share + part * (leave - share), 0.0), ix, iy, agreement
         share = leave
         if leave >= 1.0:
             return SPENT, 1.0, ix, iy, 0.0
-        if leave_x < leave_y:
+        sideways = leave_x < leave_y
+        if sideways:
             ix = ((cx + 1) << level) if right else (cx << level) - 1
             iy = min(max(math.floor(y0 + share * dy), cy << level), ((cy + 1) << level) - 1)
         else:

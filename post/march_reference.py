@@ -99,7 +99,7 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
 
     running = rays.alive & ~outside()
     right, down = (rays.dx >= 0).long(), (rays.dy >= 0).long()
-    pixels = torch.full_like(ix, -1)
+    pixels, sideways = torch.full_like(ix, -1), torch.zeros_like(rays.alive)
     while bool(running.any()):
         size, cx, cy = 1 << level, ix >> level, iy >> level
         leave_x, leave_y = ((cx + right) * size - rays.x) / rays.dx, ((cy + down) * size - rays.y) / rays.dy
@@ -109,7 +109,8 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         front, back = pyramid[rays.batch, cell].unbind(1)
         skips = (torch.minimum(qa, qb) > front) | (torch.maximum(qa, qb) < back)
         descends = running & (level > 0) & ~skips
-        met, part, agrees = _meet(planes, rays, ix, iy, share, leave, qa, qb)
+        jx, jy = torch.where(sideways, ix + 1 - 2 * right, ix), torch.where(sideways, iy, iy + 1 - 2 * down)
+        met, part, agrees = _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb)
         pixels = pixels + (running & (level == 0)).long()
         ends = running & (level == 0) & (met != LEFT) & (pixels > 0)  # not in the pixel that it starts in
         status, agreement = torch.where(ends, met, status), torch.where(ends, agrees, agreement)
@@ -124,7 +125,7 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         beside = torch.minimum(torch.maximum(across, first), first + size - 1)
         across = (rays.x + share * rays.dx).floor().clamp(-1e9, 1e9).long()
         above = torch.minimum(torch.maximum(across, cx * size), cx * size + size - 1)
-        sideways = leave_x < leave_y
+        sideways = torch.where(moves, leave_x < leave_y, sideways)
         nx = torch.where(sideways, (cx + right) * size - 1 + right, above)
         ny = torch.where(sideways, beside, (cy + down) * size - 1 + down)
         ix, iy = torch.where(moves, nx, ix), torch.where(moves, ny, iy)
@@ -140,8 +141,8 @@ def _look(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor) -> Tensor:
     return planes[rays.batch, y, x].double().T
 
 
-def _meet(planes, rays, ix, iy, share, leave, qa, qb) -> tuple[Tensor, Tensor, Tensor]:
-    """How rays from ``share`` to ``leave`` meet the surface of one pixel: status, part of the way, agreement."""
+def _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, Tensor, Tensor]:
+    """How rays, entering pixel i at ``share`` from pixel j, meet its surface: status, part of the way, agreement."""
     q, gx, gy, back = _look(planes, rays, ix, iy)
     ox, oy = rays.x - ix - 0.5, rays.y - iy - 0.5
     front_a = qa - (q + gx * (ox + share * rays.dx) + gy * (oy + share * rays.dy))
@@ -149,14 +150,17 @@ def _meet(planes, rays, ix, iy, share, leave, qa, qb) -> tuple[Tensor, Tensor, T
     tolerance = TOLERANCE * q.abs()
     before = front_a >= -tolerance
     crosses = before & (front_b < -tolerance)
-    crack = gx.abs() + gy.abs() + rays.pixel(q)
+    _, hx, hy, _ = _look(planes, rays, jx, jy)
+    crack = gx.abs() + gy.abs() + hx.abs() + hy.abs() + rays.pixel(q)  # by which neighbouring pieces of plane part
     falls = ~before & (front_b < front_a) & (front_a > -crack)
     blocks = ~before & ~falls & ((qa > back) | (qb > back))
     gap = front_a - front_b
     part = torch.where(crosses, front_a / torch.where(crosses, gap, 1.0), 0.0)
     behind = qa - front_a - back
     near = ((qa - back) / torch.where(blocks, behind, 1.0)).clamp(0.0, 1.0)
-    agreement = torch.where(crosses, 1.0, torch.where(falls, 1 + front_a / crack, torch.where(blocks, near, 0.0)))
+    agreement = torch.where(
+        crosses, 1.0, torch.where(falls, (2 + 2 * front_a / crack).clamp_max(1.0), torch.where(blocks, near, 0.0))
+    )
     return torch.where(crosses | falls, HIT, torch.where(blocks, BLOCKED, LEFT)), part, agreement
 
 
