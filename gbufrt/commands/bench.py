@@ -1,0 +1,197 @@
+"""`gbufrt bench`: how fast, and in how much memory."""
+
+from __future__ import annotations
+
+import json as jsonlib
+import platform
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from pathlib import Path
+from statistics import median
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from gbufrt.commands.options import at_least, parse_names, parse_size
+
+TRACE_SIZE = (480, 854)
+MEGA = 1e6
+
+
+def bench(
+    *,
+    presets: Annotated[tuple[str, ...], Parameter(negative="")] = ("high",),
+    size: str = "960x540",
+    repeats: int = 5,
+    device: str = "cpu",
+    json: Path | None = None,
+) -> None:
+    """Time every pass of a preset, the tracing of primary rays, and take the peak memory.
+
+    Each preset runs in a process of its own, over one frame of the built-in world read from an EXR file, so that its
+    peak memory is its own: interpreter, libraries, frame and passes together.
+
+    Args:
+        presets: Presets to time; may be repeated, or name several with commas.
+        size: Width x height of the frame in pixels.
+        repeats: Runs that each median is taken over; one run before them does not count.
+        device: cpu, or cuda where there is a CUDA device.
+        json: Also write the figures to this file.
+    """
+    from gbufrt.commands.session import Recipe, open_device, progress
+    from gbufrt.output import write_text
+
+    shape = parse_size(size)
+    at_least("--repeats", repeats, 1)
+    open_device(device)
+    names = parse_names(presets)
+    for name in names:
+        Recipe(preset=name).build()
+    figures: dict[str, Any] = {"machine": machine(), "size": [shape[1], shape[0]], "device": device, "presets": {}}
+    with progress("bench", 1 + len(names)) as doing, tempfile.TemporaryDirectory() as folder:
+        tick = doing("tracing")
+        figures["rays"] = time_rays(repeats, device)
+        frame = make_frame(Path(folder), shape, device)
+        tick()
+        for name in names:
+            tick = doing(f"preset {name}")
+            figures["presets"][name] = _in_own_process(frame, name, repeats, device)
+            tick()
+    _show(figures)
+    if json is not None:
+        write_text(json, jsonlib.dumps(figures, indent=2) + "\n")
+
+
+def machine() -> str:
+    """One line that says what the figures were measured on."""
+    import os
+
+    import torch
+
+    model = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        lines = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        model = lines[0].partition(":")[2].strip() if lines else model
+    gpu = f", {torch.cuda.get_device_name()}" if torch.cuda.is_available() else ""
+    return (
+        f"{model}, {os.cpu_count()} cores, {torch.get_num_threads()} threads{gpu}; {platform.system()}, "
+        f"Python {platform.python_version()}, torch {torch.__version__}"
+    )
+
+
+def time_rays(repeats: int, device: str = "cpu", size: tuple[int, int] = TRACE_SIZE) -> dict[str, float]:
+    """Primary rays through 256x128x256 voxels of terrain, looking along it to the horizon."""
+    from tracer.traversal import trace
+    from tracer.worlds import terrain
+
+    scene = terrain()
+    origins, directions = next(iter(scene.views.values())).camera(0.0, size=size).rays()
+    scene, origins, directions = scene.to(device), origins.to(device), directions.to(device)
+    seconds = []
+    for _ in range(repeats + 1):
+        start = time.perf_counter()
+        trace(scene, origins, directions)
+        _wait(device)
+        seconds.append(time.perf_counter() - start)
+    middle = median(seconds[1:])
+    return {"ms": middle * 1e3, "mrays_per_s": size[0] * size[1] / middle / MEGA}
+
+
+def time_passes(path: Path, preset: str, repeats: int, device: str) -> dict[str, Any]:
+    """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file."""
+    import torch
+
+    from gbufrt.commands.session import Recipe, bare
+    from gbufrt.exr import read_exr
+
+    pipeline, frame = Recipe(preset=preset).build(), bare(read_exr(path)).to(device)
+    spent: dict[str, list[float]] = defaultdict(list)
+    started: dict[str, float] = {}
+
+    def begin(name: str) -> None:
+        _wait(device)
+        started[name] = time.perf_counter()
+
+    def end(name: str) -> None:
+        _wait(device)
+        spent[name].append((time.perf_counter() - started[name]) * 1e3)
+
+    for name, stage in pipeline.passes():
+        stage.register_forward_pre_hook(lambda *_, name=name: begin(name))
+        stage.register_forward_hook(lambda *_, name=name: end(name))
+    state, totals = None, []
+    with torch.no_grad():
+        for index in range(repeats + 1):
+            start = time.perf_counter()
+            _, state = pipeline(frame.replace(index=index), state)
+            _wait(device)
+            totals.append((time.perf_counter() - start) * 1e3)
+    passes = {name: median(times[1:]) for name, times in spent.items()}
+    return {"passes_ms": passes, "total_ms": median(totals[1:]), "peak_mb": peak_memory()}
+
+
+def peak_memory() -> float | None:
+    """Most memory that this process has held, in megabytes; None where the system does not tell."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / MEGA
+
+
+def make_frame(folder: Path, size: tuple[int, int], device: str) -> Path:
+    """One frame of the built-in world as an EXR file."""
+    from tracer.render import render
+
+    from gbufrt.exr import write_exr
+    from tracer.worlds import builtin
+
+    scene = builtin()
+    camera = next(iter(scene.views.values())).camera(0.0, size=size).to(device)
+    frame = render(scene.to(device), camera, previous_camera=camera, light_samples=1)
+    write_exr(folder / "frame.exr", frame)
+    return folder / "frame.exr"
+
+
+def _in_own_process(*arguments: Any) -> dict[str, Any]:
+    import signal
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    quiet = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the child without a traceback
+    with ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=quiet) as pool:
+        return pool.submit(time_passes, *arguments).result()
+
+
+def _wait(device: str) -> None:
+    if device != "cpu":
+        import torch
+
+        torch.cuda.synchronize(device)
+
+
+def _show(figures: dict[str, Any]) -> None:
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("pass, median ms", box=box.SIMPLE_HEAD)
+    presets = figures["presets"]
+    for name in presets:
+        table.add_column(name, justify="right")
+    for stage in dict.fromkeys(stage for found in presets.values() for stage in found["passes_ms"]):
+        times = [found["passes_ms"].get(stage) for found in presets.values()]
+        table.add_row(stage, *("" if ms is None else f"{ms:.1f}" for ms in times))
+    table.add_section()
+    table.add_row("all passes", *(f"{found['total_ms']:.1f}" for found in presets.values()))
+    table.add_row("peak memory, MB", *(f"{found['peak_mb'] or 0:.0f}" for found in presets.values()))
+    console, rays = Console(), figures["rays"]
+    console.print(figures["machine"], markup=False, highlight=False)
+    width, height = figures["size"]
+    console.print(f"passes at {width}x{height}; primary rays over terrain, 854x480: ", end="", markup=False)
+    console.print(f"{rays['mrays_per_s']:.2f} Mrays/s ({rays['ms']:.0f} ms)", markup=False)
+    console.print(table)

@@ -1,0 +1,83 @@
+"""`gbufrt post`: run passes over frames that lie on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gbufrt.commands.options import PassOptions
+
+if TYPE_CHECKING:
+    from gbufrt.commands.session import Recipe
+
+
+def post(*files: Path, out: Path, options: PassOptions | None = None) -> None:
+    """Run the passes over EXR files that `gbufrt render` wrote, from their G-buffer and light alone.
+
+    Results that passes stored in the files are not used. Without further options the pipeline is the one that the
+    files were rendered with, and the pictures are the same; --without and --set change it, --preset starts anew.
+    Frames that follow each other share their history, others start with their own.
+
+    Args:
+        files: EXR files in order, or folders of them (their frame_*.exr).
+        out: Folder to write to; made where it is missing.
+    """
+    from gbufrt.commands.session import Runner, bare, check_folder, open_device, progress, save
+    from gbufrt.exr import read_exr
+
+    options = options or PassOptions()
+    device = open_device(options.device)
+    check_folder(out)
+    paths = gathered(files, out)
+    recipe, notes = recorded(paths, options)
+    runner = Runner(recipe.build(), recipe.warmup)
+    with progress("post", runner.runs(len(paths))) as doing:
+        for path in paths:
+            frame = bare(read_exr(path)).to(device)
+            result = runner(frame, doing(f"passes of {path.name}"))
+            save(out, path.stem, result, notes={**notes[path], "pipeline": recipe.to_notes()}, debug=options.debug)
+    print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
+
+
+def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
+    """The files to read, with folders replaced by what is in them.
+
+    Raises:
+        ValueError: there are none, or two would be written to the same name, or onto their own input.
+        FileNotFoundError: one does not exist.
+    """
+    paths: list[Path] = []
+    for file in files:
+        inside = sorted(file.glob("frame_*.exr")) if file.is_dir() else [file]
+        if not inside:
+            raise ValueError(f"{file} holds no frame_*.exr; give files or folders that `gbufrt render` wrote")
+        paths += inside
+    if not paths:
+        raise ValueError("no files given; give EXR files or folders that `gbufrt render` wrote")
+    stems = [path.stem for path in paths]
+    for path in paths:
+        if not path.exists():
+            raise FileNotFoundError(f"{path} does not exist; check the path")
+        if path.parent.resolve() == out.resolve():
+            raise ValueError(
+                f"--out {out} is where {path.name} lies, which would be overwritten; choose another folder"
+            )
+        if stems.count(path.stem) > 1:
+            raise ValueError(f"several inputs are called {path.stem}, and would be written to one file; run them apart")
+    return paths
+
+
+def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path, dict[str, Any]]]:
+    """The pipeline to run, and each file's notes; reads headers only, so that a bad file is found before work starts.
+
+    Raises:
+        ValueError: a file cannot be read, or they were rendered with different pipelines and no preset is given.
+    """
+    from gbufrt.commands.session import Recipe
+    from gbufrt.exr import read_notes
+
+    notes = {path: read_notes(path) for path in paths}
+    recipes = [Recipe.of_notes(note) for note in notes.values()]
+    if options.preset is None and any(recipe != recipes[0] for recipe in recipes):
+        raise ValueError("the files were rendered with different pipelines; say which to run with --preset")
+    return Recipe.of(options, recipes[0]), notes

@@ -1,0 +1,202 @@
+"""`gbufrt render`: from a world to finished frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from gbufrt.commands.options import Flag, PassOptions, at_least, parse_size
+
+if TYPE_CHECKING:
+    from gbufrt.commands.session import Runner
+    from gbufrt.frame import Frame
+    from tracer.scene import Scene
+
+
+def render(
+    world: str = "builtin",
+    *,
+    out: Path,
+    view: str | None = None,
+    frames: int = 1,
+    size: str = "960x540",
+    time: float = 0.0,
+    fps: float = 24.0,
+    light_samples: int | None = None,
+    seed: Annotated[int | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
+    resume: Flag = False,
+    options: PassOptions | None = None,
+) -> None:
+    """Trace a world into G-buffers, run the passes over them, and write OUT/frame_0000.png and .exr for every frame.
+
+    The EXR holds every channel and signal, so that `gbufrt post` can run other passes over it later. The first frame
+    has no history: the passes run over it several times, as if it stood still (see --warmup).
+
+    Args:
+        world: Built-in world (builtin, terrain, ...) or a MagicaVoxel .vox file.
+        out: Folder to write to; made where it is missing.
+        view: Named view or camera path of the world; by default its first.
+        frames: How many frames.
+        size: Width x height in pixels.
+        time: Seconds into the scene at the first frame.
+        fps: Frames a second of the scene's time.
+        light_samples: Rays to each light per pixel; more is smoother and slower.
+        resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
+    """
+    from gbufrt.commands.session import Recipe, Runner, bare, check_folder, open_device, progress, save
+
+    options = options or PassOptions()
+    shot = Shot(
+        world=world,
+        view=view,
+        size=parse_size(size),
+        frames=frames,
+        time=time,
+        fps=fps,
+        samples=light_samples,
+        seed=seed,
+    )
+    recipe = Recipe.of(options)
+    device = open_device(options.device)
+    check_folder(out)
+    shot.check()
+    runner = Runner(recipe.build(), recipe.warmup)
+    scene = shot.load().to(device)
+    jitter = frames > 1 and wants_jitter(runner)
+    notes = {"render": shot.notes(), "pipeline": recipe.to_notes()}
+    done = finished(out, frames, notes) if resume else 0
+    if done == frames:
+        print(f"all {frames} frames are in {out} already")
+        return
+    with progress("render", frames - done + runner.runs(frames)) as doing:
+        for index in range(frames):
+            if index < done:
+                runner(bare(_read(out, index)).to(device), doing(f"reading frame {index} again"))
+                continue
+            traced = shot.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
+            result = runner(traced, doing(f"passes of frame {index}"))
+            save(out, stem(index), result, notes=notes, debug=options.debug)
+    if recipe.warmup and not done:
+        print(f"the passes ran {recipe.warmup} times over frame 0, standing still, before it counted (--warmup)")
+    last = stem(frames - 1) + ".png"
+    print(
+        f"wrote {frames - done} frame{'s' if frames - done > 1 else ''} to {out} ({stem(done)}.png and .exr to {last})"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """What is to be traced."""
+
+    world: str
+    view: str | None
+    size: tuple[int, int]
+    frames: int
+    time: float
+    fps: float
+    samples: int | None
+    seed: int | None
+
+    def check(self) -> None:
+        """Raise ValueError where a number makes no sense."""
+        at_least("--frames", self.frames, 1)
+        at_least("--time", self.time, 0.0)
+        at_least("--fps", self.fps, 1e-3)
+        if self.samples is not None:
+            at_least("--light-samples", self.samples, 1)
+
+    def load(self) -> Scene:
+        """The world.
+
+        Raises:
+            ValueError: there is no such world or view, or nothing in it.
+            FileNotFoundError: there is no such file.
+        """
+        from tracer.worlds import WORLDS, builtin, load
+
+        if self.seed is None:
+            scene = load(self.world)
+        elif self.world == "builtin" or self.world in WORLDS:
+            scene = WORLDS.get(self.world, builtin)(seed=self.seed)
+        else:
+            raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
+        if scene.world.empty and not scene.instances:
+            raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
+        if not scene.views:
+            raise ValueError(f"world {self.world!r} has no views to look from")
+        if self.view is not None and self.view not in scene.views:
+            raise ValueError(f"no view {self.view!r} in world {self.world!r}; it has {', '.join(scene.views)}")
+        return scene
+
+    def notes(self) -> dict[str, Any]:
+        """What a frame depends on, as JSON values."""
+        keys = ("world", "view", "time", "fps", "samples", "seed")
+        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}}
+
+    def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
+        """G-buffer and light of one frame."""
+        from tracer.render import render as trace_frame
+
+        from gbufrt.noise import halton_jitter
+
+        view = scene.views[self.view or next(iter(scene.views))]
+
+        def camera(number: int) -> Any:
+            seen = view.camera(self.time + number / self.fps, size=self.size)
+            return seen.with_jitter(halton_jitter(number) if jitter else None).to(device)
+
+        more = {} if self.samples is None else {"light_samples": self.samples}
+        frame = trace_frame(
+            scene,
+            camera(index),
+            previous_camera=camera(index - 1),
+            time=self.time + index / self.fps,
+            previous_time=self.time + (index - 1) / self.fps,
+            index=index,
+            **more,
+        )
+        tick()
+        return frame
+
+
+def wants_jitter(runner: Runner) -> bool:
+    """Whether a pass averages jittered frames into an anti-aliased one."""
+    return any(type(stage).__name__ == "TAA" for _, stage in runner.pipeline.passes())
+
+
+def stem(index: int) -> str:
+    """File name of a frame without its ending."""
+    return f"frame_{index:04d}"
+
+
+def finished(out: Path, frames: int, notes: dict[str, Any]) -> int:
+    """How many frames from the first on lie finished in ``out``.
+
+    Raises:
+        ValueError: they come from other options, so that the rest would not fit them.
+    """
+    from gbufrt.exr import read_notes
+
+    for index in range(frames):
+        path = out / f"{stem(index)}.exr"
+        if not path.exists():
+            return index
+        try:
+            found = read_notes(path)
+        except ValueError:  # damaged since: make it again
+            return index
+        for part, wanted in notes.items():
+            for key, value in wanted.items():
+                there = found.get(part, {}).get(key)
+                if there != value:
+                    raise ValueError(f"cannot resume: {path} has {key} {there!r}, not {value!r}; use another --out")
+    return frames
+
+
+def _read(out: Path, index: int) -> Frame:
+    from gbufrt.exr import read_exr
+
+    return read_exr(out / f"{stem(index)}.exr")

@@ -1,0 +1,219 @@
+"""What render and post share: which pipeline, in what order frames go through it, and where results go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from gbufrt.camera import Camera
+from gbufrt.commands.options import PassOptions, at_least, fitted, parse_names, parse_settings
+from gbufrt.exr import best_picture, write_exr
+from gbufrt.frame import LIGHT, Frame
+from gbufrt.passes import Pipeline, PipelineState
+from gbufrt.picture import write_png
+from gbufrt.views import contact_sheet, debug_names, debug_view, to_srgb
+
+INDEX_PERIOD = (
+    4096  # a multiple of every noise's period: the warm-up counts down to a frame's index without going below 0
+)
+Tick = Callable[[], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """A pipeline in a form that fits a file's header."""
+
+    preset: str = "high"
+    without: tuple[str, ...] = ()
+    set: Mapping[str, Any] = field(default_factory=dict)
+    warmup: int = 8
+
+    @staticmethod
+    def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
+        """What the command line asks for; ``start`` is what holds where it says nothing (a preset starts anew).
+
+        Raises:
+            ValueError: a setting or the warm-up is malformed.
+        """
+        base = start or Recipe()
+        if options.preset is not None:
+            base = Recipe(preset=options.preset, warmup=base.warmup)
+        warmup = base.warmup if options.warmup is None else options.warmup
+        at_least("--warmup", warmup, 0)
+        without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
+        settings = {**base.set, **parse_settings(options.set)}
+        return Recipe(preset=base.preset, without=without, set=settings, warmup=warmup)
+
+    @staticmethod
+    def of_notes(notes: Mapping[str, Any]) -> Recipe:
+        """What `to_notes` wrote; the default where there is nothing that fits."""
+        found = notes.get("pipeline")
+        if not isinstance(found, dict):
+            return Recipe()
+        try:
+            without, settings = tuple(map(str, found["without"])), dict(found["set"])
+            return Recipe(preset=str(found["preset"]), without=without, set=settings, warmup=int(found["warmup"]))
+        except (KeyError, TypeError, ValueError):
+            return Recipe()
+
+    def to_notes(self) -> dict[str, Any]:
+        """The recipe as JSON values."""
+        return {**asdict(self), "without": list(self.without)}
+
+    def build(self) -> Pipeline:
+        """The pipeline.
+
+        Raises:
+            ValueError: there is no such preset, stage or tunable.
+        """
+        from post.presets import me1
+
+        pipeline = me1(self.preset)
+        if self.set:
+            present = pipeline.all_tunables()
+            values = {name: fitted(name, value, present[pipeline.resolve(name)]) for name, value in self.set.items()}
+            pipeline = pipeline.with_tunables(values)
+        return pipeline.without(*self.without)
+
+
+class Runner:
+    """Sends frames through a pipeline in order.
+
+    A frame that does not follow the one before it starts anew: it is taken as standing still, and the passes run over
+    it ``warmup`` times with the noise of the frames before it, so that its history is full when it counts.
+    """
+
+    def __init__(self, pipeline: Pipeline, warmup: int) -> None:
+        self.pipeline, self.warmup = pipeline, warmup
+        self.state: PipelineState | None = None
+        self.last: Frame | None = None
+
+    def __call__(self, frame: Frame, tick: Tick = lambda: None) -> Frame:
+        """The frame after all passes; ``tick`` is called after each run of the pipeline."""
+        with torch.no_grad():
+            follows = self.last is not None and _follows(self.last, frame)
+            taken = frame if follows else _standing_still(frame)
+            if not follows:
+                self.state = None
+                for step in range(self.warmup, 0, -1):
+                    earlier = taken.replace(index=(frame.index - step) % INDEX_PERIOD)
+                    _, self.state = self.pipeline(earlier, self.state)
+                    tick()
+            result, self.state = self.pipeline(taken, self.state)
+            tick()
+        self.last = frame
+        return _in_motion(result, frame)
+
+    def runs(self, frames: int) -> int:
+        """How many runs of the pipeline consecutive frames take."""
+        return frames + self.warmup
+
+
+def bare(frame: Frame) -> Frame:
+    """The frame without anything that a pass wrote: G-buffer, light, and the same of what lies behind."""
+    return Frame(
+        gbuffer=frame.gbuffer,
+        index=frame.index,
+        time=frame.time,
+        cut=frame.cut,
+        emitters_sampled=frame.emitters_sampled,
+        behind=None if frame.behind is None else bare(frame.behind),
+        **{name: frame.get(name) for name in LIGHT},  # pyright: ignore[reportArgumentType]
+    )
+
+
+def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], debug: bool) -> None:
+    """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
+    picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
+    if debug:
+        for name in debug_names(frame):
+            write_png(folder / "debug" / f"{stem}_{name}.png", debug_view(frame, name))
+        write_png(folder / "debug" / f"{stem}_sheet.png", contact_sheet(frame))
+    write_png(folder / f"{stem}.png", picture)
+    write_exr(folder / f"{stem}.exr", frame, notes=notes)
+
+
+def check_folder(path: Path) -> Path:
+    """``--out`` as a path that is, or can become, a folder; nothing is made yet.
+
+    Raises:
+        ValueError: a file is in the way.
+    """
+    for folder in (path, *path.parents):
+        if folder.exists():
+            if not folder.is_dir():
+                raise ValueError(f"--out {path} must be a folder, but {folder} is a file; choose another name")
+            break
+    return path
+
+
+def open_device(name: str) -> torch.device:
+    """The device called ``name``.
+
+    Raises:
+        ValueError: there is none.
+    """
+    kind, _, number = name.partition(":")
+    if kind not in ("cpu", "cuda") or (number and not number.isdecimal()):
+        raise ValueError(f"--device must be cpu or cuda, got {name!r}")
+    if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
+        raise ValueError(f"--device {name}: there is no such CUDA device here; use --device cpu")
+    return torch.device(name)
+
+
+@contextmanager
+def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
+    """A progress bar on stderr; gives a function that names what is being done and returns the tick."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    bar = Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True), transient=True)
+    with bar:
+        task = bar.add_task(title, total=steps)
+
+        def doing(what: str) -> Tick:
+            bar.update(task, description=f"{title}: {what}")
+            return lambda: bar.advance(task)
+
+        yield doing
+
+
+def _follows(last: Frame, frame: Frame) -> bool:
+    before, camera = frame.gbuffer.previous_camera, last.gbuffer.camera
+    if before is None or frame.index != last.index + 1 or (frame.cut is not None and bool(frame.cut.any())):
+        return False
+    return _same_pose(before, camera)
+
+
+def _same_pose(a: Camera, b: Camera) -> bool:
+    if (a.size, a.orthographic, a.batch) != (b.size, b.orthographic, b.batch):
+        return False
+    return torch.equal(a.world_from_view, b.world_from_view) and torch.equal(a.intrinsics, b.intrinsics)
+
+
+def _standing_still(frame: Frame) -> Frame:
+    g = frame.gbuffer
+    still = {n: torch.zeros_like(t) for n in ("motion", "motion_z") if (t := getattr(g, n)) is not None}
+    behind = None if frame.behind is None else _standing_still(frame.behind)
+    return frame.replace(gbuffer=replace(g, previous_camera=g.camera, **still), cut=None, behind=behind)
+
+
+def _in_motion(result: Frame, frame: Frame) -> Frame:
+    """The result with the geometry of the frame that it was made from."""
+    behind = result.behind
+    if behind is not None and frame.behind is not None:
+        behind = _in_motion(behind, frame.behind)
+    return result.replace(gbuffer=frame.gbuffer, cut=frame.cut, behind=behind)
