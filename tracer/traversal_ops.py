@@ -42,7 +42,7 @@ def surface(
         medium that the ray leaves, and the voxel.
     """
     rays = (origins, directions, spans, media_left)
-    if False:  # the compiled form is on its way
+    if origins.is_cpu:
         from tracer.traversal_kernel import run_surface
 
         return run_surface(*rays, bricks, index, entries, media, transforms, mask)
@@ -62,7 +62,7 @@ def transmit(
     mask: int,
 ) -> Tensor:
     """``(N, 3)`` float32: the share of light that comes through; 0 behind anything opaque."""
-    if False:  # the compiled form is on its way
+    if origins.is_cpu:
         from tracer.traversal_kernel import run_transmit
 
         return run_transmit(origins, directions, spans, bricks, index, entries, media, transforms, mask)
@@ -88,7 +88,7 @@ def runs(
     Returns:
         ``(N, 2)`` float32, in t: through voxels that are not air, and through the first ones of the same material.
     """
-    if False:  # the compiled form is on its way
+    if origins.is_cpu:
         from tracer.traversal_kernel import run_runs
 
         return run_runs(origins, directions, spans, starts, bricks, index, entries, media, transforms)

@@ -187,7 +187,8 @@ def _enter(
     direction = torch.einsum("bij,bnj->bni", rotation, directions.double().view(batch, -1, 3))
     origin, direction = origin.reshape(total, 3), direction.reshape(total, 3)
     direction = torch.where(direction.abs() < TINY, TINY, direction)
-    near, far = (voxels.low - origin) / direction, (voxels.high - origin) / direction
+    inverse = 1 / direction
+    near, far = (voxels.low - origin) * inverse, (voxels.high - origin) * inverse
     near, far = torch.minimum(near, far), torch.maximum(near, far)
     enter, axis = near.max(dim=1)
     t = torch.maximum(enter, t_min)
@@ -230,7 +231,7 @@ def _step(voxels: Voxels, walk: Walk, empty: Tensor) -> tuple[Walk, Tensor]:
     size = torch.where(empty, BRICK, 1)[:, None]
     low = torch.div(walk.cell, size, rounding_mode="floor") * size
     forward = walk.direction > 0
-    t, axis = ((torch.where(forward, low + size, low) - walk.origin) / walk.direction).min(dim=1)
+    t, axis = ((torch.where(forward, low + size, low) - walk.origin) * (1 / walk.direction)).min(dim=1)
     beside = torch.minimum(torch.maximum(walk.at(t).floor().long(), low), low + size - 1)
     through = torch.nn.functional.one_hot(axis, 3).bool()
     cell = torch.where(through, torch.where(forward, low + size, low - 1), beside)
