@@ -148,7 +148,7 @@ def reeds(canvas: Canvas, top: NDArray[np.int64], free: NDArray[np.bool_], water
     x, z = np.indices(top.shape)
     clump = np.sin(x / 6.0) + np.sin(z / 5.0 + 1.0) > 0.9
     for i, k in np.argwhere(shallow & clump & (rng.random(top.shape) < 0.20)):
-        canvas.box((i, top[i, k], k), (i + 1, water + int(rng.integers(1, 4)), k + 1), "reed")
+        canvas.box((i, int(top[i, k]), k), (i + 1, water + int(rng.integers(1, 4)), k + 1), "reed")
     deeper = (top >= water - 5) & (top < water - 1) & free & (np.sin(x / 8.0 + 2.0) + np.sin(z / 7.0) > 1.2)
     for i, k in np.argwhere(deeper & (rng.random(top.shape) < 0.05)):
         canvas.put(i, water, k, "leaf_light")

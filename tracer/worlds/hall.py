@@ -46,7 +46,7 @@ def _walls(canvas: Canvas) -> None:
 
 
 def _columns(canvas: Canvas) -> None:
-    (x0, z0), (x1, z1) = LOW, HIGH
+    x0, (x1, z1) = LOW[0], HIGH
     for x in range(x0, x1 - 1, 8):
         z = z1 - 2
         canvas.box((x, FLOOR, z), (x + 2, CEILING, z + 2), "marble")

@@ -19,7 +19,7 @@ def river_x(z: Field) -> Field:
 
 
 def _plan() -> tuple[Field, Field]:
-    x, z = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[2]) + 0.5, indexing="ij")
+    x, z = np.indices((SIZE[0], SIZE[2])).astype(np.float64) + 0.5
     return x, z
 
 
@@ -125,7 +125,7 @@ def _upper_river(canvas: Canvas, top: Field) -> None:
     away = np.abs(x - river_x(z))
     bed = (away < 4.5) & (z <= FALL_Z) & (top < UPPER) & (top > WATER + 12)
     for i, k in np.argwhere(bed):
-        canvas.box((i, top[i, k], k), (i + 1, UPPER, k + 1), "water", into_air=True)
+        canvas.box((i, int(top[i, k]), k), (i + 1, UPPER, k + 1), "water", into_air=True)
     lip = int(np.max(np.nonzero(bed.any(axis=0))[0])) + 1 if bed.any() else FALL_Z
     middle = int(river_x(np.array(float(lip))))
     for i in range(middle - 4, middle + 5):
