@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 import torch
-from PIL import Image, ImageDraw
+from PIL import Image, ImageDraw, ImageOps
 from torch import Tensor
 
 from gbufrt.exr import best_picture
@@ -27,6 +27,7 @@ VIRIDIS = (
 MOTION_SCALE = 16.0  # pixels a frame that are shown at full brightness
 LENGTH_SCALE = 32.0  # frames of history at the end of the colour map
 MIDDLE_GREY = 0.18
+NEAR_POWER = 1.5  # steeper than the plain reciprocal, which leaves the ends of the colour map unused
 LIGHTS = {"emission", "radiance", "ambient", "environment", "gi", "reflection", "composite", "color"}
 DIRECTIONS = {"normal", "normal_geo", "bent_normal"}
 SHARES = {"hit", "roughness", "metallic", "opacity", "ao", "sky_visibility", "reflection_confidence"}
@@ -83,9 +84,7 @@ def contact_sheet(frame: Frame, *, columns: int = 5, width: int = 320, names: tu
     pen = ImageDraw.Draw(page)
     for place, name in enumerate(cells):
         x, y = place % columns * width, place // columns * (height + label)
-        picture = to_pil(debug_view(frame, name)[:1])
-        if picture.size != (width, height):
-            picture.thumbnail((width, height))
+        picture = ImageOps.contain(to_pil(debug_view(frame, name)[:1]), (width, height))
         page.paste(picture, (x, y + label))
         pen.text((x + 4, y + 3), name, fill=(235, 235, 235))
     return page
@@ -139,7 +138,7 @@ def _near(frame: Frame, distance: Tensor) -> Tensor:
     pictures = []
     for some, valid in zip(distance, hit, strict=True):
         middle = some[valid].median() if bool(valid.any()) else some.new_ones(())
-        pictures.append(torch.where(valid, middle / (middle + some), 0.0))
+        pictures.append(torch.where(valid, 1 / (1 + (some.abs() / middle) ** NEAR_POWER), 0.0))
     return torch.where(hit, viridis(torch.stack(pictures)), 0.0)
 
 

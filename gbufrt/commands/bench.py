@@ -40,7 +40,8 @@ def bench(
         device: cpu, or cuda where there is a CUDA device.
         json: Also write the figures to this file.
     """
-    from gbufrt.commands.session import Recipe, open_device, progress
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import Recipe, open_device
     from gbufrt.output import write_text
 
     shape = parse_size(size)

@@ -11,20 +11,21 @@ def passes(options: PassOptions | None = None) -> None:
     Stages are what --without takes, a whole branch (gi) or a part of it (gi.accumulate). Tunables go by their full
     name or by any end of it that fits only one; a pass may go by its own name (gtao.radius).
     """
-    from rich import box
     from rich.console import Console
+    from rich.markup import escape
+    from rich.padding import Padding
     from rich.table import Table
 
     from gbufrt.commands.session import Recipe
 
-    recipe = Recipe.of(options or PassOptions())
-    table = Table("stage", "pass", "reads", "writes", "tunables", box=box.SIMPLE_HEAD, title=f"preset {recipe.preset}")
-    table.title_justify = "left"
+    recipe, console = Recipe.of(options or PassOptions()), Console(highlight=False)
+    console.print(f"preset {recipe.preset}; names in brackets are used where the frame has them")
     for name, stage in recipe.build().passes():
-        reads = [*sorted(stage.reads), *(f"({name})" for name in sorted(stage.optional))]
-        tunables = [f"{key}={value!r}" for key, value in stage.tunables().items()]
-        cells = (" ".join(reads), " ".join(sorted(stage.writes)), "\n".join(tunables))
-        table.add_row(name, type(stage).__name__, *cells)
-    console = Console()
-    console.print(table)
-    console.print("(in brackets: used where the frame has it)", markup=False)
+        rows = Table.grid(padding=(0, 2))
+        optional = [f"({signal})" for signal in sorted(stage.optional)]
+        rows.add_row("reads", " ".join([*sorted(stage.reads), *optional]))
+        rows.add_row("writes", " ".join(sorted(stage.writes)))
+        for key, value in stage.tunables().items():
+            rows.add_row("set", escape(f"{name}.{key}={value!r}"))
+        console.print(f"\n[bold]{name}[/bold]  {type(stage).__name__}")
+        console.print(Padding(rows, (0, 0, 0, 4)))

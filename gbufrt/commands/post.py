@@ -22,7 +22,8 @@ def post(*files: Path, out: Path, options: PassOptions | None = None) -> None:
         files: EXR files in order, or folders of them (their frame_*.exr).
         out: Folder to write to; made where it is missing.
     """
-    from gbufrt.commands.session import Runner, bare, check_folder, open_device, progress, save
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import Runner, bare, check_folder, open_device, save
     from gbufrt.exr import read_exr
 
     options = options or PassOptions()

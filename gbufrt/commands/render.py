@@ -46,7 +46,8 @@ def render(
         light_samples: Rays to each light per pixel; more is smoother and slower.
         resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
     """
-    from gbufrt.commands.session import Recipe, Runner, bare, check_folder, open_device, progress, save
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import Recipe, Runner, bare, check_folder, open_device, save
 
     options = options or PassOptions()
     shot = Shot(

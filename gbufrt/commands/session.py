@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import torch
 
 from gbufrt.camera import Camera
 from gbufrt.commands.options import PassOptions, at_least, fitted, parse_names, parse_settings
+from gbufrt.commands.progress import Tick
 from gbufrt.exr import best_picture, write_exr
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.passes import Pipeline, PipelineState
@@ -21,7 +21,6 @@ from gbufrt.views import contact_sheet, debug_names, debug_view, to_srgb
 INDEX_PERIOD = (
     4096  # a multiple of every noise's period: the warm-up counts down to a frame's index without going below 0
 )
-Tick = Callable[[], None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,31 +163,6 @@ def open_device(name: str) -> torch.device:
     if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
         raise ValueError(f"--device {name}: there is no such CUDA device here; use --device cpu")
     return torch.device(name)
-
-
-@contextmanager
-def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
-    """A progress bar on stderr; gives a function that names what is being done and returns the tick."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    bar = Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=Console(stderr=True), transient=True)
-    with bar:
-        task = bar.add_task(title, total=steps)
-
-        def doing(what: str) -> Tick:
-            bar.update(task, description=f"{title}: {what}")
-            return lambda: bar.advance(task)
-
-        yield doing
 
 
 def _follows(last: Frame, frame: Frame) -> bool:
