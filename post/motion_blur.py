@@ -16,7 +16,7 @@ from gbufrt.sampling import inside, pixel_centers, sample
 Position = Literal["center", "trailing"]
 Weights = Literal["reconstruction", "similarity"]
 
-LANDING_TOLERANCE = 1.0  # pixels by which a point may miss the pixel that it is meant to cover, and
+LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it is meant to cover, and
 LANDING_RELATIVE = 0.1  # of the way it went, because neighbours of one surface do not move quite alike
 STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
 OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
