@@ -386,6 +386,12 @@ def test_runner_starts_anew_where_frames_do_not_follow():
     assert float(runner(cut).read("ao_length").max()) == 4
 
 
+def test_warm_up_takes_the_noise_of_the_frames_before():
+    frame = boxes.frame(boxes.camera((16, 24)), index=1)
+    mean = torch.stack([blue_noise(16, 24, index=index) for index in (-2, -1, 0, 1)]).mean(0)
+    assert torch.allclose(Runner(fake_me1(), warmup=3)(frame).read("ao")[0], mean * 0.8, atol=1e-5)
+
+
 def test_bare_frames_hold_no_results():
     frame = boxes.frame(boxes.camera((16, 24)))
     full = frame.replace(
