@@ -11,8 +11,10 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.fusion import fusible
 from gbufrt.noise import blue_noise
-from post import horizon
-from post.horizon import Receivers, Scene, Slice, Tap
+from gbufrt.sampling import gather
+from post import horizon, slices
+from post.horizon import Side, Tap
+from post.slices import Receivers, Scene, Slice
 
 SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
 GROUPS = 6  # of sectors, one mean direction each
@@ -29,8 +31,10 @@ class Front(NamedTuple):
     rise: Tensor
     run: Tensor
     distance: Tensor
+    inside: Tensor
+    """1 within the radius (and not the receiver itself), else 0."""
     z: Tensor
-    solid: Tensor
+    back_z: Tensor
 
 
 def bitmask_ao(
@@ -76,20 +80,20 @@ def bitmask_ao(
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
-    horizon.check_sweep(directions, steps, radius)
+    slices.check_sweep(directions, steps, radius)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     thickness = THICKNESS * reach if thickness is None else thickness
-    around = horizon.scene(camera, depth, hit, horizon.planar_thickness(camera, depth, thickness))
-    at = horizon.receivers(camera, depth, normal)
+    around = slices.scene(camera, depth, hit, slices.planar_thickness(camera, depth, thickness))
+    at = slices.receivers(camera, depth, normal)
     if soft is None:
         soft = torch.is_grad_enabled() and any(t.requires_grad for t in (around.picture, at.nx, reach))
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     rows = []
-    for cut, band in horizon.bands(at):
+    for cut, band in slices.bands(at):
         sums = torch.zeros(8, *band.z.shape, dtype=depth.dtype, device=depth.device)
         for which in range(directions):
-            random = horizon.slice_noise(noise[:, cut], which, directions)
+            random = slices.slice_noise(noise[:, cut], which, directions)
             sums = sums + _slice(around, band, *random, reach, steps, camera.orthographic, soft)
         rows.append(sums)
     return horizon.finish(at, camera, hit, torch.cat(rows, dim=2), normal)
@@ -109,66 +113,56 @@ def _slice(
     soft: bool,
 ) -> Tensor:
     """What one slice adds to the sums of `horizon.finish`."""
-    cut = horizon.cut_slice(at, cos_psi, sin_psi)
+    cut = slices.cut_slice(at, cos_psi, sin_psi)
     size = (around.picture.shape[-2] - 2, around.picture.shape[-1] - 2)
     covered = no_cover(at.z, soft)
     own = own_solid(around, at)
-    for side in (1.0, -1.0):
-        dx, dy, length, border = horizon.room(at, cut, side, size)
-        reach_px = torch.minimum(radius * length, border).detach()
-        whole = horizon.side_measure(cut, side)
-        before = start(at, whole, own)
+    right, left = horizon.sides(at, cut, size)
+    for side in (right, left):
+        reach_px = torch.minimum(radius * side.length, side.border).detach()
+        before = start(at, side, own)
         for i in range(steps):
             px = 1.0 + reach_px * ((i + jitter) / steps)
-            tap = horizon.look(around, at, cut, side, (dx * px, dy * px), parallel)
-            low, high, near, before = blocked(tap, before, at, cut, side, whole, radius, None if soft else dither)
+            tap = horizon.look(around, at, side, px, parallel)
+            front, back, near, *state = blocked(tap, before, side, radius, soft)
+            before = Front(*state)
+            low, high = (
+                (left.whole + front, left.whole + back) if side is right else (left.whole - back, left.whole - front)
+            )
             covered, _ = cover(covered, low, high, near, dither)
     return slice_sums(cut, covered)
 
 
-def start(at: Receivers, whole: Tensor, solid: Tensor) -> Front:
+def start(at: Receivers, side: Side, solid: Tensor) -> Front:
     """The receiver itself, as what comes before the first tap."""
     zero = torch.zeros_like(at.z)
-    return Front(whole, zero, zero, zero, at.z, solid)
+    return Front(side.whole, zero, zero, zero, zero, at.z, at.z + solid)
 
 
 def own_solid(around: Scene, at: Receivers) -> Tensor:
     """Planar depth from front to back at the receivers."""
-    return horizon.gather(around.picture[:, 1:2], at.column.int() + 1, at.row.int() + 1)[:, 0]
+    return gather(around.picture[:, 1:2], at.column.int() + 1, at.row.int() + 1)[:, 0]
 
 
-def blocked(
-    tap: Tap,
-    before: Front,
-    at: Receivers,
-    cut: Slice,
-    side: float,
-    whole: Tensor,
-    radius: Tensor | None,
-    dither: Tensor | None,
-) -> tuple[Tensor, Tensor, Tensor, Front]:
-    """Shares of the arc between which a tap blocks, how far it counts (0 to 1), and itself as the next `Front`."""
-    z = at.z + tap.toward[2]
-    overlap = torch.minimum(z + tap.solid, before.z + before.solid) - torch.maximum(z, before.z)
-    joined = horizon.step(overlap) * horizon.step(tap.solid)
-    distance = (tap.distance2 + 1e-20).sqrt()
-    rise, run = tap.front_rise, tap.front_run
-    near = torch.ones_like(z)
+def blocked(tap: Tap, before: Front, side: Side, radius: Tensor | None, soft: bool) -> tuple[Tensor, ...]:
+    """Shares of the side between which a tap blocks, how far it counts (0 to 1), and what `Front` holds of it."""
+    overlap = torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
+    joined = horizon.step(overlap)
+    rise, run, near, distance, inside = tap.front_rise, tap.front_run, joined, joined, joined
     if radius is not None:
-        crossing = joined * horizon.step(distance - radius) * horizon.step(radius - before.distance)
-        crossing = crossing * horizon.step(before.distance)
-        left = ((distance - radius) / (distance - before.distance).clamp_min(1e-9)).clamp(0, 1) * crossing
+        distance = (rise * rise + run * run + 1e-20).sqrt()
+        inside = horizon.step(radius - distance)
+        crossing = joined * before.inside * (1 - inside)
+        left = (distance - radius) / (distance - before.distance).clamp_min(1e-9) * crossing
         rise, run = rise + (before.rise - rise) * left, run + (before.run - run) * left
-        spread = (radius - distance) / (2 * FADE * radius) + 0.5
-        inside = spread.clamp(0, 1) if dither is None else horizon.step(spread - dither)
-        near = torch.maximum(inside, crossing)
-    front = horizon.arc_measure(rise, run, cut, side, whole)
-    back = horizon.arc_measure(tap.back_rise, tap.back_run, cut, side, whole)
+        faded = ((radius - distance) / (2 * FADE * radius) + 0.5).clamp(0, 1) if soft else inside
+        near = torch.maximum(faded, crossing)
+    front = horizon.arc_measure(rise, run, side)
+    back = horizon.arc_measure(tap.back_rise, tap.back_run, side)
     low = front + (torch.minimum(front, before.share) - front) * joined
     high = back + (torch.maximum(back, before.share) - back) * joined
-    middle = horizon.side_measure(cut, -1.0)
-    low, high = (middle + low, middle + high) if side > 0 else (middle - high, middle - low)
-    return low, high, near, Front(front, tap.front_rise, tap.front_run, distance, z, tap.solid)
+    near = torch.ones_like(low) if radius is None else near
+    return low, high, near, front, tap.front_rise, tap.front_run, distance, inside, tap.z, tap.back_z
 
 
 def no_cover(like: Tensor, soft: bool) -> Tensor:
@@ -181,8 +175,8 @@ def no_cover(like: Tensor, soft: bool) -> Tensor:
 def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tensor) -> tuple[Tensor, Tensor]:
     """Cover the sectors between two shares of the arc; also returns what is new in the cover."""
     if covered.dtype == torch.int32:
-        first = (low * SECTORS + dither).clamp(0, SECTORS).int()
-        last = torch.maximum((high * SECTORS + dither).clamp(0, SECTORS).int(), first)
+        first = (low * SECTORS + dither).int()
+        last = torch.maximum((high * SECTORS + dither).int(), first)
         one = torch.ones_like(covered)
         bits = ((one << last) - (one << first)) * near.int()
         return covered | bits, bits & ~covered

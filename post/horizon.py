@@ -1,10 +1,8 @@
-"""What the slice sweeps (GTAO, bitmask, screen-space GI) share: receivers, slices, taps and the arc's measure.
+"""What the slice sweeps (GTAO, bitmask, screen-space GI) share: taps, the arc's measure, and what the slices add up to.
 
 A slice is a plane through the ray of a pixel. Angles in it are measured from the direction toward the eye (theta) or
 from the normal projected into the slice (alpha = theta - n). A sweep walks along the slice in the picture, first to
 one side and then to the other; the other side is the mirror image: tangent, n and their sine change sign.
-
-Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code fuses and stays in cache.
 """
 
 from __future__ import annotations
@@ -13,195 +11,13 @@ import math
 from typing import NamedTuple
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.noise import GOLDEN
 from gbufrt.sampling import gather
+from post.slices import Receivers, Scene, Slice
 
-BAND_PIXELS = 32768
-BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it blocks anything
-MIN_FACING = 0.02  # normals that tip past the silhouette are bent back to this cosine with the view
-UNBOUNDED = 1e6  # assumed thickness stands in for "no end", as a multiple of the depth
-
-
-class Scene(NamedTuple):
-    """What taps read: pictures with a border of one empty pixel, and how pixels become points."""
-
-    picture: Tensor
-    """``(B, C, H + 2, W + 2)``: planar depth, planar depth of the back minus that of the front, and what else is seen.
-    Nothing stands where the two depths agree: beyond the border, and where nothing was hit."""
-    origin_x: Tensor
-    """``(B, 1, 1)``: slope (perspective) or place (orthographic) of the ray through pixel column 0."""
-    origin_y: Tensor
-    pitch_x: Tensor
-    """``(B, 1, 1)``: change of slope or place from one pixel to the next."""
-    pitch_y: Tensor
-
-
-class Receivers(NamedTuple):
-    """The pixels that look around them. All planes ``(B, h, w)`` unless said otherwise, view space."""
-
-    column: Tensor
-    row: Tensor
-    x: Tensor
-    y: Tensor
-    z: Tensor
-    nx: Tensor
-    ny: Tensor
-    nz: Tensor
-    vx: Tensor
-    """Toward the eye, unit length."""
-    vy: Tensor
-    vz: Tensor
-    scale: Tensor
-    """Pixels along x that a world unit across the view spans here."""
-    aspect: Tensor
-    """``(B, 1, 1)``: pixels along y for each pixel along x."""
-
-
-class Slice(NamedTuple):
-    """One slice of every receiver. All planes ``(B, h, w)``."""
-
-    nx: Tensor
-    """Normal divided by the length of its projection into the slice."""
-    ny: Tensor
-    nz: Tensor
-    hx: Tensor
-    """Unit vector in the slice: the projected normal."""
-    hy: Tensor
-    hz: Tensor
-    tx: Tensor
-    """Unit vector in the slice, across the projected normal."""
-    ty: Tensor
-    tz: Tensor
-    cos_n: Tensor
-    """Of the angle n from the direction toward the eye to the projected normal."""
-    sin_n: Tensor
-    n: Tensor
-    measure: Tensor
-    """Cosine-weighted measure of the whole arc, cos n + n sin n."""
-    weight: Tensor
-    """Share of this slice in the hemisphere: measure times the length of the projected normal."""
-    step_x: Tensor
-    """Pixels that a world unit along the slice, across the ray, spans."""
-    step_y: Tensor
-
-
-def scene(camera: Camera, depth: Tensor, hit: Tensor, reach: Tensor, *seen: Tensor) -> Scene:
-    """Pad what taps read.
-
-    Args:
-        camera: of the picture.
-        depth: ``(B, 1, H, W)`` planar view z, world units.
-        hit: ``(B, 1, H, W)`` bool.
-        reach: ``(B, 1, H, W)`` planar depth from front to back of what is seen, world units.
-        seen: more pictures to read beside the depth.
-    """
-    picture = torch.cat([depth, torch.where(hit, reach, torch.zeros_like(reach)), *seen], dim=1)
-    rays = camera.unproject(torch.ones_like(depth))
-    k = camera.intrinsics.to(depth.dtype)
-    return Scene(
-        picture=F.pad(picture, (1, 1, 1, 1)),
-        origin_x=rays[:, 0, :1, :1],
-        origin_y=rays[:, 1, :1, :1],
-        pitch_x=1 / k[:, 0, 0, None, None],
-        pitch_y=1 / k[:, 1, 1, None, None],
-    )
-
-
-def planar_thickness(camera: Camera, depth: Tensor, thickness: Tensor | float) -> Tensor:
-    """Planar depth from front to back for a ``thickness`` along the view ray, world units."""
-    toward = -camera.to_eye(camera.unproject(torch.ones_like(depth)))[:, 2:]
-    limit = (UNBOUNDED * depth).detach()
-    if isinstance(thickness, Tensor):
-        return torch.minimum(thickness.to(depth.dtype), limit) * toward
-    return torch.minimum(torch.full_like(depth, thickness), limit) * toward
-
-
-def receivers(
-    camera: Camera, depth: Tensor, normal: Tensor, *, stride: int = 1, offset: tuple[int, int] = (0, 0)
-) -> Receivers:
-    """The pixels ``offset (y, x)``, ``offset + stride``... of the picture, with normals bent to face the eye.
-
-    Args:
-        camera: of the picture.
-        depth: ``(B, 1, H, W)`` planar view z, world units.
-        normal: ``(B, 3, H, W)`` world space; zero where nothing was hit.
-        stride: in pixels, both ways.
-        offset: first row and column.
-    """
-    point = camera.unproject(depth)
-    view = camera.to_eye(camera.unproject(torch.ones_like(depth)))
-    n = camera.rotate_to_view(normal)
-    facing = (n * view).sum(1, keepdim=True)
-    n = n + view * (MIN_FACING - facing).clamp_min(0)
-    n = n * (n * n).sum(1, keepdim=True).rsqrt()
-    k = camera.intrinsics.to(depth.dtype)
-    scale = k[:, :1, :1, None].expand_as(depth) if camera.orthographic else k[:, :1, :1, None] / depth.clamp_min(1e-9)
-    column = torch.arange(camera.width, dtype=depth.dtype, device=depth.device).expand_as(depth)
-    row = torch.arange(camera.height, dtype=depth.dtype, device=depth.device)[:, None].expand_as(depth)
-    planes = torch.cat([column, row, point, n, view, scale.detach()], dim=1)
-    planes = planes[:, :, offset[0] :: stride, offset[1] :: stride].contiguous()
-    return Receivers(*planes.unbind(1), aspect=(k[:, 1, 1] / k[:, 0, 0])[:, None, None])
-
-
-def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
-    """The receivers in bands of rows small enough to stay in cache: three times the speed of whole planes.
-
-    Bands are of one height where a divisor of the picture's height allows it, so that compiled code fits them all.
-    """
-    height, width = at.z.shape[-2:]
-    most = max(1, min(height, BAND_PIXELS // (width * at.z.shape[0])))
-    tall = next((rows for rows in range(most, most // 2, -1) if height % rows == 0), most)
-    cuts = [slice(first, min(first + tall, height)) for first in range(0, height, tall)]
-    return [(cut, Receivers(*(plane[:, cut] for plane in at[:-1]), aspect=at.aspect)) for cut in cuts]
-
-
-def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Cosine and sine of the angle of slice ``which`` about the ray, and two numbers in [0, 1) for steps and sectors.
-
-    Args:
-        noise: ``(3, h, w)`` in [0, 1).
-        which: 0 to ``directions - 1``.
-        directions: number of slices over half a turn.
-    """
-    angle = (noise[0] + which) * (math.pi / directions)
-    return angle.cos(), angle.sin(), (noise[1] + which * GOLDEN) % 1.0, (noise[2] + which * GOLDEN) % 1.0
-
-
-def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
-    """The slices at angle psi about the rays: evenly spaced psi cut the hemisphere evenly, off axis too."""
-    length = (1 - at.vx * at.vx).rsqrt()  # first tangent: the view's x axis made perpendicular to the ray
-    ax, ay, az = (1 - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
-    bx, by, bz = at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax
-    tx, ty, tz = cos_psi * ax + sin_psi * bx, cos_psi * ay + sin_psi * by, cos_psi * az + sin_psi * bz
-    slide = tz / at.vz  # along the ray back into the picture's plane
-    across = at.nx * tx + at.ny * ty + at.nz * tz
-    toward = at.nx * at.vx + at.ny * at.vy + at.nz * at.vz
-    projected = (across * across + toward * toward).sqrt()
-    cos_n, sin_n = toward / projected, across / projected
-    n = torch.atan2(sin_n, cos_n)
-    measure = cos_n + n * sin_n
-    return Slice(
-        nx=at.nx / projected,
-        ny=at.ny / projected,
-        nz=at.nz / projected,
-        hx=cos_n * at.vx + sin_n * tx,
-        hy=cos_n * at.vy + sin_n * ty,
-        hz=cos_n * at.vz + sin_n * tz,
-        tx=cos_n * tx - sin_n * at.vx,
-        ty=cos_n * ty - sin_n * at.vy,
-        tz=cos_n * tz - sin_n * at.vz,
-        cos_n=cos_n,
-        sin_n=sin_n,
-        n=n,
-        measure=measure,
-        weight=projected * measure,
-        step_x=(tx - slide * at.vx) * at.scale,
-        step_y=(ty - slide * at.vy) * at.scale * at.aspect,
-    )
+SNAP = 1e-6  # rounding by which a tap in the receiver's plane might seem to rise above it
 
 
 class Tap(NamedTuple):
@@ -213,75 +29,97 @@ class Tap(NamedTuple):
     """Along the receiver's plane within the slice, away from the receiver on this side."""
     back_rise: Tensor
     back_run: Tensor
-    distance2: Tensor
-    """Squared distance to the front, world units."""
-    toward: tuple[Tensor, Tensor, Tensor]
-    """From the receiver to the front, view space, world units."""
-    solid: Tensor
-    """Planar depth from front to back; 0 where nothing stands."""
+    z: Tensor
+    """Planar depth of the front and, below, of the back; equal where nothing stands."""
+    back_z: Tensor
+    x: Tensor
+    """With ``y``: slope (perspective) or place (orthographic) of the ray through the tap."""
+    y: Tensor
     seen: Tensor
     """``(B, C, h, w)``: the other channels of the scene's picture."""
 
 
-def room(at: Receivers, cut: Slice, side: float, size: tuple[int, int]) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Direction in the picture on one side, pixels a world unit spans, and pixels to the picture's border."""
+class Side(NamedTuple):
+    """One side of a slice, outwards from the receiver."""
+
+    cut: Slice
+    """The slice; for the other side its mirror image."""
+    dx: Tensor
+    """Unit direction in the picture. Planes ``(B, h, w)``."""
+    dy: Tensor
+    length: Tensor
+    """Pixels that a world unit spans."""
+    border: Tensor
+    """Pixels to the picture's border."""
+    half: Tensor
+    """1 / (2 measure)."""
+    whole: Tensor
+    """Share of the arc's measure on this side of the direction toward the eye; both sides add up to 1."""
+
+
+def sides(at: Receivers, cut: Slice, size: tuple[int, int]) -> tuple[Side, Side]:
+    """Both sides of a slice in a picture of ``size`` (H, W)."""
     length = (cut.step_x * cut.step_x + cut.step_y * cut.step_y).sqrt()
-    dx, dy = cut.step_x * (side / length), cut.step_y * (side / length)
-    room_x = torch.maximum((size[1] - 0.5 - at.column) * dx, (-0.5 - at.column) * dx) / (dx * dx).clamp_min(1e-12)
-    room_y = torch.maximum((size[0] - 0.5 - at.row) * dy, (-0.5 - at.row) * dy) / (dy * dy).clamp_min(1e-12)
-    return dx, dy, length, torch.minimum(room_x, room_y)
+    dx, dy, half = cut.step_x / length, cut.step_y / length, 0.5 / cut.measure
+    whole = (cut.cos_n + (cut.n + math.pi / 2) * cut.sin_n) * half
+    mirrored = cut._replace(tx=-cut.tx, ty=-cut.ty, tz=-cut.tz, place=-cut.place, sin_n=-cut.sin_n, n=-cut.n)
+    return (
+        Side(cut, dx, dy, length, _border(at, dx, dy, size), half, whole),
+        Side(mirrored, -dx, -dy, length, _border(at, -dx, -dy, size), half, 1 - whole),
+    )
 
 
-def look(around: Scene, at: Receivers, cut: Slice, side: float, px: tuple[Tensor, Tensor], parallel: bool) -> Tap:
-    """Read the tap ``px`` (x, y) pixels from the receivers.
+def _border(at: Receivers, dx: Tensor, dy: Tensor, size: tuple[int, int]) -> Tensor:
+    x = torch.maximum((size[1] + 0.5 - at.column) * dx, (0.5 - at.column) * dx) / (dx * dx).clamp_min(1e-12)
+    y = torch.maximum((size[0] + 0.5 - at.row) * dy, (0.5 - at.row) * dy) / (dy * dy).clamp_min(1e-12)
+    return torch.minimum(x, y)
+
+
+def look(around: Scene, at: Receivers, side: Side, px: Tensor, parallel: bool) -> Tap:
+    """Read the tap ``px`` pixels from the receivers.
 
     The tap is the whole pixel nearest to the slice. Its point is slid along the receiver's plane into the slice, which
     keeps its height above that plane: an open plane never blocks itself, however steep.
     """
-    column, row = (at.column + px[0]).round(), (at.row + px[1]).round()
-    picked = gather(around.picture, column.int() + 1, row.int() + 1)
+    cut = side.cut
+    column, row = (at.column + side.dx * px).round(), (at.row + side.dy * px).round()
+    picked = gather(around.picture, column.int(), row.int())
     z, solid = picked[:, 0], picked[:, 1]
     x, y = around.origin_x + around.pitch_x * column, around.origin_y + around.pitch_y * row
+    rise, run = x * cut.nx + y * cut.ny, x * cut.tx + y * cut.ty
     if parallel:
-        dx, dy, dz = x - at.x, y - at.y, z - at.z
-        deeper_rise, deeper_run = cut.nz, cut.tz
+        rise_by_z, run_by_z = cut.nz, cut.tz
+        rise, run = rise + z * cut.nz - cut.level, run + z * cut.tz - cut.place
     else:
-        dx, dy, dz = x * z - at.x, y * z - at.y, z - at.z
-        deeper_rise, deeper_run = x * cut.nx + y * cut.ny + cut.nz, x * cut.tx + y * cut.ty + cut.tz
-    rise = dx * cut.nx + dy * cut.ny + dz * cut.nz - BIAS * at.z
-    run = (dx * cut.tx + dy * cut.ty + dz * cut.tz) * side
+        rise_by_z, run_by_z = rise + cut.nz, run + cut.tz
+        rise, run = z * rise_by_z - cut.level, z * run_by_z - cut.place
     return Tap(
         front_rise=rise,
         front_run=run,
-        back_rise=rise + solid * deeper_rise,
-        back_run=run + solid * (deeper_run * side),
-        distance2=dx * dx + dy * dy + dz * dz,
-        toward=(dx, dy, dz),
-        solid=solid,
+        back_rise=rise + solid * rise_by_z,
+        back_run=run + solid * run_by_z,
+        z=z,
+        back_z=z + solid,
+        x=x,
+        y=y,
         seen=picked[:, 2:],
     )
 
 
-def side_measure(cut: Slice, side: float) -> Tensor:
-    """Share of the arc's measure on one side of the direction toward the eye; both sides add up to 1."""
-    sin_n = side * cut.sin_n
-    return 0.5 * (cut.cos_n + (side * cut.n + math.pi / 2) * sin_n) / cut.measure
-
-
-def arc_measure(rise: Tensor, run: Tensor, cut: Slice, side: float, whole: Tensor) -> Tensor:
+def arc_measure(rise: Tensor, run: Tensor, side: Side) -> Tensor:
     """Share of the arc's cosine-weighted measure between the direction toward the eye and a tap.
 
     The measure of theta is the integral of cos(t - n) |sin t|, (sin(theta) sin(alpha) + theta sin(n)) / 2.
-    ``whole``, the side's `side_measure`, where the tap lies below the receiver's plane.
+    All of this side where the tap lies below the receiver's plane.
 
     Source: Jimenez et al. 2016, section 4; sectors of equal measure after Therrien et al. 2023.
     """
-    sin_n = side * cut.sin_n
-    sine, cosine = run * cut.cos_n + rise * sin_n, rise * cut.cos_n - run * sin_n
+    cos_n, sin_n = side.cut.cos_n, side.cut.sin_n
+    sine, cosine = run * cos_n + rise * sin_n, rise * cos_n - run * sin_n
     theta = torch.atan2(sine, cosine)
-    share = (run * sine / (rise * rise + run * run + 1e-20) + theta * sin_n) * (0.5 / cut.measure)
-    above = step(rise)
-    return share * above + whole * (1 - above)
+    share = (run * sine / (rise * rise + run * run + 1e-20) + theta * sin_n) * side.half
+    below = (rise.detach() * -1e30).clamp(SNAP, 9.0)
+    return torch.minimum(share + below, side.whole).clamp_min(0)
 
 
 def step(value: Tensor) -> Tensor:
@@ -289,9 +127,7 @@ def step(value: Tensor) -> Tensor:
     return (value.detach() * 1e30).clamp(0, 1)
 
 
-def finish(
-    at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Tensor
-) -> tuple[Tensor, Tensor]:
+def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
     """Visibility and bent normal from sums over slices.
 
     The mean direction over the open part is corrected by what the same slices say of the whole hemisphere, whose mean
@@ -314,12 +150,3 @@ def finish(
     length2 = (bent * bent).sum(1, keepdim=True)
     bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
     return torch.where(hit, share[:, None], 1.0), torch.where(hit, bent, 0.0)
-
-
-def check_sweep(directions: int, steps: int, radius: Tensor | float | None) -> None:
-    """Raise ValueError unless all are positive."""
-    for name, value in (("directions", directions), ("steps", steps)):
-        if value < 1:
-            raise ValueError(f"{name} must be at least 1, got {value}")
-    if radius is not None and not bool(torch.as_tensor(radius) > 0):
-        raise ValueError(f"the radius must be a positive length in world units, got {float(radius):g}")
