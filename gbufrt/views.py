@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import torch
 from PIL import Image, ImageDraw, ImageOps
@@ -77,15 +77,19 @@ def contact_sheet(frame: Frame, *, columns: int = 5, width: int = 320, names: tu
         width: of one view in pixels.
         names: which views; by default all of them.
     """
-    rows, cells = frame.gbuffer.camera.size, names or debug_names(frame)
-    height, label = max(1, round(width * rows[0] / rows[1])), 18
-    columns = min(columns, len(cells))
-    page = Image.new("RGB", (columns * width, math.ceil(len(cells) / columns) * (height + label)), (24, 24, 24))
+    pictures = {name: to_pil(debug_view(frame, name)[:1]) for name in names or debug_names(frame)}
+    return sheet_of(pictures, columns=columns, width=width)
+
+
+def sheet_of(pictures: Mapping[str, Image.Image], *, columns: int = 5, width: int = 320) -> Image.Image:
+    """Pictures on one page, each with its name; the first one's shape is that of a cell."""
+    first, label = next(iter(pictures.values())), 18
+    height, columns = max(1, round(width * first.height / first.width)), min(columns, len(pictures))
+    page = Image.new("RGB", (columns * width, math.ceil(len(pictures) / columns) * (height + label)), (24, 24, 24))
     pen = ImageDraw.Draw(page)
-    for place, name in enumerate(cells):
+    for place, (name, picture) in enumerate(pictures.items()):
         x, y = place % columns * width, place // columns * (height + label)
-        picture = ImageOps.contain(to_pil(debug_view(frame, name)[:1]), (width, height))
-        page.paste(picture, (x, y + label))
+        page.paste(ImageOps.contain(picture, (width, height)), (x, y + label))
         pen.text((x + 4, y + 3), name, fill=(235, 235, 235))
     return page
 

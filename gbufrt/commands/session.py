@@ -15,8 +15,8 @@ from gbufrt.commands.progress import Tick
 from gbufrt.exr import best_picture, write_exr
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.passes import Pipeline, PipelineState
-from gbufrt.picture import write_png
-from gbufrt.views import contact_sheet, debug_names, debug_view, to_srgb
+from gbufrt.picture import to_pil, write_png
+from gbufrt.views import debug_names, debug_view, sheet_of, to_srgb
 
 INDEX_PERIOD = (
     4096  # a multiple of every noise's period: the warm-up counts down to a frame's index without going below 0
@@ -130,9 +130,9 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
     """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
     picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
     if debug:
-        for name in debug_names(frame):
-            write_png(folder / "debug" / f"{stem}_{name}.png", debug_view(frame, name))
-        write_png(folder / "debug" / f"{stem}_sheet.png", contact_sheet(frame))
+        pictures = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
+        for name, view in {**pictures, "sheet": sheet_of(pictures)}.items():
+            write_png(folder / "debug" / f"{stem}_{name}.png", view)
     write_png(folder / f"{stem}.png", picture)
     write_exr(folder / f"{stem}.exr", frame, notes=notes)
 
