@@ -1,0 +1,82 @@
+"""The thin lens: how far out of focus a point is, and what to focus on."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+
+TINY = 1e-6
+
+
+def circle_of_confusion(
+    depth: Tensor,
+    camera: Camera,
+    *,
+    focus_distance: float | Tensor,
+    aperture_radius: float | Tensor,
+    hit: Tensor | None = None,
+) -> Tensor:
+    """Signed radius of the disc into which a lens spreads each point: negative before the focal plane, positive behind.
+
+    A ray from the lens at offset o to a point at depth z meets the focal plane f away from where the pinhole's ray
+    does by o (1 - f/z); one world unit there is pixels_per_unit(f). So the radius is a pixels_per_unit(f) (1 - f/z),
+    and a pixels_per_unit(f) for the sky. An orthographic camera is given the matching telecentric lens: a cone of rays
+    of radius a around each parallel ray, meeting on the focal plane, hence a pixels_per_unit (z - f) / f.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        camera: where the picture was taken.
+        focus_distance: planar depth of the focal plane, world units; a float or ``(B,)``.
+        aperture_radius: of the lens, world units; a float or ``(B,)``.
+        hit: ``(B, 1, H, W)`` bool; False marks the sky.
+
+    Returns:
+        ``(B, 1, H, W)`` pixels.
+
+    Raises:
+        ValueError: ``focus_distance`` is not positive or ``aperture_radius`` is negative.
+
+    Source: Potmesil and Chakravarty 1981 (thin lens).
+    """
+    focus, aperture = _per_camera(focus_distance, depth), _per_camera(aperture_radius, depth)
+    if bool((focus <= 0).any()):
+        raise ValueError(f"focus_distance must be positive, in world units, got {float(focus.min()):g}")
+    if bool((aperture < 0).any()):
+        raise ValueError(f"aperture_radius must not be negative, got {float(aperture.min()):g}")
+    scale = aperture * camera.pixels_per_unit(torch.ones_like(depth[:, :, :1, :1]))
+    if camera.orthographic:
+        depth = depth if hit is None else torch.where(hit, depth, camera.far)
+        return scale * (depth - focus) / focus
+    inverse = 1 / depth.clamp_min(TINY)
+    inverse = inverse if hit is None else torch.where(hit, inverse, 0.0)
+    return scale * (1 / focus - inverse)
+
+
+def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, region: float = 0.1) -> Tensor:
+    """Median depth of the surfaces at the middle of the picture; the camera's far where there is only sky.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        camera: where the picture was taken.
+        hit: ``(B, 1, H, W)`` bool; False marks the sky.
+        region: height and width of the middle as a share of the picture's.
+
+    Returns:
+        ``(B,)`` world units.
+
+    Raises:
+        ValueError: ``region`` is not in (0, 1].
+    """
+    if not 0 < region <= 1:
+        raise ValueError(f"region must lie in (0, 1], got {region}")
+    rows, columns = (max(1, round(n * region)) for n in depth.shape[-2:])
+    top, left = (depth.shape[-2] - rows) // 2, (depth.shape[-1] - columns) // 2
+    middle = depth if hit is None else torch.where(hit, depth, torch.nan)
+    found = middle[:, 0, top : top + rows, left : left + columns].flatten(1).nanmedian(dim=1).values
+    return torch.where(found.isnan(), torch.as_tensor(camera.far, dtype=depth.dtype, device=depth.device), found)
+
+
+def _per_camera(value: float | Tensor, like: Tensor) -> Tensor:
+    return torch.as_tensor(value, dtype=like.dtype, device=like.device).reshape(-1, 1, 1, 1)

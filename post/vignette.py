@@ -1,0 +1,48 @@
+"""Vignette: a picture that darkens toward its corners."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, Pass
+from gbufrt.sampling import pixel_centers
+
+
+def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer: float = 1.2) -> Tensor:
+    """Darken by distance from the middle, smoothly between two circles.
+
+    Args:
+        image: ``(B, C, H, W)`` display-linear.
+        strength: how much is taken away at ``outer`` and beyond; 0 changes nothing, 1 goes to black.
+        inner: distance where the darkening begins, in half diagonals: 1 is the corner.
+        outer: distance where it is complete.
+
+    Returns:
+        ``(B, C, H, W)``.
+
+    Raises:
+        ValueError: ``strength`` is not in [0, 1], or not 0 <= inner < outer.
+    """
+    if not 0 <= strength <= 1:
+        raise ValueError(f"strength must lie in [0, 1], got {strength}")
+    if not 0 <= inner < outer:
+        raise ValueError(f"inner and outer must satisfy 0 <= inner < outer, got {inner} and {outer}")
+    middle = torch.tensor([image.shape[-1] / 2, image.shape[-2] / 2], dtype=image.dtype, device=image.device)
+    distance = (pixel_centers(image) - middle[None, :, None, None]).norm(dim=1, keepdim=True) / middle.norm()
+    t = ((distance - inner) / (outer - inner)).clamp(0, 1)
+    return image * (1 - strength * t * t * (3 - 2 * t))
+
+
+class Vignette(Pass):
+    """See `vignette`."""
+
+    reads = frozenset({"image"})
+    writes = frozenset({"image"})
+
+    def __init__(self, *, strength: float = 0.25, inner: float = 0.4, outer: float = 1.2) -> None:
+        super().__init__()
+        self.strength, self.inner, self.outer = strength, inner, outer
+
+    def forward(self, frame: Frame) -> Frame:
+        return frame.replace(image=vignette(frame.read("image"), **self.tunables()))
