@@ -10,11 +10,10 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.fusion import fusible
 from post.bilateral import MIRROR
-from post.edges import edge_weight, offsets, spatial_moments, surface, windows
-from post.signals import guides, luminance, signal_names, stack, unstack, wants_albedo
+from post.edges import blurred, edge_weight, offsets, spatial_moments, surface, windows
+from post.signals import guides, signal_names, stack, unstack, wants_albedo
 
 B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
-GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
 REACH = 16.0  # pixels: widest blur of a reflection
 FLOOR = 1e-3  # of the local luminance: noise below this is not worth an edge
 
@@ -27,7 +26,7 @@ def atrous(
     hit: Tensor,
     camera: Camera,
     iterations: int = 5,
-    phi_color: float = 10.0,
+    phi_color: float = 4.0,
     phi_normal: float = 128.0,
     phi_depth: float = 1.0,
     variance: Tensor | None = None,
@@ -38,7 +37,8 @@ def atrous(
     """Denoise by repeated 5x5 B-spline kernels with holes, each twice as wide as the one before.
 
     A tap counts by its normal, its distance from the pixel's tangent plane, and its difference in luminance measured
-    in standard deviations of the noise: noise is averaged, edges of light are kept.
+    in standard deviations of the noise: noise is averaged, edges of light are kept. Unlike in SVGF the luminances
+    compared are 3x3 means over the surface: a lone pixel is too noisy to tell an edge by, and phi_color can be smaller.
 
     Args:
         signal: ``(B, C, H, W)``, any unit; several signals stacked share one set of weights.
@@ -47,7 +47,7 @@ def atrous(
         hit: ``(B, 1, H, W)`` bool; pixels that hit nothing keep their value and give none away.
         camera: the camera of depth.
         iterations: how many kernels; the last has taps 2^(iterations - 1) pixels apart.
-        phi_color: luminance difference, in standard deviations, at which a tap counts 1/e.
+        phi_color: difference between 3x3 means of luminance, in their standard deviations, at which a tap counts 1/e.
         phi_normal: exponent of the cosine between normals.
         phi_depth: sensitivity to plane distance, per pixel footprint.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 5x5 neighbours where absent.
@@ -68,24 +68,24 @@ def atrous(
     geometry = surface(depth, normal, hit, camera, roughness)
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
+    light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
     reach = _reach(depth, roughness, confidence)
-    filtered, left, pad = signal, variance, 2**iterations
+    filtered, left, pad = torch.cat([signal, light], dim=1), variance, 2**iterations
     for iteration in range(iterations):
         step = 2**iteration
-        tolerance = phi_color * _blurred(left).clamp_min(0.0).add(1e-12).sqrt()
-        tolerance = tolerance + FLOOR * luminance(filtered, lead).abs()
+        noise_of_mean = blurred(left).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
+        tolerance = phi_color * noise_of_mean + FLOOR * filtered[:, -1:].abs()
         filtered, left = _wavelet(
             windows(torch.cat([filtered, left], dim=1), 2, step, pad),
             geometry.taps(2, step, pad),
             geometry.scaled(step),
             tolerance,
             reach * step**2,
-            lead or signal.shape[1],
             geometry.perspective,
             phi_depth,
             phi_normal,
         )
-    return torch.where(hit, filtered, signal), torch.where(hit, left, variance)
+    return torch.where(hit, filtered[:, :-1], signal), torch.where(hit, left, variance)
 
 
 def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
@@ -98,15 +98,6 @@ def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -
     return 0.5 / (sigma * sigma)
 
 
-def _blurred(variance: Tensor) -> Tensor:
-    """3x3 Gaussian: a single pixel's variance is too noisy to steer by."""
-    planes = windows(variance, 1)
-    weights = [GAUSSIAN[dy + 1] * GAUSSIAN[dx + 1] for dy, dx in offsets(1)]
-    total = windows(torch.ones_like(variance[:1]), 1)
-    norm = sum(w * t for w, t in zip(weights, total, strict=True))
-    return sum((w * p for w, p in zip(weights, planes, strict=True)), torch.zeros_like(variance)) / norm
-
-
 @fusible
 def _wavelet(
     values: Sequence[Tensor],
@@ -114,7 +105,6 @@ def _wavelet(
     plane: Tensor,
     tolerance: Tensor,
     reach: Tensor,
-    lead: int,
     perspective: bool,
     phi_depth: float,
     phi_normal: float,
@@ -122,7 +112,7 @@ def _wavelet(
     middle = len(values) // 2
     here, center = values[middle], surroundings[middle]
     channels = here.shape[1] - 1
-    light = luminance(here, lead)[:, 0]
+    light = here[:, channels - 1]
     total, sums = torch.zeros_like(light), [torch.zeros_like(light) for _ in range(channels)]
     spread = torch.zeros_like(light)
     for (dy, dx), value, guide in zip(offsets(2), values, surroundings, strict=True):
@@ -138,7 +128,7 @@ def _wavelet(
                 depth_sensitivity=phi_depth,
                 normal_power=phi_normal,
             )
-            away = (luminance(value, lead)[:, 0] - light).abs() / tolerance[:, 0] + reach[:, 0] * (dx * dx + dy * dy)
+            away = (value[:, channels - 1] - light).abs() / tolerance[:, 0] + reach[:, 0] * (dx * dx + dy * dy)
             weight = weight * edge * torch.exp(-away)
         total = total + weight
         sums = [s + weight * value[:, c] for c, s in enumerate(sums)]
@@ -162,7 +152,7 @@ class Atrous(Pass):
         *,
         signal: str | tuple[str, ...] = "gi",
         iterations: int = 5,
-        phi_color: float = 10.0,
+        phi_color: float = 4.0,
         phi_normal: float = 128.0,
         phi_depth: float = 1.0,
         demodulate: bool | None = None,

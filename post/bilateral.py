@@ -9,9 +9,10 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.fusion import fusible
-from post.edges import MIN_MEAN, edge_weight, offsets, spatial_moments, surface, windows
+from post.edges import MIN_MEAN, blurred, edge_weight, offsets, spatial_moments, surface, windows
 from post.signals import guides, signal_names, stack, unstack, wants_albedo
 
+MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 NARROWEST = 0.4  # of sigma, where there is no noise
 AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
 MIRROR = 0.4  # roughness from which on a reflection may be blurred as much as any signal
@@ -25,10 +26,11 @@ def bilateral(
     hit: Tensor,
     camera: Camera,
     radius: int = 4,
-    sigma: float = 2.5,
+    sigma: float = 3.0,
     depth_sensitivity: float = 1.0,
     normal_power: float = 32.0,
     variance_sensitivity: float = 5.0,
+    phi_color: float = 3.0,
     variance: Tensor | None = None,
     roughness: Tensor | None = None,
     confidence: Tensor | None = None,
@@ -37,7 +39,8 @@ def bilateral(
     """Denoise a signal with one joint bilateral kernel: depth exp(-s d), normal dot^p, spatial Gaussian.
 
     d is the distance from the pixel's tangent plane in pixel footprints, so slanted floors are not cut and the weight
-    means the same near and far. The Gaussian is wide where the signal is noisy and narrow at edges.
+    means the same near and far. The Gaussian is wide where the signal is noisy and narrow at edges; an edge of light
+    is one that stands out of the noise, told by 3x3 means of luminance.
 
     Args:
         signal: ``(B, C, H, W)``, any unit; several signals stacked share one set of weights.
@@ -50,6 +53,7 @@ def bilateral(
         depth_sensitivity: s, per pixel footprint.
         normal_power: p.
         variance_sensitivity: the Gaussian is widest where this times the relative noise reaches one.
+        phi_color: difference between 3x3 means of luminance, in their standard deviations, at which a tap counts 1/e.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 3x3 neighbours where absent.
         roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
@@ -67,17 +71,21 @@ def bilateral(
         raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
     geometry = surface(depth, normal, hit, camera, roughness)
     local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
-    noise = (spread if variance is None else variance).clamp_min(1e-12).sqrt() / local.abs().clamp_min(MIN_MEAN)
+    variance = spread if variance is None else variance
+    noise = variance.clamp_min(1e-12).sqrt() / local.abs().clamp_min(MIN_MEAN)
     width = sigma * (NARROWEST + (1 - NARROWEST) * (variance_sensitivity * noise).clamp_max(1.0))
     if roughness is not None:
         width = width * (roughness / MIRROR).clamp(1e-3, 1.0)
     if confidence is not None:
         width = width * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
+    noise_of_mean = blurred(variance).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
+    tolerance = phi_color * noise_of_mean + MIN_CONTRAST * local.abs()
     filtered = _filter(
-        windows(signal, radius),
+        windows(torch.cat([signal, local], dim=1), radius),
         geometry.taps(radius),
         geometry.plane,
         width,
+        tolerance,
         radius,
         geometry.perspective,
         depth_sensitivity,
@@ -92,13 +100,15 @@ def _filter(
     guides: Sequence[Tensor],
     plane: Tensor,
     width: Tensor,
+    tolerance: Tensor,
     radius: int,
     perspective: bool,
     depth_sensitivity: float,
     normal_power: float,
 ) -> Tensor:
     middle = len(values) // 2
-    center, channels = guides[middle], values[middle].shape[1]
+    center, channels = guides[middle], values[middle].shape[1] - 1
+    light = values[middle][:, channels]
     places = [(k, dy, dx) for k, (dy, dx) in enumerate(offsets(radius)) if 0 < dy * dy + dx * dx < (radius + 0.5) ** 2]
     weights = {
         (dy, dx): edge_weight(
@@ -119,7 +129,9 @@ def _filter(
     total = torch.ones_like(narrow)
     sums = [values[middle][:, c] for c in range(channels)]
     for k, dy, dx in places:
-        weight = weights[dy, dx] * torch.exp(falloff * (dy * dy + dx * dx))
+        weight = weights[dy, dx] * torch.exp(
+            falloff * (dy * dy + dx * dx) - ((values[k][:, channels] - light) / tolerance[:, 0]) ** 2
+        )
         total = total + weight
         sums = [s + weight * values[k][:, c] for c, s in enumerate(sums)]
     return torch.stack(sums, dim=1) / total[:, None]
@@ -141,10 +153,11 @@ class Bilateral(Pass):
         *,
         signal: str | tuple[str, ...] = "ao",
         radius: int = 4,
-        sigma: float = 2.5,
+        sigma: float = 3.0,
         depth_sensitivity: float = 1.0,
         normal_power: float = 32.0,
         variance_sensitivity: float = 5.0,
+        phi_color: float = 3.0,
         demodulate: bool | None = None,
     ) -> None:
         super().__init__()
@@ -154,6 +167,7 @@ class Bilateral(Pass):
         self.depth_sensitivity = depth_sensitivity
         self.normal_power = normal_power
         self.variance_sensitivity = variance_sensitivity
+        self.phi_color = phi_color
         self.demodulate = demodulate
         names = signal_names(signal)
         self.reads = frozenset({"depth", "normal", "hit", names[0]})
@@ -167,6 +181,6 @@ class Bilateral(Pass):
             stack(frame, names, demodulate=divide), g.depth, g.normal, hit=g.hit, camera=g.camera,
             radius=self.radius, sigma=self.sigma, depth_sensitivity=self.depth_sensitivity,
             normal_power=self.normal_power, variance_sensitivity=self.variance_sensitivity,
-            **guides(frame, names),
+            phi_color=self.phi_color, **guides(frame, names),
         )  # fmt: skip
         return unstack(frame, names, filtered, demodulate=divide)

@@ -13,6 +13,7 @@ from gbufrt import Camera
 from gbufrt.fusion import fusible
 from post.signals import luminance
 
+GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
 DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
 MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
@@ -143,6 +144,15 @@ def spatial_moments(
     """
     light = windows(luminance(signal, lead), radius)
     return _moments(light, geometry.taps(radius), geometry.plane, radius, geometry.perspective, depth_sensitivity)
+
+
+def blurred(variance: Tensor) -> Tensor:
+    """3x3 Gaussian: a single pixel's variance is too noisy to steer by."""
+    planes = windows(variance, 1)
+    weights = [GAUSSIAN[dy + 1] * GAUSSIAN[dx + 1] for dy, dx in offsets(1)]
+    total = windows(torch.ones_like(variance[:1]), 1)
+    norm = sum(w * t for w, t in zip(weights, total, strict=True))
+    return sum((w * p for w, p in zip(weights, planes, strict=True)), torch.zeros_like(variance)) / norm
 
 
 @fusible

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from post.antilag import (
+    FAST_BLEND,
+    MOMENTS_BLEND,
+    YOUNG,
+    follow_light,
+    pooled,
+    sample_variance,
+    typical_variance,
+    without_fireflies,
+)
 from post.atrous import atrous
 from post.edges import spatial_moments, surface
 from post.reproject import geometry_of, history_for, motion_of, reproject
 from post.signals import luminance, signal_names, stack, unstack, wants_albedo
 
-FAST_BLEND = 0.8
-MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
-YOUNG = 4  # frames: before, variance comes from the neighbours
-RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
+STORED = ("signal", "fast", "moments", "share")
 VIRTUAL_ROUGHNESS = 0.5  # above, a reflection moves with its surface
 
 
@@ -66,36 +72,41 @@ def temporal(
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
     lead = lead or signal.shape[1]
     if history is None or history.gbuffer is None:
-        light = luminance(signal, lead)
+        light, one = luminance(signal, lead), torch.ones_like(signal[:, :1])
         moments = torch.cat([light, light * light], dim=1)
-        return _finish(signal, signal, signal[:, :lead], moments, torch.ones_like(light), gbuffer, feedback, lead)
-    old, fast, moments, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead)
-    noise = _typical_variance(moments, age)
-    sample = _without_fireflies(signal, old, noise, age, lead, firefly)
+        new = {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": one}
+        return _finish(signal, new, one, gbuffer, feedback, lead)
+    old, fast, moments, share, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead)
+    noise = typical_variance(moments, age)
+    sample = without_fireflies(signal, old, noise, age, lead, firefly)
     if clamp > 0:
-        old, fast, age = _follow_light(sample, old, fast, noise, age, lead, clamp)
+        old, fast, younger = follow_light(sample, old, fast, noise, age, lead, clamp)
+        share, age = share * age / younger.clamp_min(1e-6), younger
     motion, _ = motion_of(gbuffer, history.gbuffer.camera)
     longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)
     length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
     light, alpha = luminance(sample, lead), 1 / length
-    mean = old + alpha * (sample - old)
-    fast = fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast)
     fresh = torch.cat([light, light * light], dim=1)
-    moments = moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments)
-    return _finish(sample, mean, fast, moments, length, gbuffer, feedback, lead)
+    new = {
+        "signal": old + alpha * (sample - old),
+        "fast": fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast),
+        "moments": moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments),
+        "share": share * (1 - alpha) ** 2 + alpha**2,
+    }
+    return _finish(sample, new, length, gbuffer, feedback, lead)
 
 
 def _fetch(
     signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Mean, fast mean, moments and length of the history, as this frame's pixels find them."""
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Mean, fast mean, moments, sum of squared weights and length of the history, as this frame's pixels find them."""
     kept = history.signals
     if kept["signal"].shape[1] != signal.shape[1]:
         raise ValueError(
             f"the history holds {kept['signal'].shape[1]} channels but the signal has {signal.shape[1]}; "
             "start with state=None when signals come or go"
         )
-    everything = torch.cat([kept["signal"], kept["fast"], kept["moments"], history.length], dim=1)
+    everything = torch.cat([*(kept[name] for name in STORED), history.length], dim=1)
     found = reproject(gbuffer, before, length=history.length).fetch(everything)
     if distance is not None:
         mirrored = reproject(gbuffer, before, length=history.length, motion=_virtual(gbuffer, before, distance))
@@ -103,9 +114,8 @@ def _fetch(
         missing = ~mirrored.valid | (distance <= 0)
         agrees = _misfit(image, signal, lead) < _misfit(found, signal, lead)
         found = torch.where(~missing & (agrees | (found[:, -1:] <= 0)), image, found)
-    channels = signal.shape[1]
-    old, fast, moments, age = found.split([channels, lead, 2, 1], dim=1)
-    return old, fast, moments, age
+    old, fast, moments, share, age = found.split([signal.shape[1], lead, 2, 1, 1], dim=1)
+    return old, fast, moments, share, age
 
 
 def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
@@ -118,87 +128,25 @@ def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
 
 
 def _misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
-    return _pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
-
-
-def _pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
-    """Mean over a square of the pixels in ``mask``."""
-    total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
-    return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(1e-6)
-
-
-def _sample_variance(moments: Tensor, age: Tensor) -> Tensor:
-    """Variance of one frame's luminance, unbiased for the few frames that the moments hold."""
-    count = age.clamp(2.0, (1 + MOMENTS_BLEND) / (1 - MOMENTS_BLEND))
-    return (moments[:, 1:] - moments[:, :1] ** 2).clamp_min(0.0) * count / (count - 1)
-
-
-def _typical_variance(moments: Tensor, age: Tensor) -> Tensor:
-    """Variance as 7x7 pixels know it: rare bright samples have not yet come to every one of them."""
-    own, mature = _sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
-    typical = torch.maximum(own, _pooled(own, mature, 7))
-    seen = (age > 0).to(age.dtype)
-    around = _pooled(moments[:, 1:], seen, 7) - _pooled(moments[:, :1], seen, 7) ** 2
-    return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
-
-
-def _without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor, lead: int, firefly: float) -> Tensor:
-    """Scale down samples that stand far above both their own history and the 3x3 pixels around them."""
-    if firefly <= 0:
-        return signal
-    light, ones = luminance(signal, lead), torch.ones_like(age)
-    around = (9 * _pooled(light, ones) - light) / 8
-    spread = ((9 * _pooled(light * light, ones) - light * light) / 8 - around**2).clamp_min(0.0)
-    own = luminance(old, lead) + firefly * variance.add(1e-12).sqrt()
-    limit = torch.maximum(own, around + firefly * spread.add(1e-12).sqrt())
-    scale = torch.where((age >= YOUNG) & (light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
-    return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
-
-
-def _follow_light(
-    sample: Tensor, old: Tensor, fast: Tensor, variance: Tensor, age: Tensor, lead: int, clamp: float
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it."""
-    mask = (age > 0).to(age.dtype)
-    few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
-    floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
-
-    def excess(difference: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
-        allowed = clamp * (variance * share).add(1e-12).sqrt() + floor
-        difference = _pooled(difference, mask) * mask
-        within = torch.minimum(torch.maximum(difference, -allowed), allowed)
-        ratio = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0)
-        return difference - within, ratio
-
-    shift, _ = excess(sample[:, :lead] - fast, 1 / few + 1 / 3)  # 3: nine neighbours whose noise may be alike
-    fast = fast + shift
-    shift, ratio = excess(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
-    old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
-    return old, fast, torch.where(age > 1, 1 + (age - 1) * ratio, age)
+    return pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
 
 
 def _finish(
-    sample: Tensor,
-    mean: Tensor,
-    fast: Tensor,
-    moments: Tensor,
-    length: Tensor,
-    gbuffer: GBuffer,
-    feedback: bool,
-    lead: int,
+    sample: Tensor, new: dict[str, Tensor], length: Tensor, g: GBuffer, feedback: bool, lead: int
 ) -> tuple[Tensor, History]:
-    g, variance = gbuffer, _sample_variance(moments, length)
+    """Work out how noisy the mean still is, and what the next frame will find."""
+    mean, variance = new["signal"], sample_variance(new["moments"], length)
     if bool((length < YOUNG).any()):
         _, around = spatial_moments(sample, surface(g.depth, g.normal, g.hit, g.camera), radius=2, lead=lead)
         variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
-    variance = variance / length
+    variance = variance * new["share"]
     kept = mean
     if feedback:
         kept, _ = atrous(
             mean, g.depth, g.normal, hit=g.hit, camera=g.camera, iterations=1, variance=variance, lead=lead
         )
-    signals = {"signal": kept, "fast": fast, "moments": moments, "variance": variance}
-    return mean, History(length=length, signals=signals, gbuffer=geometry_of(gbuffer))
+    signals = {**new, "signal": kept, "variance": variance}
+    return mean, History(length=length, signals=signals, gbuffer=geometry_of(g))
 
 
 class Temporal(TemporalPass):

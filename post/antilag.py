@@ -1,0 +1,70 @@
+"""Telling a change of light from noise, so that histories follow the one and average the other."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from post.signals import luminance
+
+FAST_BLEND = 0.8
+MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
+YOUNG = 4  # frames: before, variance comes from the neighbours
+RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
+
+
+def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
+    """Mean over a square of the pixels in ``mask``."""
+    total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
+    return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(1e-6)
+
+
+def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
+    """Variance of one frame's luminance, unbiased for the few frames that the moments hold."""
+    count = age.clamp(2.0, (1 + MOMENTS_BLEND) / (1 - MOMENTS_BLEND))
+    return (moments[:, 1:] - moments[:, :1] ** 2).clamp_min(0.0) * count / (count - 1)
+
+
+def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
+    """Variance as 7x7 pixels know it: rare bright samples have not yet come to every one of them."""
+    own, mature = sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
+    typical = torch.maximum(own, pooled(own, mature, 7))
+    seen = (age > 0).to(age.dtype)
+    around = pooled(moments[:, 1:], seen, 7) - pooled(moments[:, :1], seen, 7) ** 2
+    return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
+
+
+def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor, lead: int, firefly: float) -> Tensor:
+    """Scale down samples that stand far above both their own history and the 3x3 pixels around them."""
+    if firefly <= 0:
+        return signal
+    light, ones = luminance(signal, lead), torch.ones_like(age)
+    around = (9 * pooled(light, ones) - light) / 8
+    spread = ((9 * pooled(light * light, ones) - light * light) / 8 - around**2).clamp_min(0.0)
+    own = luminance(old, lead) + firefly * variance.add(1e-12).sqrt()
+    limit = torch.maximum(own, around + firefly * spread.add(1e-12).sqrt())
+    scale = torch.where((age >= YOUNG) & (light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
+    return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
+
+
+def follow_light(
+    sample: Tensor, old: Tensor, fast: Tensor, variance: Tensor, age: Tensor, lead: int, clamp: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it."""
+    mask = (age > 0).to(age.dtype)
+    few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
+    floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
+
+    def excess(difference: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
+        allowed = clamp * (variance * share).add(1e-12).sqrt() + floor
+        difference = pooled(difference, mask) * mask
+        within = torch.minimum(torch.maximum(difference, -allowed), allowed)
+        ratio = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0)
+        return difference - within, ratio
+
+    shift, _ = excess(sample[:, :lead] - fast, 1 / few + 1 / 3)  # 3: nine neighbours whose noise may be alike
+    fast = fast + shift
+    shift, ratio = excess(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
+    old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
+    return old, fast, torch.where(age > 1, 1 + (age - 1) * ratio, age)
