@@ -35,7 +35,14 @@ def fresnel_schlick(cosine: Tensor, f0: Tensor) -> Tensor:
 
     Source: Schlick 1994, eq. 15.
     """
-    return f0 + (1 - f0) * (1 - cosine.clamp(0, 1)) ** 5
+    return f0 + (1 - f0) * grazing(cosine)
+
+
+def grazing(cosine: Tensor) -> Tensor:
+    """Schlick's (1 - cosine)^5, by which reflectance goes from ``f0`` to 1."""
+    left = 1 - cosine.clamp(0, 1)
+    squared = left * left
+    return squared * squared * left
 
 
 def ggx_distribution(cos_half: Tensor, alpha: Tensor) -> Tensor:

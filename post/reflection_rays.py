@@ -12,6 +12,7 @@ from gbufrt import Camera
 from gbufrt.sampling import shifted
 from post.brdf import (
     ggx_distribution,
+    grazing,
     masking_ratio,
     reflection_pdf,
     sample_visible_normal,
@@ -54,6 +55,8 @@ class Lobe(NamedTuple):
     """``(B, 1, H, W)`` by which the sum of all samples is divided."""
     pdf: Tensor
     """``(B, 1, H, W)`` per steradian."""
+    taken: Tensor
+    """``(B, 1, H, W)`` 1 where this sample counts, else 0."""
 
 
 def dot(a: Tensor, b: Tensor) -> Tensor:
@@ -78,7 +81,7 @@ def surface_of(
     return Surface(points, facing, geometric, eye, roughness * roughness, hit)
 
 
-def ggx_ray(surface: Surface, u: Tensor) -> Lobe:
+def ggx_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
     """Mirror the eye at a visible microfacet. ``u`` is ``(B, 2, H, W)`` in [0, 1). Source: Heitz 2018."""
     normal, eye, alpha = surface.normal, surface.eye, surface.alpha
     tangent, bitangent = tangent_frame(normal)
@@ -89,10 +92,10 @@ def ggx_ray(surface: Surface, u: Tensor) -> Lobe:
     direction = tangent * light[:, 0:1] + bitangent * light[:, 1:2] + normal * light[:, 2:3]
     weight = masking_ratio(local[:, 2:], light[:, 2:], alpha)
     pdf = reflection_pdf(local[:, 2:], half[:, 2:], alpha.clamp_min(1e-3))
-    return _above(surface, Lobe(unit(direction), cosine, weight, torch.ones_like(weight), pdf))
+    return _above(surface, Lobe(unit(direction), cosine, weight, torch.ones_like(weight), pdf, taken))
 
 
-def cone_ray(surface: Surface, u: Tensor) -> Lobe:
+def cone_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
     """A ray within roughness x 45 degrees of the mirror's, cosine-distributed, weighted by nearness to its axis.
 
     Source: ME1 Path Tracing technical overview, reflections.
@@ -106,18 +109,27 @@ def cone_ray(surface: Surface, u: Tensor) -> Lobe:
     direction = tangent * (sine * azimuth.cos()) + bitangent * (sine * azimuth.sin()) + axis * along
     weight = 1 - u[:, 0:1].sqrt() + 1e-3
     pdf = along / (math.pi * (widest * widest).clamp_min(1e-6))
-    lobe = _above(surface, Lobe(unit(direction), cosine.clamp(0, 1), weight, weight, pdf))
+    lobe = _above(surface, Lobe(unit(direction), cosine.clamp(0, 1), weight, weight, pdf, taken))
     return lobe._replace(share=lobe.weight)
 
 
 def _above(surface: Surface, lobe: Lobe) -> Lobe:
-    """No ray starts on the sky or goes below the surface."""
-    flies = surface.hit & (dot(lobe.direction, surface.geometric) > 1e-4) & (lobe.weight > 0)
-    return lobe._replace(direction=torch.where(flies, lobe.direction, 0.0), weight=torch.where(flies, lobe.weight, 0.0))
+    """No ray starts on the sky, goes below the surface, or where the sample is not taken."""
+    flies = (lobe.taken > 0) & (dot(lobe.direction, surface.geometric) > 1e-4) & (lobe.weight > 0)
+    weight, share = torch.where(flies, lobe.weight, 0.0), lobe.share * lobe.taken
+    return lobe._replace(direction=torch.where(flies, lobe.direction, 0.0), weight=weight, share=share)
 
 
-def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor, count: int) -> Tensor:
+def throughput(lobe: Lobe) -> Tensor:
+    """``(B, 3, H, W)``: f0 times the first, plus the second, over the third is the share of light that is reflected."""
+    edge = grazing(lobe.cosine)
+    return torch.cat([lobe.weight * (1 - edge), lobe.weight * edge, lobe.share], dim=1)
+
+
+def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor, count: int) -> tuple[Tensor, Tensor]:
     """Average what a pixel's ray and its neighbours' rays found, each by the pixel's own BRDF over the ray's density.
+
+    What the surface reflects of it is averaged too, apart: a pixel whose own ray was lost below the surface takes part.
 
     Args:
         surface: the reflecting pixels.
@@ -127,27 +139,29 @@ def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor
         count: how many neighbours, up to 8.
 
     Returns:
-        ``(B, 3, H, W)`` incoming radiance, as if from ``count + 1`` rays.
+        ``(B, 3, H, W)`` incoming radiance and ``(B, 3, H, W)`` `throughput`, as if from ``count + 1`` rays.
 
     Source: Stachowiak 2015 (ray reuse by ratio estimator).
     """
-    total, sum_of_weights = incoming * lobe.weight, lobe.weight
+    total, weights = incoming * lobe.weight, lobe.weight
     with torch.no_grad():
         alpha, cos_view = surface.alpha.clamp_min(SHARP_ALPHA), dot(surface.normal, surface.eye).clamp(1e-3, 1.0)
-        masked = smith_lambda(cos_view, alpha)
-        packed = torch.cat([surface.points, surface.normal, ends, lobe.pdf, lobe.weight], dim=1)
-        size = dot(surface.points, surface.points).sqrt()
+        masked = 1 + smith_lambda(cos_view, alpha)
+        reflected, members = throughput(lobe), lobe.taken
+        near = 0.01 * dot(surface.points, surface.points).sqrt()
+        packed = [surface.points, surface.normal, surface.alpha, ends, lobe.pdf, lobe.weight, lobe.taken, reflected]
+        packed = torch.cat(packed, dim=1)
     for dx, dy in NEIGHBORS[:count]:
         with torch.no_grad():
-            points, normal, end, found, pdf, flies = shifted(packed, dx, dy).split([3, 3, 3, 1, 1, 1], dim=1)
+            parts = shifted(packed, dx, dy).split([3, 3, 1, 3, 1, 1, 1, 1, 3], dim=1)
+            points, normal, other, end, found, pdf, flies, taken, reflects = parts
+            alike = (taken > 0) & (surface.alpha >= SHARP_ALPHA) & ((other - surface.alpha).abs() < 0.1)
+            alike &= (dot(surface.normal, normal) > 0.9) & (dot(points - surface.points, surface.normal).abs() < near)
             light = torch.where(found > 0, unit(end - surface.points), end)
             cos_light, half = dot(surface.normal, light), unit(light + surface.eye)
-            density = ggx_distribution(dot(surface.normal, half), alpha)
-            value = density / (4 * cos_view * (1 + masked + smith_lambda(cos_light, alpha)))
-            alike = dot(surface.normal, normal) > 0.9
-            alike &= dot(points - surface.points, surface.normal).abs() < 0.01 * size
-            alike &= (flies > 0) & (cos_light > 0) & (surface.alpha >= SHARP_ALPHA) & (lobe.weight > 0)
-            weight = torch.where(alike, value / pdf.clamp_min(1e-6), 0.0)
-        total = total + weight * shifted(incoming, dx, dy)
-        sum_of_weights = sum_of_weights + weight
-    return torch.where(lobe.weight > 0, total / sum_of_weights.clamp_min(1e-9), incoming)
+            value = ggx_distribution(dot(surface.normal, half), alpha)
+            value = value / (4 * cos_view * (masked + smith_lambda(cos_light, alpha)))
+            weight = torch.where(alike & (flies > 0) & (cos_light > 0), value / pdf.clamp_min(1e-6), 0.0)
+            reflected, members = reflected + reflects * alike, members + alike
+        total, weights = total + weight * shifted(incoming, dx, dy), weights + weight
+    return total / weights.clamp_min(1e-9), reflected / members.clamp_min(1)

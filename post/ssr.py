@@ -11,9 +11,9 @@ from gbufrt import Camera, Frame, Pass
 from gbufrt.environment import lookup_environment
 from gbufrt.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.sampling import gather, sample
-from post.brdf import DIELECTRIC_F0, fresnel_schlick, specular_f0
+from post.brdf import DIELECTRIC_F0, specular_f0
 from post.march import Hits, depth_hierarchy, march_rays
-from post.reflection_rays import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of
+from post.reflection_rays import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
 from post.signals import luminance
 
 Method = Literal["ggx", "cone"]
@@ -104,9 +104,9 @@ def ssr(
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i in range(samples):
         with torch.no_grad():
-            lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed))
-            used = (surface.hit & (i < rays)).to(depth)
-            lobe = lobe._replace(weight=lobe.weight * used, share=lobe.share * used)
+            taken = (surface.hit & (i < rays)).to(depth)
+            lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
+            reflected = throughput(lobe)
             flies = (lobe.weight > 0).to(depth)
             marching = lobe.direction * (flies * trust > 0)
             hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=distance)
@@ -116,9 +116,9 @@ def ssr(
         incoming = _incoming(light, environment, hits, confidence, world, sky)
         incoming = incoming * _firefly_factor(incoming, light, hit, roughness)
         if reuse:
-            incoming = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
-        total = total + fresnel_schlick(lobe.cosine, f0) * lobe.weight * incoming
-        shares, known, rated = shares + lobe.share, known + confidence, rated + flies
+            incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
+        total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
+        shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
         way, ends = way + hits.distance * hits.hit, ends + hits.hit
     far = torch.where(hit, camera.far, 0.0).to(depth)
     distances = torch.where(ends > 0, way / ends.clamp_min(1), far)
