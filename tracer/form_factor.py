@@ -43,20 +43,19 @@ def rectangle_irradiance(points: Tensor, normals: Tensor, corner: Tensor, edge_u
     Args:
         points: ``(3, N)``.
         normals: ``(3, N)`` unit length.
-        corner: ``(K, 3)``; see `tracer.emitters.Lamps`.
-        edge_u: ``(K, 3)``.
-        edge_v: ``(K, 3)``.
+        corner: ``(3, K, N)``, or ``(3, K, 1)`` where all points see the same; see `tracer.emitters.Lamps`.
+        edge_u: as ``corner``.
+        edge_v: as ``corner``.
 
     Returns:
         ``(K, N)``; zero behind a rectangle, and what the surface's horizon hides is left out.
 
     Source: Lambert 1760, the contour integral of a polygon; Baum et al. 1989, eq. 1.
     """
-    u, v = edge_u.T[:, :, None], edge_v.T[:, :, None]
-    first = corner.T[:, :, None] - points[:, None]
+    first = corner - points[:, None]
     normal = normals[:, None].expand_as(first)
-    facing = dot(cross(u, v), first) < 0
-    corners = (first, first + u, first + u + v, first + v)
+    facing = dot(cross(edge_u, edge_v), first) < 0
+    corners = (first, first + edge_u, first + edge_u + edge_v, first + edge_v)
     heights = tuple(dot(normal, c) for c in corners)
     total = torch.zeros_like(heights[0])
     leaves, enters = torch.zeros_like(first), torch.zeros_like(first)

@@ -10,14 +10,15 @@ from torch import Tensor
 from gbufrt import GBuffer
 from gbufrt.noise import blue_noise
 from tracer.emitters import Lamps, lamps_of
-from tracer.form_factor import cross, dot
+from tracer.form_factor import cross, dot, rectangle_irradiance
 from tracer.scene import Scene
-from tracer.shadows import Surface, Through, arriving, lamp_source, sun_source, toward
+from tracer.shadows import CHUNK, Surface, Through, arriving, lamp_source, sun_source
 from tracer.sky import sky_irradiance, sky_radiance, sun_radiance
 from tracer.traversal import transmission
 
 LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
 LIFT_RELATIVE = 2e-6  # of the depth, whose rounding grows with it
+NEAR = 4.0  # radii of a lamp within which its size matters
 SHARE_ALONE = 1 / 128  # a lamp that may give a pixel no more of its light shares one ray with others like it
 SHARE_FINE = 1 / 32  # a lamp that may give a pixel no more gets a quarter of the samples
 
@@ -63,7 +64,7 @@ def light(
     if gbuffer.opacity is not None:
         diffuse = diffuse * gbuffer.opacity
     points = _lifted(gbuffer)
-    noise = blue_noise(*camera.size, index=index, dims=4, seed=seed, device=camera.device)
+    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
     arrived = []
     for b in range(batch):
         surface = Surface(
@@ -105,60 +106,57 @@ def _irradiance(scene: Scene, surface: Surface, poses: Tensor, noise: Tensor, sa
 
 def _lamp_light(lamps: Lamps, surface: Surface, through: Through, noise: Tensor, samples: int, known: Tensor) -> Tensor:
     """``(3, N)`` irradiance from lamps, where ``known`` ``(N,)`` comes from elsewhere."""
+    tables = [t.permute(2, 1, 0) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)]  # (3, K, L)
     total = known.clone()
     for lamp in range(len(lamps)):
-        total += _bound(lamps, lamp, surface)
+        total += _importance(lamps, lamp, surface)
     arrived = torch.zeros_like(surface.points)
-    rest, chosen = torch.zeros_like(known), torch.zeros_like(known, dtype=torch.long)
-    weight, dice = torch.zeros_like(known), noise[3].flatten().clone()
+    rest, weight = torch.zeros_like(known), torch.zeros_like(known)
+    chosen, dice = torch.zeros_like(known, dtype=torch.long), noise[2].flatten()
     for lamp in range(len(lamps)):
-        bound = _bound(lamps, lamp, surface)
-        share = bound / total.clamp_min(1e-20)
-        alone = (share > SHARE_ALONE).view(surface.size)
-        source = lamp_source(lamps, lamp, surface)
-        fine = (share > SHARE_FINE).view(surface.size)
-        coming = arriving(source, through, alone, fine, noise[:2], samples=samples, start=samples * lamp)
+        power = _importance(lamps, lamp, surface)
+        share = (power / total.clamp_min(1e-20)).view(surface.size)
+        own = [t[:, :, lamp, None] for t in tables]
+        source = lamp_source(surface, lambda _, own=own: own)
+        wanted, fine = share > SHARE_ALONE, share > SHARE_FINE
+        coming = arriving(source, through, wanted, fine, noise[:2], samples=samples, start=samples * lamp)
         arrived += coming * lamps.radiance[lamp][:, None]
-        # one of the rest stays in proportion to its bound, and what is left of the dice serves the next choice
-        other = (bound > 0) & ~alone.flatten()
-        rest += torch.where(other, bound, 0.0)
-        chance = bound / rest.clamp_min(1e-20)
+        # one of the rest stays in proportion to its power, and what is left of the dice serves the next choice
+        other = (power > 0) & ~wanted.flatten()
+        rest += torch.where(other, power, 0.0)
+        chance = power / rest.clamp_min(1e-20)
         taken = other & (dice < chance)
-        chosen, weight = torch.where(taken, lamp, chosen), torch.where(taken, bound, weight)
         again = torch.where(taken, dice / chance.clamp_min(1e-20), (dice - chance) / (1 - chance).clamp_min(1e-20))
         dice = torch.where(other, again, dice)
-    pixels = (weight > 0).nonzero()[:, 0]
-    scale = rest[pixels] / weight[pixels]
-    arrived[:, pixels] += scale * _one_sample(lamps, chosen[pixels], pixels, surface, through, noise[1:3])
-    return arrived
+        chosen, weight = torch.where(taken, lamp, chosen), torch.where(taken, power, weight)
+    source = lamp_source(surface, lambda pixels: [t[:, :, chosen[pixels]] for t in tables])
+    left = (weight > 0).view(surface.size)
+    coming = arriving(source, through, left, left, noise[:2], samples=1, start=samples * len(lamps))
+    return arrived + coming * lamps.radiance[chosen].T * (rest / weight.clamp_min(1e-20))
 
 
-def _one_sample(
-    lamps: Lamps, chosen: Tensor, pixels: Tensor, surface: Surface, through: Through, noise: Tensor
-) -> Tensor:
-    """``(3, n)`` irradiance from the lamp chosen for each pixel, by one ray to an even choice of its rectangles."""
-    if not len(pixels):
-        return surface.points.new_zeros(3, 0)
-    u = noise.flatten(1)[:, pixels]
-    count = (lamps.edge_u.abs().sum(dim=2) > 0).sum(dim=1)[chosen]
-    place = u[0] * count
-    which = place.long().clamp_max(count - 1)
-    corner, edge_u, edge_v = (table[chosen, which].T for table in (lamps.corner, lamps.edge_u, lamps.edge_v))
-    target = corner + edge_u * (place - which) + edge_v * u[1]
-    directions, distances, form = toward(surface, pixels, target, cross(edge_u, edge_v))
-    return lamps.radiance[chosen].T * (form * count) * through(pixels, directions, distances)
+def _importance(lamps: Lamps, lamp: int, surface: Surface) -> Tensor:
+    """``(N,)``: about the irradiance that a lamp gives with nothing between; zero only where it gives none.
 
-
-def _bound(lamps: Lamps, lamp: int, surface: Surface) -> Tensor:
-    """``(N,)``: no lamp gives more than if its bounding sphere shone, at the best cosine within it."""
-    way = lamps.center[lamp][:, None] - surface.points
-    distance = dot(way, way).sqrt().clamp_min(1e-6)
-    sine = (lamps.radius[lamp] / distance).clamp_max(1.0)
-    cosine = (dot(way, surface.normals) / distance).clamp(-1.0, 1.0)
-    edge = (1 - sine * sine).sqrt()
-    best = torch.where(cosine > edge, 1.0, cosine * edge + (1 - cosine * cosine).sqrt() * sine)
-    best = torch.where(sine < 1.0, best, 1.0).clamp_min(0.0)
-    return torch.where(surface.lit, math.pi * lamps.radiance[lamp].mean() * sine * sine * best, 0.0)
+    Exact near the lamp. Farther off all of it counts as if at its middle, but where the middle is below the surface's
+    horizon the highest point of the bounding sphere still counts.
+    """
+    corner, edge_u, edge_v = (t[lamp].T[..., None] for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
+    outward = cross(edge_u, edge_v)
+    power = torch.zeros_like(surface.points[0])
+    for pixels in surface.lit.nonzero()[:, 0].split(CHUNK):
+        points, normals = surface.points[:, pixels], surface.normals[:, pixels]
+        way = lamps.center[lamp][:, None] - points
+        distance = dot(way, way).sqrt().clamp_min(1e-6)
+        shown = (dot(outward, points[:, None] - corner).clamp_min(0)).sum(dim=0) / distance
+        cosine = dot(way, normals) / distance
+        sine = (lamps.radius[lamp] / distance).clamp_max(1.0)
+        cosine = torch.maximum(cosine, (cosine + sine).clamp(min=0.0) / 4)
+        estimate = shown * cosine / distance**2
+        near = distance < NEAR * lamps.radius[lamp]
+        estimate[near] = rectangle_irradiance(points[:, near], normals[:, near], corner, edge_u, edge_v).sum(dim=0)
+        power[pixels] = estimate * lamps.radiance[lamp].mean()
+    return power
 
 
 def _lifted(gbuffer: GBuffer) -> Tensor:

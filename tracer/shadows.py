@@ -7,7 +7,7 @@ Vectors are planes, ``(3, N)``, over the pixels of one picture.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -15,7 +15,6 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.noise import PLASTIC
-from tracer.emitters import Lamps
 from tracer.form_factor import cross, disc_cosine, dot, rectangle_irradiance
 from tracer.scene import Sun
 
@@ -40,6 +39,8 @@ Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
 """Two numbers in [0, 1) a pixel, ``(2, n)``, to directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
 Source = Callable[[Tensor], tuple[Tensor, Tensor, Draw]]
 """Pixel numbers to those of them that the source can reach, their unblocked irradiance, and how to sample it."""
+Rectangles = Callable[[Tensor], Sequence[Tensor]]
+"""Pixel numbers to corner and edges of what shines on them, as `rectangle_irradiance` takes them."""
 Through = Callable[[Tensor, Tensor, Tensor], Tensor]
 """Pixel numbers, directions ``(3, n)`` and distances ``(n,)`` to how much light comes through, ``(3, n)``."""
 
@@ -118,49 +119,34 @@ def sun_source(sun: Sun, surface: Surface) -> Source:
     return source
 
 
-def lamp_source(lamps: Lamps, lamp: int, surface: Surface) -> Source:
-    """One lamp: its rectangles are chosen by their unblocked irradiance, and points on each evenly."""
-    corner, edge_u, edge_v = lamps.corner[lamp], lamps.edge_u[lamp], lamps.edge_v[lamp]
-    shines = edge_u.abs().sum(dim=1) > 0
-    corner, edge_u, edge_v = corner[shines], edge_u[shines], edge_v[shines]
+def lamp_source(surface: Surface, rectangles: Rectangles) -> Source:
+    """One lamp, or one a pixel: its rectangles are chosen by their unblocked irradiance, and points on each evenly."""
 
     def source(pixels: Tensor) -> tuple[Tensor, Tensor, Draw]:
-        each = rectangle_irradiance(surface.points[:, pixels], surface.normals[:, pixels], corner, edge_u, edge_v)
+        each = rectangle_irradiance(surface.points[:, pixels], surface.normals[:, pixels], *rectangles(pixels))
         reached = each.sum(dim=0) > 0
         pixels, each = pixels[reached], each[:, reached]
+        table = [t.expand(3, len(each), len(pixels)) for t in rectangles(pixels)]
         upto = each.cumsum(dim=0)
         energy = upto[-1]
 
         def draw(u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
             place = u[0] * energy
             which = (place >= upto).sum(dim=0).clamp_max(len(each) - 1)[None]
-            mine = each.gather(0, which)[0]
-            first = ((place - upto.gather(0, which)[0]) / mine.clamp_min(1e-20) + 1).clamp(0, 1)
-            target = (corner.T[:, which[0]] + edge_u.T[:, which[0]] * first) + edge_v.T[:, which[0]] * u[1]
-            directions, distances, form = toward(surface, pixels, target, cross(edge_u.T, edge_v.T)[:, which[0]])
-            return directions, distances, torch.where(mine > 0, form / mine.clamp_min(1e-20), 0.0)
+            mine = each.gather(0, which)[0].clamp_min(1e-20)
+            first = ((place - upto.gather(0, which)[0]) / mine + 1).clamp(0, 1)
+            corner, edge_u, edge_v = (t.gather(1, which[None].expand(3, -1, -1))[:, 0] for t in table)
+            way = corner + edge_u * first + edge_v * u[1] - surface.points[:, pixels]
+            square = dot(way, way).clamp_min(1e-12)
+            distance = square.sqrt()
+            directions = way / distance
+            here = dot(surface.normals[:, pixels], directions).clamp_min(0)
+            there = -dot(cross(edge_u, edge_v), directions).clamp_max(0)  # times the rectangle's area
+            return directions, (distance - SHORT).clamp_min(0), here * there / (square * mine)
 
         return pixels, energy, draw
 
     return source
-
-
-def toward(surface: Surface, pixels: Tensor, target: Tensor, outward: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Directions to points on lamps, how far a ray may go, and cosine cosine area / distance squared.
-
-    Args:
-        surface: see `Surface`.
-        pixels: ``(n,)`` where from.
-        target: ``(3, n)`` where to, world space.
-        outward: ``(3, n)`` normal of the rectangle there, as long as its area.
-    """
-    way = target - surface.points[:, pixels]
-    square = dot(way, way).clamp_min(1e-12)
-    distance = square.sqrt()
-    directions = way / distance
-    here = dot(surface.normals[:, pixels], directions).clamp_min(0)
-    there = -dot(outward, directions).clamp_max(0)
-    return directions, (distance - SHORT).clamp_min(0), here * there / square
 
 
 def _widest(plane: Tensor) -> Tensor:
