@@ -1,0 +1,186 @@
+"""Primary visibility: what the cameras see of a scene, as G-buffers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, GBuffer
+from gbufrt.gbuffer import CHANNELS
+from tracer.scene import MASK_PRIMARY, Scene
+from tracer.texture import variation
+from tracer.traversal import Hits, run_lengths, trace
+
+MAX_THICKNESS = 64.0
+"""World units after which a solid is taken to be thick without end."""
+
+
+def gbuffer(
+    scene: Scene,
+    camera: Camera,
+    *,
+    previous_camera: Camera | None = None,
+    time: float | Sequence[float] = 0.0,
+    previous_time: float | Sequence[float] | None = None,
+) -> GBuffer:
+    """The first surface at each pixel, with every channel.
+
+    See `layers` for arguments and errors; this is the first of the two.
+    """
+    return layers(scene, camera, previous_camera=previous_camera, time=time, previous_time=previous_time)[0]
+
+
+def layers(
+    scene: Scene,
+    camera: Camera,
+    *,
+    previous_camera: Camera | None = None,
+    time: float | Sequence[float] = 0.0,
+    previous_time: float | Sequence[float] | None = None,
+) -> tuple[GBuffer, GBuffer | None]:
+    """The first surface at each pixel, and what lies straight behind it where it is transmissive.
+
+    Args:
+        scene: what is there.
+        camera: B cameras; their jitter is honoured.
+        previous_camera: where they were a frame ago; by default where they are.
+        time: seconds, one number or B.
+        previous_time: of the frame before; by default ``time``, so that nothing moves.
+
+    Returns:
+        Two G-buffers with every channel. In the second, ``hit`` is False where the first surface is opaque or there is
+        nothing behind it, and lengths are counted from its own surface. It is None where no material of the scene is
+        transmissive.
+
+    Raises:
+        ValueError: no voxels, or times or cameras that do not fit each other.
+    """
+    if scene.empty:
+        raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
+    shot = _shot(scene, camera, previous_camera, time, previous_time)
+    first = trace(
+        scene, shot.origins, shot.directions, poses=shot.poses, mask=MASK_PRIMARY, t_min=shot.near, t_max=shot.far
+    )
+    solid, run = run_lengths(scene, shot.origins, shot.directions, first, poses=shot.poses, cap=MAX_THICKNESS)
+    run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it sees
+    if not bool((scene.materials.opacity[1:] < 1).any()):
+        return _gbuffer(scene, shot, first, solid, run), None
+    second = trace(
+        scene, shot.origins, shot.directions, poses=shot.poses, mask=MASK_PRIMARY, t_max=shot.far, beyond=first
+    )
+    solid_behind, run_behind = run_lengths(
+        scene, shot.origins, shot.directions, second, poses=shot.poses, cap=MAX_THICKNESS
+    )
+    inner = torch.where(first.back_face, run, torch.minimum(run, second.t - first.t))
+    return _gbuffer(scene, shot, first, solid, inner), _gbuffer(scene, shot, second, solid_behind, run_behind)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Shot:
+    """Cameras, the rays through their pixels, and where the instances are and were."""
+
+    camera: Camera
+    previous: Camera
+    origins: Tensor
+    directions: Tensor
+    near: Tensor
+    far: Tensor
+    poses: Tensor
+    poses_before: Tensor
+
+
+def _shot(
+    scene: Scene,
+    camera: Camera,
+    previous: Camera | None,
+    time: float | Sequence[float],
+    previous_time: float | Sequence[float] | None,
+) -> _Shot:
+    origins, directions = camera.rays()
+    along = (directions * camera.forward[:, None, None, :]).sum(-1)
+    times = seconds(time, camera.batch)
+    before = times if previous_time is None else seconds(previous_time, camera.batch, "previous_time")
+    poses = scene.poses(times).to(camera.device)
+    return _Shot(
+        camera=camera,
+        previous=camera if previous is None else previous,
+        origins=origins,
+        directions=directions,
+        near=camera.near / along,
+        far=camera.far / along,
+        poses=poses,
+        poses_before=poses if before == times else scene.poses(before).to(camera.device),
+    )
+
+
+def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> list[float]:
+    """One time for each of ``batch`` cameras.
+
+    Raises:
+        ValueError: there is another number of them.
+    """
+    times = [float(time)] * batch if isinstance(time, (int, float)) else [float(t) for t in time]
+    if len(times) != batch:
+        raise ValueError(f"{name} must be one number or one for each of the {batch} cameras, got {len(times)}")
+    return times
+
+
+def _gbuffer(scene: Scene, shot: _Shot, hits: Hits, thickness: Tensor, run: Tensor) -> GBuffer:
+    """The channels of one layer; ``run`` is the way of the light from behind through the material that was hit."""
+    camera, table, which = shot.camera, scene.materials, hits.material.long()
+    hit = hits.hit[:, None]
+    along = (shot.directions * camera.forward[:, None, None, :]).sum(-1)
+    depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
+    motion, motion_z = _motion(scene, shot, hits, depth)
+    facing = (hits.normal * shot.directions).sum(-1).abs()
+    scales = depth.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
+    footprint = camera.pixels_per_unit(depth)[:, 0] * scales * facing.clamp_min(1e-3).sqrt()
+    tone = 1 + table.variation[which] * variation(hits, hits.instance, footprint)
+    passed = (1 - table.opacity[which])[..., None] * table.tint[which] ** run.clamp_min(0)[..., None]
+    values = {
+        "depth": depth,
+        "normal": _planes(hits.normal),
+        "motion_z": motion_z,
+        "albedo": _planes((table.albedo[which] * tone[..., None]).clamp(0.0, 1.0)),
+        "roughness": table.roughness[which][:, None],
+        "metallic": table.metallic[which][:, None],
+        "emission": _planes(table.emission[which]),
+        "opacity": table.opacity[which][:, None],
+        "transmittance": _planes(passed),
+        "material_id": hits.material[:, None],
+        "object_id": hits.instance[:, None],
+        "thickness": thickness[:, None],
+    }
+    for name, value in values.items():
+        if name not in ("depth", "motion_z"):
+            values[name] = torch.where(hit, value, CHANNELS[name].clear).to(value.dtype)
+    return GBuffer(
+        camera=camera, previous_camera=shot.previous, hit=hit, normal_geo=values["normal"], motion=motion, **values
+    )
+
+
+def _motion(scene: Scene, shot: _Shot, hits: Hits, depth: Tensor) -> tuple[Tensor, Tensor]:
+    """Motion and motion_z: that of a world at rest, and on instances that of the same point of the model."""
+    camera, previous = shot.camera, shot.previous
+    motion, motion_z = camera.static_motion(previous, depth, hits.hit[:, None])
+    if not scene.instances or not bool((hits.instance > 0).any()):
+        return motion, motion_z
+    matrices = scene.world_from_model(shot.poses_before.double())
+    matrices = torch.cat(
+        [torch.eye(4, dtype=torch.float64, device=depth.device).expand_as(matrices[:, :1]), matrices], 1
+    )
+    chosen = matrices[torch.arange(camera.batch, device=depth.device)[:, None, None], hits.instance.long()]
+    points = (chosen[..., :3, :3] @ hits.local.double()[..., None])[..., 0] + chosen[..., :3, 3]
+    before = previous.to_view(points.permute(0, 3, 1, 2))
+    moved = (previous.project(before) - camera.pixel_centers(dtype=torch.float64)).to(depth.dtype)
+    moves = (hits.instance > 0)[:, None]
+    change = (before[:, 2:] - depth).to(depth.dtype)
+    return torch.where(moves, moved, motion), torch.where(moves, change, motion_z)
+
+
+def _planes(values: Tensor) -> Tensor:
+    """(B, H, W, C) as (B, C, H, W)."""
+    return values.permute(0, 3, 1, 2).contiguous()

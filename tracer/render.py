@@ -1,0 +1,60 @@
+"""From a scene and a camera to a frame that passes can work on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gbufrt import Camera, Frame, GBuffer
+from tracer.gbuffer import layers, seconds
+from tracer.lighting import light
+from tracer.scene import Scene
+from tracer.sky import environment
+
+
+def render(
+    scene: Scene,
+    camera: Camera,
+    *,
+    previous_camera: Camera | None = None,
+    time: float | Sequence[float] = 0.0,
+    previous_time: float | Sequence[float] | None = None,
+    index: int = 0,
+    light_samples: int = 16,
+) -> Frame:
+    """Trace a scene: G-buffer, direct light, sky light, and the layer behind transmissive surfaces.
+
+    Args:
+        scene: what is there and what lights it.
+        camera: B cameras; their jitter is honoured.
+        previous_camera: where they were a frame ago; by default where they are.
+        time: seconds, one number or B.
+        previous_time: of the frame before; by default ``time``, so that nothing moves.
+        index: frame number, from which the noise comes.
+        light_samples: most shadow rays a pixel to each light.
+
+    Returns:
+        A frame with ``radiance``, ``ambient`` and ``environment``, and ``behind`` where the scene has transmissive
+        materials; lamps are sampled, so ``emitters_sampled`` is True.
+
+    Raises:
+        ValueError: no voxels, or times, cameras or counts that do not fit.
+    """
+    first, second = layers(scene, camera, previous_camera=previous_camera, time=time, previous_time=previous_time)
+    times = seconds(time, camera.batch)
+    poses = scene.poses(times).to(camera.device)
+    picture = environment(scene).to(camera.device)
+    picture = picture.expand(camera.batch, *picture.shape[1:])
+
+    def lit(gbuffer: GBuffer, behind: Frame | None) -> Frame:
+        radiance, ambient = light(scene, gbuffer, poses=poses, samples=light_samples, index=index)
+        return Frame(
+            gbuffer=gbuffer,
+            index=index,
+            time=times[0],
+            radiance=radiance,
+            ambient=ambient,
+            environment=picture,
+            behind=behind,
+        )
+
+    return lit(first, None if second is None else lit(second, None))
