@@ -49,7 +49,7 @@ def place(model: World, *, margin: float = 2.0, thickness: int = 1) -> Scene:
         raise ValueError("model must hold at least one voxel, got an empty world")
     low, high = cells.min(axis=0), cells.max(axis=0) + 1
     side = int(max(high[0] - low[0], high[2] - low[2]))
-    reach = min(max(round(margin * side), 2 * TILE), MAX_REACH)
+    reach = min(max(round(margin * side), 8 * TILE), MAX_REACH)
     ground, tone = _ground(low, high, reach, thickness)
     materials = _joined(model.materials, MaterialTable.of(GROUND))
     both = np.concatenate([ground, cells])

@@ -88,7 +88,7 @@ def _placements(chunks: Chunks, name: str) -> list[Placement]:
     """Model, rotation and translation of every visible shape, found depth first from the root, node 0."""
     still = np.eye(3, dtype=np.int64), np.zeros(3, np.int64)
     if not chunks.nodes:
-        return [(0, *still)]
+        return [(0, still[0], np.asarray(chunks.models[0].size, np.int64) // 2)]  # where the file says, unturned
     if 0 not in chunks.nodes:
         raise ValueError(f"{name}: the scene graph has no root, node 0")
     found: list[Placement] = []

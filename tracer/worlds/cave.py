@@ -26,16 +26,16 @@ def cave(canvas: Canvas, rng: np.random.Generator) -> None:
             canvas.put(x, FLOOR - 1, z, "iron")
     canvas.box((RAILS[0], FLOOR, TRACK[1]), (RAILS[1] + 1, FLOOR + 2, TRACK[1] + 1), "timber")
     _crystals(canvas, rng)
-    for x, z in ((141, 22), (124, 22), (119, 33), (138, 41)):
+    for x, z in ((140, 21), (123, 21), (138, 41), (121, 42)):
         lamp_post(canvas, x, FLOOR, z, tall=4)
 
 
 def _dig(canvas: Canvas, rng: np.random.Generator) -> None:
     low, high = (106, FLOOR, 12), (156, FLOOR + 18, 50)
     part, (x, y, z) = canvas.grid(low, high)
-    rough = 0.30 * value_noise(part.shape, 5.0, rng) + 0.12 * value_noise(part.shape, 2.5, rng)
+    rough = 0.22 * value_noise(part.shape, 5.0, rng) + 0.08 * value_noise(part.shape, 2.5, rng)
     cx, cy, cz = CHAMBER
-    room = ((x - cx) / 18.0) ** 2 + ((y - cy) / 11.0) ** 2 + ((z - cz) / 13.5) ** 2 + rough
+    room = ((x - cx) / 20.5) ** 2 + ((y - cy) / 12.0) ** 2 + ((z - cz) / 14.5) ** 2 + rough
     spikes = (value_noise((part.shape[0], 1, part.shape[2]), 3.0, rng) > 0.62) * 4.0 * (y > cy + 2.0)
     part[room + 0.06 * spikes * (y - cy) < 1.0] = 0
     for z0 in range(TRACK[0] - 2, 72):
@@ -58,7 +58,7 @@ def _props(canvas: Canvas) -> None:
         for x in (147, 154):
             canvas.box((x, FLOOR, z), (x + 1, FLOOR + 6, z + 1), "timber")
         canvas.box((147, FLOOR + 5, z), (155, FLOOR + 6, z + 1), "timber")
-        canvas.put(150, FLOOR + 4, z, "lamp")
+        canvas.put(148, FLOOR + 4, z, "lamp")
     canvas.box((146, FLOOR, 66), (148, FLOOR + 8, 68), "timber")
     canvas.box((154, FLOOR, 66), (156, FLOOR + 8, 68), "timber")
     canvas.box((145, FLOOR + 7, 66), (157, FLOOR + 9, 68), "timber")
@@ -66,12 +66,12 @@ def _props(canvas: Canvas) -> None:
 
 def _crystals(canvas: Canvas, rng: np.random.Generator) -> None:
     """Clusters growing from the floor of the chamber, and veins of gold in its walls."""
-    spots = ((115, 26, "crystal"), (133, 43, "amethyst"), (112, 36, "amethyst"), (131, 19, "crystal"))
+    spots = ((115, 26, "crystal"), (133, 43, "amethyst"), (140, 33, "amethyst"), (131, 19, "crystal"))
     for x, z, name in spots:
         for _ in range(4):
             i, k = x + int(rng.integers(-2, 3)), z + int(rng.integers(-2, 3))
             canvas.box((i, FLOOR, k), (i + 1, FLOOR + int(rng.integers(1, 4)), k + 1), name, into_air=True)
     part, _ = canvas.grid((106, FLOOR - 1, 10), (158, FLOOR + 16, 54))
-    vein = value_noise(part.shape, 3.5, rng) > 0.66
+    vein = value_noise(part.shape, 3.5, rng) > 0.74
     rock = (part > 0) & np.isin(part, canvas.ids(("rock", "rock_dark", "rock_warm", "rock_pale")))
-    part[rock & vein & (rng.random(part.shape) < 0.55)] = canvas.id("gold")
+    part[rock & vein & (rng.random(part.shape) < 0.4)] = canvas.id("gold")

@@ -150,7 +150,7 @@ def reeds(canvas: Canvas, top: NDArray[np.int64], free: NDArray[np.bool_], water
     for i, k in np.argwhere(shallow & clump & (rng.random(top.shape) < 0.20)):
         canvas.box((i, int(top[i, k]), k), (i + 1, water + int(rng.integers(1, 4)), k + 1), "reed")
     deeper = (top >= water - 5) & (top < water - 1) & free & (np.sin(x / 8.0 + 2.0) + np.sin(z / 7.0) > 1.2)
-    for i, k in np.argwhere(deeper & (rng.random(top.shape) < 0.05)):
+    for i, k in np.argwhere(deeper & (rng.random(top.shape) < 0.03)):
         canvas.put(i, water, k, "leaf_light")
         canvas.put(i + 1, water, k, "leaf")
         if rng.random() < 0.4:

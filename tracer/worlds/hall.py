@@ -26,8 +26,8 @@ def hall(canvas: Canvas) -> None:
     _roof(canvas)
     _statue(canvas)
     for x in (x0 + 8, x1 - 9):
-        canvas.box((x, CEILING - 3, z0 + 7), (x + 1, CEILING, z0 + 8), "iron")
-        canvas.put(x, CEILING - 4, z0 + 7, "lamp")
+        canvas.box((x, CEILING - 3, z1), (x + 1, CEILING, z1 + 1), "iron")
+        canvas.put(x, CEILING - 4, z1, "lamp")
 
 
 def _walls(canvas: Canvas) -> None:

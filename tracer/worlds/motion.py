@@ -61,7 +61,7 @@ def cart_pose(time: float) -> Tensor:
 def walk(time: float) -> tuple[Tensor, float]:
     """The walker's hips on a round of the fountain, and the phase of the stride."""
     pace, radius = 3.0, 10.0
-    angle = pace * time / radius + 1.0
+    angle = pace * time / radius - 0.6
     x, z = PLAZA[0] + 0.5 + radius * math.cos(angle), PLAZA[1] + 0.5 + radius * math.sin(angle)
     stride = TAU * time / 1.1
     bob = 0.05 * math.cos(2.0 * stride)
@@ -85,7 +85,7 @@ def lantern_pose(time: float, *, at: tuple[float, float, float], phase: float) -
     return drift @ rotation("y", time * 0.4 + phase) @ rotation("z", 0.12 * math.sin(TAU * time / 2.9 + phase))
 
 
-LANTERNS = ((176.5, VILLAGE + 9.0, 116.0), (195.0, VILLAGE + 11.0, 114.0), (199.0, VILLAGE + 4.6, 130.5))
+LANTERNS = ((176.5, VILLAGE + 9.0, 116.0), (195.0, VILLAGE + 11.0, 114.0), (168.8, VILLAGE + 4.0, 124.3))
 
 
 def instances() -> tuple[Instance, ...]:

@@ -36,7 +36,7 @@ def windmill(canvas: Canvas) -> None:
         canvas.put(mx + dx, my + tall + 1, mz + dz, "glass")
     for y in (my + 4, my + 12):
         canvas.put(mx, y, mz, "lamp")
-    canvas.box((mx + 2, my + 16, mz + 3), (mx + 4, my + 18, mz + 5), "timber")
+    canvas.box((mx + 1, my + 16, mz + 2), (mx + 3, my + 18, mz + 4), "timber")
 
 
 def bridge(canvas: Canvas) -> None:

@@ -73,8 +73,8 @@ SPECIAL: tuple[Material, ...] = (
     Material(name="lamp", albedo=(0.80, 0.66, 0.44), roughness=0.5, emission=(7.5, 3.5, 1.05), variation=0.0),
     Material(name="lantern", albedo=(0.80, 0.55, 0.35), roughness=0.6, emission=(4.2, 1.5, 0.40), variation=0.0),
     Material(name="ember", albedo=(0.60, 0.30, 0.15), roughness=0.9, emission=(5.0, 1.5, 0.3), variation=0.1),
-    Material(name="crystal", albedo=(0.30, 0.60, 0.66), roughness=0.15, emission=(0.5, 2.6, 3.2), variation=0.1),
-    Material(name="amethyst", albedo=(0.50, 0.32, 0.66), roughness=0.15, emission=(1.5, 0.6, 2.8), variation=0.1),
+    Material(name="crystal", albedo=(0.30, 0.60, 0.66), roughness=0.15, emission=(0.2, 1.1, 1.35), variation=0.1),
+    Material(name="amethyst", albedo=(0.50, 0.32, 0.66), roughness=0.15, emission=(0.7, 0.28, 1.3), variation=0.1),
 )
 
 

@@ -18,7 +18,7 @@ from tracer.worlds.village import village
 SUN = Sun(direction=(-0.80, 0.52, 0.34), irradiance=(4.3, 3.2, 2.0), angular_radius=0.6)
 SKY = Sky(zenith=(0.07, 0.19, 0.62), horizon=(0.46, 0.60, 0.90), ground=(0.30, 0.34, 0.40))
 
-CHERRIES = ((161, 107), (147, 118), (221, 104), (157, 92), (122, 122), (200, 184), (60, 128))
+CHERRIES = ((161, 107), (117, 116), (221, 104), (157, 92), (122, 122), (200, 184), (60, 128))
 
 CLEAR = (
     (150, 92, 228, 186),  # the village
@@ -72,5 +72,5 @@ def _free(top: NDArray[np.int64]) -> NDArray[np.bool_]:
     x, z = np.indices(top.shape) + 0.5
     eyes = [tuple(v.eye(0.0)) for v in views().values()] + list(FLIGHT_EYE)
     for ex, _, ez in eyes:
-        free &= np.hypot(x - ex, z - ez) > 9.0
+        free &= np.hypot(x - ex, z - ez) > 10.0
     return free & (top < land.UPPER + 12)

@@ -45,12 +45,12 @@ def round_trip(middle: Point, radius: float, height: float, seconds: float) -> C
 FLIGHT_EYE: tuple[Point, ...] = (
     (70.0, 36.0, 206.0),
     (98.0, 31.0, 168.0),
-    (122.0, 34.0, 122.0),
-    (150.0, 41.0, 122.0),
+    (122.0, 36.0, 130.0),
+    (152.0, 43.0, 127.0),
     (180.0, 44.0, 138.0),
     (224.0, 58.0, 170.0),
     (196.0, 60.0, 214.0),
-    (128.0, 46.0, 224.0),
+    (128.0, 55.0, 222.0),
 )
 FLIGHT_TARGET: tuple[Point, ...] = (
     (150.0, 34.0, 125.0),
@@ -68,16 +68,16 @@ def views() -> dict[str, View]:
     """The valley's views by name; the first is the default."""
     return {
         "village": still(
-            (77.0, 37.0, 204.0), (148.0, 34.5, 118.0), fov_y=46.0, description="across the lake to the village"
+            (77.0, 37.0, 204.0), (148.0, 38.0, 118.0), fov_y=44.0, description="across the lake to the village"
         ),
         "lake": still((128.0, 27.5, 184.0), (104.0, 35.0, 92.0), fov_y=54.0, description="from the water to the fall"),
-        "cave": still((114.8, 33.5, 33.0), (140.0, 30.5, 29.0), fov_y=68.0, description="the mine, lit by lamps"),
+        "cave": still((113.0, 34.5, 35.0), (140.0, 31.5, 28.5), fov_y=62.0, description="the mine, lit by lamps"),
         "plaza": still(
-            (183.0, 32.0, 141.0), (187.5, 33.5, 108.0), fov_y=56.0, description="polished stone, the walker"
+            (183.5, 33.0, 138.8), (187.5, 33.5, 108.0), fov_y=56.0, description="polished stone, the walker"
         ),
-        "hall": still((200.0, 35.5, 92.5), (180.0, 34.5, 80.5), fov_y=64.0, description="coloured walls, shiny floor"),
+        "hall": still((201.0, 36.0, 88.5), (176.0, 34.8, 85.0), fov_y=58.0, description="coloured walls, shiny floor"),
         "horizon": still((236.0, 70.0, 226.0), (112.0, 27.0, 84.0), fov_y=44.0, description="the whole valley"),
-        "closeup": still((203.5, 31.2, 129.0), (197.0, 30.6, 136.5), fov_y=52.0, description="market stall, lantern"),
+        "closeup": still((162.6, 31.0, 123.2), (169.5, 30.7, 127.2), fov_y=52.0, description="market stall, lantern"),
         "mill": still((70.0, 47.0, 132.0), (46.0, 57.0, 113.0), fov_y=58.0, description="the windmill"),
         "flythrough": View(
             eye=loop(FLIGHT_EYE, 40.0),

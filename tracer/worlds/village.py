@@ -67,11 +67,13 @@ def _fountain(canvas: Canvas, cx: int, cz: int) -> None:
     away = np.hypot(x - cx - 0.5, z - cz - 0.5) + 0.0 * y
     part[(away < 5.2) & (away > 3.7) & (y < G + 2)] = canvas.id("marble")
     part[(away <= 3.7) & (y < G + 1)] = canvas.id("water")
-    canvas.box((cx - 1, G, cz - 1), (cx + 2, G + 3, cz + 2), "marble")
-    canvas.box((cx, G + 3, cz), (cx + 1, G + 9, cz + 1), "gold")
-    canvas.box((cx - 1, G + 5, cz - 1), (cx + 2, G + 6, cz + 2), "copper")
-    canvas.box((cx - 1, G + 8, cz - 1), (cx + 2, G + 11, cz + 2), "gold")
-    canvas.box((cx, G + 11, cz), (cx + 1, G + 13, cz + 1), "gold")
+    canvas.box((cx - 1, G, cz - 1), (cx + 2, G + 2, cz + 2), "marble_dark")
+    canvas.box((cx, G + 2, cz), (cx + 1, G + 6, cz + 1), "marble")
+    canvas.box((cx - 1, G + 6, cz - 1), (cx + 2, G + 7, cz + 2), "copper")
+    for dx, dy, dz in ((1, 0, 0), (0, 1, 0), (0, 0, 1)):  # a ball: a cube without its corners and edges
+        canvas.box((cx - dx, G + 8 - dy, cz - dz), (cx + 1 + dx, G + 9 + dy, cz + 1 + dz), "gold")
+    canvas.box((cx - 1, G + 8, cz - 1), (cx + 2, G + 9, cz + 2), "gold")
+    canvas.box((cx, G + 10, cz), (cx + 1, G + 12, cz + 1), "gold")
 
 
 def streets(canvas: Canvas, seed_rng: np.random.Generator) -> None:
@@ -164,7 +166,7 @@ def village(canvas: Canvas, rng: np.random.Generator) -> None:
         build(canvas, house)
     stall(canvas, 167, 127, "cloth_red")
     stall(canvas, 194, 134, "cloth_blue")
-    crates(canvas, 201, 135)
+    crates(canvas, 163, 129)
     garden(canvas, (195, 173), (212, 181))
     garden(canvas, (163, 172), (174, 181))
     for x, z in ((176, 142), (176, 160), (204, 147), (199, 168), (160, 118), (160, 152), (178, 178)):
