@@ -22,6 +22,9 @@ class PassOptions:
     preset: str | None = None
     """low, medium, high or ultra. [default: high]"""
 
+    composite: str | None = None
+    """physical, or me1 for the formula of the original. [default: physical]"""
+
     without: Without = ()
     """Stage to leave out, such as gi or gi.accumulate; may be repeated, or name several with commas."""
 

@@ -19,8 +19,9 @@ def passes(options: PassOptions | None = None) -> None:
     from gbufrt.commands.session import Recipe
 
     recipe, console = Recipe.of(options or PassOptions()), Console(highlight=False)
+    pipeline = recipe.build()
     console.print(f"preset {recipe.preset}; names in brackets are used where the frame has them")
-    for name, stage in recipe.build().passes():
+    for name, stage in pipeline.passes():
         rows = Table.grid(padding=(0, 2))
         optional = [f"({signal})" for signal in sorted(stage.optional)]
         rows.add_row("reads", " ".join([*sorted(stage.reads), *optional]))

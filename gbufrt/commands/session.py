@@ -28,6 +28,7 @@ class Recipe:
     """A pipeline in a form that fits a file's header."""
 
     preset: str = "high"
+    composite: str = "physical"
     without: tuple[str, ...] = ()
     set: Mapping[str, Any] = field(default_factory=dict)
     warmup: int = 8
@@ -42,11 +43,13 @@ class Recipe:
         base = start or Recipe()
         if options.preset is not None:
             base = Recipe(preset=options.preset, warmup=base.warmup)
+        if options.composite is not None:
+            base = replace(base, composite=options.composite)
         warmup = base.warmup if options.warmup is None else options.warmup
         at_least("--warmup", warmup, 0)
         without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
         settings = {**base.set, **parse_settings(options.set)}
-        return Recipe(preset=base.preset, without=without, set=settings, warmup=warmup)
+        return replace(base, without=without, set=settings, warmup=warmup)
 
     @staticmethod
     def of_notes(notes: Mapping[str, Any]) -> Recipe:
@@ -55,8 +58,13 @@ class Recipe:
         if not isinstance(found, dict):
             return Recipe()
         try:
-            without, settings = tuple(map(str, found["without"])), dict(found["set"])
-            return Recipe(preset=str(found["preset"]), without=without, set=settings, warmup=int(found["warmup"]))
+            return Recipe(
+                preset=str(found["preset"]),
+                composite=str(found["composite"]),
+                without=tuple(map(str, found["without"])),
+                set=dict(found["set"]),
+                warmup=int(found["warmup"]),
+            )
         except (KeyError, TypeError, ValueError):
             return Recipe()
 
@@ -72,7 +80,7 @@ class Recipe:
         """
         from post.presets import me1
 
-        pipeline = me1(self.preset)
+        pipeline = me1(self.preset, composite=self.composite)  # pyright: ignore[reportArgumentType]
         if self.set:
             present = pipeline.all_tunables()
             values = {name: fitted(name, value, present[pipeline.resolve(name)]) for name, value in self.set.items()}

@@ -87,7 +87,9 @@ class Display(Pass):
         return frame.replace(image=(frame.read("color") * self.gain).clamp(0, 1))
 
 
-def fake_me1(preset: str = "high") -> Pipeline:
+def fake_me1(preset: str = "high", *, composite: str = "physical") -> Pipeline:
+    if composite not in ("physical", "me1"):
+        raise ValueError(f"composite must be physical or me1, got {composite!r}")
     if preset not in ("low", "high"):
         raise ValueError(f"preset must be low or high, got {preset!r}")
     ao = Pipeline(
@@ -161,7 +163,13 @@ def test_render_writes_every_frame():
     assert torch.equal(before.world_from_view, read_exr("new/out/frame_0000.exr").gbuffer.camera.world_from_view)
     notes = read_notes("new/out/frame_0000.exr")
     assert notes["render"]["samples"] == 7
-    assert notes["pipeline"] == {"preset": "high", "without": [], "set": {}, "warmup": 8}
+    assert notes["pipeline"] == {
+        "preset": "high",
+        "composite": "physical",
+        "without": [],
+        "set": {},
+        "warmup": 8,
+    }
 
 
 def test_a_still_is_not_jittered_and_has_its_history_filled():
@@ -262,6 +270,7 @@ def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsy
         (("--set", "speckle.soft=1"), "must be true or false"),
         (("--set", "speckle.radius=-1"), "radius must be positive, in world units, got -1.0"),
         (("--preset", "huge"), "preset must be low or high, got 'huge'"),
+        (("--composite", "both"), "composite must be physical or me1, got 'both'"),
         (("--view", "below"), "no view 'below' in world 'builtin'; it has front, above"),
         (("missing.vox",), "no such file: missing.vox"),
         (("hollow",), "world 'hollow' is empty"),
