@@ -208,8 +208,10 @@ class MotionBlur(Pass):
         seed: int = 0,
     ) -> None:
         super().__init__()
-        self.shutter, self.position, self.samples, self.tile = shutter, position, samples, tile
-        self.weights, self.softness, self.seed = weights, softness, seed
+        self.position: Position = position
+        self.weights: Weights = weights
+        self.shutter, self.samples, self.tile = shutter, samples, tile
+        self.softness, self.seed = softness, seed
         self.target_frame_time = target_frame_time
 
     def forward(self, frame: Frame) -> Frame:
