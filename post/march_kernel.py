@@ -30,8 +30,10 @@ def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
         if front_b >= -tolerance:
             return LEFT, 0.0, 0.0
         return HIT, front_a / (front_a - front_b), 1.0
-    crack = abs(gx) + abs(gy) + abs(planes[jy, jx, 1]) + abs(planes[jy, jx, 2]) + flat + steep * abs(q)
-    if front_b < front_a and front_a > -crack:
+    h, hx, hy = planes[jy, jx, 0], planes[jy, jx, 1], planes[jy, jx, 2]
+    crack = abs(gx) + abs(gy) + abs(hx) + abs(hy) + flat + steep * abs(q)
+    step = (qa - front_a) - (h + hx * (ax - jx - 0.5) + hy * (ay - jy - 0.5))
+    if front_b < front_a and front_a > -crack and step < crack:
         return HIT, 0.0, min(1.0, 2.0 * (1.0 + front_a / crack))
     if qa > back or qb > back:
         return BLOCKED, 0.0, min(1.0, max(0.0, (qa - back) / (qa - front_a - back)))

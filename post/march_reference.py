@@ -150,9 +150,11 @@ def _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, T
     tolerance = TOLERANCE * q.abs()
     before = front_a >= -tolerance
     crosses = before & (front_b < -tolerance)
-    _, hx, hy, _ = _look(planes, rays, jx, jy)
-    crack = gx.abs() + gy.abs() + hx.abs() + hy.abs() + rays.pixel(q)  # by which neighbouring pieces of plane part
-    falls = ~before & (front_b < front_a) & (front_a > -crack)
+    h, hx, hy, _ = _look(planes, rays, jx, jy)
+    # adjoining pieces of plane part by up to a crack, through which no ray may slip; a silhouette's step is no crack
+    crack = gx.abs() + gy.abs() + hx.abs() + hy.abs() + rays.pixel(q)
+    beside = h + hx * (rays.x + share * rays.dx - jx - 0.5) + hy * (rays.y + share * rays.dy - jy - 0.5)
+    falls = ~before & (front_b < front_a) & (front_a > -crack) & (qa - front_a - beside < crack)
     blocks = ~before & ~falls & ((qa > back) | (qb > back))
     gap = front_a - front_b
     part = torch.where(crosses, front_a / torch.where(crosses, gap, 1.0), 0.0)
