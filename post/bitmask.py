@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import NamedTuple
 
 import torch
@@ -21,7 +20,7 @@ GROUPS = 6  # of sectors, one mean direction each
 PER_GROUP = SECTORS // GROUPS
 FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
-THICKNESS = 0.5  # assumed, in radii, where neither a measurement nor a guess is given
+THICKNESS = 0.5  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
 
 
 class Front(NamedTuple):
@@ -44,7 +43,7 @@ def bitmask_ao(
     *,
     hit: Tensor | None = None,
     thickness: Tensor | float | None = None,
-    radius: float | Tensor = 0.5,
+    radius: float | Tensor | None = 0.5,
     directions: int = 4,
     steps: int = 6,
     soft: bool | None = None,
@@ -63,7 +62,7 @@ def bitmask_ao(
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
             half the radius.
-        radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient.
+        radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
         soft: fractional coverage of edge sectors, which has gradients in depth, normal, thickness and radius; by
@@ -80,14 +79,17 @@ def bitmask_ao(
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
-    slices.check_sweep(directions, steps, radius)
+    slices.check_sweep(camera, directions, steps, radius, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
-    thickness = THICKNESS * reach if thickness is None else thickness
+    reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
+    if thickness is None:
+        thickness = THICKNESS if reach is None else THICKNESS * reach
     around = slices.scene(camera, depth, hit, slices.planar_thickness(camera, depth, thickness))
     at = slices.receivers(camera, depth, normal)
     if soft is None:
-        soft = torch.is_grad_enabled() and any(t.requires_grad for t in (around.picture, at.nx, reach))
+        soft = torch.is_grad_enabled() and any(
+            t is not None and t.requires_grad for t in (around.picture, at.nx, reach)
+        )
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     rows = []
     for cut, band in slices.bands(at):
@@ -107,7 +109,7 @@ def _slice(
     sin_psi: Tensor,
     jitter: Tensor,
     dither: Tensor,
-    radius: Tensor,
+    radius: Tensor | None,
     steps: int,
     parallel: bool,
     soft: bool,
@@ -119,10 +121,10 @@ def _slice(
     own = own_solid(around, at)
     right, left = horizon.sides(at, cut, size)
     for side in (right, left):
-        reach_px = torch.minimum(radius * side.length, side.border).detach()
+        reach_px = side.border if radius is None else torch.minimum(radius * side.length, side.border)
         before = start(at, side, own)
         for i in range(steps):
-            px = 1.0 + reach_px * ((i + jitter) / steps)
+            px = 1.0 + reach_px.detach() * ((i + jitter) / steps)
             tap = horizon.look(around, at, side, px, parallel)
             front, back, near, *state = blocked(tap, before, side, radius, soft)
             before = Front(*state)
@@ -144,10 +146,15 @@ def own_solid(around: Scene, at: Receivers) -> Tensor:
     return gather(around.picture[:, 1:2], at.column.int() + 1, at.row.int() + 1)[:, 0]
 
 
-def blocked(tap: Tap, before: Front, side: Side, radius: Tensor | None, soft: bool) -> tuple[Tensor, ...]:
-    """Shares of the side between which a tap blocks, how far it counts (0 to 1), and what `Front` holds of it."""
+def blocked(
+    tap: Tap, before: Front, side: Side, radius: Tensor | None, soft: bool, same: Tensor | None = None
+) -> tuple[Tensor, ...]:
+    """Shares of the side between which a tap blocks, how far it counts (0 to 1), and what `Front` holds of it.
+
+    ``same`` is 1 where the tap is known to continue the surface of the one before.
+    """
     overlap = torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
-    joined = horizon.step(overlap)
+    joined = horizon.step(overlap) if same is None else torch.maximum(horizon.step(overlap), same)
     rise, run, near, distance, inside = tap.front_rise, tap.front_run, joined, joined, joined
     if radius is not None:
         distance = (rise * rise + run * run + 1e-20).sqrt()
@@ -210,7 +217,7 @@ def share(sectors: Tensor) -> Tensor:
 def slice_sums(cut: Slice, covered: Tensor) -> Tensor:
     """One slice's part of the sums of `horizon.finish`."""
     open_groups = 1 - group_shares(covered).to(cut.n.dtype)
-    rise, run = mean_directions(cut.n)
+    rise, run = horizon.mean_directions(cut.n, GROUPS)
     rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
     runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight
     lift, slide = torch.stack([cut.hx, cut.hy, cut.hz]), torch.stack([cut.tx, cut.ty, cut.tz])
@@ -221,28 +228,3 @@ def slice_sums(cut: Slice, covered: Tensor) -> Tensor:
             rises[1] * lift + runs[1] * slide,
         ]
     )
-
-
-def mean_directions(n: Tensor) -> tuple[Tensor, Tensor]:
-    """Along the projected normal and across it: each group's mean direction, both ``(GROUPS, B, h, w)``."""
-    terms = torch.tensor(_direction_polynomials(), dtype=n.dtype, device=n.device)[..., None, None, None]
-    value = terms[-1].expand(-1, *n.shape)
-    for term in reversed(terms[:-1].unbind(0)):
-        value = value * n + term
-    return value[:GROUPS], value[GROUPS:]
-
-
-@cache
-def _direction_polynomials() -> list[list[float]]:
-    """Polynomials in n, lowest power first, fitted to the groups' mean cos(alpha) and sin(alpha)."""
-    grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
-    alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2
-    density = alpha.cos() * (alpha + grid[:, None]).sin().abs()
-    density = density / density.sum(1, keepdim=True)
-    group = ((density.cumsum(1) - density / 2) * GROUPS).long().clamp(0, GROUPS - 1)
-    means = []
-    for direction in (alpha.cos(), alpha.sin()):
-        total = torch.zeros(65, GROUPS, dtype=torch.float64).scatter_add(1, group, density * direction)
-        means.append(total * GROUPS)
-    powers = grid[:, None] ** torch.arange(9, dtype=torch.float64)
-    return torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()

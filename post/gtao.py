@@ -124,7 +124,7 @@ def horizon_ao(
 
     Source: Jimenez et al. 2016, "Practical Real-Time Strategies for Accurate Indirect Occlusion"; XeGTAO.
     """
-    slices.check_sweep(directions, steps, radius)
+    slices.check_sweep(camera, directions, steps, radius, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     around = slices.scene(camera, depth, hit, torch.ones_like(depth))

@@ -8,6 +8,7 @@ one side and then to the other; the other side is the mirror image: tangent, n a
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import torch
@@ -150,3 +151,31 @@ def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Ten
     length2 = (bent * bent).sum(1, keepdim=True)
     bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
     return torch.where(hit, share[:, None], 1.0), torch.where(hit, bent, 0.0)
+
+
+def mean_directions(n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
+    """Mean directions of equal parts of the arc, by cosine-weighted measure: along the projected normal, and across it.
+
+    Both ``(groups, B, h, w)``.
+    """
+    terms = torch.tensor(_direction_polynomials(groups), dtype=n.dtype, device=n.device)[..., None, None, None]
+    value = terms[-1].expand(-1, *n.shape)
+    for term in reversed(terms[:-1].unbind(0)):
+        value = value * n + term
+    return value[:groups], value[groups:]
+
+
+@cache
+def _direction_polynomials(groups: int) -> list[list[float]]:
+    """Polynomials in n, lowest power first, fitted to the parts' mean cos(alpha) and sin(alpha)."""
+    grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
+    alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2
+    density = alpha.cos() * (alpha + grid[:, None]).sin().abs()
+    density = density / density.sum(1, keepdim=True)
+    group = ((density.cumsum(1) - density / 2) * groups).long().clamp(0, groups - 1)
+    means = []
+    for direction in (alpha.cos(), alpha.sin()):
+        total = torch.zeros(65, groups, dtype=torch.float64).scatter_add(1, group, density * direction)
+        means.append(total * groups)
+    powers = grid[:, None] ** torch.arange(9, dtype=torch.float64)
+    return torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()

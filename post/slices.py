@@ -12,7 +12,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.camera import Camera
+from gbufrt import CHANNELS, SIGNALS, Camera
+from gbufrt.channels import check_tensor
 from gbufrt.noise import GOLDEN
 
 BAND_PIXELS = 32768
@@ -210,10 +211,16 @@ def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
     )
 
 
-def check_sweep(directions: int, steps: int, radius: Tensor | float | None) -> None:
-    """Raise ValueError unless all are positive."""
+def check_sweep(
+    camera: Camera, directions: int, steps: int, radius: Tensor | float | None, **pictures: Tensor | None
+) -> None:
+    """Raise ValueError or TypeError unless counts and radius are positive and the pictures, by name, fit the camera."""
     for name, value in (("directions", directions), ("steps", steps)):
         if value < 1:
             raise ValueError(f"{name} must be at least 1, got {value}")
     if radius is not None and not bool(torch.as_tensor(radius) > 0):
-        raise ValueError(f"the radius must be a positive length in world units, got {float(radius):g}")
+        raise ValueError(f"radius and distance must be positive lengths in world units, got {float(radius):g}")
+    for name, picture in pictures.items():
+        if picture is not None:
+            row = {**CHANNELS, **SIGNALS, "light": SIGNALS["radiance"]}[name]
+            check_tensor(name, picture, row, batch=camera.batch, size=camera.size, device=camera.device)

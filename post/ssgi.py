@@ -1,0 +1,207 @@
+"""Screen-space global illumination: one sweep finds what blocks each pixel's sky and the light that it sends."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, Pass
+from gbufrt.camera import Camera
+from gbufrt.fusion import fusible
+from gbufrt.noise import blue_noise
+from post import horizon, slices
+from post.bitmask import Front, blocked, cover, no_cover, own_solid, share, slice_sums, start
+from post.horizon import Tap
+from post.sent_light import sent_light
+from post.slices import Receivers, Scene
+from post.upsample import upsample
+
+THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
+POWER = 1.5  # of the taps' spread: denser near the receiver, yet dense enough afar to leave few gaps
+FLATNESS = 0.1  # sine below which two taps lie in each other's planes
+
+
+def ssgi(
+    depth: Tensor,
+    normal: Tensor,
+    camera: Camera,
+    light: Tensor,
+    albedo: Tensor,
+    *,
+    hit: Tensor | None = None,
+    thickness: Tensor | float | None = None,
+    directions: int = 4,
+    steps: int = 12,
+    distance: float | None = None,
+    resolution: int = 1,
+    index: int = 0,
+    seed: int = 0,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """One bounce of light between the surfaces in the picture, and the sky that each surface sees past them.
+
+    Each tap covers the sectors from its front to its back, as in `post.bitmask_ao`. The sectors that it is the first to
+    cover receive the light it sends, if it faces the receiver; sectors left open see the sky. So open sky and gathered
+    light share every hemisphere without counting a direction twice.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space, unit length.
+        camera: of the picture.
+        light: ``(B, 3, H, W)`` outgoing linear radiance that each pixel sends to others.
+        albedo: ``(B, 3, H, W)`` diffuse albedo of receivers.
+        hit: ``(B, 1, H, W)`` bool; by default every pixel.
+        thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
+            0.5. Taps that lie in one plane are one body whatever the thickness.
+        directions: slices, each through the pixel to both sides.
+        steps: taps on each side of a slice.
+        distance: how far light is gathered, world units; None for the whole picture.
+        resolution: 1, or 2 to sweep at every second pixel both ways and bring the result to all along surfaces.
+        index: frame number, for the noise.
+        seed: another seed, another noise.
+
+    Returns:
+        gi ``(B, 3, H, W)``, outgoing linear radiance with albedo included; sky_visibility ``(B, 1, H, W)``, 1 open
+        (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit length, 0 where nothing was hit.
+
+    Raises:
+        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2.
+
+    Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
+    """
+    slices.check_sweep(
+        camera, directions, steps, distance, depth=depth, normal=normal, hit=hit, light=light, albedo=albedo
+    )
+    if resolution not in (1, 2):
+        raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
+    hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
+    solid = slices.planar_thickness(camera, depth, THICKNESS if thickness is None else thickness)
+    sent = torch.where(hit, light.to(depth.dtype), 0.0)
+    around = slices.scene(camera, depth, hit, solid, sent, camera.rotate_to_view(normal))
+    corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
+    part = (..., slice(corner[0], None, resolution), slice(corner[1], None, resolution))
+    at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
+    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)[part]
+    sums = _sweep(around, at, noise, directions, steps, distance, camera.orthographic)
+    visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
+    found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
+    if resolution == 2:
+        found = upsample(found, depth, normal, camera, hit=hit, stride=2, offset=corner)
+        bent = torch.nn.functional.normalize(found[:, 4:], dim=1)
+        found = torch.cat([found[:, :4], bent], dim=1)
+    gathered, visibility, bent = found.split([3, 1, 3], dim=1)
+    return (
+        torch.where(hit, albedo * gathered, 0.0),
+        torch.where(hit, visibility, 1.0),
+        torch.where(hit, bent, 0.0),
+    )
+
+
+def _sweep(
+    around: Scene, at: Receivers, noise: Tensor, directions: int, steps: int, distance: float | None, parallel: bool
+) -> Tensor:
+    """``(11, B, h, w)``: the sums of `horizon.finish`, and the light of all slices."""
+    reach = None if distance is None else at.z.new_tensor(distance)
+    soft = torch.is_grad_enabled() and (around.picture[:, :2].requires_grad or at.nx.requires_grad)
+    rows = []
+    for cut, band in slices.bands(at):
+        sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
+        for which in range(directions):
+            random = slices.slice_noise(noise[:, cut], which, directions)
+            sums = sums + _slice(around, band, *random, reach, steps, parallel, soft)
+        rows.append(sums)
+    return torch.cat(rows, dim=2)
+
+
+@fusible
+def _slice(
+    around: Scene,
+    at: Receivers,
+    cos_psi: Tensor,
+    sin_psi: Tensor,
+    jitter: Tensor,
+    dither: Tensor,
+    distance: Tensor | None,
+    steps: int,
+    parallel: bool,
+    soft: bool,
+) -> Tensor:
+    """What one slice adds to the sums."""
+    cut = slices.cut_slice(at, cos_psi, sin_psi)
+    size = (around.picture.shape[-2] - 2, around.picture.shape[-1] - 2)
+    covered, own = no_cover(at.z, soft), own_solid(around, at)
+    gathered = at.z.new_zeros(3, *at.z.shape)
+    right, left = horizon.sides(at, cut, size)
+    for side in (right, left):
+        farthest = side.border if distance is None else torch.minimum(side.border, distance * side.length)
+        farthest = (farthest.detach() - 1).clamp_min(0)
+        before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
+        for i in range(steps):
+            tap = horizon.look(around, at, side, 1.0 + farthest * ((i + jitter) / steps) ** POWER, parallel)
+            next_plane = _plane(tap, parallel)
+            front, back, near, *state = blocked(tap, before, side, distance, soft, _flat(next_plane, plane))
+            before, plane = Front(*state), next_plane
+            if side is right:
+                low, high = left.whole + front, left.whole + back
+            else:
+                low, high = left.whole - back, left.whole - front
+            covered, fresh = cover(covered, low, high, near, dither)
+            lit = share(fresh) * _facing(plane, at)
+            gathered = gathered + lit * tap.seen[:, :3].movedim(1, 0)
+    return torch.cat([slice_sums(cut, covered), gathered * cut.weight])
+
+
+def _plane(tap: Tap, parallel: bool) -> tuple[Tensor, ...]:
+    """Point and normal of a tap in view space, six planes."""
+    x, y = (tap.x, tap.y) if parallel else (tap.x * tap.z, tap.y * tap.z)
+    return x, y, tap.z, *tap.seen[:, 3:].unbind(1)
+
+
+def _flat(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> Tensor:
+    """1 where two points lie in each other's planes, else 0."""
+    dx, dy, dz = one[0] - other[0], one[1] - other[1], one[2] - other[2]
+    off = torch.maximum(
+        (dx * one[3] + dy * one[4] + dz * one[5]).abs(), (dx * other[3] + dy * other[4] + dz * other[5]).abs()
+    )
+    alike = horizon.step(one[3] * other[3] + one[4] * other[4] + one[5] * other[5] - 0.5)
+    return horizon.step(FLATNESS * (dx * dx + dy * dy + dz * dz + 1e-20).sqrt() - off) * alike
+
+
+def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
+    """1 where the receiver lies above a tap's plane, else 0."""
+    x, y, z, nx, ny, nz = plane
+    return horizon.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
+
+
+class SSGI(Pass):
+    """Diffuse light from surfaces in the picture, and the visibility of the sky. See `ssgi` and `sent_light`."""
+
+    reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})
+    optional = frozenset({"metallic", "emission", "ambient", "ao", "thickness", "motion", "motion_z", "object_id"})
+    writes = frozenset({"gi", "sky_visibility"})
+
+    def __init__(
+        self,
+        *,
+        directions: int = 4,
+        steps: int = 12,
+        distance: float | None = None,
+        thickness: float | None = None,
+        bounces: int = 2,
+        bounce_loss: float = 1.0,
+        resolution: int = 1,
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        self.directions, self.steps, self.distance, self.thickness = directions, steps, distance, thickness
+        self.bounces, self.bounce_loss, self.resolution, self.seed = bounces, bounce_loss, resolution, seed
+
+    def forward(self, frame: Frame) -> Frame:
+        g, own = frame.gbuffer, ("directions", "steps", "distance", "resolution", "seed")
+        tunables = {name: getattr(self, name) for name in own}
+        thickness = self.thickness if g.thickness is None else g.thickness
+        bounces = {"bounces": self.bounces, "bounce_loss": self.bounce_loss}
+        light = sent_light(frame, distance=self.distance, thickness=thickness, steps=self.steps, **bounces)
+        albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
+        arguments = {**tunables, "hit": g.hit, "thickness": thickness, "index": frame.index}
+        gi, sky, _ = ssgi(g.depth, g.normal, g.camera, light, albedo, **arguments)
+        return frame.replace(gi=gi, sky_visibility=sky)
