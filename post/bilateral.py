@@ -26,11 +26,11 @@ def bilateral(
     hit: Tensor,
     camera: Camera,
     radius: int = 4,
-    sigma: float = 3.0,
+    sigma: float = 4.0,
     depth_sensitivity: float = 1.0,
     normal_power: float = 32.0,
     variance_sensitivity: float = 5.0,
-    phi_color: float = 3.0,
+    phi_color: float = 2.5,
     variance: Tensor | None = None,
     roughness: Tensor | None = None,
     confidence: Tensor | None = None,
@@ -53,7 +53,7 @@ def bilateral(
         depth_sensitivity: s, per pixel footprint.
         normal_power: p.
         variance_sensitivity: the Gaussian is widest where this times the relative noise reaches one.
-        phi_color: difference between 3x3 means of luminance, in their standard deviations, at which a tap counts 1/e.
+        phi_color: difference between 3x3 means of luminance, in their standard deviations, up to which a tap counts in full.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 3x3 neighbours where absent.
         roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
@@ -129,9 +129,8 @@ def _filter(
     total = torch.ones_like(narrow)
     sums = [values[middle][:, c] for c in range(channels)]
     for k, dy, dx in places:
-        weight = weights[dy, dx] * torch.exp(
-            falloff * (dy * dy + dx * dx) - ((values[k][:, channels] - light) / tolerance[:, 0]) ** 2
-        )
+        unlike = (((values[k][:, channels] - light) / tolerance[:, 0]) ** 2 - 1.0).clamp_min(0.0)
+        weight = weights[dy, dx] * torch.exp(falloff * (dy * dy + dx * dx) - unlike)
         total = total + weight
         sums = [s + weight * values[k][:, c] for c, s in enumerate(sums)]
     return torch.stack(sums, dim=1) / total[:, None]
@@ -153,11 +152,11 @@ class Bilateral(Pass):
         *,
         signal: str | tuple[str, ...] = "ao",
         radius: int = 4,
-        sigma: float = 3.0,
+        sigma: float = 4.0,
         depth_sensitivity: float = 1.0,
         normal_power: float = 32.0,
         variance_sensitivity: float = 5.0,
-        phi_color: float = 3.0,
+        phi_color: float = 2.5,
         demodulate: bool | None = None,
     ) -> None:
         super().__init__()
