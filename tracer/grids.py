@@ -63,6 +63,11 @@ class Grids:
     materials: MaterialTable
     media: Tensor
 
+    @property
+    def tensors(self) -> list[Tensor]:
+        """What the operators of `tracer.traversal_ops` want."""
+        return [self.bricks, self.index, self.entries, self.media]
+
     def to(self, *args: Any, **kwargs: Any) -> Grids:
         """The grids on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(lambda t: t.to(*args, **kwargs), self)

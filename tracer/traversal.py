@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -89,7 +90,7 @@ def trace(
         begin = torch.where(passes, beyond.t, torch.inf).reshape(-1)
         rays.spans[:, 0] = torch.maximum(rays.spans[:, 0], begin)
         left = _starts(beyond)
-    numbers, ids = ops.surface(rays.origins, rays.directions, rays.spans, left, *_tensors(scene), rays.transforms, mask)
+    numbers, ids = ops.surface(list(rays), scene.grids.tensors, left, mask)
     hit = ids[:, 1] >= 0
     hits = Hits(
         t=numbers[:, 0],
@@ -136,7 +137,7 @@ def transmission(
         ValueError: shapes do not fit each other or the scene.
     """
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
-    passed = ops.transmit(rays.origins, rays.directions, rays.spans, *_tensors(scene), rays.transforms, mask)
+    passed = ops.transmit(list(rays), scene.grids.tensors, mask)
     return passed.reshape(*shape, 3)
 
 
@@ -166,12 +167,11 @@ def run_lengths(
     shape, rays = _rays(scene, origins, directions, poses, hits.t, hits.t + cap)
     starts = _starts(hits)
     starts[:, 1] = torch.where((hits.hit & ~hits.back_face).reshape(-1), starts[:, 1], -1)
-    lengths = ops.runs(rays.origins, rays.directions, rays.spans, starts, *_tensors(scene), rays.transforms)
+    lengths = ops.runs(list(rays), scene.grids.tensors, starts)
     return lengths[:, 0].reshape(shape), lengths[:, 1].reshape(shape)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Rays:
+class _Rays(NamedTuple):
     origins: Tensor
     directions: Tensor
     spans: Tensor
@@ -222,11 +222,6 @@ def _transforms(scene: Scene, poses: Tensor | None, device: torch.device) -> Ten
     inverse = torch.linalg.inv(matrices)[:, :, :3].contiguous()
     inverse[..., 3] -= scene.grids.entries[:, ORIGIN : ORIGIN + 3].to(device=device, dtype=torch.float64)
     return inverse
-
-
-def _tensors(scene: Scene) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    grids = scene.grids
-    return grids.bricks, grids.index, grids.entries, grids.media
 
 
 def _starts(hits: Hits) -> Tensor:

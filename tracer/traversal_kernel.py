@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.traversal_reference`: one ray at a time, empty space in steps as long as the grid allows.
+"""The compiled form of `tracer.traversal_reference`: a ray at a time, with steps as long as the space is empty.
 
 Source: Amanatides and Woo 1987 for the walk. Points, directions and cells are triples in grid coordinates.
 """
@@ -6,6 +6,7 @@ Source: Amanatides and Woo 1987 for the walk. Points, directions and cells are t
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -13,8 +14,8 @@ from numba import prange
 from torch import Tensor
 
 from gbufrt.kernel import array, driver, scalar, threads
+from tracer.grids import HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
 
-INDEX, NY, NZ, LOW, HIGH, ORIGIN = 2, 4, 5, 6, 9, 12  # of the columns of `tracer.grids.Grids.entries`
 SOLID = -1
 TINY = 1e-30
 ROWS = 64  # rays handed out at a time
@@ -76,6 +77,11 @@ def _start(o, d, t, box):
 
 
 @scalar
+def _given(starts, i, box):
+    return starts[i, 2] - box[ORIGIN], starts[i, 3] - box[ORIGIN + 1], starts[i, 4] - box[ORIGIN + 2]
+
+
+@scalar
 def _look(bricks, index, box, c):
     """The voxel id at a cell, and low corner and side of the cube around it that holds the same."""
     x, y, z = c[0] >> 4, c[1] >> 4, c[2] >> 4
@@ -91,7 +97,7 @@ def _look(bricks, index, box, c):
 
 @scalar
 def _along(o, d, t, low, size):
-    return min(max(int(math.floor(o + d * t)), low), low + size - 1)
+    return min(max(math.floor(o + d * t), low), low + size - 1)
 
 
 @scalar
@@ -130,7 +136,7 @@ def _find(bricks, index, media, box, o, d, inv, c, t, t_end, axis, medium, silen
         value, low, size = _look(bricks, index, box, c)
         if value != medium:
             if medium == SOLID:
-                if value == 0 or media[value + box[1], 0] < 1.0:
+                if value == 0 or media[value + box[MATERIAL], 0] < 1.0:
                     medium = value
             elif silent and value == 0:
                 medium = 0
@@ -144,14 +150,14 @@ def _find(bricks, index, media, box, o, d, inv, c, t, t_end, axis, medium, silen
 
 
 @scalar
-def _surface(i, batch, rays, left, grids, transforms, mask, numbers, ids):
-    origins, directions, spans = rays
+def _surface(i, batch, rays, grids, left, mask, numbers, ids):
+    origins, directions, spans, transforms = rays
     bricks, index, entries, media = grids
     t_begin, nearest = float(spans[i, 0]), float(spans[i, 1])
     numbers[i, 0], ids[i, 1] = np.inf, -1
     for entry in range(entries.shape[0]):
         box = entries[entry]
-        if not box[0] & mask:
+        if not box[MASK] & mask:
             continue
         o, d, inv = _ray(transforms[batch, entry], origins, directions, i)
         enter, leave, axis = _slabs(o, inv, box)
@@ -160,11 +166,11 @@ def _surface(i, batch, rays, left, grids, transforms, mask, numbers, ids):
             continue
         c, medium, silent = _start(o, d, t, box), 0, False
         if left.shape[0] > 0 and left[i, 1] == entry:
-            c = (left[i, 2] - box[ORIGIN], left[i, 3] - box[ORIGIN + 1], left[i, 4] - box[ORIGIN + 2])
-            medium, silent = left[i, 0] - box[1], True
+            c = _given(left, i, box)
+            medium, silent = left[i, 0] - box[MATERIAL], True
         elif enter <= t_begin:
             medium = _look(bricks, index, box, c)[0]
-            if medium > 0 and media[medium + box[1], 0] >= 1.0:
+            if medium > 0 and media[medium + box[MATERIAL], 0] >= 1.0:
                 medium = SOLID
         t, axis, c, value, medium = _find(bricks, index, media, box, o, d, inv, c, t, nearest, axis, medium, silent)
         if t < 0:
@@ -177,7 +183,7 @@ def _surface(i, batch, rays, left, grids, transforms, mask, numbers, ids):
 def _store(i, entry, box, o, d, t, axis, c, value, medium, numbers, ids):
     back = value == 0
     numbers[i, 0] = t
-    ids[i, 0] = (medium if back else value) + box[1]
+    ids[i, 0] = (medium if back else value) + box[MATERIAL]
     ids[i, 1] = entry
     ids[i, 2] = 2 * axis + (1 if d[axis] < 0 else 0)
     ids[i, 3] = back
@@ -189,43 +195,13 @@ def _store(i, entry, box, o, d, t, axis, c, value, medium, numbers, ids):
 
 
 @driver
-def _surface_all(
-    origins, directions, spans, left, bricks, index, entries, media, transforms, mask, lanes, numbers, ids
-):
-    count, each = origins.shape[0], origins.shape[0] // transforms.shape[0]
+def surface_all(rays, grids, left, mask, lanes, numbers, ids):
+    count = len(rays[0])
+    each = count // len(rays[3])
     for lane in prange(lanes):
         for begin in range(lane * ROWS, count, lanes * ROWS):
             for i in range(begin, min(begin + ROWS, count)):
-                _surface(
-                    i,
-                    i // each,
-                    (origins, directions, spans),
-                    left,
-                    (bricks, index, entries, media),
-                    transforms,
-                    mask,
-                    numbers,
-                    ids,
-                )
-
-
-def run_surface(
-    origins: Tensor,
-    directions: Tensor,
-    spans: Tensor,
-    left: Tensor,
-    bricks: Tensor,
-    index: Tensor,
-    entries: Tensor,
-    media: Tensor,
-    transforms: Tensor,
-    mask: int,
-) -> tuple[Tensor, Tensor]:
-    """See `tracer.traversal_ops.surface`."""
-    numbers, ids = torch.zeros(len(origins), 4), torch.zeros(len(origins), 7, dtype=torch.int32)
-    tensors = (origins, directions, spans, left, bricks, index, entries, media, transforms)
-    _surface_all(*map(array, tensors), mask, threads(), array(numbers), array(ids))
-    return numbers, ids
+                _surface(i, i // each, rays, grids, left, mask, numbers, ids)
 
 
 @scalar
@@ -247,33 +223,41 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, light):
         value, low, size = _look(bricks, index, box, c)
         if value != medium:
             if medium > 0:
-                light = _dim(light, media[medium + box[1]], t - began)
-            if value > 0 and media[value + box[1], 0] >= 1.0:
+                light = _dim(light, media[medium + box[MATERIAL]], t - began)
+            if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
                 return (0.0, 0.0, 0.0)
             medium, began = value, t
         t, _, c = _step(o, d, inv, c, low, size)
         if not (t < t_end and _inside(c, box)):
-            return _dim(light, media[medium + box[1]], min(t, t_end) - began) if medium > 0 else light
+            return _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began) if medium > 0 else light
+
+
+@scalar
+def _transmit(i, batch, rays, grids, mask):
+    origins, directions, spans, transforms = rays
+    bricks, index, entries, media = grids
+    light = (1.0, 1.0, 1.0)
+    for entry in range(len(entries)):
+        box = entries[entry]
+        if box[MASK] & mask:
+            o, d, inv = _ray(transforms[batch, entry], origins, directions, i)
+            enter, leave, _ = _slabs(o, inv, box)
+            t, t_end = max(enter, float(spans[i, 0])), float(spans[i, 1])
+            if t < leave and t < t_end and math.isfinite(leave):
+                light = _through(bricks, index, media, box, o, d, inv, t, t_end, light)
+                if max(light) <= 0.0:
+                    break
+    return light
 
 
 @driver
-def _transmit_all(origins, directions, spans, bricks, index, entries, media, transforms, mask, lanes, passed):
-    count, each = origins.shape[0], origins.shape[0] // transforms.shape[0]
+def transmit_all(rays, grids, mask, lanes, passed):
+    count = len(rays[0])
+    each = count // len(rays[3])
     for lane in prange(lanes):
         for begin in range(lane * ROWS, count, lanes * ROWS):
             for i in range(begin, min(begin + ROWS, count)):
-                light = (1.0, 1.0, 1.0)
-                for entry in range(entries.shape[0]):
-                    box = entries[entry]
-                    if box[0] & mask:
-                        o, d, inv = _ray(transforms[i // each, entry], origins, directions, i)
-                        enter, leave, _ = _slabs(o, inv, box)
-                        t, t_end = max(enter, float(spans[i, 0])), float(spans[i, 1])
-                        if t < leave and t < t_end and math.isfinite(leave):
-                            light = _through(bricks, index, media, box, o, d, inv, t, t_end, light)
-                            if max(light) <= 0.0:
-                                break
-                passed[i, 0], passed[i, 1], passed[i, 2] = light
+                passed[i, 0], passed[i, 1], passed[i, 2] = _transmit(i, i // each, rays, grids, mask)
 
 
 @scalar
@@ -293,51 +277,42 @@ def _run(bricks, index, box, o, d, inv, t, t_end, c, material):
 
 
 @driver
-def _runs_all(origins, directions, spans, starts, bricks, index, entries, media, transforms, lanes, lengths):
-    count, each = origins.shape[0], origins.shape[0] // transforms.shape[0]
+def runs_all(rays, grids, starts, lanes, lengths):
+    origins, directions, spans, transforms = rays
+    bricks, index, entries, _ = grids
+    each = len(origins) // len(transforms)
     for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, count)):
+        for begin in range(lane * ROWS, len(origins), lanes * ROWS):
+            for i in range(begin, min(begin + ROWS, len(origins))):
                 entry = starts[i, 1]
                 if entry >= 0:
                     box = entries[entry]
                     o, d, inv = _ray(transforms[i // each, entry], origins, directions, i)
-                    c = (starts[i, 2] - box[ORIGIN], starts[i, 3] - box[ORIGIN + 1], starts[i, 4] - box[ORIGIN + 2])
-                    t, t_end, material = float(spans[i, 0]), float(spans[i, 1]), starts[i, 0] - box[1]
+                    t, t_end, c = float(spans[i, 0]), float(spans[i, 1]), _given(starts, i, box)
+                    material = starts[i, 0] - box[MATERIAL]
                     lengths[i, 0], lengths[i, 1] = _run(bricks, index, box, o, d, inv, t, t_end, c, material)
 
 
-def run_transmit(
-    origins: Tensor,
-    directions: Tensor,
-    spans: Tensor,
-    bricks: Tensor,
-    index: Tensor,
-    entries: Tensor,
-    media: Tensor,
-    transforms: Tensor,
-    mask: int,
-) -> Tensor:
+def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
+    """See `tracer.traversal_ops.surface`."""
+    numbers, ids = torch.zeros(len(rays[0]), 4), torch.zeros(len(rays[0]), 7, dtype=torch.int32)
+    surface_all(_arrays(rays), _arrays(grids), array(left), mask, threads(), array(numbers), array(ids))
+    return numbers, ids
+
+
+def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
     """See `tracer.traversal_ops.transmit`."""
-    passed = torch.empty(len(origins), 3)
-    tensors = (origins, directions, spans, bricks, index, entries, media, transforms)
-    _transmit_all(*map(array, tensors), mask, threads(), array(passed))
+    passed = torch.empty(len(rays[0]), 3)
+    transmit_all(_arrays(rays), _arrays(grids), mask, threads(), array(passed))
     return passed
 
 
-def run_runs(
-    origins: Tensor,
-    directions: Tensor,
-    spans: Tensor,
-    starts: Tensor,
-    bricks: Tensor,
-    index: Tensor,
-    entries: Tensor,
-    media: Tensor,
-    transforms: Tensor,
-) -> Tensor:
+def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
     """See `tracer.traversal_ops.runs`."""
-    lengths = torch.zeros(len(origins), 2)
-    tensors = (origins, directions, spans, starts, bricks, index, entries, media, transforms)
-    _runs_all(*map(array, tensors), threads(), array(lengths))
+    lengths = torch.zeros(len(starts), 2)
+    runs_all(_arrays(rays), _arrays(grids), array(starts), threads(), array(lengths))
     return lengths
+
+
+def _arrays(tensors: Sequence[Tensor]) -> tuple[np.ndarray, ...]:
+    return tuple(array(tensor) for tensor in tensors)

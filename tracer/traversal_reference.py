@@ -8,6 +8,7 @@ The arguments are those of the operators in `tracer.traversal_ops`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,8 +36,6 @@ class Walk:
     cell: Tensor
     axis: Tensor
     medium: Tensor
-    entered: Tensor
-    """Whether the ray came in through the bounds, so that it was in air before."""
 
     def __getitem__(self, keep: Tensor) -> Walk:
         return map_tensors(lambda x: x[keep], self)
@@ -49,11 +48,11 @@ class Walk:
 class Voxels:
     """One entry of the grids, ready to be looked up."""
 
-    def __init__(self, bricks: Tensor, index: Tensor, entry: Tensor, media: Tensor) -> None:
-        self.bricks, self.index = bricks.flatten(), index
-        self.row = [int(n) for n in entry]
-        self.low, self.high, self.corner = (entry[i : i + 3].long() for i in (LOW, HIGH, ORIGIN))
-        self.opaque = media[:, 0] >= 1.0
+    def __init__(self, grids: Sequence[Tensor], entry: int) -> None:
+        bricks, self.index, entries, self.media = grids
+        self.bricks, self.entry, self.row = bricks.flatten(), entry, entries[entry].tolist()
+        self.low, self.high, self.corner = (entries[entry, i : i + 3].long() for i in (LOW, HIGH, ORIGIN))
+        self.opaque = self.media[:, 0] >= 1.0
 
     def look(self, cell: Tensor) -> tuple[Tensor, Tensor]:
         """Voxel ids (n,) at grid cells (n, 3), and whether the whole brick is empty."""
@@ -67,101 +66,63 @@ class Voxels:
         return (value > 0) & self.opaque[(value + self.row[MATERIAL]).clamp_min(0)]
 
 
-def surface(
-    origins: Tensor,
-    directions: Tensor,
-    spans: Tensor,
-    media_left: Tensor,
-    bricks: Tensor,
-    index: Tensor,
-    entries: Tensor,
-    media: Tensor,
-    transforms: Tensor,
-    mask: int,
-) -> tuple[Tensor, Tensor]:
+def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
     """See `tracer.traversal_ops.surface`."""
-    rays, count = origins.shape[0], transforms.shape[1]
-    numbers = torch.zeros(rays, 4, dtype=torch.float32, device=origins.device)
-    numbers[:, 0] = torch.inf
-    ids = torch.zeros(rays, 7, dtype=torch.int32, device=origins.device)
-    ids[:, 1] = -1
-    nearest = spans[:, 1].double()
-    for entry in range(count):
-        if not int(entries[entry, MASK]) & mask:
-            continue
-        voxels = Voxels(bricks, index, entries[entry], media)
-        walk = _enter(voxels, origins, directions, spans[:, 0].double(), nearest, transforms[:, entry])
+    count, nearest = len(rays[0]), rays[2][:, 1].double()
+    numbers = rays[0].new_zeros(count, 4, dtype=torch.float32)
+    ids = rays[0].new_zeros(count, 7, dtype=torch.int32)
+    numbers[:, 0], ids[:, 1] = torch.inf, -1
+    for entry in _seen(grids, mask):
+        voxels = Voxels(grids, entry)
+        walk = _enter(voxels, rays, rays[2][:, 0].double(), nearest)
         silent = torch.zeros_like(walk.ray, dtype=torch.bool)
-        if media_left.shape[0]:
-            left = media_left.long()[walk.ray]
-            silent = left[:, 1] == entry
+        if len(left):
+            start = left.long()[walk.ray]
+            silent = start[:, 1] == entry
             walk = replace(
                 walk,
-                medium=torch.where(silent, left[:, 0] - voxels.row[MATERIAL], walk.medium),
-                cell=torch.where(silent[:, None], left[:, 2:] - voxels.corner, walk.cell),
+                medium=torch.where(silent, start[:, 0] - voxels.row[MATERIAL], walk.medium),
+                cell=torch.where(silent[:, None], start[:, 2:] - voxels.corner, walk.cell),
             )
-        _first_surface(voxels, walk, silent, entry, numbers, ids, nearest)
+        _first_surface(voxels, walk, silent, numbers, ids, nearest)
     return numbers, ids
 
 
-def transmit(
-    origins: Tensor,
-    directions: Tensor,
-    spans: Tensor,
-    bricks: Tensor,
-    index: Tensor,
-    entries: Tensor,
-    media: Tensor,
-    transforms: Tensor,
-    mask: int,
-) -> Tensor:
+def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
     """See `tracer.traversal_ops.transmit`."""
-    passed = torch.ones(origins.shape[0], 3, dtype=torch.float32, device=origins.device)
-    for entry in range(transforms.shape[1]):
-        if not int(entries[entry, MASK]) & mask:
-            continue
-        voxels = Voxels(bricks, index, entries[entry], media)
-        walk = _enter(voxels, origins, directions, spans[:, 0].double(), spans[:, 1].double(), transforms[:, entry])
+    passed = rays[0].new_ones(len(rays[0]), 3, dtype=torch.float32)
+    for entry in _seen(grids, mask):
+        voxels = Voxels(grids, entry)
+        walk = _enter(voxels, rays, *rays[2].double().unbind(1))
         walk = replace(walk, medium=torch.zeros_like(walk.medium))
         began = walk.t.clone()
         while walk.ray.numel():
             value, empty = voxels.look(walk.cell)
             passed[walk.ray[voxels.is_opaque(value)]] = 0.0
             changed = value != walk.medium
-            length = torch.where(changed, walk.t - began, 0.0)
-            _attenuate(passed, walk.ray, walk.medium, length, changed, media, voxels.row[MATERIAL])
+            length = walk.t - began
+            _attenuate(voxels, passed, walk[changed], length[changed])
             began = torch.where(changed, walk.t, began)
             walk, inside = _step(voxels, replace(walk, medium=value), empty)
             over = ~inside | (walk.t >= walk.t_end)
             length = torch.minimum(walk.t, walk.t_end) - began
-            _attenuate(passed, walk.ray, walk.medium, length, over, media, voxels.row[MATERIAL])
+            _attenuate(voxels, passed, walk[over], length[over])
             going = ~over & (passed[walk.ray].amax(1) > 0)
             walk, began = walk[going], began[going]
     return passed
 
 
-def runs(
-    origins: Tensor,
-    directions: Tensor,
-    spans: Tensor,
-    starts: Tensor,
-    bricks: Tensor,
-    index: Tensor,
-    entries: Tensor,
-    media: Tensor,
-    transforms: Tensor,
-) -> Tensor:
+def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
     """See `tracer.traversal_ops.runs`."""
-    lengths = torch.zeros(origins.shape[0], 2, dtype=torch.float32, device=origins.device)
-    t0, t1 = spans[:, 0].double(), spans[:, 1].double()
-    for entry in range(transforms.shape[1]):
-        voxels = Voxels(bricks, index, entries[entry], media)
-        walk = _enter(voxels, origins, directions, torch.zeros_like(t0), t1, transforms[:, entry])
+    lengths = rays[0].new_zeros(len(starts), 2, dtype=torch.float32)
+    t0, t1 = rays[2].double().unbind(1)
+    for entry in range(len(grids[2])):
+        voxels = Voxels(grids, entry)
+        walk = _enter(voxels, rays, torch.zeros_like(t0), t1)
         walk = walk[starts[walk.ray, 1] == entry]
         start = starts.long()[walk.ray]
-        walk = replace(
-            walk, t=t0[walk.ray], cell=start[:, 2:] - voxels.corner, medium=start[:, 0] - voxels.row[MATERIAL]
-        )
+        medium, cell = start[:, 0] - voxels.row[MATERIAL], start[:, 2:] - voxels.corner
+        walk = replace(walk, t=t0[walk.ray], cell=cell, medium=medium)
         same = torch.ones_like(walk.ray, dtype=torch.bool)
         while walk.ray.numel():
             value, empty = voxels.look(walk.cell)
@@ -177,15 +138,18 @@ def runs(
     return lengths
 
 
-def _enter(
-    voxels: Voxels, origins: Tensor, directions: Tensor, t_min: Tensor, t_max: Tensor, transform: Tensor
-) -> Walk:
+def _seen(grids: Sequence[Tensor], mask: int) -> list[int]:
+    return [entry for entry, own in enumerate(grids[2][:, MASK].tolist()) if own & mask]
+
+
+def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor) -> Walk:
     """The rays that meet the grid's bounds, at the place where they do."""
-    batch, total = transform.shape[0], origins.shape[0]
-    rotation, offset = transform[..., :3], transform[:, :, 3]
-    origin = torch.einsum("bij,bnj->bni", rotation, origins.double().view(batch, -1, 3)) + offset[:, None]
-    direction = torch.einsum("bij,bnj->bni", rotation, directions.double().view(batch, -1, 3))
-    origin, direction = origin.reshape(total, 3), direction.reshape(total, 3)
+    origins, directions, _, transforms = rays
+    matrix = transforms[:, voxels.entry]
+    rotation, offset, each = matrix[..., :3], matrix[:, None, :, 3], (len(matrix), -1, 3)
+    origin = torch.einsum("bij,bnj->bni", rotation, origins.double().view(each)) + offset
+    direction = torch.einsum("bij,bnj->bni", rotation, directions.double().view(each))
+    origin, direction = origin.reshape(-1, 3), direction.reshape(-1, 3)
     direction = torch.where(direction.abs() < TINY, TINY, direction)
     inverse = 1 / direction
     near, far = (voxels.low - origin) * inverse, (voxels.high - origin) * inverse
@@ -194,22 +158,19 @@ def _enter(
     t = torch.maximum(enter, t_min)
     meets = (t < far.amin(1)) & (t < t_max) & origin.isfinite().all(1) & direction.isfinite().all(1)
     ray = meets.nonzero()[:, 0]
-    entered = enter > t_min
     place = origin + direction * t[:, None]
     cell = torch.where((direction < 0) & (place == place.floor()), place - 1, place.floor())[ray]
     cell = torch.minimum(torch.maximum(cell.long(), voxels.low), voxels.high - 1)
     walk = Walk(
         ray=ray, origin=origin[ray], direction=direction[ray], t=t[ray], t_end=t_max[ray], cell=cell, axis=axis[ray],
-        medium=torch.zeros_like(ray), entered=entered[ray],
+        medium=torch.zeros_like(ray),
     )  # fmt: skip
     value, _ = voxels.look(walk.cell)
     within = torch.where(voxels.is_opaque(value), SOLID, value)
-    return replace(walk, medium=torch.where(walk.entered, 0, within))
+    return replace(walk, medium=torch.where(enter[ray] > t_min[ray], 0, within))
 
 
-def _first_surface(
-    voxels: Voxels, walk: Walk, silent: Tensor, entry: int, numbers: Tensor, ids: Tensor, nearest: Tensor
-) -> None:
+def _first_surface(voxels: Voxels, walk: Walk, silent: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor) -> None:
     """Walk on to where the medium changes, and write what is there into the rows of the rays."""
     while walk.ray.numel():
         value, empty = voxels.look(walk.cell)
@@ -217,12 +178,12 @@ def _first_surface(
         out = out | (silent & (walk.medium > 0) & (value == 0))
         medium = torch.where(out, value, walk.medium)
         stops = (value != medium) & (medium != SOLID)
-        _write(voxels, walk[stops], value[stops], entry, numbers, ids, nearest)
+        _write(voxels, walk[stops], value[stops], numbers, ids, nearest)
         walk, silent, empty = replace(walk, medium=medium)[~stops], silent[~stops], empty[~stops]
         walk, inside = _step(voxels, walk, empty)
         before_end = walk.t < walk.t_end
         leaves = ~inside & before_end & (walk.medium > 0) & ~silent
-        _write(voxels, walk[leaves], torch.zeros_like(walk.ray[leaves]), entry, numbers, ids, nearest)
+        _write(voxels, walk[leaves], torch.zeros_like(walk.ray[leaves]), numbers, ids, nearest)
         walk, silent = walk[inside & before_end], silent[inside & before_end]
 
 
@@ -239,9 +200,7 @@ def _step(voxels: Voxels, walk: Walk, empty: Tensor) -> tuple[Walk, Tensor]:
     return replace(walk, t=t, axis=axis, cell=cell), inside
 
 
-def _write(
-    voxels: Voxels, walk: Walk, value: Tensor, entry: int, numbers: Tensor, ids: Tensor, nearest: Tensor
-) -> None:
+def _write(voxels: Voxels, walk: Walk, value: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor) -> None:
     """Store hits. Where ``value`` is air, the surface is the back of the medium that the ray leaves."""
     back = value == 0
     falling = walk.direction.gather(1, walk.axis[:, None])[:, 0] < 0
@@ -250,17 +209,14 @@ def _write(
     cell = torch.where(back[:, None], walk.cell - behind, walk.cell)
     material = torch.where(back, walk.medium, value) + voxels.row[MATERIAL]
     face = walk.axis * 2 + falling
-    row: list[Any] = [material, torch.full_like(material, entry), face, back]
+    row: list[Any] = [material, torch.full_like(material, voxels.entry), face, back]
     numbers[walk.ray] = torch.cat([walk.t[:, None], walk.at(walk.t) + voxels.corner], dim=1).float()
     ids[walk.ray] = torch.cat([torch.stack(row, dim=1), cell + voxels.corner], dim=1).int()
     nearest[walk.ray] = walk.t
 
 
-def _attenuate(
-    passed: Tensor, ray: Tensor, medium: Tensor, length: Tensor, where: Tensor, media: Tensor, offset: int
-) -> None:
-    """Multiply the light of rays ``where`` they have come through ``length`` of a transmissive medium."""
-    where = where & (medium > 0)
-    row = media[medium[where] + offset].double()
-    factor = (1 - row[:, :1]) * row[:, 1:] ** length[where].clamp_min(0)[:, None]
-    passed[ray[where]] *= factor.float()
+def _attenuate(voxels: Voxels, passed: Tensor, walk: Walk, length: Tensor) -> None:
+    """Multiply the light of rays by what comes through ``length`` of the medium that they are in."""
+    row = voxels.media[(walk.medium + voxels.row[MATERIAL]).clamp_min(0)].double()
+    factor = (1 - row[:, :1]) * row[:, 1:] ** length.clamp_min(0)[:, None]
+    passed[walk.ray] *= torch.where(walk.medium[:, None] > 0, factor, 1.0).float()

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import torch
 import voxels
+
 from tracer import traversal, traversal_reference
 from tracer.scene import MASK_ALL, MASK_SHADOW, Scene
 from tracer.traversal import Hits, run_lengths, trace, transmission
@@ -97,7 +98,7 @@ hits = traversal.trace(scene, *rays, poses=poses)
 traversal.transmission(scene, *rays, poses=poses)
 traversal.run_lengths(scene, *rays, hits, poses=poses)
 from tracer import traversal_kernel as k
-print(sum(sum(f.stats.cache_misses.values()) for f in (k._surface_all, k._transmit_all, k._runs_all)))
+print(sum(sum(f.stats.cache_misses.values()) for f in (k.surface_all, k.transmit_all, k.runs_all)))
 """
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
     for expected in (None, "0"):
@@ -111,9 +112,9 @@ def test_fakes_give_the_shapes() -> None:
     from torch._subclasses.fake_tensor import FakeTensorMode
 
     with FakeTensorMode():
-        rays = [torch.empty(5, 3), torch.empty(5, 3), torch.empty(5, 2)]
-        rest = [torch.empty(0)] * 5
-        numbers, ids = traversal.ops.surface(*rays, torch.empty(0, 5), *rest, 1)
+        rays = [torch.empty(5, 3), torch.empty(5, 3), torch.empty(5, 2), torch.empty(1, 1, 3, 4)]
+        grids = [torch.empty(0)] * 4
+        numbers, ids = traversal.ops.surface(rays, grids, torch.empty(0, 5), 1)
         assert (numbers.shape, ids.shape, ids.dtype) == ((5, 4), (5, 7), torch.int32)
-        assert traversal.ops.transmit(*rays, *rest, 1).shape == (5, 3)
-        assert traversal.ops.runs(*rays, torch.empty(5, 5), *rest).shape == (5, 2)
+        assert traversal.ops.transmit(rays, grids, 1).shape == (5, 3)
+        assert traversal.ops.runs(rays, grids, torch.empty(5, 5)).shape == (5, 2)
