@@ -11,6 +11,7 @@ from post.signals import luminance
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: before, variance comes from the neighbours
+ALIKE = 3.0  # nine neighbours count as three samples: their noise may be alike
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
 
 
@@ -49,22 +50,37 @@ def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor
 
 
 def follow_light(
-    sample: Tensor, old: Tensor, fast: Tensor, variance: Tensor, age: Tensor, lead: int, clamp: float
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it."""
+    sample: Tensor, old: Tensor, fast: Tensor, moments: Tensor, variance: Tensor, age: Tensor, lead: int, clamp: float
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it.
+
+    Args:
+        sample: ``(B, C, H, W)`` this frame.
+        old: as ``sample``, slow history.
+        fast: ``(B, lead, H, W)`` fast history.
+        moments: ``(B, 2, H, W)`` mean and mean square of luminance, which move with the fast history.
+        variance: ``(B, 1, H, W)`` of one frame's luminance.
+        age: ``(B, 1, H, W)`` frames behind each pixel.
+        lead: how many channels are looked at.
+        clamp: standard deviations that count as noise.
+
+    Returns:
+        ``old``, ``fast``, ``moments`` and ``age`` after the change.
+    """
     mask = (age > 0).to(age.dtype)
     few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
     floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
 
-    def excess(difference: Tensor, share: Tensor) -> tuple[Tensor, Tensor]:
-        allowed = clamp * (variance * share).add(1e-12).sqrt() + floor
+    def change(difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
+        noise = (variance * frames / ALIKE).add(1e-12).sqrt()
         difference = pooled(difference, mask) * mask
-        within = torch.minimum(torch.maximum(difference, -allowed), allowed)
-        ratio = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0)
-        return difference - within, ratio
+        allowed = clamp * noise + floor
+        explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
+        return difference * (1 - explained), explained
 
-    shift, _ = excess(sample[:, :lead] - fast, 1 / few + 1 / 3)  # 3: nine neighbours whose noise may be alike
-    fast = fast + shift
-    shift, ratio = excess(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
+    shift, _ = change(sample[:, :lead] - fast, 1 + 1 / few)
+    fast, light = fast + shift, luminance(shift, lead)
+    moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
+    shift, explained = change(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
     old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
-    return old, fast, torch.where(age > 1, 1 + (age - 1) * ratio, age)
+    return old, fast, moments, torch.where(age > 1, 1 + (age - 1) * explained, age)

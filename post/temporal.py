@@ -80,7 +80,7 @@ def temporal(
     noise = typical_variance(moments, age)
     sample = without_fireflies(signal, old, noise, age, lead, firefly)
     if clamp > 0:
-        old, fast, younger = follow_light(sample, old, fast, noise, age, lead, clamp)
+        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, lead, clamp)
         share, age = share * age / younger.clamp_min(1e-6), younger
     motion, _ = motion_of(gbuffer, history.gbuffer.camera)
     longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)
