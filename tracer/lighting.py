@@ -68,8 +68,8 @@ def light(
     arrived = []
     for b in range(batch):
         surface = Surface(
-            points=points[b].flatten(1),
-            normals=gbuffer.normal[b].flatten(1),
+            points=points[b].flatten(1).float(),
+            normals=gbuffer.normal[b].flatten(1).float(),
             lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
             size=camera.size,
         )
