@@ -53,7 +53,8 @@ def bilateral(
         depth_sensitivity: s, per pixel footprint.
         normal_power: p.
         variance_sensitivity: the Gaussian is widest where this times the relative noise reaches one.
-        phi_color: difference between 3x3 means of luminance, in their standard deviations, up to which a tap counts in full.
+        phi_color: difference between 3x3 means of luminance, in their standard deviations, up to which a tap counts
+            in full.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 3x3 neighbours where absent.
         roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.

@@ -12,7 +12,7 @@ from post.edges import offsets, windows
 from post.reproject import geometry_of, history_for, motion_of
 from post.signals import luminance
 
-BLACKMAN_HARRIS = -2.29  # exp of this times squared pixels is the window to a per cent
+WINDOW = -4.0  # exp of this times squared pixels: a Blackman-Harris window narrowed until it nears a pixel's area
 BRIGHTEST = 1.0 - 1e-6  # of tone-mapped luminance
 
 
@@ -26,7 +26,7 @@ def taa(
 ) -> tuple[Tensor, History]:
     """Average jittered frames into one anti-aliased picture on the grid without jitter.
 
-    Each frame is resampled to pixel centres by a Blackman-Harris window around its jittered samples; the history is
+    Each frame is resampled to pixel centres by a narrow Gaussian window around its jittered samples; the history is
     read by Catmull-Rom along the motion of the nearest of 3x3 surfaces, and clipped in YCoCg to the mean and variance
     of the 3x3 pixels now there. All of it with colours weighted by 1 / (1 + luminance), so that bright edges are
     anti-aliased as they will be seen.
@@ -114,7 +114,7 @@ def _resampled(image: Tensor, gbuffer: GBuffer) -> Tensor:
     total, result = torch.zeros_like(image[:, :1]), torch.zeros_like(image)
     for (dy, dx), tap, there in zip(offsets(1), windows(image, 1), ones, strict=True):
         away = (place[:, 0:1] + dx) ** 2 + (place[:, 1:2] + dy) ** 2
-        weight = torch.exp(BLACKMAN_HARRIS * away) * there
+        weight = torch.exp(WINDOW * away) * there
         total, result = total + weight, result + weight * tap
     return result / total
 

@@ -106,6 +106,7 @@ def test_moving_object_brings_its_history():
     motion = torch.where(mine, camera.project(was) - camera.pixel_centers(), g.motion)
     g = g.replace(motion=motion, motion_z=torch.where(mine, was[:, 2:] - g.depth, g.motion_z))
     taps = reproject(g, before.gbuffer)
+    assert before.gbuffer.object_id is not None
     ids = taps.fetch(before.gbuffer.object_id.float())
     assert float(taps.valid[mine].float().mean()) > 0.95
     assert bool((ids[mine & taps.valid] > 0.999).all())

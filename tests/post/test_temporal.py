@@ -1,5 +1,7 @@
 """Temporal accumulation."""
 
+# pyright: reportPossiblyUnboundVariable=false
+
 from __future__ import annotations
 
 import boxes
