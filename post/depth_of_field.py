@@ -59,10 +59,10 @@ def depth_of_field(
         focus_distance = autofocus(depth, camera, hit=hit)
     coc = circle_of_confusion(depth, camera, focus_distance=focus_distance, aperture_radius=aperture_radius, hit=hit)
     coc = coc.clamp(-max_radius_px, max_radius_px).to(color.dtype)
-    reach = math.ceil(float(coc.detach().abs().max())) + 1
-    if reach <= 1 and float(coc.detach().abs().max()) < TINY:
+    largest = float(coc.detach().abs().max())
+    if largest < TINY:
         return color
-    return _layered(color, coc, _radii(max_radius_px, layer_step), 2 * reach)
+    return _layered(color, coc, _radii(max_radius_px, layer_step), 2 * (math.ceil(largest) + 1))
 
 
 def _layered(color: Tensor, coc: Tensor, radii: list[float], margin: int) -> Tensor:

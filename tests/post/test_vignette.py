@@ -14,6 +14,8 @@ def test_profile():
     dark = vignette(image, strength=0.5, inner=0.3, outer=1.0)
     assert torch.allclose(dark[..., 25, 50], torch.ones(3)), "the middle is untouched"
     assert float(dark[0, 0, 0, 0]) == pytest.approx(0.5, abs=2e-3)
+    half_way = vignette(image, strength=0.5, inner=0.0, outer=2.0)
+    assert float(half_way[0, 0, 0, 0]) == pytest.approx(0.75, abs=0.01), "the corner is at distance 1"
     row = dark[0, 0, 25, 50:]
     assert bool((row.diff() <= 0).all())
     assert torch.allclose(dark, dark.flip(-1))
