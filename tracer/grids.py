@@ -66,7 +66,7 @@ class Grids:
     @property
     def tensors(self) -> list[Tensor]:
         """What the operators of `tracer.traversal_ops` want."""
-        return [self.bricks, self.index, self.entries, self.media]
+        return [self.bricks.flatten(), self.index, self.entries, self.media]
 
     def to(self, *args: Any, **kwargs: Any) -> Grids:
         """The grids on another device; arguments as `torch.Tensor.to`."""

@@ -13,6 +13,8 @@ from tracer import traversal_ops as ops
 from tracer.grids import ORIGIN
 from tracer.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 
+FARTHEST = 1e20  # where every ray ends, so that one without a direction meets nothing
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hits:
@@ -103,7 +105,7 @@ def trace(
         face=ids[:, 2],
         back_face=ids[:, 3] > 0,
     )
-    return map_tensors(lambda x: x.reshape(*shape, *x.shape[1:]), hits)
+    return map_tensors(lambda x: x.reshape(shape + x.shape[1:]), hits)
 
 
 def transmission(
@@ -201,7 +203,7 @@ def _rays(
     flat = _Rays(
         origins=origins.detach().float().reshape(-1, 3).contiguous(),
         directions=directions.detach().float().reshape(-1, 3).contiguous(),
-        spans=torch.stack(ends, dim=-1).reshape(-1, 2),
+        spans=torch.stack([ends[0], ends[1].clamp_max(FARTHEST)], dim=-1).reshape(-1, 2),
         transforms=transforms,
     )
     return shape, flat

@@ -1,6 +1,7 @@
 """The compiled form of `tracer.traversal_reference`: a ray at a time, with steps as long as the space is empty.
 
-Source: Amanatides and Woo 1987 for the walk. Points, directions and cells are triples in grid coordinates.
+Source: Amanatides and Woo 1987 for the walk. All of it stays in one file because numba's cache notices changes in the
+drivers' file only. Points, directions and cells are triples in grid coordinates.
 """
 
 from __future__ import annotations
@@ -89,37 +90,38 @@ def _look(bricks, index, box, c):
     if brick <= 0:
         reach = -brick - 1
         return 0, ((x - reach) << 4, (y - reach) << 4, (z - reach) << 4), (2 * reach + 1) << 4
-    value = int(bricks[brick, c[0] & 15, c[1] & 15, c[2] & 15])
+    value = int(bricks[(brick << 12) + ((c[0] & 15) << 8) + ((c[1] & 15) << 4) + (c[2] & 15)])
     if value >= 0:
         return value, c, 1
     return 0, (c[0] >> -value << -value, c[1] >> -value << -value, c[2] >> -value << -value), 1 << -value
 
 
 @scalar
-def _along(o, d, t, low, size):
-    return min(max(math.floor(o + d * t), low), low + size - 1)
+def _beyond(o, d, t, low, size, through):
+    """One coordinate of the cell after a cube that is left at ``t``, through the face across this axis or another."""
+    last = low + size - 1
+    out = last + 1 if d > 0 else low - 1
+    along = min(max(math.floor(o + d * t), low), last)
+    return out if through else along
 
 
 @scalar
-def _step(o, d, inv, c, low, size):
-    """Leave a cube: distance, axis, and the cell beyond."""
+def _step(o, d, inv, low, size):
+    """Leave a cube: distance, axis, and the cell beyond. Without branches, which nothing could predict."""
     tx = (low[0] + (size if d[0] > 0 else 0) - o[0]) * inv[0]
     ty = (low[1] + (size if d[1] > 0 else 0) - o[1]) * inv[1]
     tz = (low[2] + (size if d[2] > 0 else 0) - o[2]) * inv[2]
-    if tx <= ty and tx <= tz:
-        x = low[0] + size if d[0] > 0 else low[0] - 1
-        if size == 1:
-            return tx, 0, (x, c[1], c[2])
-        return tx, 0, (x, _along(o[1], d[1], tx, low[1], size), _along(o[2], d[2], tx, low[2], size))
-    if ty <= tz:
-        y = low[1] + size if d[1] > 0 else low[1] - 1
-        if size == 1:
-            return ty, 1, (c[0], y, c[2])
-        return ty, 1, (_along(o[0], d[0], ty, low[0], size), y, _along(o[2], d[2], ty, low[2], size))
-    z = low[2] + size if d[2] > 0 else low[2] - 1
-    if size == 1:
-        return tz, 2, (c[0], c[1], z)
-    return tz, 2, (_along(o[0], d[0], tz, low[0], size), _along(o[1], d[1], tz, low[1], size), z)
+    t = tx if tx < ty else ty
+    t = t if t < tz else tz
+    x = tx == t
+    y = (ty == t) & (not x)
+    z = not (x | y)
+    cell = (
+        _beyond(o[0], d[0], t, low[0], size, x),
+        _beyond(o[1], d[1], t, low[1], size, y),
+        _beyond(o[2], d[2], t, low[2], size, z),
+    )
+    return t, y + 2 * z, cell
 
 
 @scalar
@@ -142,7 +144,7 @@ def _find(bricks, index, media, box, o, d, inv, c, t, t_end, axis, medium, silen
                 medium = 0
             else:
                 return t, axis, c, value, medium
-        t, axis, c = _step(o, d, inv, c, low, size)
+        t, axis, c = _step(o, d, inv, low, size)
         if not t < t_end:
             return -1.0, axis, c, 0, 0
         if not _inside(c, box):
@@ -227,7 +229,7 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, light):
             if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
                 return (0.0, 0.0, 0.0)
             medium, began = value, t
-        t, _, c = _step(o, d, inv, c, low, size)
+        t, _, c = _step(o, d, inv, low, size)
         if not (t < t_end and _inside(c, box)):
             return _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began) if medium > 0 else light
 
@@ -269,7 +271,7 @@ def _run(bricks, index, box, o, d, inv, t, t_end, c, material):
         going = going and value == material
         if value == 0:
             return length, same
-        t, _, c = _step(o, d, inv, c, low, size)
+        t, _, c = _step(o, d, inv, low, size)
         length = max(min(t, t_end) - begin, 0.0)
         same = length if going else same
         if not (t < t_end and _inside(c, box)):

@@ -31,7 +31,7 @@ def reference(monkeypatch: pytest.MonkeyPatch):
 
 def case(seed: int) -> tuple[Scene, torch.Tensor, torch.Tensor, torch.Tensor]:
     scene = voxels.random_scene(seed)
-    origins, directions = voxels.random_rays(seed, 3000)
+    origins, directions = voxels.random_rays(seed, 1800)
     return scene, origins.view(2, -1, 3), directions.view(2, -1, 3), scene.poses([0.0, 0.7])
 
 
@@ -46,10 +46,10 @@ def same(a: Hits, b: Hits, share: float = 0.001) -> None:
     torch.testing.assert_close(a.normal[agree], b.normal[agree])
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_surfaces(seed: int, reference) -> None:
     scene, origins, directions, poses = case(seed)
-    spans = {"t_min": 0.5, "t_max": torch.linspace(1.0, 80.0, 3000).view(2, -1)}
+    spans = {"t_min": 0.5, "t_max": torch.linspace(1.0, 80.0, 1800).view(2, -1)}
     queries = [
         lambda: trace(scene, origins, directions, poses=poses),
         lambda: trace(scene, origins, directions, poses=poses, mask=MASK_SHADOW, **spans),
@@ -66,11 +66,11 @@ def test_surfaces(seed: int, reference) -> None:
     same(behind, trace(scene, origins, directions, poses=poses, beyond=first[0]))
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_transmission_and_runs(seed: int, reference) -> None:
     scene, origins, directions, poses = case(seed)
     hits = trace(scene, origins, directions, poses=poses, mask=MASK_ALL)
-    spans = {"t_min": 0.5, "t_max": torch.linspace(1.0, 30.0, 3000).view(2, -1)}
+    spans = {"t_min": 0.5, "t_max": torch.linspace(1.0, 30.0, 1800).view(2, -1)}
     passed = transmission(scene, origins, directions, poses=poses)
     part = transmission(scene, origins, directions, poses=poses, **spans)
     lengths = run_lengths(scene, origins, directions, hits, poses=poses, cap=5.0)
@@ -92,7 +92,7 @@ sys.path.insert(0, "tests/support")
 import torch, voxels
 from tracer import traversal
 scene = voxels.random_scene(0)
-rays = voxels.random_rays(0, 50)
+rays = voxels.random_rays(0, 60)
 poses = scene.poses([0.0])[0]
 hits = traversal.trace(scene, *rays, poses=poses)
 traversal.transmission(scene, *rays, poses=poses)
@@ -100,12 +100,11 @@ traversal.run_lengths(scene, *rays, hits, poses=poses)
 from tracer import traversal_kernel as k
 print(sum(sum(f.stats.cache_misses.values()) for f in (k.surface_all, k.transmit_all, k.runs_all)))
 """
+    exec(compile(code.rpartition("from tracer")[0], "first process", "exec"), {})
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    for expected in (None, "0"):
-        done = subprocess.run(
-            [sys.executable, "-c", code], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
-        )
-        assert expected is None or done.stdout.strip() == expected
+    second = [sys.executable, "-c", code]
+    done = subprocess.run(second, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "0"
 
 
 def test_fakes_give_the_shapes() -> None:
