@@ -1,0 +1,149 @@
+"""ME1 pipelines: the order of passes and the numbers of the seed, from low to ultra."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from gbufrt import Pipeline
+from post.atrous import Atrous
+from post.bilateral import Bilateral
+from post.composite import Composite, Mode
+from post.depth_of_field import DepthOfField
+from post.exposure import Exposure
+from post.fxaa import FXAA
+from post.gtao import GTAO
+from post.motion_blur import MotionBlur
+from post.ssgi import SSGI
+from post.ssr import SSR
+from post.taa import TAA
+from post.temporal import Temporal
+from post.tone_map import DisplayEncode, ToneMap
+from post.vignette import Vignette
+
+Preset = Literal["low", "medium", "high", "ultra"]
+
+AO_RADIUS = 2.0  # metres
+EXPOSURE_KEY = 0.25  # a little above middle grey: sunlit scenes, where the window holds much shade
+AO_STEPS = 6  # taps on each side of a direction
+TAPS_PER_GI_RAY = 4  # a ray of the seed and a slice of taps to both sides cost alike
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """One row of the seed's table; distances in metres."""
+
+    ao_directions: int
+    ao_scales: int
+    gi_rays: int
+    gi_bounces: int
+    gi_distance: float
+    reflection_samples: int
+    reflection_steps: int
+    reflection_distance: float
+
+
+QUALITIES: Mapping[str, Quality] = {
+    "low": Quality(
+        ao_directions=4, ao_scales=1, gi_rays=4, gi_bounces=1, gi_distance=30,
+        reflection_samples=2, reflection_steps=48, reflection_distance=40,
+    ),
+    "medium": Quality(
+        ao_directions=6, ao_scales=2, gi_rays=8, gi_bounces=2, gi_distance=50,
+        reflection_samples=4, reflection_steps=64, reflection_distance=60,
+    ),
+    "high": Quality(
+        ao_directions=8, ao_scales=2, gi_rays=12, gi_bounces=2, gi_distance=70,
+        reflection_samples=8, reflection_steps=96, reflection_distance=75,
+    ),
+    "ultra": Quality(
+        ao_directions=12, ao_scales=3, gi_rays=16, gi_bounces=3, gi_distance=100,
+        reflection_samples=16, reflection_steps=128, reflection_distance=100,
+    ),
+}  # fmt: skip
+
+
+def me1(
+    preset: Preset | str = "high",
+    *,
+    composite: Mode = "physical",
+    units_per_metre: float = 1.0,
+    tunables: Mapping[str, Any] | None = None,
+) -> Pipeline:
+    """The ME1 pipeline: AO, GI and reflections, estimated, denoised and accumulated; their composite; lens; display.
+
+    Fourteen passes of the seed make the composite and its history (here the history is the pipeline's state, not
+    passes). Anti-aliasing, motion blur, depth of field, exposure, tone curve and vignette follow.
+
+    Args:
+        preset: ``low``, ``medium``, ``high`` or ``ultra``.
+        composite: ``physical`` takes sky visibility and GI from one sweep over the whole picture, so that nothing is
+            counted twice; ``me1`` is the seed's formula, with its GI distance and its loss of 0.6 a bounce.
+        units_per_metre: world units a metre, for the seed's distances.
+        tunables: changes by dotted name, see `Pipeline.with_tunables`.
+
+    Returns:
+        A pipeline that reads a frame with ``radiance`` (``ambient`` and ``environment`` where there are any) and
+        writes everything up to ``image``.
+
+    Raises:
+        ValueError: unknown preset, composite or tunable, or a scale that is not positive.
+
+    Source: ME1 Path Tracing technical overview.
+    """
+    if preset not in QUALITIES:
+        raise ValueError(f"preset must be one of {', '.join(QUALITIES)}, got {preset!r}")
+    if composite not in get_args(Mode):
+        raise ValueError(f"composite must be one of {', '.join(get_args(Mode))}, got {composite!r}")
+    if not units_per_metre > 0:
+        raise ValueError(f"units_per_metre must be positive, got {units_per_metre}")
+    pipeline = Pipeline(**_light(QUALITIES[preset], composite, units_per_metre), **_finish(composite))
+    return pipeline.with_tunables(tunables or {})
+
+
+def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipeline]:
+    physical = composite == "physical"
+    ao = GTAO(radius=AO_RADIUS * metre, directions=quality.ao_directions, steps=AO_STEPS, scales=quality.ao_scales)
+    gi = SSGI(
+        directions=max(quality.gi_rays // TAPS_PER_GI_RAY, 1),
+        steps=2 * TAPS_PER_GI_RAY,
+        bounces=quality.gi_bounces,
+        distance=None if physical else quality.gi_distance * metre,
+        bounce_loss=1.0 if physical else 0.6,
+    )
+    reflection = SSR(
+        samples=quality.reflection_samples,
+        steps=quality.reflection_steps,
+        distance=quality.reflection_distance * metre,
+    )
+    both = ("ao", "bent_normal")
+    bounced = ("gi", "sky_visibility")
+    return {
+        "ao": Pipeline(estimate=ao, denoise=Bilateral(signal=both), accumulate=Temporal(signal=both, blend=0.95)),
+        "gi": Pipeline(estimate=gi, denoise=Atrous(signal=bounced), accumulate=Temporal(signal=bounced, blend=0.97)),
+        "reflection": Pipeline(
+            estimate=reflection,
+            denoise=Bilateral(signal="reflection"),
+            accumulate=Temporal(signal="reflection", blend=0.95),
+        ),
+        "behind": Pipeline(
+            layer="behind",
+            gi=SSGI(directions=2, steps=TAPS_PER_GI_RAY, bounces=1, distance=gi.distance),
+            denoise=Atrous(signal=bounced),
+        ),
+    }
+
+
+def _finish(composite: Mode) -> dict[str, Any]:
+    return {
+        "composite": Composite(mode=composite),
+        "taa": TAA(),
+        "motion_blur": MotionBlur(),
+        "depth_of_field": DepthOfField(),
+        "exposure": Exposure(key=EXPOSURE_KEY, low=0.1, high=0.9),  # the middle of the picture, not its sky
+        "tone_map": ToneMap(),
+        "vignette": Vignette(),
+        "encode": DisplayEncode(),
+        "fxaa": FXAA(),
+    }
