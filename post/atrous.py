@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.fusion import fusible
 from post.bilateral import MIRROR
-from post.edges import blurred, edge_weight, offsets, spatial_moments, surface, windows
+from post.edges import blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
 from post.signals import guides, signal_names, stack, unstack, wants_albedo
 
 B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
@@ -70,14 +70,15 @@ def atrous(
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
     light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
     reach = _reach(depth, roughness, confidence)
-    filtered, left, pad = torch.cat([signal, light], dim=1), variance, 2**iterations
+    filtered, left, margin = torch.cat([signal, light], dim=1), variance, 2**iterations
+    guide = padded(geometry.guide, margin)
     for iteration in range(iterations):
         step = 2**iteration
         noise_of_mean = blurred(left).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
         tolerance = phi_color * noise_of_mean + FLOOR * filtered[:, -1:].abs()
         filtered, left = _wavelet(
-            windows(torch.cat([filtered, left], dim=1), 2, step, pad),
-            geometry.taps(2, step, pad),
+            windows(padded(torch.cat([filtered, left], dim=1), margin), 2, step, margin),
+            windows(guide, 2, step, margin),
             geometry.scaled(step),
             tolerance,
             reach * step**2,

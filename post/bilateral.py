@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.fusion import fusible
-from post.edges import MIN_MEAN, blurred, edge_weight, offsets, spatial_moments, surface, windows
+from post.edges import MIN_MEAN, blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
 from post.signals import guides, signal_names, stack, unstack, wants_albedo
 
 MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
@@ -82,8 +80,8 @@ def bilateral(
     noise_of_mean = blurred(variance).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
     tolerance = phi_color * noise_of_mean + MIN_CONTRAST * local.abs()
     filtered = _filter(
-        windows(torch.cat([signal, local], dim=1), radius),
-        geometry.taps(radius),
+        padded(torch.cat([signal, local], dim=1), radius),
+        padded(geometry.guide, radius),
         geometry.plane,
         width,
         tolerance,
@@ -97,8 +95,8 @@ def bilateral(
 
 @fusible
 def _filter(
-    values: Sequence[Tensor],
-    guides: Sequence[Tensor],
+    signal: Tensor,
+    guide: Tensor,
     plane: Tensor,
     width: Tensor,
     tolerance: Tensor,
@@ -107,6 +105,7 @@ def _filter(
     depth_sensitivity: float,
     normal_power: float,
 ) -> Tensor:
+    values, guides = windows(signal, radius), windows(guide, radius)
     middle = len(values) // 2
     center, channels = guides[middle], values[middle].shape[1] - 1
     light = values[middle][:, channels]

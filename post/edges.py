@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -34,10 +33,6 @@ class Surface:
     plane: Tensor
     perspective: bool
 
-    def taps(self, radius: int, step: int = 1, pad: int | None = None) -> list[Tensor]:
-        """The guide seen from each tap of a square kernel; outside the picture nothing was hit."""
-        return windows(self.guide, radius, step, pad)
-
     def scaled(self, step: int) -> Tensor:
         """``plane`` for taps that lie ``step`` pixels apart."""
         factors = self.plane.new_tensor([1.0, step, step, 1.0])
@@ -66,18 +61,24 @@ def surface(depth: Tensor, normal: Tensor, hit: Tensor, camera: Camera, roughnes
     return Surface(torch.cat(guide, dim=1), plane, not camera.orthographic)
 
 
-def windows(planes: Tensor, radius: int, step: int = 1, pad: int | None = None) -> list[Tensor]:
-    """Views of ``planes`` ``(B, K, H, W)`` from each tap of a (2 radius + 1) square, row by row; zero outside.
+def padded(planes: Tensor, margin: int) -> Tensor:
+    """``planes`` with a margin of zeros, where nothing was hit."""
+    return F.pad(planes, (margin, margin, margin, margin))
 
-    A ``pad`` common to several steps gives the views common strides, so that one compiled kernel serves them all.
+
+def windows(planes: Tensor, radius: int, step: int = 1, margin: int | None = None) -> list[Tensor]:
+    """Views of planes padded by ``margin`` (by default just enough) from each tap of a (2 radius + 1) square.
+
+    Padding happens outside compiled functions and slicing inside, so that a kernel reads one tensor. A margin common
+    to several steps gives their views common strides.
     """
-    pad = radius * step if pad is None else pad
-    height, width = planes.shape[-2:]
-    padded = F.pad(planes, (pad, pad, pad, pad))
-    return [
-        padded[..., pad + dy * step : pad + dy * step + height, pad + dx * step : pad + dx * step + width]
-        for dy, dx in offsets(radius)
-    ]
+    margin = radius * step if margin is None else margin
+    height, width = planes.shape[-2] - 2 * margin, planes.shape[-1] - 2 * margin
+    views = []
+    for dy, dx in offsets(radius):
+        y, x = margin + dy * step, margin + dx * step
+        views.append(planes[..., y : y + height, x : x + width])
+    return views
 
 
 def offsets(radius: int) -> list[tuple[int, int]]:
@@ -142,35 +143,36 @@ def spatial_moments(
     Returns:
         Two ``(B, 1, H, W)``; a pixel alone on its surface has variance zero.
     """
-    light = windows(luminance(signal, lead), radius)
-    return _moments(light, geometry.taps(radius), geometry.plane, radius, geometry.perspective, depth_sensitivity)
+    light, guide = padded(luminance(signal, lead), radius), padded(geometry.guide, radius)
+    return _moments(light, guide, geometry.plane, radius, geometry.perspective, depth_sensitivity)
 
 
 def blurred(variance: Tensor) -> Tensor:
     """3x3 Gaussian: a single pixel's variance is too noisy to steer by."""
-    planes = windows(variance, 1)
+    planes = windows(padded(variance, 1), 1)
     weights = [GAUSSIAN[dy + 1] * GAUSSIAN[dx + 1] for dy, dx in offsets(1)]
-    total = windows(torch.ones_like(variance[:1]), 1)
+    total = windows(padded(torch.ones_like(variance[:1]), 1), 1)
     norm = sum(w * t for w, t in zip(weights, total, strict=True))
     return sum((w * p for w, p in zip(weights, planes, strict=True)), torch.zeros_like(variance)) / norm
 
 
 @fusible
 def _moments(
-    light: Sequence[Tensor],
-    guides: Sequence[Tensor],
+    light: Tensor,
+    guide: Tensor,
     plane: Tensor,
     radius: int,
     perspective: bool,
     depth_sensitivity: float,
 ) -> tuple[Tensor, Tensor]:
+    values, guides = windows(light, radius), windows(guide, radius)
     center = guides[len(guides) // 2]
-    pivot = light[len(light) // 2][:, 0]  # moments about the centre's value keep their digits
+    pivot = values[len(values) // 2][:, 0]  # moments about the centre's value keep their digits
     total, first, second = torch.zeros_like(pivot), torch.zeros_like(pivot), torch.zeros_like(pivot)
-    for (dy, dx), value, guide in zip(offsets(radius), light, guides, strict=True):
+    for (dy, dx), value, tap in zip(offsets(radius), values, guides, strict=True):
         weight = edge_weight(
             center,
-            guide,
+            tap,
             plane,
             dx,
             dy,

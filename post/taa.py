@@ -8,7 +8,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.sampling import inside, sample
-from post.edges import offsets, windows
+from post.edges import offsets, padded, windows
 from post.reproject import geometry_of, history_for, motion_of
 from post.signals import luminance
 
@@ -110,9 +110,9 @@ def _resampled(image: Tensor, gbuffer: GBuffer) -> Tensor:
     if jitter is None:
         return image
     place = jitter.to(image.dtype)[:, :, None, None]
-    ones = windows(torch.ones_like(image[:, :1]), 1)
+    ones = windows(padded(torch.ones_like(image[:, :1]), 1), 1)
     total, result = torch.zeros_like(image[:, :1]), torch.zeros_like(image)
-    for (dy, dx), tap, there in zip(offsets(1), windows(image, 1), ones, strict=True):
+    for (dy, dx), tap, there in zip(offsets(1), windows(padded(image, 1), 1), ones, strict=True):
         away = (place[:, 0:1] + dx) ** 2 + (place[:, 1:2] + dy) ** 2
         weight = torch.exp(WINDOW * away) * there
         total, result = total + weight, result + weight * tap
