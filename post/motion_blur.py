@@ -103,7 +103,6 @@ def _longest(path: Tensor, size: int, stride: int, padding: int) -> Tensor:
     return path.flatten(2).gather(2, where.flatten(2).expand(-1, 2, -1)).view(*path.shape[:2], *where.shape[2:])
 
 
-@fusible
 def _reconstruct(
     color: Tensor, depth: Tensor, path: Tensor, dominant: Tensor, times: list[Tensor], softness: float
 ) -> Tensor:
@@ -111,34 +110,37 @@ def _reconstruct(
     known = torch.cat([depth.to(color.dtype), path], dim=1)
     total, weight = color * OWN_WEIGHT, torch.full_like(color[:, :1], OWN_WEIGHT)
     for time in times:
-        a_color, a_depth, a_lands = _candidate(color, known, px, dominant, time)
-        b_color, b_depth, b_lands = _candidate(color, known, px, path, time)
-        a_front = _in_front(a_depth, b_depth, softness)
-        a = a_lands * (1 - b_lands * (1 - a_front))
-        b = b_lands * (1 - a_lands * a_front)
-        # Nothing lands here at this moment: a surface behind the pixel's own shows, one before it has no say.
-        bare = (1 - a_lands) * (1 - b_lands)
-        a_behind = 2 * (_in_front(known[:, :1], a_depth, softness) - 0.5).clamp_min(0) * _on_picture(px, dominant, time)
-        b_behind = 2 * (_in_front(known[:, :1], b_depth, softness) - 0.5).clamp_min(0) * _on_picture(px, path, time)
-        shown = bare / (a_behind + b_behind).clamp_min(1.0)
-        a, b = a + shown * a_behind, b + shown * b_behind
-        total, weight = total + a * a_color + b * b_color, weight + a + b
+        seen, share = _moment(color, known, px, path, dominant, time, softness)
+        total, weight = total + seen, weight + share
     return total / weight
 
 
-def _candidate(color: Tensor, known: Tensor, px: Tensor, path: Tensor, time: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Colour and depth of the point that ``path`` would bring here at ``time``, and whether its own path does so."""
+@fusible
+def _moment(
+    color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float
+) -> tuple[Tensor, Tensor]:
+    """What a pixel sees at one moment, and its weight. All moments in one piece would take minutes to compile."""
+    a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
+    b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
+    a_front = _in_front(a_depth, b_depth, softness)
+    # Where nothing lands at this moment, a surface behind the pixel's own shows, and one before it has no say.
+    bare = (1 - a_lands) * (1 - b_lands) / (a_behind + b_behind).clamp_min(1.0)
+    a = a_lands * (1 - b_lands * (1 - a_front)) + bare * a_behind
+    b = b_lands * (1 - a_lands * a_front) + bare * b_behind
+    return a * a_color + b * b_color, a + b
+
+
+def _candidate(
+    color: Tensor, known: Tensor, px: Tensor, path: Tensor, time: Tensor, softness: float
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The point that ``path`` brings here at ``time``: colour, depth, whether its own path does so, and whether it
+    lies behind what is here now."""
     at = px - path * time
-    found = sample(known, at, mode="nearest")
-    miss = ((found[:, 1:] - path) * time).square().sum(1, keepdim=True)
-    far = (path * time).square().sum(1, keepdim=True)
-    tolerance = LANDING_TOLERANCE + LANDING_RELATIVE * _length(far)
-    lands = (2 - _length(miss) / tolerance).clamp(0, 1) * inside(at, (color.shape[-2], color.shape[-1]))
-    return sample(color, at), found[:, :1], lands
-
-
-def _on_picture(px: Tensor, path: Tensor, time: Tensor) -> Tensor:
-    return inside(px - path * time, (px.shape[-2], px.shape[-1])).to(px.dtype)
+    found, there = sample(known, at, mode="nearest"), inside(at, (color.shape[-2], color.shape[-1]))
+    miss = _length((found[:, 1:] - path) * time)
+    lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * _length(path * time))).clamp(0, 1)
+    behind = 2 * (_in_front(known[:, :1], found[:, :1], softness) - 0.5).clamp_min(0)
+    return sample(color, at), found[:, :1], lands * there, behind * there
 
 
 def _in_front(near: Tensor, far: Tensor, softness: float) -> Tensor:
@@ -147,27 +149,31 @@ def _in_front(near: Tensor, far: Tensor, softness: float) -> Tensor:
     return (0.5 + (far - near) / scale).clamp(0, 1)
 
 
-@fusible
 def _similarity(color: Tensor, path: Tensor, times: list[Tensor]) -> Tensor:
     px = pixel_centers(color)
-    own = path.square().sum(1, keepdim=True)
     total, weight = color, torch.ones_like(color[:, :1])
     for time in times:
-        at = px - path * time
-        there = sample(path, at, mode="nearest")
-        alike = ((there * path).sum(1, keepdim=True) / own.clamp_min(1e-12)).clamp(0, 1)
-        alike = alike * inside(at, (color.shape[-2], color.shape[-1]))
-        total, weight = total + alike * sample(color, at), weight + alike
+        total, weight = _similar_moment(color, px, path, time, total, weight)
     return total / weight
 
 
+@fusible
+def _similar_moment(
+    color: Tensor, px: Tensor, path: Tensor, time: Tensor, total: Tensor, weight: Tensor
+) -> tuple[Tensor, Tensor]:
+    at = px - path * time
+    there = sample(path, at, mode="nearest")
+    alike = (there * path).sum(1, keepdim=True) / path.square().sum(1, keepdim=True).clamp_min(1e-12)
+    alike = alike.clamp(0, 1) * inside(at, (color.shape[-2], color.shape[-1]))
+    return total + alike * sample(color, at), weight + alike
+
+
 def _limited(path: Tensor, longest: float) -> Tensor:
-    length = path.square().sum(1, keepdim=True).clamp_min(1e-12).sqrt()
-    return path * (longest / length).clamp_max(1.0)
+    return path * (longest / _length(path)).clamp_max(1.0)
 
 
-def _length(square: Tensor) -> Tensor:
-    return square.clamp_min(1e-12).sqrt()
+def _length(path: Tensor) -> Tensor:
+    return path.square().sum(1, keepdim=True).clamp_min(1e-12).sqrt()
 
 
 def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int, softness: float) -> None:
