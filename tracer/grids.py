@@ -17,7 +17,7 @@ BRICK = 16
 MAX_REACH = 64
 (MASK, MATERIAL, INDEX, NX, NY, NZ, LOW, HIGH, ORIGIN) = (0, 1, 2, 3, 4, 5, 6, 9, 12)
 """Columns of `Grids.entries`; the last three begin triples."""
-COLUMNS = 15
+COLUMNS_OF_TABLE = ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,24 +74,26 @@ class Grids:
 
 
 def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> Grids:
-    """Flatten worlds, the first being the static one; worlds and tables that occur twice are stored once."""
+    """Flatten worlds, the first being the static one; those, and their tables, that occur twice are stored once."""
     tables: list[MaterialTable] = []
-    stored: dict[int, tuple[int, int]] = {}
-    offsets: dict[int, int] = {}
+    stored: dict[tuple[int, ...], int] = {}
+    offsets: dict[tuple[int, ...], int] = {}
     bricks, indices, rows, labels = [], [], [], list[str]()
     for world, mask, name in zip(worlds, masks, names, strict=True):
         grid, table = world.grid, world.materials
-        if id(table) not in offsets:
-            offsets[id(table)] = len(labels) - 1 if tables else 0
+        same_table = tuple(id(getattr(table, key)) for key in COLUMNS_OF_TABLE)
+        same_voxels = (id(world.bricks), id(world.index))
+        if same_table not in offsets:
+            offsets[same_table] = len(labels) - 1 if tables else 0
             labels += _labels(table, name, labels) if tables else list(table.names)
             tables.append(table)
-        if id(world) not in stored:
+        if same_voxels not in stored:
             first = sum(len(b) for b in bricks)
-            stored[id(world)] = (sum(i.numel() for i in indices), first)
+            stored[same_voxels] = sum(i.numel() for i in indices)
             bricks.append(grid.bricks)
             indices.append(torch.where(grid.index > 0, grid.index + first, grid.index).flatten())
-        place = stored[id(world)][0]
-        rows.append([mask, offsets[id(table)], place, *grid.index.shape, *grid.low, *grid.high, *world.origin])
+        offset, place = offsets[same_table], stored[same_voxels]
+        rows.append([mask, offset, place, *grid.index.shape, *grid.low, *grid.high, *world.origin])
     materials = _merge(tables, labels)
     return Grids(
         bricks=torch.cat(bricks).contiguous(),
@@ -117,10 +119,7 @@ def _labels(table: MaterialTable, name: str, taken: Sequence[str]) -> list[str]:
 def _merge(tables: Sequence[MaterialTable], names: Sequence[str]) -> MaterialTable:
     if len(tables) == 1:
         return tables[0]
-    columns = {
-        key: torch.cat([getattr(t, key)[min(i, 1) :] for i, t in enumerate(tables)])
-        for key in ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
-    }
+    columns = {key: torch.cat([getattr(t, key)[min(i, 1) :] for i, t in enumerate(tables)]) for key in COLUMNS_OF_TABLE}
     return MaterialTable(names=tuple(names), **columns)
 
 

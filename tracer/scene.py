@@ -122,5 +122,12 @@ class Scene:
         return poses * scales
 
     def to(self, *args: Any, **kwargs: Any) -> Scene:
-        """The scene on another device; arguments as `torch.Tensor.to`."""
-        return map_tensors(lambda t: t.to(*args, **kwargs), self)
+        """The scene on another device; arguments as `torch.Tensor.to`. What instances share stays shared."""
+        moved: dict[Tensor, Tensor] = {}
+
+        def move(tensor: Tensor) -> Tensor:
+            if tensor not in moved:
+                moved[tensor] = tensor.to(*args, **kwargs)
+            return moved[tensor]
+
+        return map_tensors(move, self)

@@ -70,8 +70,9 @@ def test_no_step_through_empty_space_skips_a_voxel() -> None:
 
 def test_scenes_convert_and_pose() -> None:
     scene = voxels.random_scene(0)
-    moved = scene.to("cpu")
+    moved = scene.to("cpu", copy=True)
     assert torch.equal(moved.grids.entries, scene.grids.entries)
+    assert len(moved.materials) == len(voxels.TABLE)
     assert moved.instances[1].scale == scene.instances[1].scale
     assert scene.poses([0.0, 1.0]).shape == (2, 2, 4, 4)
     assert Scene(world=scene.world).poses([0.0]).shape == (1, 0, 4, 4)
