@@ -119,7 +119,7 @@ class Pipeline(TemporalPass):
         if layer not in (None, "behind"):
             raise ValueError(f'layer must be "behind" or None, got {layer!r}')
         self.given = frozenset(given)
-        self.layer = layer
+        self.layer: Literal["behind"] | None = layer
         self.fused = False
         self.stages = nn.ModuleDict()
         for name, stage in stages.items():
@@ -210,6 +210,31 @@ class Pipeline(TemporalPass):
             result = result._changed(path, lambda _: None)
         return result
 
+    def with_stage(self, name: str, stage: Stage, *, after: str) -> Pipeline:
+        """A copy with a stage of your own.
+
+        Args:
+            name: the stage's name, a dotted one to reach into a nested pipeline.
+            stage: a pass, temporal pass or pipeline.
+            after: the stage of the same pipeline that it follows.
+
+        Raises:
+            ValueError: there is no stage to follow, the name is taken, or an input is missing.
+        """
+        inner, _, last = name.rpartition(".")
+        if inner:
+            return self._changed(inner, lambda nested: _pipeline(inner, nested).with_stage(last, stage, after=after))
+        if after not in self.stages:
+            raise ValueError(f"no stage {after!r} in the pipeline; it has {', '.join(self.stages)}")
+        if name in self.stages:
+            raise ValueError(f"the pipeline has a stage {name!r} already; choose another name")
+        stages: dict[str, Stage] = {}
+        for existing, present in self._stages():
+            stages[existing] = present
+            if existing == after:
+                stages[name] = stage
+        return self._rebuilt(stages)
+
     def with_tunables(self, values: Mapping[str, Any]) -> Pipeline:
         """A copy with tunables set by dotted name, such as ``{"ao.estimate.radius": 2.0}``.
 
@@ -271,9 +296,18 @@ class Pipeline(TemporalPass):
             stages[head] = changed if len(changed.stages) else None
         else:
             raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
+        return self._rebuilt(stages)
+
+    def _rebuilt(self, stages: Mapping[str, Any]) -> Pipeline:
         result = Pipeline(given=self.given, layer=self.layer, **stages)
         result.fused = self.fused
         return result
+
+
+def _pipeline(name: str, stage: Any) -> Pipeline:
+    if not isinstance(stage, Pipeline):
+        raise ValueError(f"stage {name!r} is a {type(stage).__name__} and has no stages of its own")
+    return stage
 
 
 def _keywords(cls: type) -> list[str]:

@@ -138,6 +138,20 @@ def test_tunables_by_dotted_name():
         Fill().tuned(size=3)
 
 
+def test_a_stage_of_your_own():
+    pipeline = build().with_stage("more", Scale(by=0.5), after="ao").with_stage("ao.more", Scale(), after="estimate")
+    names = [path for path, _ in pipeline.passes()]
+    assert names == ["ao.estimate", "ao.more", "ao.scale", "ao.count", "more", "after"]
+    assert pipeline(small())[0].read("ao").unique().tolist() == [60.0]
+    for name, after, message in (
+        ("x", "gi", "no stage 'gi'"),
+        ("ao", "after", "already"),
+        ("after.x", "y", "no stages"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            build().with_stage(name, Scale(), after=after)
+
+
 def test_state_resets_by_batch_element_and_cut():
     def batch(index, **changes):
         cam = boxes.camera((6, 8))

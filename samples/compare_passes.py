@@ -1,0 +1,28 @@
+"""Leave passes out, one at a time, and see what each one does to the picture."""
+
+from pathlib import Path
+
+import torch
+
+import tracer
+from gbufrt.metrics import psnr
+from gbufrt.picture import write_png
+from post import me1
+
+out = Path("out")
+scene = tracer.load("valley")
+frame = tracer.render(scene, scene.views["plaza"].camera(0.0, size=(270, 480)), light_samples=4)
+
+pipeline = me1("high")
+variants = {"everything": pipeline}
+for name in ("ao", "gi", "reflection", "behind", "gi.denoise", "reflection.denoise", "depth_of_field", "fxaa"):
+    variants[f"without {name}"] = pipeline.without(name)
+variants["horizon GTAO"] = pipeline.with_tunables({"ao.estimate.method": "horizon"})
+variants["wide AO"] = pipeline.with_tunables({"gtao.radius": 6.0})
+
+with torch.no_grad():
+    pictures = {name: variant(frame)[0].read("image") for name, variant in variants.items()}
+for name, picture in pictures.items():
+    write_png(out / f"{name.replace(' ', '_')}.png", picture)
+    if name != "everything":
+        print(f"{name:28s} differs from everything by PSNR {float(psnr(picture, pictures['everything'])):5.1f} dB")
