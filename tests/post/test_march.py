@@ -76,7 +76,7 @@ def test_an_open_floor_never_meets_itself(compiled, half):
     frame = boxes.frame(boxes.camera((60, 80)), boxes=boxes.ROOM[:1])
     g = frame.gbuffer
     depth = g.depth.half().float() if half else g.depth
-    hierarchy = depth_hierarchy(depth, g.hit, g.normal, g.camera, thickness=g.thickness)
+    hierarchy = depth_hierarchy(depth, g.hit, g.normal, g.camera)
     points = g.camera.unproject(depth)
     generator = torch.Generator().manual_seed(1)
     wild = torch.randn(points.shape, generator=generator)
@@ -99,6 +99,7 @@ def pole_scene() -> tuple:
 @pytest.mark.parametrize("compiled", [True, False])
 def test_rays_pass_behind_what_is_thin(compiled):
     g, start, way = pole_scene()
+    assert g.thickness is not None
     measured = depth_hierarchy(g.depth, g.hit, g.normal, g.camera, thickness=g.thickness)
     hits = march_rays(measured, start, way, g.camera, compiled=compiled)
     assert hits.hit.all()

@@ -30,7 +30,8 @@ def scene(size: tuple[int, int] = (30, 40), **options: Any) -> Frame:
 def brute_force(frame: Frame, rays: int = 160) -> tuple[Tensor, Tensor]:
     """Cosine-weighted rays through the boxes: light of the ends that the camera sees, and the open share."""
     g, generator = frame.gbuffer, torch.Generator().manual_seed(3)
-    points, light, open_sky = g.camera.to_world(g.points_view()), 0.0, 0.0
+    points = g.camera.to_world(g.points_view())
+    light, open_sky = torch.zeros_like(points), torch.zeros_like(g.depth)
     for _ in range(rays):
         wild = torch.nn.functional.normalize(torch.randn(g.normal.shape, generator=generator), dim=1)
         way = torch.where(g.hit, torch.nn.functional.normalize(g.normal * 1.0001 + wild, dim=1), 0.0)
@@ -46,7 +47,7 @@ def test_agrees_with_brute_force(tilted, orthographic):
     g = frame.gbuffer
     lean = torch.nn.functional.normalize(g.normal + torch.tensor([0.5, 0.6, 0.3])[None, :, None, None], dim=1)
     bent = torch.where(g.hit, lean, 0.0) if tilted else None
-    gi, sky = march_gi(*inputs(frame), bent, None, g.thickness, rays=48, steps=128, distance=100.0)
+    gi, sky = march_gi(*inputs(frame), bent_normal=bent, thickness=g.thickness, rays=48, steps=128, distance=100.0)
     true_gi, true_sky = brute_force(frame)
     hit = g.hit.expand_as(gi)
     error = ((gi - true_gi)[hit].square().sum() / true_gi[hit].square().sum()).item()
@@ -114,7 +115,9 @@ def test_module_equals_function():
     frame = scene().replace(ambient=None)
     g = frame.gbuffer
     result = MarchGI(rays=3, bounces=1, seed=2)(frame.replace(bent_normal=g.normal, index=5))
-    gi, sky = march_gi(*inputs(frame), g.normal, g.normal_geo, g.thickness, 5, rays=3, seed=2)
+    gi, sky = march_gi(
+        *inputs(frame), bent_normal=g.normal, normal_geo=g.normal_geo, thickness=g.thickness, index=5, rays=3, seed=2
+    )
     assert torch.equal(result.read("gi"), gi)
     assert torch.equal(result.read("sky_visibility"), sky)
     metal = frame.replace(gbuffer=g.replace(metallic=torch.ones_like(g.depth)))

@@ -11,6 +11,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
+from post.reflection_rays import Surface, ggx_ray, reuse_neighbors
 from post.ssr import SSR, outgoing_light, ssr
 
 
@@ -32,6 +33,10 @@ def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.
 def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
     truth = mirrors.meet(frame.gbuffer.camera, *mirrors.reflected(frame))
     return boxes.ALBEDO[truth.box[:, 0]].permute(0, 3, 1, 2), truth
+
+
+def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
+    return torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(frames)]).mean(0)
 
 
 def cameras(size: tuple[int, int]) -> Camera:
@@ -118,7 +123,7 @@ def test_fresnel_is_included():
 def test_rough_is_blurrier(method):
     def contrast(rough: float) -> float:
         frame = shiny(boxes.camera((45, 60)), rough=rough)
-        mean = sum(SSR(samples=4, method=method)(frame.replace(index=i)).read("reflection") for i in range(4)) / 4
+        mean = mean_of(frame, SSR(samples=4, method=method), 4)
         smooth = torch.nn.functional.avg_pool2d(mean[:, 0:1] - mean[:, 2:3], 3, 1, 1)
         return float(smooth[frame.read("material_id") == 1].std())
 
@@ -129,7 +134,7 @@ def test_rough_is_blurrier(method):
 def test_rough_converges_to_the_brdf_average():
     """Under a uniform sky all directions bring the same, so the mean is the directional albedo: 1 less what is lost."""
     frame = shiny(boxes.camera((30, 40)), rough=0.6, scene=boxes.ROOM[:1])
-    mean = sum(SSR(samples=8)(frame.replace(index=i)).read("reflection") for i in range(8)) / 8
+    mean = mean_of(frame, SSR(samples=8), 8)
     value = mean[frame.gbuffer.hit.expand_as(mean)] / 0.5
     assert 0.7 < value.mean() < 1.0  # 0.6 rough, mostly seen at grazing angles, without multiple scattering
     assert value.std() < 0.05
@@ -146,6 +151,22 @@ def test_reuse_keeps_the_mean_and_lowers_noise():
     alone, shared = runs(0), runs(4)
     assert abs(float(shared.mean() / alone.mean()) - 1) < 0.02
     assert shared.std(0).mean() < 0.7 * alone.std(0).mean()
+
+
+def test_reuse_weighs_rays_by_their_density():
+    """Light from off the lobe's middle alone, of which rays counted without their density would find too little."""
+    ones = torch.ones(1, 1, 96, 96)
+    up = torch.cat([0 * ones, 0 * ones, -ones], dim=1)
+    eye = torch.nn.functional.normalize(up + torch.tensor([0.6, 0.0, 0.0])[None, :, None, None], dim=1)
+    surface = Surface(0.1 * up, up, up, eye, 0.5 * ones, ones > 0)
+    lobe = ggx_ray(surface, torch.rand(1, 2, 96, 96, generator=torch.Generator().manual_seed(2)), ones)
+    mirrored = 2 * (eye * up).sum(1, keepdim=True) * up - eye
+    light = ((lobe.direction * mirrored).sum(1, keepdim=True) < 0.6).float().expand(-1, 3, -1, -1)
+    shared, reflected = reuse_neighbors(surface, lobe, torch.cat([lobe.direction, 0 * ones], dim=1), light, 8)
+    found = (shared * (reflected[:, :1] + reflected[:, 1:2])).mean()
+    expected = (light * lobe.weight).mean()
+    assert expected > 0.1
+    assert abs(float(found / expected) - 1) < 0.05
 
 
 def test_mirrors_do_not_listen_to_neighbours():
@@ -189,6 +210,7 @@ def test_light_adds_up():
 def test_module_equals_function():
     frame = shiny(rough=0.3).replace(ambient=None)
     g = frame.gbuffer
+    assert g.roughness is not None
     result = SSR(samples=2, steps=32, reuse=2, seed=3)(frame)
     light = outgoing_light(frame)
     by_hand = ssr(
