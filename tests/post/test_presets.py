@@ -1,0 +1,129 @@
+"""The ME1 pipelines: the seed's numbers, awkward frames, long paths, and what each stage is worth."""
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+
+from gbufrt import Camera, Frame, Pipeline
+from post import me1
+from post.presets import QUALITIES
+
+
+def run(pipeline: Pipeline, frame: Frame, times: int = 1) -> Frame:
+    with torch.no_grad():
+        state, result = None, frame
+        for step in range(times):
+            result, state = pipeline(frame.replace(index=step), state)
+    return result
+
+
+def pair(size: tuple[int, int]) -> Camera:
+    a, b = boxes.camera(size), boxes.camera(size, dx=0.4)
+    return Camera(
+        intrinsics=torch.cat([a.intrinsics, b.intrinsics]),
+        world_from_view=torch.cat([a.world_from_view, b.world_from_view]),
+        size=size,
+        near=a.near,
+        far=a.far,
+    )
+
+
+FRAMES = {
+    "127x73": lambda: boxes.frame(boxes.camera((73, 127))),
+    "batch of two": lambda: boxes.frame(pair((36, 48))),
+    "orthographic": lambda: boxes.frame(boxes.camera((36, 48), orthographic=True)),
+    "sky alone": lambda: boxes.frame(boxes.camera((36, 48)), boxes=boxes.ROOM + 500.0),
+}
+
+
+@pytest.mark.parametrize("case", FRAMES)
+@pytest.mark.parametrize("preset", QUALITIES)
+def test_every_preset_on_awkward_frames(preset, case):
+    frame = FRAMES[case]()
+    result = run(me1(preset), frame, times=2)
+    for name in ("ao", "bent_normal", "gi", "reflection", "composite", "color", "image"):
+        value = result.read(name)
+        assert torch.isfinite(value).all(), name
+        assert value.shape[0] == frame.gbuffer.batch
+    image = result.read("image")
+    assert image.min() >= 0
+    assert image.max() <= 1
+    if case == "sky alone":
+        torch.testing.assert_close(result.read("composite"), frame.read("radiance"))
+
+
+@pytest.mark.parametrize("mode", ["physical", "me1"])
+def test_batch_equals_loop(mode):
+    both = run(me1("low", composite=mode), boxes.frame(pair((36, 48))), times=3)
+    for b, dx in enumerate((0.0, 0.4)):
+        alone = run(me1("low", composite=mode), boxes.frame(boxes.camera((36, 48), dx=dx)), times=3)
+        worst = (alone.read("image")[0] - both.read("image")[b]).abs().quantile(0.999)
+        assert worst < 1e-3
+
+
+def test_the_seeds_table():
+    rows = {name: me1(name, units_per_metre=2.0, composite="me1").all_tunables() for name in QUALITIES}
+    assert [rows[p]["ao.estimate.directions"] for p in rows] == [4, 6, 8, 12]
+    assert [rows[p]["ao.estimate.scales"] for p in rows] == [1, 2, 2, 3]
+    assert [rows[p]["gi.estimate.bounces"] for p in rows] == [1, 2, 2, 3]
+    assert [rows[p]["gi.estimate.distance"] for p in rows] == [60, 100, 140, 200]
+    assert [rows[p]["reflection.estimate.steps"] for p in rows] == [48, 64, 96, 128]
+    assert [rows[p]["reflection.estimate.distance"] for p in rows] == [80, 120, 150, 200]
+    assert all(0.95 <= rows[p][f"{s}.accumulate.blend"] <= 0.97 for p in rows for s in ("ao", "gi", "reflection"))
+    assert all(row["gi.estimate.bounce_loss"] == 0.6 for row in rows.values())
+    assert me1("high").all_tunables()["gi.estimate.bounce_loss"] == 1.0
+
+
+def test_tunables_and_mistakes():
+    assert me1("low", tunables={"gtao.radius": 3.0}).all_tunables()["ao.estimate.radius"] == 3.0
+    with pytest.raises(ValueError, match="preset must be one of low, medium, high, ultra"):
+        me1("extreme")
+    with pytest.raises(ValueError, match="composite must be"):
+        me1("low", composite="mixed")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match="units_per_metre must be positive"):
+        me1("low", units_per_metre=0)
+
+
+@pytest.mark.parametrize("path", ["ao", "gi", "reflection", "behind", "gi.accumulate", "taa", "fxaa", "exposure"])
+def test_any_stage_can_be_left_out(path):
+    frame = boxes.frame(boxes.camera((24, 32)))
+    assert torch.isfinite(run(me1("low").without(path), frame).read("image")).all()
+
+
+def test_stages_change_the_picture():
+    frame = boxes.frame(boxes.camera((48, 64)))
+    whole = run(me1("medium"), frame).read("composite")
+    for path in ("gi", "reflection"):
+        part = run(me1("medium").without(path), frame).read("composite")
+        assert (part - whole).abs().mean() > 1e-3, path
+
+
+def test_a_long_path_leaves_no_trails():
+    """32 frames of a sideways move: what the frame shows at the end is what a fresh start shows, noise aside."""
+    size, pipeline, state = (54, 72), me1("low").without("motion_blur", "depth_of_field", "exposure"), None
+    result = boxes.frame(boxes.camera(size))
+    with torch.no_grad():
+        for i in range(32):
+            camera, previous = boxes.camera(size, dx=0.08 * i), boxes.camera(size, dx=0.08 * (i - 1))
+            result, state = pipeline(boxes.frame(camera, previous=previous, index=i), state)
+            assert torch.isfinite(result.read("image")).all(), i
+    last = boxes.camera(size, dx=0.08 * 31)
+    fresh = run(pipeline, boxes.frame(last), times=16)
+    difference = (result.read("image") - fresh.read("image")).abs().amax(1)
+    assert difference.mean() < 0.015
+    assert difference.quantile(0.98) < 0.1
+
+
+def test_gradient_reaches_the_light_and_the_depth():
+    frame = boxes.frame(boxes.camera((16, 20)))
+    radiance = frame.read("radiance").clone().requires_grad_()
+    depth = frame.gbuffer.depth.clone().requires_grad_()
+    frame = frame.replace(radiance=radiance, gbuffer=frame.gbuffer.replace(depth=depth))
+    result, _ = me1("low").without("exposure")(frame)
+    by_light, by_depth = torch.autograd.grad(result.read("image").square().mean(), (radiance, depth))
+    assert torch.isfinite(by_light).all()
+    assert torch.isfinite(by_depth).all()
+    assert by_light.abs().max() > 0
+    assert by_depth.abs().max() > 0
