@@ -19,6 +19,7 @@ SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
 GROUPS = 6  # of sectors, one mean direction each
 PER_GROUP = SECTORS // GROUPS
 FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
+EDGE = 0.3  # of the rise since the tap before: how far a body goes on, on average, past the last tap that met it
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
 THICKNESS = 0.5  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
 
@@ -155,7 +156,8 @@ def blocked(
     """
     overlap = torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
     joined = horizon.step(overlap) if same is None else torch.maximum(horizon.step(overlap), same)
-    rise, run, near, distance, inside = tap.front_rise, tap.front_run, joined, joined, joined
+    rise, run = tap.front_rise, tap.front_run
+    near, distance, inside, crossing = torch.ones_like(joined), joined, joined, joined
     if radius is not None:
         distance = (rise * rise + run * run + 1e-20).sqrt()
         inside = horizon.step(radius - distance)
@@ -166,9 +168,10 @@ def blocked(
         near = torch.maximum(faded, crossing)
     front = horizon.arc_measure(rise, run, side)
     back = horizon.arc_measure(tap.back_rise, tap.back_run, side)
-    low = front + (torch.minimum(front, before.share) - front) * joined
+    beyond = (before.share - front).clamp_min(0) * joined * EDGE
+    beyond = beyond if radius is None else beyond * (1 - crossing)
+    low = (front + (torch.minimum(front, before.share) - front) * joined - beyond).clamp_min(0)
     high = back + (torch.maximum(back, before.share) - back) * joined
-    near = torch.ones_like(low) if radius is None else near
     return low, high, near, front, tap.front_rise, tap.front_run, distance, inside, tap.z, tap.back_z
 
 
@@ -217,7 +220,7 @@ def share(sectors: Tensor) -> Tensor:
 def slice_sums(cut: Slice, covered: Tensor) -> Tensor:
     """One slice's part of the sums of `horizon.finish`."""
     open_groups = 1 - group_shares(covered).to(cut.n.dtype)
-    rise, run = horizon.mean_directions(cut.n, GROUPS)
+    rise, run = horizon.mean_directions(cut.sin_n, GROUPS)
     rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
     runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight
     lift, slide = torch.stack([cut.hx, cut.hy, cut.hz]), torch.stack([cut.tx, cut.ty, cut.tz])

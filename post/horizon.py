@@ -153,21 +153,21 @@ def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Ten
     return torch.where(hit, share[:, None], 1.0), torch.where(hit, bent, 0.0)
 
 
-def mean_directions(n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
+def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
     """Mean directions of equal parts of the arc, by cosine-weighted measure: along the projected normal, and across it.
 
     Both ``(groups, B, h, w)``.
     """
-    terms = torch.tensor(_direction_polynomials(groups), dtype=n.dtype, device=n.device)[..., None, None, None]
-    value = terms[-1].expand(-1, *n.shape)
+    terms = torch.tensor(_direction_polynomials(groups), dtype=sin_n.dtype, device=sin_n.device)[..., None, None, None]
+    value = terms[-1].expand(-1, *sin_n.shape)
     for term in reversed(terms[:-1].unbind(0)):
-        value = value * n + term
+        value = value * sin_n + term
     return value[:groups], value[groups:]
 
 
 @cache
 def _direction_polynomials(groups: int) -> list[list[float]]:
-    """Polynomials in n, lowest power first, fitted to the parts' mean cos(alpha) and sin(alpha)."""
+    """Polynomials in sin(n), lowest power first, fitted to the parts' mean cos(alpha) and sin(alpha)."""
     grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
     alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2
     density = alpha.cos() * (alpha + grid[:, None]).sin().abs()
@@ -177,5 +177,5 @@ def _direction_polynomials(groups: int) -> list[list[float]]:
     for direction in (alpha.cos(), alpha.sin()):
         total = torch.zeros(65, groups, dtype=torch.float64).scatter_add(1, group, density * direction)
         means.append(total * groups)
-    powers = grid[:, None] ** torch.arange(9, dtype=torch.float64)
+    powers = grid.sin()[:, None] ** torch.arange(9, dtype=torch.float64)
     return torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()
