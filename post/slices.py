@@ -16,7 +16,7 @@ from gbufrt import CHANNELS, SIGNALS, Camera
 from gbufrt.channels import check_tensor
 from gbufrt.noise import GOLDEN
 
-BAND_PIXELS = 32768
+BAND_PIXELS = 32768  # what one core's cache holds of all planes; also torch's smallest share of work for a thread
 BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it blocks anything
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
@@ -155,7 +155,9 @@ def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
     Bands are of one height where a divisor of the picture's height allows it, so that compiled code fits them all.
     """
     height, width = at.z.shape[-2:]
-    most = max(1, min(height, BAND_PIXELS // (width * at.z.shape[0])))
+    threads = torch.get_num_threads()
+    pixels = BAND_PIXELS * (1 if threads == 1 else 2 * threads)  # enough for every thread, or some spin idle
+    most = max(1, min(height, pixels // (width * at.z.shape[0])))
     tall = next((rows for rows in range(most, most // 2, -1) if height % rows == 0), most)
     cuts = [slice(first, min(first + tall, height)) for first in range(0, height, tall)]
     return [(cut, Receivers(*(plane[:, cut] for plane in at[:-1]), aspect=at.aspect)) for cut in cuts]
