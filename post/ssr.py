@@ -120,8 +120,7 @@ def ssr(
         total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
         shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
         way, ends = way + hits.distance * hits.hit, ends + hits.hit
-    far = torch.where(hit, camera.far, 0.0).to(depth)
-    distances = torch.where(ends > 0, way / ends.clamp_min(1), far)
+    distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
     return total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances
 
 
