@@ -30,7 +30,7 @@ def render(
         time: seconds, one number or B.
         previous_time: of the frame before; by default ``time``, so that nothing moves.
         index: frame number, from which the noise comes.
-        light_samples: most shadow rays a pixel to each light.
+        light_samples: most shadow rays a pixel to each light, at least 1.
 
     Returns:
         A frame with ``radiance``, ``ambient`` and ``environment``, and ``behind`` where the scene has transmissive
