@@ -129,7 +129,7 @@ def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, 
         return lambda frame, t: _ids(t)
     if name.endswith("motion_z"):
         return lambda frame, t: _signed(t)
-    if name.endswith("length"):
+    if name.endswith(("history", "length")):
         return lambda frame, t: viridis(t / LENGTH_SCALE)
     if name in ("depth", "reflection_distance", "thickness"):
         return _near

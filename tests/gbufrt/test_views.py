@@ -29,7 +29,7 @@ def whole_frame() -> Frame:
         exposure=torch.full((1, 1, 1, 1), 0.7),
         image=light.clamp(0, 1),
         behind=boxes.frame(boxes.camera(SIZE)),
-        extra={"gi_length": one * 16, "gi_variance": one, "moments": light[:, :2], "tile": torch.zeros(1, 5, 2, 3)},
+        extra={"gi_history": one * 16, "gi_variance": one, "moments": light[:, :2], "tile": torch.zeros(1, 5, 2, 3)},
     )
 
 
