@@ -11,7 +11,7 @@ from post import me1
 
 out = Path("out")
 scene = tracer.load("valley")
-frame = tracer.render(scene, scene.views["plaza"].camera(0.0, size=(270, 480)), light_samples=4)
+frame = tracer.render(scene, scene.views["lake"].camera(0.0, size=(270, 480)), light_samples=4)
 
 pipeline = me1("high")
 variants = {"everything": pipeline}

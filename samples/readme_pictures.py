@@ -1,0 +1,60 @@
+"""The README's pictures: each pass left out on the left half, at work on the right. Takes some minutes."""
+
+import sys
+from pathlib import Path
+
+import torch
+
+import tracer
+from gbufrt import Camera, Frame, Pipeline
+from gbufrt.noise import halton_jitter
+from gbufrt.picture import to_pil
+from post import me1
+
+SIZE, FPS = (288, 512), 24
+out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
+out.mkdir(parents=True, exist_ok=True)
+scene = tracer.load("valley")
+
+
+def shot(name: str, count: int = 1, time: float = 0.0) -> list[Frame]:
+    """Consecutive frames of a view; several are jittered and move."""
+
+    def camera(i: int) -> Camera:
+        jitter = halton_jitter(i) if count > 1 else None
+        return scene.views[name].camera(time + i / FPS, size=SIZE).with_jitter(jitter)
+
+    def frame(i: int) -> Frame:
+        now, before = time + i / FPS, time + (i - 1) / FPS
+        return tracer.render(scene, camera(i), previous_camera=camera(i - 1), time=now, previous_time=before, index=i)
+
+    return [frame(i) for i in range(count)]
+
+
+def save(name: str, frames: list[Frame], left: Pipeline, right: Pipeline) -> None:
+    """The last frame in one file, half by one pipeline and half by the other, and a line between."""
+    with torch.no_grad():
+        a, b = (list(pipeline.stream(frames))[-1].read("image") for pipeline in (left, right))
+    middle = a.shape[-1] // 2
+    line = torch.ones_like(a[..., :2])
+    to_pil(torch.cat([a[..., : middle - 1], line, b[..., middle + 1 :]], dim=-1)).save(out / f"{name}.jpg", quality=88)
+
+
+still = me1("high").without("motion_blur", "depth_of_field")
+lens = me1("high", tunables={"depth_of_field.aperture_radius": 0.4, "motion_blur.shutter": 1.0})
+seed = me1("high", composite="me1").without("motion_blur", "depth_of_field")
+closeup, plaza, lake, cave, orbit = shot("closeup"), shot("plaza"), shot("lake"), shot("cave"), shot("orbit", 6, 1.0)
+save("ao", closeup, seed.without("ao"), seed)
+save("gi", cave, still.without("gi"), still)
+save("reflection", lake, still.without("reflection"), still)
+noisy = still.without("ao.denoise", "gi.denoise", "reflection.denoise")
+once = noisy.without("ao.accumulate", "gi.accumulate", "reflection.accumulate")
+save("denoise", plaza, once, still)
+save("accumulate", [f.replace(index=i) for i in range(8) for f in plaza], once, noisy)
+save("composite", cave, seed, still)
+save("motion_blur", orbit, lens.without("fxaa", "motion_blur"), lens.without("fxaa"))
+save("taa", orbit, still.without("fxaa", "taa"), still.without("fxaa"))
+save("depth_of_field", closeup, lens.without("depth_of_field"), lens)
+for name in ("exposure", "vignette", "fxaa"):
+    save(name, plaza, still.without(name), still)
+save("tone_map", plaza, still.with_tunables({"tone_map.operator": "linear"}), still)
