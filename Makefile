@@ -20,7 +20,7 @@ install: .venv/installed
 	@touch $@
 
 demo: install
-	$(BIN)/gbufrt render --out demo
+	$(BIN)/gbufrt render --size 640x360 --warmup 1 --out demo
 
 test: install
 	$(BIN)/python -m pytest -n 2

@@ -32,7 +32,7 @@ class PassOptions:
     """Tunable to change, as NAME=VALUE (gtao.radius=2.0); may be repeated. `gbufrt passes` lists the names."""
 
     warmup: int | None = None
-    """Times that the passes run over the first frame, taken as standing still, to fill their history. [default: 8]"""
+    """Times that the passes run over the first frame, taken as standing still, to fill their history. [default: 3]"""
 
     debug: Flag = False
     """Also write a picture of every channel and signal, and one sheet of them all, under OUT/debug."""

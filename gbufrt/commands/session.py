@@ -31,7 +31,7 @@ class Recipe:
     composite: str = "physical"
     without: tuple[str, ...] = ()
     set: Mapping[str, Any] = field(default_factory=dict)
-    warmup: int = 8
+    warmup: int = 3
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:

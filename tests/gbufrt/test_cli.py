@@ -168,7 +168,7 @@ def test_render_writes_every_frame():
         "composite": "physical",
         "without": [],
         "set": {},
-        "warmup": 8,
+        "warmup": 3,
     }
 
 
