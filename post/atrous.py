@@ -79,7 +79,7 @@ def atrous(
         filtered, left = _wavelet(
             windows(padded(torch.cat([filtered, left], dim=1), margin), 2, step, margin),
             windows(guide, 2, step, margin),
-            geometry.scaled(step),
+            geometry.scaled(step, step),
             tolerance,
             reach * step**2,
             geometry.perspective,

@@ -46,7 +46,7 @@ def bilateral(
         normal: ``(B, 3, H, W)`` world space, unit length.
         hit: ``(B, 1, H, W)`` bool; pixels that hit nothing keep their value and give none away.
         camera: the camera of depth.
-        radius: of the disc of taps, pixels.
+        radius: of the square of taps, pixels.
         sigma: widest standard deviation of the spatial Gaussian, pixels.
         depth_sensitivity: s, per pixel footprint.
         normal_power: p.
@@ -79,61 +79,77 @@ def bilateral(
         width = width * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
     noise_of_mean = blurred(variance).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
     tolerance = phi_color * noise_of_mean + MIN_CONTRAST * local.abs()
-    filtered = _filter(
-        padded(torch.cat([signal, local], dim=1), radius),
-        padded(geometry.guide, radius),
-        geometry.plane,
-        width,
-        tolerance,
-        radius,
-        geometry.perspective,
-        depth_sensitivity,
-        normal_power,
-    )
-    return torch.where(hit, filtered, signal)
+    edge = (geometry.perspective, depth_sensitivity, normal_power)
+    width = width * (AT_EDGES + (1 - AT_EDGES) * _open_share(geometry.guide, geometry.plane, *edge))
+    falloff = -0.5 / (width * width)
+    values, guide = padded(torch.cat([signal, local], dim=1), radius), padded(geometry.guide, radius)
+    sums = torch.cat([torch.zeros_like(signal), torch.zeros_like(local)], dim=1)
+    for dy in range(-radius, radius + 1):  # one compiled row serves all rows, and compiles in a tenth of the time
+        rows = slice(radius + dy, radius + dy + depth.shape[-2])
+        sums = _add_row(
+            sums, values[..., rows, :], guide[..., rows, :], local, geometry.guide, geometry.scaled(1, dy),
+            falloff, torch.exp(falloff * dy * dy), tolerance, radius, *edge,
+        )  # fmt: skip
+    return torch.where(hit, sums[:, :-1] / sums[:, -1:].clamp_min(1e-6), signal)
 
 
 @fusible
-def _filter(
-    signal: Tensor,
-    guide: Tensor,
+def _add_row(
+    sums: Tensor,
+    values: Tensor,
+    guides: Tensor,
+    local: Tensor,
+    center: Tensor,
     plane: Tensor,
-    width: Tensor,
+    falloff: Tensor,
+    row_share: Tensor,
     tolerance: Tensor,
     radius: int,
     perspective: bool,
     depth_sensitivity: float,
     normal_power: float,
 ) -> Tensor:
-    values, guides = windows(signal, radius), windows(guide, radius)
-    middle = len(values) // 2
-    center, channels = guides[middle], values[middle].shape[1] - 1
-    light = values[middle][:, channels]
-    places = [(k, dy, dx) for k, (dy, dx) in enumerate(offsets(radius)) if 0 < dy * dy + dx * dx < (radius + 0.5) ** 2]
-    weights = {
-        (dy, dx): edge_weight(
+    """Add one row of taps: the weighted signals, and in the last plane the weights."""
+    last, size = sums.shape[1] - 1, sums.shape[-1]
+    planes = [sums[:, c] for c in range(last + 1)]
+    for dx in range(-radius, radius + 1):
+        columns = slice(radius + dx, radius + dx + size)
+        value, guide = values[..., columns], guides[..., columns]
+        alike = edge_weight(
             center,
-            guides[k],
+            guide,
             plane,
             dx,
-            dy,
+            1,
             perspective=perspective,
             depth_sensitivity=depth_sensitivity,
             normal_power=normal_power,
         )
-        for k, dy, dx in places
-    }
-    open_share = (weights[0, 1] + weights[0, -1] + weights[1, 0] + weights[-1, 0]) / 4
-    narrow = width[:, 0] * (AT_EDGES + (1 - AT_EDGES) * open_share)
-    falloff = -0.5 / (narrow * narrow)
-    total = torch.ones_like(narrow)
-    sums = [values[middle][:, c] for c in range(channels)]
-    for k, dy, dx in places:
-        unlike = (((values[k][:, channels] - light) / tolerance[:, 0]) ** 2 - 1.0).clamp_min(0.0)
-        weight = weights[dy, dx] * torch.exp(falloff * (dy * dy + dx * dx) - unlike)
-        total = total + weight
-        sums = [s + weight * values[k][:, c] for c, s in enumerate(sums)]
-    return torch.stack(sums, dim=1) / total[:, None]
+        unlike = (((value[:, last] - local[:, 0]) / tolerance[:, 0]) ** 2 - 1.0).clamp_min(0.0)
+        weight = row_share[:, 0] * alike * torch.exp(falloff[:, 0] * (dx * dx) - unlike)
+        planes = [planes[c] + weight * value[:, c] for c in range(last)] + [planes[last] + weight]
+    return torch.stack(planes, dim=1)
+
+
+def _open_share(
+    guide: Tensor, plane: Tensor, perspective: bool, depth_sensitivity: float, normal_power: float
+) -> Tensor:
+    """How much of the four neighbours lies on the same surface."""
+    taps = windows(padded(guide, 1), 1)
+    total = torch.zeros_like(guide[:, 0])
+    for (dy, dx), tap in zip(offsets(1), taps, strict=True):
+        if abs(dx) + abs(dy) == 1:
+            total = total + edge_weight(
+                guide,
+                tap,
+                plane,
+                dx,
+                dy,
+                perspective=perspective,
+                depth_sensitivity=depth_sensitivity,
+                normal_power=normal_power,
+            )
+    return total[:, None] / 4
 
 
 class Bilateral(Pass):

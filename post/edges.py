@@ -33,9 +33,9 @@ class Surface:
     plane: Tensor
     perspective: bool
 
-    def scaled(self, step: int) -> Tensor:
-        """``plane`` for taps that lie ``step`` pixels apart."""
-        factors = self.plane.new_tensor([1.0, step, step, 1.0])
+    def scaled(self, x: int, y: int) -> Tensor:
+        """``plane`` for taps that lie x and y pixels apart."""
+        factors = self.plane.new_tensor([1.0, x, y, 1.0])
         return self.plane * factors[None, :, None, None]
 
 
