@@ -19,9 +19,9 @@ SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
 GROUPS = 6  # of sectors, one mean direction each
 PER_GROUP = SECTORS // GROUPS
 FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
-EDGE = 0.3  # of the rise since the tap before: how far a body goes on, on average, past the last tap that met it
+EDGE = 0.3  # of the rise since the tap before: how far a surface goes on, on average, past the last tap to meet it
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
-THICKNESS = 0.5  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
+THICKNESS = 1.0  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
 
 
 class Front(NamedTuple):
@@ -62,7 +62,7 @@ def bitmask_ao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
-            half the radius.
+            the radius.
         radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
@@ -157,7 +157,7 @@ def blocked(
     overlap = torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
     joined = horizon.step(overlap) if same is None else torch.maximum(horizon.step(overlap), same)
     rise, run = tap.front_rise, tap.front_run
-    near, distance, inside, crossing = torch.ones_like(joined), joined, joined, joined
+    near, distance, inside, crossing = torch.ones_like(joined), joined, joined, torch.zeros_like(joined)
     if radius is not None:
         distance = (rise * rise + run * run + 1e-20).sqrt()
         inside = horizon.step(radius - distance)
@@ -168,9 +168,9 @@ def blocked(
         near = torch.maximum(faded, crossing)
     front = horizon.arc_measure(rise, run, side)
     back = horizon.arc_measure(tap.back_rise, tap.back_run, side)
-    beyond = (before.share - front).clamp_min(0) * joined * EDGE
-    beyond = beyond if radius is None else beyond * (1 - crossing)
-    low = (front + (torch.minimum(front, before.share) - front) * joined - beyond).clamp_min(0)
+    low = front + (torch.minimum(front, before.share) - front) * joined
+    if same is not None:
+        low = (low - (before.share - front).clamp_min(0) * same * (1 - crossing) * EDGE).clamp_min(0)
     high = back + (torch.maximum(back, before.share) - back) * joined
     return low, high, near, front, tap.front_rise, tap.front_run, distance, inside, tap.z, tap.back_z
 

@@ -31,7 +31,7 @@ def test_the_middle_of_a_pit_sees_what_the_disk_above_it_covers(depth: float) ->
     z, normal, camera = pit(depth)
     results = [bitmask_ao(z, normal, camera, radius=None, thickness=torch.inf, steps=20, index=i)[0] for i in range(2)]
     middle = torch.cat(results)[..., 19:22, 19:22].mean()
-    assert float(middle) == pytest.approx(1 / (1 + depth * depth), abs=0.03)
+    assert float(middle) == pytest.approx(1 / (1 + depth * depth), abs=0.04)
 
 
 def test_a_wall_within_the_radius_blocks_a_circular_segment() -> None:

@@ -54,7 +54,7 @@ def test_ao_falls_as_the_radius_grows(method: Any) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_bent_normal_of_a_corner_leans_out_of_it(method: Any) -> None:
-    frame = boxes.frame(boxes.camera((60, 80)))
+    frame = boxes.frame(boxes.camera((72, 96)))
     result = GTAO(radius=1.5, method=method)(frame)
     g = frame.gbuffer
     point = g.camera.to_world(g.points_view())
