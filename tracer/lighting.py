@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import GBuffer
 from gbufrt.noise import blue_noise
 from tracer.emitters import Lamps, lamps_of
-from tracer.form_factor import cross, dot, rectangle_irradiance
+from tracer.form_factor import dot
 from tracer.scene import Scene
 from tracer.shadows import CHUNK, Surface, Through, arriving, lamp_source, sun_source
 from tracer.sky import sky_irradiance, sky_radiance, sun_radiance
@@ -18,7 +18,6 @@ from tracer.traversal import transmission
 
 LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
 LIFT_RELATIVE = 2e-6  # of the depth, whose rounding grows with it
-NEAR = 4.0  # radii of a lamp within which its size matters
 SHARE_ALONE = 1 / 128  # a lamp that may give a pixel no more of its light shares one ray with others like it
 SHARE_FINE = 1 / 32  # a lamp that may give a pixel no more gets a quarter of the samples
 
@@ -73,7 +72,7 @@ def light(
             lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
             size=camera.size,
         )
-        arrived.append(_irradiance(scene, surface, poses[b], noise, samples).view(3, *camera.size))
+        arrived.append(_irradiance(scene, surface, poses[b], noise, samples))
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_radiance(scene, directions)
     if scene.sun is not None:
@@ -86,77 +85,99 @@ def light(
 
 
 def _irradiance(scene: Scene, surface: Surface, poses: Tensor, noise: Tensor, samples: int) -> Tensor:
-    """``(3, N)`` from the sun and all lamps, for one picture."""
+    """``(3, H, W)`` from the sun and all lamps, for one picture."""
 
     def through(pixels: Tensor, directions: Tensor, distances: Tensor) -> Tensor:
         origins = surface.points[:, pixels].T
         return transmission(scene, origins, directions.T, poses=poses, t_max=distances).T
 
-    arrived = torch.zeros_like(surface.points)
+    arrived = torch.zeros_like(surface.points).view(3, *surface.size)
     if scene.sun is not None:
         wanted = surface.lit.view(surface.size)
         source = sun_source(scene.sun, surface)
         coming = arriving(source, through, wanted, wanted, noise[:2], samples=samples, start=0)
-        arrived = arrived + coming * coming.new_tensor(scene.sun.irradiance)[:, None]
+        arrived = coming * coming.new_tensor(scene.sun.irradiance)[:, None, None]
     lamps = lamps_of(scene, poses)
-    return (
-        arrived + _lamp_light(lamps, surface, through, noise, samples, arrived.mean(dim=0)) if len(lamps) else arrived
-    )
+    return arrived + _lamp_light(lamps, surface, through, noise, samples, arrived) if len(lamps) else arrived
 
 
 def _lamp_light(lamps: Lamps, surface: Surface, through: Through, noise: Tensor, samples: int, known: Tensor) -> Tensor:
-    """``(3, N)`` irradiance from lamps, where ``known`` ``(N,)`` comes from elsewhere."""
+    """``(3, H, W)`` irradiance from lamps, where ``known`` ``(3, H, W)`` comes from elsewhere."""
     tables = [t.permute(2, 1, 0) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)]  # (3, K, L)
-    total = known.clone()
-    for lamp in range(len(lamps)):
-        total += _importance(lamps, lamp, surface)
-    arrived = torch.zeros_like(surface.points)
-    rest, weight = torch.zeros_like(known), torch.zeros_like(known)
-    chosen, dice = torch.zeros_like(known, dtype=torch.long), noise[2].flatten()
-    for lamp in range(len(lamps)):
-        power = _importance(lamps, lamp, surface)
-        share = (power / total.clamp_min(1e-20)).view(surface.size)
-        own = [t[:, :, lamp, None] for t in tables]
+    counts = (lamps.edge_u.abs().sum(dim=2) > 0).sum(dim=1).tolist()
+    lit = surface.lit.nonzero()[:, 0]
+    levels, chosen, scale = _choices(lamps, surface, known.mean(dim=0).flatten(), noise[2].flatten())
+    level, arrived = torch.zeros_like(surface.lit, dtype=torch.uint8), torch.zeros_like(known)
+    for lamp, count in enumerate(counts):
+        level[lit] = levels[lamp]
+        own = [t[:, :count, lamp, None] for t in tables]
         source = lamp_source(surface, lambda _, own=own: own)
-        wanted, fine = share > SHARE_ALONE, share > SHARE_FINE
+        wanted, fine = (level >= 1).view(surface.size), (level >= 2).view(surface.size)
         coming = arriving(source, through, wanted, fine, noise[:2], samples=samples, start=samples * lamp)
-        arrived += coming * lamps.radiance[lamp][:, None]
-        # one of the rest stays in proportion to its power, and what is left of the dice serves the next choice
-        other = (power > 0) & ~wanted.flatten()
-        rest += torch.where(other, power, 0.0)
-        chance = power / rest.clamp_min(1e-20)
-        taken = other & (dice < chance)
-        again = torch.where(taken, dice / chance.clamp_min(1e-20), (dice - chance) / (1 - chance).clamp_min(1e-20))
-        dice = torch.where(other, again, dice)
-        chosen, weight = torch.where(taken, lamp, chosen), torch.where(taken, power, weight)
+        arrived += coming * lamps.radiance[lamp][:, None, None]
     source = lamp_source(surface, lambda pixels: [t[:, :, chosen[pixels]] for t in tables])
-    left = (weight > 0).view(surface.size)
+    left = (scale > 0).view(surface.size)
     coming = arriving(source, through, left, left, noise[:2], samples=1, start=samples * len(lamps))
-    return arrived + coming * lamps.radiance[chosen].T * (rest / weight.clamp_min(1e-20))
+    return arrived + coming * (lamps.radiance[chosen].T * scale).view_as(coming)
 
 
-def _importance(lamps: Lamps, lamp: int, surface: Surface) -> Tensor:
-    """``(N,)``: about the irradiance that a lamp gives with nothing between; zero only where it gives none.
+def _choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Which lamps matter where.
 
-    Exact near the lamp. Farther off all of it counts as if at its middle, but where the middle is below the surface's
-    horizon the highest point of the bounding sphere still counts.
+    Returns:
+        ``(L, M)`` uint8 for the M lit pixels: 0 not worth its own rays, 1 worth some, 2 worth all; and for all pixels
+        the number ``(N,)`` of one lamp drawn from those of level 0, in proportion to what they send, with the ratio
+        ``(N,)`` of what all of these send to what it sends.
     """
-    corner, edge_u, edge_v = (t[lamp].T[..., None] for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
-    outward = cross(edge_u, edge_v)
-    power = torch.zeros_like(surface.points[0])
-    for pixels in surface.lit.nonzero()[:, 0].split(CHUNK):
-        points, normals = surface.points[:, pixels], surface.normals[:, pixels]
-        way = lamps.center[lamp][:, None] - points
-        distance = dot(way, way).sqrt().clamp_min(1e-6)
-        shown = (dot(outward, points[:, None] - corner).clamp_min(0)).sum(dim=0) / distance
-        cosine = dot(way, normals) / distance
-        sine = (lamps.radius[lamp] / distance).clamp_max(1.0)
-        cosine = torch.maximum(cosine, (cosine + sine).clamp(min=0.0) / 4)
-        estimate = shown * cosine / distance**2
-        near = distance < NEAR * lamps.radius[lamp]
-        estimate[near] = rectangle_irradiance(points[:, near], normals[:, near], corner, edge_u, edge_v).sum(dim=0)
-        power[pixels] = estimate * lamps.radiance[lamp].mean()
-    return power
+    lit = surface.lit.nonzero()[:, 0]
+    levels = torch.zeros(len(lamps), len(lit), dtype=torch.uint8, device=lit.device)
+    chosen, scale = torch.zeros_like(surface.lit, dtype=torch.long), torch.zeros_like(known)
+    faces = [_faces(lamps, lamp) for lamp in range(len(lamps))]
+    for begin in range(0, len(lit), CHUNK):
+        part = lit[begin : begin + CHUNK]
+        points, normals = surface.points[:, part], surface.normals[:, part]
+        power = torch.stack([_importance(lamps, lamp, faces[lamp], points, normals) for lamp in range(len(lamps))])
+        total = known[part] + power.sum(dim=0)
+        levels[:, begin : begin + CHUNK] = (power > SHARE_ALONE * total).byte() + (power > SHARE_FINE * total).byte()
+        rest = torch.where(power > SHARE_ALONE * total, 0.0, power)
+        upto = rest.cumsum(dim=0)
+        which = (dice[part] * upto[-1] >= upto).sum(dim=0).clamp_max(len(lamps) - 1)
+        mine = rest.gather(0, which[None])[0]
+        chosen[part] = which
+        scale[part] = torch.where(mine > 0, upto[-1] / mine.clamp_min(1e-30), 0.0)
+    return levels, chosen, scale
+
+
+def _faces(lamps: Lamps, lamp: int) -> list[tuple[list[float], float]]:
+    """Of every rectangle its outward normal, as long as its area, and that times its corner."""
+    outward = torch.linalg.cross(lamps.edge_u[lamp], lamps.edge_v[lamp])
+    offsets = (outward * lamps.corner[lamp]).sum(dim=1).tolist()
+    return [(n, offset) for n, offset in zip(outward.tolist(), offsets, strict=True) if any(n)]
+
+
+def _importance(
+    lamps: Lamps, lamp: int, faces: list[tuple[list[float], float]], points: Tensor, normals: Tensor
+) -> Tensor:
+    """``(n,)``: roughly the irradiance that a lamp gives with nothing between; zero only where it gives none.
+
+    All of it counts as if at its middle, but where the middle is below the surface's horizon the highest point of the
+    bounding sphere still counts.
+    """
+    way = lamps.center[lamp][:, None] - points
+    square = dot(way, way)
+    distance = square.sqrt().clamp_min(1e-6)
+    shown = torch.zeros_like(distance)
+    for outward, offset in faces:  # most have one axis only: plane by plane that is cheap
+        height = torch.full_like(shown, -offset)
+        for axis, n in enumerate(outward):
+            if n:
+                height.add_(points[axis], alpha=n)
+        shown += height.clamp_min_(0)
+    cosine = dot(way, normals) / distance
+    sine = (lamps.radius[lamp] / distance).clamp_max(1.0)
+    cosine = torch.maximum(cosine, (cosine + sine).clamp_min(0) / 4)
+    inside = lamps.radius[lamp] ** 2 / 4  # nearer than that it does not grow any more
+    return shown * cosine / (distance * square.clamp_min(inside)) * lamps.radiance[lamp].mean()
 
 
 def _lifted(gbuffer: GBuffer) -> Tensor:

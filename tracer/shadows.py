@@ -18,7 +18,7 @@ from gbufrt.noise import PLASTIC
 from tracer.form_factor import cross, disc_cosine, dot, rectangle_irradiance
 from tracer.scene import Sun
 
-CHUNK = 1 << 14  # pixels at a time: bounds memory, and keeps planes in the cache
+CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
 REACH = 2  # pixels around, in which samples must agree too before a pixel needs no more
 AGREE = 0.02  # samples agree whose transmission differs by no more than this
 SHORT = 1e-3  # world units that a ray to a lamp ends before its face
@@ -38,9 +38,10 @@ class Surface:
 Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
 """Two numbers in [0, 1) a pixel, ``(2, n)``, to directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
 Source = Callable[[Tensor], tuple[Tensor, Tensor, Draw]]
-"""Pixel numbers to those of them that the source can reach, their unblocked irradiance, and how to sample it."""
+"""Pixel numbers ``(n,)`` to which of them the source can reach, ``(n,)`` bool, and for these: the unblocked irradiance
+``(m,)``, and how to sample it."""
 Rectangles = Callable[[Tensor], Sequence[Tensor]]
-"""Pixel numbers to corner and edges of what shines on them, as `rectangle_irradiance` takes them."""
+"""Pixel numbers to corner, edge_u and edge_v of what shines on them, as `rectangle_irradiance` takes them."""
 Through = Callable[[Tensor, Tensor, Tensor], Tensor]
 """Pixel numbers, directions ``(3, n)`` and distances ``(n,)`` to how much light comes through, ``(3, n)``."""
 
@@ -65,35 +66,41 @@ def arriving(
         start: number of the first point of the R2 sequence.
 
     Returns:
-        ``(3, N)``.
+        ``(3, H, W)``.
 
     Source: Roberts 2018 (R2); Heitz et al. 2018 (ratio of shadowed to analytic light).
     """
-    flat = noise.flatten(1)
-    size = flat.shape[1]
-    irradiance, weight = flat.new_zeros(size), flat.new_zeros(size)
-    passed, low, high = flat.new_zeros(3, size), flat.new_ones(size), flat.new_zeros(size)
+    arrived = noise.new_zeros(3, *wanted.shape)
+    if not bool(wanted.any()):
+        return arrived
+    crop = _crop(wanted)
+    wanted, refine, flat = wanted[crop], refine[crop], noise[:, *crop].flatten(1)
+    numbers = torch.arange(arrived[0].numel(), device=flat.device).view(arrived.shape[1:])[crop].flatten()
+    irradiance, weight = flat.new_zeros(len(numbers)), flat.new_zeros(len(numbers))
+    passed, low, high = flat.new_zeros(3, len(numbers)), flat.new_ones(len(numbers)), flat.new_zeros(len(numbers))
 
-    def shoot(where: Tensor, numbers: range) -> None:
+    def shoot(where: Tensor, points: range) -> None:
         for part in where.flatten().nonzero()[:, 0].split(CHUNK):
-            pixels, energy, draw = source(part)
-            irradiance[pixels] = energy
-            for number in numbers:
-                turn = flat.new_tensor([[number / PLASTIC % 1], [number / PLASTIC**2 % 1]])
-                directions, distances, weights = draw((flat[:, pixels] + turn) % 1.0)
-                seen = through(pixels, directions, distances)
-                passed[:, pixels] += seen * weights
-                weight[pixels] += weights
+            reached, energy, draw = source(numbers[part])
+            part = part[reached]
+            irradiance[part] = energy
+            for point in points:
+                turn = flat.new_tensor([[point / PLASTIC % 1], [point / PLASTIC**2 % 1]])
+                directions, distances, weights = draw((flat[:, part] + turn) % 1.0)
+                seen = through(numbers[part], directions, distances)
+                passed[:, part] += seen * weights
+                weight[part] += weights
                 shade = seen.mean(dim=0)
-                low[pixels] = torch.minimum(low[pixels], torch.where(weights > 0, shade, 1.0))
-                high[pixels] = torch.maximum(high[pixels], torch.where(weights > 0, shade, 0.0))
+                low[part] = torch.minimum(low[part], torch.where(weights > 0, shade, 1.0))
+                high[part] = torch.maximum(high[part], torch.where(weights > 0, shade, 0.0))
 
     first = max(1, samples // 4)
     shoot(wanted, range(start, start + first))
     if samples > first:
         spread = _widest(high.view(wanted.shape)) + _widest(-low.view(wanted.shape))
         shoot(wanted & refine & (spread > AGREE), range(start + first, start + samples))
-    return passed * (irradiance / weight.clamp_min(1e-20))
+    arrived[:, *crop] = (passed * (irradiance / weight.clamp_min(1e-20))).view(3, *wanted.shape)
+    return arrived
 
 
 def sun_source(sun: Sun, surface: Surface) -> Source:
@@ -106,15 +113,16 @@ def sun_source(sun: Sun, surface: Surface) -> Source:
 
     def source(pixels: Tensor) -> tuple[Tensor, Tensor, Draw]:
         energy = disc_cosine(dot(surface.normals[:, pixels], basis[:, 2]), sine)
-        pixels, energy = pixels[energy > 0], energy[energy > 0]
+        reached = energy > 0
+        normals = surface.normals[:, pixels[reached]]
 
         def draw(u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
             x, y = _disc(u) * sine
             directions = basis @ torch.stack([x, y, (1 - x * x - y * y).sqrt()])
-            weights = dot(surface.normals[:, pixels], directions).clamp_min(0)
+            weights = dot(normals, directions).clamp_min(0)
             return directions, torch.full_like(weights, torch.inf), weights
 
-        return pixels, energy, draw
+        return reached, energy[reached], draw
 
     return source
 
@@ -126,7 +134,8 @@ def lamp_source(surface: Surface, rectangles: Rectangles) -> Source:
         each = rectangle_irradiance(surface.points[:, pixels], surface.normals[:, pixels], *rectangles(pixels))
         reached = each.sum(dim=0) > 0
         pixels, each = pixels[reached], each[:, reached]
-        table = [t.expand(3, len(each), len(pixels)) for t in rectangles(pixels)]
+        points, normals = surface.points[:, pixels], surface.normals[:, pixels]
+        table = [t.expand(3, *each.shape) for t in rectangles(pixels)]
         upto = each.cumsum(dim=0)
         energy = upto[-1]
 
@@ -136,17 +145,23 @@ def lamp_source(surface: Surface, rectangles: Rectangles) -> Source:
             mine = each.gather(0, which)[0].clamp_min(1e-20)
             first = ((place - upto.gather(0, which)[0]) / mine + 1).clamp(0, 1)
             corner, edge_u, edge_v = (t.gather(1, which[None].expand(3, -1, -1))[:, 0] for t in table)
-            way = corner + edge_u * first + edge_v * u[1] - surface.points[:, pixels]
+            way = corner + edge_u * first + edge_v * u[1] - points
             square = dot(way, way).clamp_min(1e-12)
             distance = square.sqrt()
             directions = way / distance
-            here = dot(surface.normals[:, pixels], directions).clamp_min(0)
+            here = dot(normals, directions).clamp_min(0)
             there = -dot(cross(edge_u, edge_v), directions).clamp_max(0)  # times the rectangle's area
             return directions, (distance - SHORT).clamp_min(0), here * there / (square * mine)
 
-        return pixels, energy, draw
+        return reached, energy, draw
 
     return source
+
+
+def _crop(mask: Tensor) -> tuple[slice, slice]:
+    """Rows and columns around all that is set."""
+    rows, columns = mask.any(dim=1).nonzero()[:, 0], mask.any(dim=0).nonzero()[:, 0]
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def _widest(plane: Tensor) -> Tensor:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import boxes
 import pytest
@@ -115,7 +116,7 @@ def test_gradients_match_finite_differences_and_are_not_zero() -> None:
     radius = torch.tensor(3.0, dtype=torch.float64, requires_grad=True)
 
     def run(depth: Tensor, thickness: Tensor, radius: Tensor) -> Tensor:
-        sweep = {"hit": g.hit, "thickness": thickness, "radius": radius}
+        sweep: dict[str, Any] = {"hit": g.hit, "thickness": thickness, "radius": radius}
         return bitmask_ao(depth, g.normal, g.camera, directions=2, steps=3, **sweep)[0]
 
     assert torch.autograd.gradcheck(run, (depth, thickness, radius), eps=1e-7, atol=1e-4, fast_mode=True)

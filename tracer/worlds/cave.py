@@ -26,7 +26,7 @@ def cave(canvas: Canvas, rng: np.random.Generator) -> None:
             canvas.put(x, FLOOR - 1, z, "iron")
     canvas.box((RAILS[0], FLOOR, TRACK[1]), (RAILS[1] + 1, FLOOR + 2, TRACK[1] + 1), "timber")
     _crystals(canvas, rng)
-    for x, z in ((140, 21), (123, 21), (138, 41), (121, 42)):
+    for x, z in ((139, 21), (137, 41), (119, 40), (117, 27)):
         lamp_post(canvas, x, FLOOR, z, tall=4)
 
 
@@ -54,7 +54,7 @@ def _pool(canvas: Canvas) -> None:
 
 def _props(canvas: Canvas) -> None:
     """Timber frames along the tunnel, a lamp in every one."""
-    for z in range(26, 66, 8):
+    for z in range(26, 66, 10):
         for x in (147, 154):
             canvas.box((x, FLOOR, z), (x + 1, FLOOR + 6, z + 1), "timber")
         canvas.box((147, FLOOR + 5, z), (155, FLOOR + 6, z + 1), "timber")
@@ -66,10 +66,10 @@ def _props(canvas: Canvas) -> None:
 
 def _crystals(canvas: Canvas, rng: np.random.Generator) -> None:
     """Clusters growing from the floor of the chamber, and veins of gold in its walls."""
-    spots = ((115, 26, "crystal"), (133, 43, "amethyst"), (140, 33, "amethyst"), (131, 19, "crystal"))
-    for x, z, name in spots:
-        for _ in range(4):
-            i, k = x + int(rng.integers(-2, 3)), z + int(rng.integers(-2, 3))
+    spots = ((120, 20, "crystal"), (128, 44, "amethyst"), (144, 32, "amethyst"))
+    for x, z, name in spots:  # each within one cell of 4 voxels cubed, so that it counts as one lamp
+        for _ in range(3):
+            i, k = x + int(rng.integers(0, 4)), z + int(rng.integers(0, 4))
             canvas.box((i, FLOOR, k), (i + 1, FLOOR + int(rng.integers(1, 4)), k + 1), name, into_air=True)
     part, _ = canvas.grid((106, FLOOR - 1, 10), (158, FLOOR + 16, 54))
     vein = value_noise(part.shape, 3.5, rng) > 0.74

@@ -82,10 +82,11 @@ def lantern_pose(time: float, *, at: tuple[float, float, float], phase: float) -
         y + 0.6 * math.sin(TAU * time / 5.0 + 1.7 * phase),
         z + 1.2 * math.cos(TAU * time / 13.0 + phase),
     )
-    return drift @ rotation("y", time * 0.4 + phase) @ rotation("z", 0.12 * math.sin(TAU * time / 2.9 + phase))
+    sway = rotation("z", 0.12 * math.sin(TAU * time / 2.9 + phase))
+    return drift @ rotation("y", 0.4 * time + phase) @ sway @ translation(-0.5, -0.5, -0.5)
 
 
-LANTERNS = ((176.5, VILLAGE + 9.0, 116.0), (195.0, VILLAGE + 11.0, 114.0), (168.8, VILLAGE + 4.0, 124.3))
+LANTERNS = ((176.5, VILLAGE + 8.0, 116.0), (195.0, VILLAGE + 10.0, 114.0), (170.6, VILLAGE + 3.2, 123.2))
 
 
 def instances() -> tuple[Instance, ...]:

@@ -53,8 +53,8 @@ def boat() -> World:
     for y in range(12, 36):
         canvas.box((1, y, 0), (2 + round(15.0 * (1.0 - (y - 12) / 25.0)), y + 1, 1), "canvas")
     canvas.box((19, 5, -1), (20, 9, 0), "iron")
-    canvas.box((18, 9, -1), (20, 11, 1), "lamp")
-    canvas.box((18, 11, -1), (20, 12, 1), "iron")
+    canvas.box((18, 9, -2), (20, 11, 0), "lamp")
+    canvas.box((18, 11, -2), (20, 12, 0), "iron")
     canvas.box((-9, 2, -3), (-5, 5, 3), "hay")
     canvas.box((6, 2, -2), (9, 4, 2), "timber")
     return canvas.world()
@@ -77,8 +77,8 @@ def mine_cart() -> World:
     heap = (y < 12.5 - 0.030 * (x * x + 0.45 * z * z) + rng.uniform(-0.9, 0.9, part.shape)) & (part == 0)
     kinds = canvas.ids(("rock_dark", "rock_dark", "gold", "rock", "gold"))
     part[heap] = kinds[rng.integers(0, 5, part.shape)][heap]
-    canvas.box((-1, 10, 11), (0, 15, 12), "iron")
-    canvas.box((-1, 15, 10), (1, 17, 12), "lamp")
+    canvas.box((0, 10, 11), (1, 16, 12), "iron")
+    canvas.box((0, 16, 10), (2, 18, 12), "lamp")
     return canvas.world()
 
 
@@ -115,13 +115,16 @@ def walker_arm() -> World:
 
 
 def lantern() -> World:
-    """A paper lantern that glows, hanging from y = 0, made for a quarter-unit voxel."""
-    canvas = Canvas((6, 9, 6), origin=(-3, -8, -3))
-    canvas.box((-2, -6, -2), (2, -2, 2), "lantern")
-    for y in (-7, -2):
-        canvas.box((-2, y, -2), (2, y + 1, 2), "timber")
-    for x, z in ((-3, -3), (-3, 2), (2, -3), (2, 2)):
-        canvas.box((x, -7, z), (x + 1, -1, z + 1), "timber")
-    canvas.box((-1, -1, -1), (1, 0, 1), "iron")
-    canvas.box((-1, -8, -1), (1, -7, 1), "cloth_red")
+    """A paper lantern that glows, made for a quarter-unit voxel; its middle is at (2, 2, 2).
+
+    What glows fills one cell of 4 voxels cubed, so that it counts as one lamp.
+    """
+    canvas = Canvas((6, 9, 6), origin=(-1, -2, -1))
+    canvas.box((0, 0, 0), (4, 4, 4), "lantern")
+    for y in (-1, 4):
+        canvas.box((0, y, 0), (4, y + 1, 4), "timber")
+    for x, z in ((-1, -1), (-1, 4), (4, -1), (4, 4)):
+        canvas.box((x, -1, z), (x + 1, 5, z + 1), "timber")
+    canvas.box((1, 5, 1), (3, 6, 3), "iron")
+    canvas.box((1, -2, 1), (3, -1, 3), "cloth_red")
     return canvas.world()

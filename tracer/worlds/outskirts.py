@@ -34,8 +34,7 @@ def windmill(canvas: Canvas) -> None:
     for dx, dz, tall in ((5, 0, 12), (0, 5, 11), (-5, 0, 5), (5, 0, 4)):
         canvas.put(mx + dx, my + tall, mz + dz, "glass")
         canvas.put(mx + dx, my + tall + 1, mz + dz, "glass")
-    for y in (my + 4, my + 12):
-        canvas.put(mx, y, mz, "lamp")
+    canvas.put(mx, my + 12, mz, "lamp")
     canvas.box((mx + 1, my + 16, mz + 2), (mx + 3, my + 18, mz + 4), "timber")
 
 
@@ -55,9 +54,7 @@ def bridge(canvas: Canvas) -> None:
             if x % 4 == 0:
                 canvas.box((x, y, z), (x + 1, y + 2, z + 1), "timber")
     for x in (middle - 12, middle + 12):
-        for z in (BRIDGE_Z - 3, BRIDGE_Z + 3):
-            rise = round(4.0 * (1.0 - 0.64))
-            lamp_post(canvas, x, WATER + 2 + rise, z, tall=4)
+        lamp_post(canvas, x, WATER + 2 + round(4.0 * (1.0 - 0.64)), BRIDGE_Z + 3, tall=4)
 
 
 def road(canvas: Canvas, top: np.ndarray) -> None:

@@ -12,12 +12,13 @@ from tracer.worlds.cave import cave
 from tracer.worlds.hall import hall
 from tracer.worlds.motion import instances
 from tracer.worlds.outskirts import bridge, meadow, road, windmill
-from tracer.worlds.views import FLIGHT_EYE, views
+from tracer.worlds.views import views
 from tracer.worlds.village import village
 
 SUN = Sun(direction=(-0.80, 0.52, 0.34), irradiance=(4.3, 3.2, 2.0), angular_radius=0.6)
 SKY = Sky(zenith=(0.07, 0.19, 0.62), horizon=(0.46, 0.60, 0.90), ground=(0.30, 0.34, 0.40))
 
+PATH_SECONDS = 40  # the longest path
 CHERRIES = ((161, 107), (117, 116), (221, 104), (157, 92), (122, 122), (200, 184), (60, 128))
 
 CLEAR = (
@@ -55,22 +56,21 @@ def valley(seed: int = 0) -> Scene:
     windmill(canvas)
     bridge(canvas)
     meadow(canvas, top)
-    free = _free(top)
+    trees, herbs = _free(top, reach=10.0, tall=24), _free(top, reach=5.0, tall=4)
     for x, z in CHERRIES:
         flora.cherry(canvas, x, int(top[x, z]), z, flora_rng)
-    flora.reeds(canvas, top, free, land.WATER, flora_rng)
-    flora.forest(canvas, top, free & (top > land.WATER + 1), flora_rng)
-    flora.herbs(canvas, top, free, flora_rng)
+    flora.reeds(canvas, top, herbs, land.WATER, flora_rng)
+    flora.forest(canvas, top, trees & (top > land.WATER + 1), flora_rng)
+    flora.herbs(canvas, top, herbs, flora_rng)
     return Scene(world=canvas.world(), instances=instances(), sun=SUN, sky=SKY, views=views())
 
 
-def _free(top: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Where something may grow: away from buildings and from the eyes of the views."""
+def _free(top: NDArray[np.int64], *, reach: float, tall: int) -> NDArray[np.bool_]:
+    """Where plants ``tall`` voxels high that ``reach`` so far to the side hide neither buildings nor a view's eye."""
     free = np.ones(top.shape, bool)
     for x0, z0, x1, z1 in CLEAR:
         free[x0:x1, z0:z1] = False
     x, z = np.indices(top.shape) + 0.5
-    eyes = [tuple(v.eye(0.0)) for v in views().values()] + list(FLIGHT_EYE)
-    for ex, _, ez in eyes:
-        free &= np.hypot(x - ex, z - ez) > 10.0
+    for ex, ey, ez in {tuple(view.eye(t)) for view in views().values() for t in range(PATH_SECONDS)}:
+        free &= (np.hypot(x - ex, z - ez) > reach) | (ey > top + tall)
     return free & (top < land.UPPER + 12)

@@ -86,7 +86,7 @@ def views() -> dict[str, View]:
             description="a flight through the valley, 40 s",
         ),
         "orbit": View(
-            eye=round_trip((160.0, 30.0, 130.0), 62.0, 36.0, 36.0),
+            eye=round_trip((160.0, 30.0, 132.0), 70.0, 42.0, 36.0),
             target=lambda _: (172.0, 30.0, 122.0),
             fov_y=52.0,
             description="round the village, 36 s",

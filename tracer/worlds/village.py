@@ -57,8 +57,8 @@ def plaza(canvas: Canvas) -> None:
     part[away < r] = floor[away < r]
     part[(away >= r) & (away < r + 1.3)] = canvas.id("masonry")
     _fountain(canvas, cx, cz)
-    for i in range(8):
-        a = np.pi / 8 + i * np.pi / 4
+    for i in range(4):
+        a = np.pi / 4 + i * np.pi / 2
         lamp_post(canvas, round(cx + (r - 0.5) * np.cos(a)), G, round(cz + (r - 0.5) * np.sin(a)))
 
 
@@ -101,7 +101,7 @@ def quay(canvas: Canvas) -> None:
     canvas.box((152, G - 1, 126), (155, G, 179), "masonry_dark")
     for z in (*range(126, 137, 3), *range(143, 179, 3)):
         canvas.put(153, G, z, "masonry")
-    for z in (127, 147, 161, 177):
+    for z in (128, 150, 172):
         lamp_post(canvas, 154, G, z)
     canvas.box((132, WATER + 1, 137), (152, WATER + 2, 141), "planks")
     for i, x in enumerate((149, 150, 151)):
@@ -109,7 +109,7 @@ def quay(canvas: Canvas) -> None:
     for x in (132, 140, 147):
         for z in (136, 141):
             canvas.box((x, WATER - 9, z), (x + 1, WATER + 4, z + 1), "timber")
-    for x, z in ((132, 136), (140, 141)):
+    for x, z in ((132, 136),):
         canvas.put(x, WATER + 4, z, "lamp")
         canvas.put(x, WATER + 5, z, "iron")
     canvas.box((134, WATER + 2, 138), (136, WATER + 4, 140), "planks")
@@ -169,5 +169,5 @@ def village(canvas: Canvas, rng: np.random.Generator) -> None:
     crates(canvas, 163, 129)
     garden(canvas, (195, 173), (212, 181))
     garden(canvas, (163, 172), (174, 181))
-    for x, z in ((176, 142), (176, 160), (204, 147), (199, 168), (160, 118), (160, 152), (178, 178)):
+    for x, z in ((176, 142), (204, 147), (160, 118), (178, 178)):
         lamp_post(canvas, x, G, z)
