@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 
 def chunk(name: str, content: bytes = b"", children: bytes = b"") -> bytes:
@@ -28,7 +28,7 @@ def model(size: tuple[int, int, int], voxels: Sequence[tuple[int, int, int, int]
     )
 
 
-def palette(colors: dict[int, tuple[int, int, int]]) -> bytes:
+def palette(colors: Mapping[int, tuple[int, int, int]]) -> bytes:
     """RGBA with some colours by their index, the rest grey."""
     table = [(128, 128, 128, 255)] * 256
     for index, (r, g, b) in colors.items():
