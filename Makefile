@@ -23,7 +23,7 @@ demo: install
 	$(BIN)/gbufrt render --size 640x360 --warmup 1 --out demo
 
 test: install
-	$(BIN)/python -m pytest -n 2
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2  # two workers of one thread: more would wait for one another
 
 check: install
 	$(BIN)/ruff check .
