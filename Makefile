@@ -26,8 +26,8 @@ test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2  # two workers of one thread: more would wait for one another
 
 check: install
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
+	$(BIN)/ruff check --no-cache .
+	$(BIN)/ruff format --no-cache --check .
 	$(BIN)/pyright
 	$(BIN)/python -m pytest tests/test_layers.py
 

@@ -146,9 +146,8 @@ def peak_memory() -> float | None:
 
 def make_frame(folder: Path, size: tuple[int, int], device: str) -> Path:
     """One frame of the built-in world as an EXR file."""
-    from tracer.render import render
-
     from gbufrt.exr import write_exr
+    from tracer.render import render
     from tracer.worlds import builtin
 
     scene = builtin()

@@ -139,9 +139,8 @@ class Shot:
 
     def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
         """G-buffer and light of one frame."""
-        from tracer.render import render as trace_frame
-
         from gbufrt.noise import halton_jitter
+        from tracer.render import render as trace_frame
 
         view = scene.views[self.view or next(iter(scene.views))]
 
