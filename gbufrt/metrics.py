@@ -20,7 +20,7 @@ def squared_error_map(estimate: Tensor, truth: Tensor) -> Tensor:
 
 def rmse(estimate: Tensor, truth: Tensor, mask: Tensor | None = None) -> Tensor:
     """Root of the mean squared error."""
-    return _mean(squared_error_map(estimate, truth), mask).sqrt()
+    return masked_mean(squared_error_map(estimate, truth), mask).sqrt()
 
 
 def psnr(estimate: Tensor, truth: Tensor, mask: Tensor | None = None, *, peak: float = 1.0) -> Tensor:
@@ -41,7 +41,7 @@ def relative_squared_error(
     estimate: Tensor, truth: Tensor, mask: Tensor | None = None, *, epsilon: float = RELATIVE_EPSILON
 ) -> Tensor:
     """Mean of `relative_squared_error_map`."""
-    return _mean(relative_squared_error_map(estimate, truth, epsilon=epsilon), mask)
+    return masked_mean(relative_squared_error_map(estimate, truth, epsilon=epsilon), mask)
 
 
 def ssim_map(estimate: Tensor, truth: Tensor, *, peak: float = 1.0, window: int = 11) -> Tensor:
@@ -57,7 +57,7 @@ def ssim_map(estimate: Tensor, truth: Tensor, *, peak: float = 1.0, window: int 
 
 def ssim(estimate: Tensor, truth: Tensor, mask: Tensor | None = None, *, peak: float = 1.0, window: int = 11) -> Tensor:
     """Mean of `ssim_map` (Wang et al. 2004)."""
-    return _mean(ssim_map(estimate, truth, peak=peak, window=window), mask)
+    return masked_mean(ssim_map(estimate, truth, peak=peak, window=window), mask)
 
 
 def _checked(estimate: Tensor, truth: Tensor) -> Tensor:
@@ -69,7 +69,8 @@ def _checked(estimate: Tensor, truth: Tensor) -> Tensor:
     return estimate
 
 
-def _mean(error: Tensor, mask: Tensor | None) -> Tensor:
+def masked_mean(error: Tensor, mask: Tensor | None) -> Tensor:
+    """Mean of a map ``(B, 1, H, W)`` over the pixels of ``mask``: ``(B,)``."""
     if mask is None:
         return error.mean((1, 2, 3))
     if mask.dtype != torch.bool or mask.shape != error.shape:
