@@ -90,7 +90,8 @@ def test_unknown_names_list_the_known(capfd: pytest.CaptureFixture[str], tmp_pat
 
 def test_ctrl_c_from_outside(tmp_path: Path):
     # a process started in the background, as tests often are, hands down an ignored SIGINT
-    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from gbufrt.cli import main; main()"
+    restore = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    code = f"{restore}; from gbufrt.cli import main; main()"
     command = [sys.executable, "-c", code, "render", "terrain", "--frames", "500"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     out = tmp_path / "out"
