@@ -1,10 +1,11 @@
-"""The tracer: voxel worlds, and the G-buffers and direct light that a camera sees of them."""
+"""The tracer: voxel worlds, the G-buffers and direct light that a camera sees of them, and ray-traced truth."""
 
 from tracer.gbuffer import gbuffer
 from tracer.material import Material, MaterialTable
 from tracer.render import render
 from tracer.scene import MASK_ALL, MASK_PRIMARY, MASK_SECONDARY, MASK_SHADOW, Instance, Scene, Sky, Sun, View
 from tracer.traversal import Hits, trace, transmission
+from tracer.truth import Truth, ambient_occlusion, indirect_diffuse
 from tracer.vox import load_vox_scene, read_vox
 from tracer.world import World
 from tracer.worlds import WORLDS, load
@@ -22,9 +23,12 @@ __all__ = [
     "Scene",
     "Sky",
     "Sun",
+    "Truth",
     "View",
     "World",
+    "ambient_occlusion",
     "gbuffer",
+    "indirect_diffuse",
     "load",
     "load_vox_scene",
     "read_vox",

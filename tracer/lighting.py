@@ -56,13 +56,13 @@ def light(
     if gbuffer.albedo is None:
         raise ValueError("gbuffer must have albedo to be lit; it has " + ", ".join(gbuffer.present))
     batch, camera, hit = gbuffer.batch, gbuffer.camera, gbuffer.hit
-    poses = _batched(poses, batch, len(scene.instances))
+    poses = batched(poses, batch, len(scene.instances))
     diffuse = gbuffer.albedo / math.pi
     if gbuffer.metallic is not None:
         diffuse = diffuse * (1 - gbuffer.metallic)
     if gbuffer.opacity is not None:
         diffuse = diffuse * gbuffer.opacity
-    points = _lifted(gbuffer)
+    points = lifted(gbuffer)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
     arrived = []
     for b in range(batch):
@@ -180,7 +180,7 @@ def _importance(
     return shown * cosine / (distance * square.clamp_min(inside)) * lamps.radiance[lamp].mean()
 
 
-def _lifted(gbuffer: GBuffer) -> Tensor:
+def lifted(gbuffer: GBuffer) -> Tensor:
     """``(B, 3, H, W)`` world points a little above the surface, and nearer the camera, from where air was seen."""
     camera = gbuffer.camera
     points = gbuffer.points_view()
@@ -190,7 +190,12 @@ def _lifted(gbuffer: GBuffer) -> Tensor:
     return camera.to_world(points) + (normal + back) * lift
 
 
-def _batched(poses: Tensor | None, batch: int, count: int) -> Tensor:
+def batched(poses: Tensor | None, batch: int, count: int) -> Tensor:
+    """``(B, I, 4, 4)`` poses of ``count`` instances for every picture.
+
+    Raises:
+        ValueError: they are of another shape, or absent where there are instances.
+    """
     if poses is None and count == 0:
         poses = torch.zeros(count, 4, 4)
     if poses is None or poses.shape[-3:] != (count, 4, 4) or (poses.ndim == 4 and poses.shape[0] not in (1, batch)):

@@ -1,0 +1,245 @@
+"""Steps of light paths, many at a time: what rays meet, and the light that comes straight from sun and lamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from gbufrt.tree import map_tensors
+from tracer.light_samples import Lights
+from tracer.lighting import LIFT, LIFT_RELATIVE
+from tracer.scatter import dot
+from tracer.scene import MASK_SECONDARY, MASK_SHADOW, Scene
+from tracer.shadows import SHORT
+from tracer.texture import variation
+from tracer.traversal import Hits, run_lengths, trace, transmission
+
+LAYERS = 16  # transmissive surfaces that a ray goes through at most
+MOST_PASS = 0.95  # so that a transmissive surface shows itself to at least one ray in twenty
+MAX_RUN = 64.0  # world units of one transmissive material beyond which it dims no further
+FINE = 1e9  # pixels a voxel: all detail of the colour
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Vertices:
+    """N places on surfaces.
+
+    Args:
+        points: ``(N, 3)`` world space, a little above the surface.
+        normals: ``(N, 3)`` unit length, world space, facing where the ray came from.
+        toward: ``(N, 3)`` unit length, back along the ray.
+        albedo: ``(N, 3)`` linear.
+        roughness: ``(N,)`` perceptual.
+        metallic: ``(N,)``.
+        opacity: ``(N,)``.
+        emission: ``(N, 3)``.
+        inside: ``(N,)`` bool: the place lies within a transmissive material.
+    """
+
+    points: Tensor
+    normals: Tensor
+    toward: Tensor
+    albedo: Tensor
+    roughness: Tensor
+    metallic: Tensor
+    opacity: Tensor
+    emission: Tensor
+    inside: Tensor
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: Tensor | slice) -> Vertices:
+        return map_tensors(lambda x: x[rows], self)
+
+    def repeat(self, times: int) -> Vertices:
+        """All of them, ``times`` times over."""
+        return map_tensors(lambda x: x.repeat(times, *(1,) * (x.ndim - 1)), self) if times > 1 else self
+
+    @property
+    def diffuse(self) -> Tensor:
+        """``(N, 3)`` share of light that is scattered evenly; see `tracer.lighting.light`."""
+        return self.albedo * ((1 - self.metallic) * self.opacity)[:, None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Met:
+    """What N rays came to.
+
+    Args:
+        hit: ``(N,)`` bool: a surface, else the sky.
+        weight: ``(N, 3)`` factor on the light from there.
+        distance: ``(N,)``, inf for the sky.
+        rows: ``(M,)`` numbers of the rays that hit.
+        surface: the M places that they hit.
+    """
+
+    hit: Tensor
+    weight: Tensor
+    distance: Tensor
+    rows: Tensor
+    surface: Vertices
+
+
+def meet(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    u: Tensor,
+    *,
+    poses: Tensor,
+    inside: Tensor | None = None,
+    mask: int = MASK_SECONDARY,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+    most: float = MOST_PASS,
+    footprint: Callable[[Tensor], Tensor] | None = None,
+) -> Met:
+    """Follow each ray to the one surface, or the sky, that it shows.
+
+    A transmissive surface is gone through, straight on, as often as it lets light through, and otherwise shows its own
+    share: a ray stays one ray, and the mean over rays is transmittance x what is behind + what the surface sends.
+
+    Args:
+        scene: what is there.
+        origins: ``(N, 3)`` world space.
+        directions: ``(N, 3)`` world space, unit length.
+        u: ``(N,)`` in [0, 1): whether to go through.
+        poses: ``(I, 4, 4)`` of the instances.
+        inside: ``(N,)`` bool: which rays begin within a transmissive material; by default none.
+        mask: which instances are seen.
+        t_min: where rays begin.
+        t_max: where rays end; what is farther is not there.
+        most: how often a surface is gone through at most.
+        footprint: distances ``(N,)`` to pixels a world unit there, for the colour's detail; by default all detail.
+
+    Returns:
+        See `Met`.
+    """
+    given = {"poses": poses, "mask": mask, "t_max": t_max}
+    hits = trace(scene, origins, directions, t_min=t_min, **given)
+    weight = torch.ones_like(origins)
+    inside = torch.zeros_like(hits.hit) if inside is None else inside.clone()
+    begun = (inside & hits.hit & ~hits.back_face).nonzero()[:, 0]
+    if len(begun):
+        ends = (hits.t[begun] - SHORT).clamp_min(0)
+        way = origins[begun], directions[begun]
+        weight[begun] = transmission(scene, *way, poses=poses, mask=mask, t_min=0.0, t_max=ends)
+    if bool((scene.materials.opacity[1:] < 1).any()):
+        _go_through(scene, origins, directions, u.clone(), hits, weight, inside, most, given)
+    rows = hits.hit.nonzero()[:, 0]
+    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], footprint)
+    return Met(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
+
+
+def _go_through(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    u: Tensor,
+    hits: Hits,
+    weight: Tensor,
+    inside: Tensor,
+    most: float,
+    given: dict,
+) -> None:
+    """Send rays on through transmissive surfaces; ``hits``, ``weight`` and ``inside`` become those of their ends."""
+    table = scene.materials
+    rows = (hits.hit & (table.opacity[hits.material.long()] < 1)).nonzero()[:, 0]
+    for _ in range(LAYERS):
+        if not len(rows):
+            return
+        first, way = _at(hits, rows), (origins[rows], directions[rows])
+        which, poses = first.material.long(), given["poses"]
+        run = run_lengths(scene, *way, first, poses=poses, cap=MAX_RUN)[1]
+        run = torch.where(first.back_face, first.t, run)
+        share = _passing(scene, which, run).mean(dim=1).clamp_max(most)
+        goes = u[rows] < share
+        u[rows] = torch.where(goes, u[rows] / share.clamp_min(1e-12), (u[rows] - share) / (1 - share).clamp_min(1e-12))
+        weight[rows[~goes]] /= (1 - share[~goes])[:, None]
+        rows, first, which, run, share = rows[goes], _at(first, goes), which[goes], run[goes], share[goes]
+        ends = given["t_max"] if not isinstance(given["t_max"], Tensor) else given["t_max"][rows]
+        behind = trace(
+            scene, origins[rows], directions[rows], poses=poses, mask=given["mask"], t_max=ends, beyond=first
+        )
+        run = torch.where(first.back_face, run, torch.minimum(run, behind.t - first.t))
+        weight[rows] *= _passing(scene, which, run) / share[:, None]
+        inside[rows] = ~first.back_face & (run >= behind.t - first.t - SHORT)
+        for field in fields(Hits):
+            getattr(hits, field.name)[rows] = getattr(behind, field.name)
+        rows = rows[behind.hit & (table.opacity[behind.material.long()] < 1)]
+
+
+def _passing(scene: Scene, which: Tensor, run: Tensor) -> Tensor:
+    """``(N, 3)`` light that comes through a ``run`` of a material."""
+    table = scene.materials
+    return (1 - table.opacity[which])[:, None] * table.tint[which] ** run.clamp_min(0)[:, None]
+
+
+def _at(hits: Hits, rows: Tensor) -> Hits:
+    return map_tensors(lambda x: x[rows], hits)
+
+
+def _vertices(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    hits: Hits,
+    inside: Tensor,
+    footprint: Callable[[Tensor], Tensor] | None,
+) -> Vertices:
+    table, which = scene.materials, hits.material.long()
+    if footprint is None:
+        pixels = torch.full_like(hits.t, FINE)
+    else:
+        scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
+        facing = dot(hits.normal, directions).abs().clamp_min(1e-3).sqrt()
+        pixels = footprint(hits.t) * scales * facing
+    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels)
+    lift = (LIFT + LIFT_RELATIVE * hits.t)[:, None]
+    return Vertices(
+        points=origins + directions * hits.t[:, None] + (hits.normal - directions) * lift,
+        normals=hits.normal,
+        toward=-directions,
+        albedo=(table.albedo[which] * tone[:, None]).clamp(0.0, 1.0),
+        roughness=table.roughness[which],
+        metallic=table.metallic[which],
+        opacity=table.opacity[which],
+        emission=table.emission[which],
+        inside=inside,
+    )
+
+
+def direct(
+    scene: Scene,
+    lights: Lights,
+    points: Tensor,
+    u: Tensor,
+    respond: Callable[[Tensor], Tensor],
+    *,
+    poses: Tensor,
+) -> Tensor:
+    """Light straight from sun and lamps, by one shadow ray to each kind.
+
+    Args:
+        scene: what may stand between.
+        lights: of the scene.
+        points: ``(N, 3)`` world space, a little above surfaces.
+        u: ``(5, N)`` in [0, 1).
+        respond: directions ``(N, 3)`` to light, to the factor ``(N, 3)`` on its radiance: reflectance x cosine.
+        poses: ``(I, 4, 4)`` of the instances.
+
+    Returns:
+        ``(N, 3)`` radiance.
+    """
+    total = torch.zeros_like(points)
+    for sample in lights.sample(points, u):
+        value = respond(sample.direction) * sample.energy
+        rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
+        way = points[rows], sample.direction[rows]
+        passed = transmission(scene, *way, poses=poses, mask=MASK_SHADOW, t_max=sample.distance[rows])
+        total[rows] += value[rows] * passed
+    return total

@@ -1,0 +1,106 @@
+"""Means that get better sample by sample, with their standard error."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+GROUPS = 16  # of consecutive samples, whose means tell the error
+FEWEST = 4  # groups before an error is trusted enough to stop at it
+WIDE = 1 << 15  # paths at a time: bounds memory, and keeps them near the cache
+
+Values = dict[str, Tensor]
+Estimate = Callable[[range], Values]
+"""Numbers of samples to their sums, each ``(B, C, H, W)``."""
+Progress = Callable[[int, int], object]
+"""Told how many samples are done, of how many."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Truth:
+    """What rays found out: ``truth["ao"]``.
+
+    Args:
+        values: by name, ``(B, C, H, W)`` each.
+        error: of each value, the standard error of its mean, same shape; inf where one group of samples tells nothing.
+        samples: how many paths a pixel.
+    """
+
+    values: Mapping[str, Tensor]
+    error: Mapping[str, Tensor]
+    samples: int
+
+    def __getitem__(self, name: str) -> Tensor:
+        if name not in self.values:
+            raise KeyError(f"no {name!r}; there are {', '.join(self.values)}")
+        return self.values[name]
+
+
+def converge(
+    estimate: Estimate, *, samples: int, noise: float, pixels: int, wanted: Tensor, progress: Progress | None
+) -> Truth:
+    """Mean over samples, until there are enough or the error is small.
+
+    Consecutive samples are grouped, up to `GROUPS` groups, and the error comes from the spread of the groups' means. A
+    group of a low-discrepancy sequence is itself well spread, and two groups avoid each other: so the error told is,
+    if anything, too large.
+
+    Args:
+        estimate: see `Estimate`.
+        samples: at most so many.
+        noise: stop earlier once the error of the first value, averaged over what is ``wanted``, is not above this.
+        pixels: of the picture, from which follows how many samples to take at once.
+        wanted: ``(B, 1, H, W)`` bool: the pixels that count.
+        progress: see `Progress`.
+
+    Returns:
+        The means.
+
+    Raises:
+        ValueError: samples is below 1, or noise negative.
+    """
+    if samples < 1:
+        raise ValueError(f"samples must be at least 1, got {samples}")
+    if not noise >= 0:
+        raise ValueError(f"noise must be 0 (take all samples) or a standard error, got {noise}")
+    group = 1 << max(0, (max(1, samples // GROUPS)).bit_length() - 1)
+    block = max(1, min(group, WIDE // max(1, pixels)))
+    mean: Values = {}
+    spread: Values = {}
+    done, groups, error = 0, 0, {}
+    while done < samples:
+        end = min(done + group, samples)
+        sums = _summed(estimate, done, end, block, samples, progress)
+        share = (end - done) / end
+        for name, total in sums.items():
+            here = total / (end - done)
+            before = mean.get(name, torch.zeros_like(here))
+            change = here - before
+            mean[name] = before + share * change
+            spread[name] = spread.get(name, torch.zeros_like(here)) + (end - done) * change * (here - mean[name])
+        done, groups = end, groups + 1
+        error = {n: (s / (max(groups - 1, 1) * done)).sqrt() for n, s in spread.items()}
+        if noise > 0 and groups >= FEWEST and _level(error, wanted) <= noise:
+            break
+    if groups < 2:
+        error = {name: torch.full_like(value, torch.inf) for name, value in mean.items()}
+    return Truth(values=mean, error=error, samples=done)
+
+
+def _summed(estimate: Estimate, begin: int, end: int, block: int, samples: int, progress: Progress | None) -> Values:
+    sums: Values = {}
+    for start in range(begin, end, block):
+        stop = min(start + block, end)
+        for name, value in estimate(range(start, stop)).items():
+            sums[name] = sums[name] + value if name in sums else value
+        if progress is not None:
+            progress(stop, samples)
+    return sums
+
+
+def _level(error: Values, wanted: Tensor) -> float:
+    first = next(iter(error.values()))
+    return float((first * wanted).sum() / (wanted.sum() * first.shape[1]).clamp_min(1))
