@@ -20,7 +20,7 @@ def flip_map(
     """Perceived difference at each pixel, 0 for none to 1.
 
     Args:
-        estimate: ``(B, 3, H, W)`` display-referred in [0, 1] (values outside are clipped), or linear light with ``hdr``.
+        estimate: ``(B, 3, H, W)`` display-referred, clipped to [0, 1], or linear light with ``hdr``.
         truth: as ``estimate``.
         hdr: compare linear light over the range of exposures that the truth calls for.
         pixels_per_degree: of visual angle.

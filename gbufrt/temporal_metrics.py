@@ -6,6 +6,7 @@ Pictures are ``(B, C, H, W)``, one a frame, with their G-buffers in the same ord
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -46,7 +47,7 @@ def frames_seen(gbuffers: Sequence[GBuffer]) -> Tensor:
     A surface that was there in the first frame counts as many frames as there are.
     """
     age = torch.full_like(gbuffers[0].depth, 1e9)
-    for before, now in zip(gbuffers[:-1], gbuffers[1:], strict=True):
+    for before, now in pairwise(gbuffers):
         age = torch.where(seen_before(now, before), sample(age, came_from(now), mode="nearest") + 1, 0.0)
     return age.clamp_max(float(len(gbuffers)))
 
