@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from gbufrt.frame import SIGNALS, Frame
     from gbufrt.gbuffer import CHANNELS, GBuffer
-    from gbufrt.history import History
-    from gbufrt.passes import Pass, Pipeline, PipelineState, Stage, TemporalPass
+    from gbufrt.history import History, PipelineState
+    from gbufrt.passes import Pass, Stage, TemporalPass
+    from gbufrt.pipeline import Pipeline
 
 __version__ = "0.1.0"
 
@@ -21,8 +22,9 @@ _HOMES = {
     "camera": ("Camera",),
     "frame": ("SIGNALS", "Frame"),
     "gbuffer": ("CHANNELS", "GBuffer"),
-    "history": ("History",),
-    "passes": ("Pass", "Pipeline", "PipelineState", "Stage", "TemporalPass"),
+    "history": ("History", "PipelineState"),
+    "passes": ("Pass", "Stage", "TemporalPass"),
+    "pipeline": ("Pipeline",),
 }
 
 __all__ = [

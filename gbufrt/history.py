@@ -1,4 +1,4 @@
-"""History: what a temporal pass carries from one frame to the next, as a plain value."""
+"""What a temporal pass, and a pipeline of them, carries from one frame to the next, as a plain value."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer, to_function
 from gbufrt.tree import map_tensors
 
@@ -38,3 +39,28 @@ class History:
     def reset(self, mask: Tensor) -> History:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""
         return replace(self, length=torch.where(mask[:, None, None, None], 0.0, self.length))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PipelineState:
+    """The states of a pipeline's stages by name, and the frame before (kept by the outermost pipeline)."""
+
+    stages: Mapping[str, Any] = field(default_factory=dict)
+    previous: Frame | None = None
+
+    def to(self, *args: Any, **kwargs: Any) -> PipelineState:
+        """The state on another device; arguments as `torch.Tensor.to`."""
+        return map_tensors(to_function(*args, **kwargs), self)
+
+    def detach(self) -> PipelineState:
+        """The same numbers without their gradients."""
+        return map_tensors(Tensor.detach, self)
+
+    def reset(self, mask: Tensor) -> PipelineState:
+        """Forget the batch elements where ``mask`` ``(B,)`` is True."""
+        stages = {name: None if state is None else state.reset(mask) for name, state in self.stages.items()}
+        previous = self.previous
+        if previous is not None:
+            g = previous.gbuffer
+            previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
+        return PipelineState(stages=stages, previous=previous)

@@ -25,7 +25,7 @@ from post.vignette import Vignette
 Preset = Literal["low", "medium", "high", "ultra"]
 
 AO_RADIUS = 2.0  # metres
-EXPOSURE_KEY = 0.25  # a little above middle grey: sunlit scenes, where the window holds much shade
+EXPOSURE_KEY = 0.34
 AO_STEPS = 6  # taps on each side of a direction
 TAPS_PER_GI_RAY = 4  # a ray of the seed and a slice of taps to both sides cost alike
 

@@ -19,7 +19,7 @@ GROUND = (
     Material(name="ground", albedo=(0.50, 0.46, 0.39), roughness=0.85, variation=0.05),
     Material(name="ground, darker", albedo=(0.45, 0.415, 0.355), roughness=0.85, variation=0.05),
 )
-SUN = Sun(direction=(-0.55, 0.62, 0.56), irradiance=(3.8, 3.2, 2.5))
+SUN = Sun(direction=(-0.42, 0.55, 0.72), irradiance=(4.4, 3.7, 2.9))  # on what `front` shows, from the side
 SKY = Sky(zenith=(0.10, 0.26, 0.70), horizon=(0.62, 0.74, 0.92), ground=(0.60, 0.62, 0.64))
 FOV_Y = 38.0
 ASPECT = 1.5  # the narrowest picture that shows all of the model

@@ -81,11 +81,12 @@ def render(
             result = runner(traced, doing(f"passes of frame {index}"))
             save(out, stem(index), result, notes=notes, debug=options.debug)
     if recipe.warmup and not done:
-        print(f"the passes ran {recipe.warmup} times over frame 0, standing still, before it counted (--warmup)")
-    last = stem(frames - 1) + ".png"
-    print(
-        f"wrote {frames - done} frame{'s' if frames - done > 1 else ''} to {out} ({stem(done)}.png and .exr to {last})"
-    )
+        times = "once" if recipe.warmup == 1 else f"{recipe.warmup} times"
+        print(f"the passes ran {times} over frame 0, standing still, before it counted (--warmup)")
+    if frames - done > 1:
+        print(f"wrote {frames - done} frames to {out} ({stem(done)}.png and .exr to {stem(frames - 1)}.png and .exr)")
+    else:
+        print(f"wrote {out / stem(done)}.png, the picture, and {out / stem(done)}.exr, with everything that led to it")
 
 
 @dataclass(frozen=True, kw_only=True)

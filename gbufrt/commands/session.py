@@ -14,8 +14,9 @@ from gbufrt.commands.options import PassOptions, at_least, fitted, parse_names, 
 from gbufrt.commands.progress import Tick
 from gbufrt.exr import best_picture, write_exr
 from gbufrt.frame import LIGHT, Frame
-from gbufrt.passes import Pipeline, PipelineState
+from gbufrt.history import PipelineState
 from gbufrt.picture import to_pil, write_png
+from gbufrt.pipeline import Pipeline
 from gbufrt.views import debug_names, debug_view, sheet_of, to_srgb
 
 INDEX_PERIOD = (

@@ -1,0 +1,230 @@
+"""Pipeline: named stages that run in order.
+
+A pipeline is itself a temporal pass, so pipelines nest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import nullcontext
+from typing import Any, Literal
+
+from torch import nn
+
+from gbufrt.frame import LIGHT, Frame
+from gbufrt.fusion import fused_kernels
+from gbufrt.gbuffer import CHANNELS
+from gbufrt.history import PipelineState
+from gbufrt.passes import Pass, Stage, TemporalPass
+
+
+class Pipeline(TemporalPass):
+    """Named stages, run in order.
+
+    Args:
+        given: signals that incoming frames already hold, beyond G-buffer channels and light.
+        layer: ``"behind"`` runs the stages on ``frame.behind``, where there is one, instead of on the frame.
+        stages: passes, temporal passes or pipelines by name; None leaves a stage out.
+
+    Raises:
+        TypeError: a stage is not a pass.
+        ValueError: a stage reads a signal that nothing before it writes.
+    """
+
+    def __init__(
+        self, *, given: Iterable[str] = (), layer: Literal["behind"] | None = None, **stages: Stage | None
+    ) -> None:
+        super().__init__()
+        if layer not in (None, "behind"):
+            raise ValueError(f'layer must be "behind" or None, got {layer!r}')
+        self.given = frozenset(given)
+        self.layer: Literal["behind"] | None = layer
+        self.fused = False
+        self.stages = nn.ModuleDict()
+        for name, stage in stages.items():
+            if stage is None:
+                continue
+            if not isinstance(stage, (Pass, TemporalPass)):
+                raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {type(stage).__name__}")
+            self.stages[name] = stage
+        self._connect()
+
+    def _connect(self) -> None:
+        """Work out what the whole reads and writes, and that every signal read inside has been written."""
+        have, reads, optional = set(self.given), set(self.given), set()
+        for name, stage in self._stages():
+            for signal in sorted(stage.reads - have):
+                if signal not in LIGHT and signal not in CHANNELS:
+                    raise ValueError(
+                        f"{name} ({type(stage).__name__}) reads {signal!r}, but no stage before it writes that: "
+                        f"add one, or pass given={{{signal!r}}} if the frames hold it already"
+                    )
+                reads.add(signal)
+            optional |= stage.optional - have
+            have |= stage.writes
+        if self.layer is None:  # what happens on another layer is not this frame's concern
+            self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
+            self.writes = frozenset().union(*(stage.writes for _, stage in self._stages()))
+
+    def forward(self, frame: Frame, state: PipelineState | None = None) -> tuple[Frame, PipelineState]:
+        """Run every stage. ``frame.previous`` is filled from the state; ``frame.cut`` resets what may not be kept."""
+        if state is not None and frame.cut is not None and bool(frame.cut.any()):
+            state = state.reset(frame.cut)
+        if state is not None and frame.previous is None:
+            frame = frame.replace(previous=state.previous)
+        with fused_kernels() if self.fused else nullcontext():
+            frame, after = self._run(frame, state)
+        return frame.replace(previous=None), PipelineState(stages=after.stages, previous=frame.as_previous())
+
+    def _run(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
+        if self.layer == "behind":
+            if frame.behind is None:
+                return frame, PipelineState()
+            behind, after = self._run_stages(frame.behind, state)
+            return frame.replace(behind=behind), after
+        return self._run_stages(frame, state)
+
+    def _run_stages(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
+        before = {} if state is None else state.stages
+        after: dict[str, Any] = {}
+        for name, stage in self._stages():
+            if isinstance(stage, Pipeline):
+                frame, after[name] = stage._run(frame, before.get(name))
+            elif isinstance(stage, TemporalPass):
+                stage.check(frame)
+                frame, after[name] = stage(frame, before.get(name))
+            elif isinstance(stage, Pass):
+                stage.check(frame)
+                frame = stage(frame)
+        return frame, PipelineState(stages=after)
+
+    def stream(self, frames: Iterable[Frame]) -> Iterator[Frame]:
+        """Run over consecutive frames, threading the state."""
+        state = None
+        for frame in frames:
+            result, state = self(frame, state)
+            yield result
+
+    def passes(self) -> Iterator[tuple[str, Stage]]:
+        """Every pass that is not itself a pipeline, with its dotted name, in order."""
+        for name, stage in self._stages():
+            if isinstance(stage, Pipeline):
+                yield from ((f"{name}.{path}", inner) for path, inner in stage.passes())
+            else:
+                yield name, stage
+
+    def _stages(self) -> Iterator[tuple[str, Stage]]:
+        for name, stage in self.stages.items():
+            if isinstance(stage, Stage):  # always; tells the type checker what a ModuleDict cannot
+                yield name, stage
+
+    def without(self, *paths: str) -> Pipeline:
+        """A copy that lacks the named stages (``"gi"``, ``"gi.accumulate"``).
+
+        Raises:
+            ValueError: there is no such stage, or a stage left in reads what a left-out one wrote.
+        """
+        result = self
+        for path in paths:
+            result = result._changed(path, lambda _: None)
+        return result
+
+    def with_stage(self, name: str, stage: Stage, *, after: str) -> Pipeline:
+        """A copy with a stage of your own.
+
+        Args:
+            name: the stage's name, a dotted one to reach into a nested pipeline.
+            stage: a pass, temporal pass or pipeline.
+            after: the stage of the same pipeline that it follows.
+
+        Raises:
+            ValueError: there is no stage to follow, the name is taken, or an input is missing.
+        """
+        inner, _, last = name.rpartition(".")
+        if inner:
+            return self._changed(inner, lambda nested: _pipeline(inner, nested).with_stage(last, stage, after=after))
+        if after not in self.stages:
+            raise ValueError(f"no stage {after!r} in the pipeline; it has {', '.join(self.stages)}")
+        if name in self.stages:
+            raise ValueError(f"the pipeline has a stage {name!r} already; choose another name")
+        stages: dict[str, Stage] = {}
+        for existing, present in self._stages():
+            stages[existing] = present
+            if existing == after:
+                stages[name] = stage
+        return self._rebuilt(stages)
+
+    def with_tunables(self, values: Mapping[str, Any]) -> Pipeline:
+        """A copy with tunables set by dotted name, such as ``{"ao.estimate.radius": 2.0}``.
+
+        A name may be shortened to any unambiguous tail, and a pass may go by its class's name in lower case
+        (``gtao.radius``).
+
+        Raises:
+            ValueError: no such tunable, or a tail that fits several.
+        """
+        result = self
+        for name, value in values.items():
+            path, _, key = self.resolve(name).rpartition(".")
+            result = result._changed(path, lambda stage, key=key, value=value: stage.tuned(**{key: value}))
+        return result
+
+    def all_tunables(self) -> dict[str, Any]:
+        """Every tunable by its full dotted name, with its present value."""
+        return {f"{path}.{key}": value for path, stage in self.passes() for key, value in stage.tunables().items()}
+
+    def resolve(self, name: str) -> str:
+        """The full dotted name of a tunable; see `with_tunables`."""
+        names = {f"{path}.{key}": stage for path, stage in self.passes() for key in stage.tunables()}
+        if name in names:
+            return name
+        found = []
+        for full, stage in names.items():
+            path, _, key = full.rpartition(".")
+            alias = f"{type(stage).__name__.lower()}.{key}"
+            if full.endswith("." + name) or name == alias or f"{path.rpartition('.')[0]}.{alias}" == name:
+                found.append(full)
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise ValueError(f"tunable {name!r} is ambiguous: {', '.join(found)}")
+        near = [full for full in names if full.rpartition(".")[2] == name.rpartition(".")[2]]
+        raise ValueError(f"no tunable {name!r}" + (f"; did you mean {', '.join(near[:4])}?" if near else ""))
+
+    def compile(self, *args: Any, **kwargs: Any) -> None:
+        """Fuse the passes' fixed-tap functions with `torch.compile` from the next call on.
+
+        The first call of each function takes tens of seconds; where compilation fails, eager code runs.
+        """
+        self.fused = True
+
+    def tunables(self) -> dict[str, Any]:
+        """A pipeline has none of its own; see `all_tunables`."""
+        return {}
+
+    def _changed(self, path: str, change: Any) -> Pipeline:
+        head, _, rest = path.partition(".")
+        if head not in self.stages:
+            known = ", ".join(self.stages)
+            raise ValueError(f"no stage {head!r} in the pipeline; it has {known}")
+        stages: dict[str, Any] = dict(self.stages.items())
+        inner = stages[head]
+        if not rest:
+            stages[head] = change(inner)
+        elif isinstance(inner, Pipeline):
+            changed = inner._changed(rest, change)
+            stages[head] = changed if len(changed.stages) else None
+        else:
+            raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
+        return self._rebuilt(stages)
+
+    def _rebuilt(self, stages: Mapping[str, Any]) -> Pipeline:
+        result = Pipeline(given=self.given, layer=self.layer, **stages)
+        result.fused = self.fused
+        return result
+
+
+def _pipeline(name: str, stage: Any) -> Pipeline:
+    if not isinstance(stage, Pipeline):
+        raise ValueError(f"stage {name!r} is a {type(stage).__name__} and has no stages of its own")
+    return stage
