@@ -5,7 +5,7 @@ from tracer.material import Material, MaterialTable
 from tracer.render import render
 from tracer.scene import MASK_ALL, MASK_PRIMARY, MASK_SECONDARY, MASK_SHADOW, Instance, Scene, Sky, Sun, View
 from tracer.traversal import Hits, trace, transmission
-from tracer.truth import Truth, ambient_occlusion, indirect_diffuse
+from tracer.truth import Truth, ambient_occlusion, focus_distance, indirect_diffuse, path_trace, reflection
 from tracer.vox import load_vox_scene, read_vox
 from tracer.world import World
 from tracer.worlds import WORLDS, load
@@ -27,11 +27,14 @@ __all__ = [
     "View",
     "World",
     "ambient_occlusion",
+    "focus_distance",
     "gbuffer",
     "indirect_diffuse",
     "load",
     "load_vox_scene",
+    "path_trace",
     "read_vox",
+    "reflection",
     "render",
     "trace",
     "transmission",

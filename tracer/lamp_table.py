@@ -78,6 +78,13 @@ class LampTable:
         )
         return table if not len(table) else table.with_slots()
 
+    def moved(self, lamps: Lamps) -> LampTable:
+        """The same choices among the same lamps in other places."""
+        used = lamps.edge_u.abs().sum(dim=2) > 0
+        corner, edge_u, edge_v = lamps.corner[used], lamps.edge_u[used], lamps.edge_v[used]
+        outward = torch.linalg.cross(edge_u, edge_v)
+        return replace(self, corner=corner, edge_u=edge_u, edge_v=edge_v, outward=outward)
+
     def with_slots(self) -> LampTable:
         """The same with its slots filled."""
         axes = [torch.arange(n, device=self.corner.device) for n in self.shape]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 import torch.nn.functional as F
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from tracer.emitters import lamps_of
 from tracer.lamp_table import LampTable
-from tracer.scatter import frame
+from tracer.scatter import dot, frame
 from tracer.scene import Scene, Sun
 from tracer.sequence import disc
 from tracer.shadows import SHORT
@@ -27,11 +27,13 @@ class LightSample:
         direction: ``(N, 3)`` unit length.
         distance: ``(N,)`` to just before the light, inf for the sun.
         energy: ``(N, 3)`` radiance over the density, per steradian, of having chosen this direction.
+        facing: ``(N, 3)`` unit normal of the lamp there; None for the sun.
     """
 
     direction: Tensor
     distance: Tensor
     energy: Tensor
+    facing: Tensor | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,6 +53,10 @@ class Lights:
         """The lights of a scene whose instances are at ``poses`` ``(I, 4, 4)``."""
         lamps = lamps_of(scene, poses)
         return Lights(sun=scene.sun, lamps=LampTable.of(lamps, *scene.world.bounds()) if len(lamps) else None)
+
+    def at(self, scene: Scene, poses: Tensor) -> Lights:
+        """The same lights with the instances at other ``poses``; how often each is chosen stays as it was."""
+        return self if self.lamps is None else replace(self, lamps=self.lamps.moved(lamps_of(scene, poses)))
 
     def sample(self, points: Tensor, u: Tensor) -> list[LightSample]:
         """A sample of every kind of light there is, for points ``(N, 3)`` from numbers ``(5, N)`` in [0, 1)."""
@@ -72,7 +78,8 @@ def sun_sample(sun: Sun, u: Tensor) -> LightSample:
     direction = across * x + other * y + toward * along
     # even over the disc as it is seen, so that a surface facing the sun receives its irradiance from every sample
     energy = u.new_tensor(sun.irradiance) / along
-    return LightSample(direction=direction, distance=torch.full_like(u[0], torch.inf), energy=energy)
+    distance = torch.full_like(u[0], torch.inf)
+    return LightSample(direction=direction, distance=distance, energy=energy)
 
 
 def lamp_sample(lamps: LampTable, points: Tensor, u: Tensor) -> LightSample:
@@ -82,6 +89,8 @@ def lamp_sample(lamps: LampTable, points: Tensor, u: Tensor) -> LightSample:
     square = (way * way).sum(dim=1).clamp_min(1e-12)
     distance = square.sqrt()
     direction = way / distance[:, None]
-    shown = -(lamps.outward[chosen] * direction).sum(dim=1)  # area as it is seen from the point
+    outward = lamps.outward[chosen]
+    shown = -dot(outward, direction)  # area as it is seen from the point
     energy = lamps.radiance[chosen] * (shown.clamp_min(0) / (square * chance))[:, None]
-    return LightSample(direction=direction, distance=(distance - SHORT).clamp_min(0), energy=energy)
+    facing = F.normalize(outward, dim=1)
+    return LightSample(direction=direction, distance=(distance - SHORT).clamp_min(0), energy=energy, facing=facing)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
-from tracer.light_samples import Lights
+from tracer.light_samples import Lights, LightSample
 from tracer.lighting import LIFT, LIFT_RELATIVE
 from tracer.scatter import dot
 from tracer.scene import MASK_SECONDARY, MASK_SHADOW, Scene
@@ -20,6 +20,7 @@ from tracer.traversal import Hits, run_lengths, trace, transmission
 LAYERS = 16  # transmissive surfaces that a ray goes through at most
 MOST_PASS = 0.95  # so that a transmissive surface shows itself to at least one ray in twenty
 MAX_RUN = 64.0  # world units of one transmissive material beyond which it dims no further
+DIELECTRIC_F0 = 0.04  # of a refractive index of 1.5
 FINE = 1e9  # pixels a voxel: all detail of the colour
 
 
@@ -60,6 +61,16 @@ class Vertices:
         return map_tensors(lambda x: x.repeat(times, *(1,) * (x.ndim - 1)), self) if times > 1 else self
 
     @property
+    def alpha(self) -> Tensor:
+        """``(N,)`` GGX width."""
+        return self.roughness * self.roughness
+
+    @property
+    def f0(self) -> Tensor:
+        """``(N, 3)`` reflectance at normal incidence: 0.04 for dielectrics, the albedo for metals."""
+        return DIELECTRIC_F0 + (self.albedo - DIELECTRIC_F0) * self.metallic[:, None]
+
+    @property
     def diffuse(self) -> Tensor:
         """``(N, 3)`` share of light that is scattered evenly; see `tracer.lighting.light`."""
         return self.albedo * ((1 - self.metallic) * self.opacity)[:, None]
@@ -96,7 +107,7 @@ def meet(
     t_min: Tensor | float = 0.0,
     t_max: Tensor | float = torch.inf,
     most: float = MOST_PASS,
-    footprint: Callable[[Tensor], Tensor] | None = None,
+    footprint: Callable[[Tensor, Tensor], Tensor] | None = None,
 ) -> Met:
     """Follow each ray to the one surface, or the sky, that it shows.
 
@@ -114,7 +125,8 @@ def meet(
         t_min: where rays begin.
         t_max: where rays end; what is farther is not there.
         most: how often a surface is gone through at most.
-        footprint: distances ``(N,)`` to pixels a world unit there, for the colour's detail; by default all detail.
+        footprint: distances ``(M,)`` along, and numbers ``(M,)`` of, some rays to pixels a world unit there, for the
+            colour's detail; by default all detail.
 
     Returns:
         See `Met`.
@@ -131,7 +143,8 @@ def meet(
     if bool((scene.materials.opacity[1:] < 1).any()):
         _go_through(scene, origins, directions, u.clone(), hits, weight, inside, most, given)
     rows = hits.hit.nonzero()[:, 0]
-    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], footprint)
+    pixels = torch.full_like(hits.t[rows], FINE) if footprint is None else footprint(hits.t[rows], rows)
+    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels)
     return Met(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
 
 
@@ -184,21 +197,13 @@ def _at(hits: Hits, rows: Tensor) -> Hits:
 
 
 def _vertices(
-    scene: Scene,
-    origins: Tensor,
-    directions: Tensor,
-    hits: Hits,
-    inside: Tensor,
-    footprint: Callable[[Tensor], Tensor] | None,
+    scene: Scene, origins: Tensor, directions: Tensor, hits: Hits, inside: Tensor, pixels: Tensor
 ) -> Vertices:
+    """Surfaces where rays hit; ``pixels`` ``(N,)`` a world unit spans there."""
     table, which = scene.materials, hits.material.long()
-    if footprint is None:
-        pixels = torch.full_like(hits.t, FINE)
-    else:
-        scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
-        facing = dot(hits.normal, directions).abs().clamp_min(1e-3).sqrt()
-        pixels = footprint(hits.t) * scales * facing
-    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels)
+    scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
+    facing = dot(hits.normal, directions).abs().clamp_min(1e-3).sqrt()
+    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels * scales * facing)
     lift = (LIFT + LIFT_RELATIVE * hits.t)[:, None]
     return Vertices(
         points=origins + directions * hits.t[:, None] + (hits.normal - directions) * lift,
@@ -214,14 +219,8 @@ def _vertices(
 
 
 def direct(
-    scene: Scene,
-    lights: Lights,
-    points: Tensor,
-    u: Tensor,
-    respond: Callable[[Tensor], Tensor],
-    *,
-    poses: Tensor,
-) -> Tensor:
+    scene: Scene, lights: Lights, points: Tensor, u: Tensor, respond: Callable[[LightSample], Tensor], *, poses: Tensor
+) -> list[tuple[LightSample, Tensor]]:
     """Light straight from sun and lamps, by one shadow ray to each kind.
 
     Args:
@@ -229,17 +228,17 @@ def direct(
         lights: of the scene.
         points: ``(N, 3)`` world space, a little above surfaces.
         u: ``(5, N)`` in [0, 1).
-        respond: directions ``(N, 3)`` to light, to the factor ``(N, 3)`` on its radiance: reflectance x cosine.
+        respond: a sample to the factor ``(N, 3)`` on its radiance: reflectance x cosine.
         poses: ``(I, 4, 4)`` of the instances.
 
     Returns:
-        ``(N, 3)`` radiance.
+        Of each kind, the sample and the radiance ``(N, 3)`` that it adds.
     """
-    total = torch.zeros_like(points)
+    found = []
     for sample in lights.sample(points, u):
-        value = respond(sample.direction) * sample.energy
+        value = respond(sample) * sample.energy
         rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
         way = points[rows], sample.direction[rows]
-        passed = transmission(scene, *way, poses=poses, mask=MASK_SHADOW, t_max=sample.distance[rows])
-        total[rows] += value[rows] * passed
-    return total
+        value[rows] *= transmission(scene, *way, poses=poses, mask=MASK_SHADOW, t_max=sample.distance[rows])
+        found.append((sample, value))
+    return found

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from tracer.light_samples import Lights
 from tracer.lighting import batched, lifted
 from tracer.paths import Vertices
 from tracer.progressive import WIDE, Estimate, Progress, Truth, Values, converge
@@ -29,12 +30,14 @@ class Receivers:
         vertices: the M surfaces.
         picture: what the camera sees.
         poses: ``(I, 4, 4)`` of the instances.
+        lights: that shine on them.
     """
 
     pixels: Tensor
     vertices: Vertices
     picture: Picture
     poses: Tensor
+    lights: Lights
 
 
 Shoot = Callable[[Receivers, Vertices, Tensor], Values]
@@ -76,6 +79,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
                 vertices=Vertices(inside=inside, **rows),
                 picture=Picture.of(gbuffer, b),
                 poses=poses[b],
+                lights=Lights.of(scene, poses[b]),
             )
         )
     return found

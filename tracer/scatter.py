@@ -33,3 +33,64 @@ def cosine_direction(normals: Tensor, u: Tensor) -> Tensor:
     radius = square.sqrt()
     parts = ((across, radius * angle.cos()), (other, radius * angle.sin()), (normals, (1 - square).sqrt()))
     return sum((axis * part[:, None] for axis, part in parts), torch.zeros_like(normals))
+
+
+def mirrored(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Mirror the eye at microfacets, each as often as the eye sees it.
+
+    Args:
+        normals: ``(N, 3)`` unit length.
+        toward: ``(N, 3)`` unit length, to the eye.
+        alpha: ``(N,)`` perceptual roughness squared; 0 for a mirror.
+        u: ``(2, N)`` in [0, 1).
+
+    Returns:
+        Directions ``(N, 3)``; their weight ``(N,)`` before Fresnel, 0 below the surface; and the cosine ``(N,)``
+        between the eye and the microfacet.
+
+    Source: Heitz 2018 (visible normals; eq. 19 the weight); Dupuy and Benyoub 2023 (sampling them by a spherical cap).
+    """
+    across, other = frame(normals)
+    x, y, z = dot(toward, across), dot(toward, other), dot(toward, normals).clamp_min(0)
+    sx, sy = alpha * x, alpha * y
+    size = (sx * sx + sy * sy + z * z).clamp_min(1e-20).sqrt()
+    sx, sy, sz = sx / size, sy / size, z / size
+    angle, height = 2 * math.pi * u[1], (1 - u[0]) * (1 + sz) - sz
+    radius = (1 - height * height).clamp_min(0.0).sqrt()
+    hx, hy = alpha * (radius * angle.cos() + sx), alpha * (radius * angle.sin() + sy)
+    hz = (height + sz).clamp_min(1e-7)
+    size = (hx * hx + hy * hy + hz * hz).sqrt()
+    facet = (across * hx[:, None] + other * hy[:, None] + normals * hz[:, None]) / size[:, None]
+    cosine = dot(toward, facet).clamp(0.0, 1.0)
+    direction = torch.nn.functional.normalize(2 * cosine[:, None] * facet - toward, dim=1)
+    seen, lit = smith_lambda(z, alpha), dot(direction, normals)
+    weight = torch.where(lit > 0, (1 + seen) / (1 + seen + smith_lambda(lit, alpha)), 0.0)
+    return direction, weight, cosine
+
+
+def fresnel(f0: Tensor, cosine: Tensor) -> Tensor:
+    """``(N, 3)`` share that is reflected, from reflectance ``(N, 3)`` at normal incidence and cosine ``(N,)``.
+
+    Source: Schlick 1994, eq. 15.
+    """
+    return f0 + (1 - f0) * ((1 - cosine.clamp(0, 1)) ** 5)[:, None]
+
+
+def smith_lambda(cosine: Tensor, alpha: Tensor) -> Tensor:
+    """Hidden over visible area of GGX microfacets. Source: Heitz 2014, eq. 72."""
+    square = (cosine * cosine).clamp(1e-8, 1.0)
+    return 0.5 * ((1 + alpha * alpha * (1 - square) / square).sqrt() - 1)
+
+
+def specular_response(normals: Tensor, toward: Tensor, alpha: Tensor, f0: Tensor, directions: Tensor) -> Tensor:
+    """``(N, 3)`` GGX reflectance x cosine, for light from ``directions`` ``(N, 3)``; alpha above 0.
+
+    Source: Walter et al. 2007, eq. 20 and 33; Heitz 2014, eq. 99 for the masking of both sides.
+    """
+    half = torch.nn.functional.normalize(toward + directions, dim=1)
+    view, lit, up = dot(normals, toward), dot(normals, directions), dot(normals, half)
+    square = alpha * alpha
+    spread = square / (math.pi * (up * up * (square - 1) + 1) ** 2)
+    masked = 1 + smith_lambda(view, alpha) + smith_lambda(lit, alpha)
+    value = torch.where(lit > 0, spread / (4 * view.clamp_min(1e-4) * masked), 0.0)
+    return fresnel(f0, dot(half, toward)) * value[:, None]

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
-from tracer.light_samples import DIMS, Lights
+from tracer.lens import focus_distance
+from tracer.light_paths import SHARP_LAMP, gathered, glossy, sky
+from tracer.light_samples import DIMS, LightSample
+from tracer.path_tracer import path_trace
 from tracer.paths import Vertices, direct, meet
 from tracer.progressive import Progress, Truth, Values
 from tracer.receivers import Receivers, at_each_pixel, receivers_of
-from tracer.scatter import cosine_direction, dot
-from tracer.scene import MASK_SECONDARY, Scene
-from tracer.sky import sky_radiance
-from tracer.traversal import transmission
+from tracer.scatter import cosine_direction, fresnel, mirrored
+from tracer.scene import Scene
+
+__all__ = ["Truth", "ambient_occlusion", "focus_distance", "indirect_diffuse", "path_trace", "reflection"]
 
 
 def ambient_occlusion(
@@ -116,19 +119,18 @@ def indirect_diffuse(
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     receivers = receivers_of(scene, gbuffer, poses)
-    lights = {id(at): Lights.of(scene, at.poses) for at in receivers}
 
     def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
         directions = cosine_direction(start.normals, u[:2])
         met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside)
         weight = start.diffuse * met.weight
-        sent = gathered(scene, lights[id(at)], met.surface, u[3:, met.rows], bounces, at.poses)
-        gi, seen, sky = (torch.zeros_like(weight) for _ in range(3))
+        sent = gathered(scene, at.lights, met.surface, u[3:, met.rows], bounces, at.poses)
+        gi, seen, above = (torch.zeros_like(weight) for _ in range(3))
         gi[met.rows] = weight[met.rows] * sent
         seen[met.rows] = gi[met.rows] * at.picture.sees(met.surface.points, met.surface.normals)[:, None]
-        sky[~met.hit] = weight[~met.hit] * sky_radiance(scene, directions[~met.hit].T[None])[0].T
+        above[~met.hit] = weight[~met.hit] * sky(scene, directions[~met.hit])
         open_ = met.weight.mean(dim=1, keepdim=True) * ~met.hit[:, None]
-        return {"gi": gi, "gi_seen": seen, "sky": sky, "sky_visibility": open_}
+        return {"gi": gi, "gi_seen": seen, "sky": above, "sky_visibility": open_}
 
     found = at_each_pixel(
         gbuffer,
@@ -144,38 +146,88 @@ def indirect_diffuse(
     return Truth(values={**found.values, "sky_visibility": visibility}, error=found.error, samples=found.samples)
 
 
-def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: int, poses: Tensor) -> Tensor:
-    """What surfaces send of the light of sun, lamps and sky, after at most ``bounces`` of even scattering.
+def reflection(
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    samples: int = 64,
+    noise: float = 0.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Truth:
+    """What each pixel's surface mirrors, by GGX with Fresnel.
+
+    Mirrored surfaces show their emission and what they scatter evenly of the light of sun, lamps and sky, shadows
+    included: what `post.outgoing_light` holds, without further bounces. The sky is mirrored without the sun's disc, as
+    ``frame.environment`` holds it.
 
     Args:
-        scene: what is there.
-        lights: of the scene.
-        start: N surfaces.
-        u: ``(8 * bounces, N)`` in [0, 1).
-        bounces: 1 for what reaches the surfaces themselves.
-        poses: ``(I, 4, 4)``.
+        scene: what is there, and its lights.
+        gbuffer: what the cameras see of it, with albedo, and with roughness and metallic where they differ from 1 and
+            0.
+        poses: as for `ambient_occlusion`.
+        samples: at most so many paths a pixel.
+        noise: stop once the mean standard error of ``reflection`` is not above this; 0 takes all samples.
+        seed: as for `ambient_occlusion`.
+        progress: as for `ambient_occlusion`.
 
     Returns:
-        ``(N, 3)`` outgoing linear radiance.
+        ``reflection`` ``(B, 3, H, W)``, linear radiance; ``reflection_seen``, its part from surfaces that the camera
+        sees; ``seen`` ``(B, 1, H, W)``, the share of rays that end on such; and ``distance`` ``(B, 1, H, W)``, the mean
+        way of those that end on any, the camera's ``far`` where none does, 0 where there is no surface.
+
+    Raises:
+        ValueError: samples is below 1, there is no albedo, or the poses do not fit.
+
+    Source: Heitz 2018 (visible normals).
     """
-    total, rows, at = torch.zeros_like(start.points), torch.arange(len(start), device=u.device), start
-    through = torch.ones_like(total)
-    for bounce in range(bounces):
-        numbers, u = u[: DIMS + 3], u[DIMS + 3 :]
-        through = through * at.diffuse
 
-        def even(directions: Tensor, at: Vertices = at) -> Tensor:
-            return (dot(at.normals, directions).clamp_min(0) / math.pi)[:, None]
+    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+        directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, u[:2])
+        flies = weight > 0
+        ends = torch.where(flies, torch.inf, 0.0)  # what a ray into the surface itself might meet does not count
+        met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
+        rows, surface, rough = met.rows, met.surface, start.roughness >= SHARP_LAMP
+        factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
+        light, seen = _glossy_lamps(scene, at, start, rough, u[3 : 3 + DIMS])
+        sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
+        sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])
+        shows = at.picture.sees(surface.points, surface.normals)
+        light[rows] += sent
+        seen[rows] += sent * shows[:, None]
+        away = flies & ~met.hit
+        light[away] += factor[away] * sky(scene, directions[away])
+        ways, known = torch.zeros_like(weight), torch.zeros_like(weight)
+        ways[rows], known[rows] = met.distance[rows], shows.to(known)
+        counts = {"seen": known, "distance": ways, "flies": flies.to(ways), "ends": met.hit.to(ways)}
+        return {"reflection": light, "reflection_seen": seen} | {k: v[:, None] for k, v in counts.items()}
 
-        total[rows] += through * direct(scene, lights, at.points, numbers[:DIMS], even, poses=poses)
-        directions = cosine_direction(at.normals, numbers[DIMS : DIMS + 2])
-        if bounce == bounces - 1:
-            passed = transmission(scene, at.points, directions, poses=poses, mask=MASK_SECONDARY)
-            total[rows] += through * passed * sky_radiance(scene, directions.T[None])[0].T
-            break
-        met = meet(scene, at.points, directions, numbers[DIMS + 2], poses=poses, inside=at.inside)
-        through = through * met.weight
-        away = ~met.hit
-        total[rows[away]] += through[away] * sky_radiance(scene, directions[away].T[None])[0].T
-        rows, through, u, at = rows[met.rows], through[met.rows], u[:, met.rows], met.surface
-    return total
+    receivers = receivers_of(scene, gbuffer, poses)
+    dims = 3 + DIMS + DIMS + 3
+    found = at_each_pixel(
+        gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+    )
+    none = torch.where(gbuffer.hit, gbuffer.camera.far, 0.0)
+    values, error = dict(found.values), dict(found.error)
+    for name, share in (("seen", values.pop("flies")), ("distance", values.pop("ends"))):
+        values[name], error[name] = (x[name] / share.clamp_min(1e-6) for x in (values, error))
+        error.pop("flies" if name == "seen" else "ends")
+        values[name] = torch.where(share > 0, values[name], none if name == "distance" else 0.0)
+    return Truth(values=values, error=error, samples=found.samples)
+
+
+def _glossy_lamps(scene: Scene, at: Receivers, start: Vertices, rough: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+    """Lamps mirrored by ``rough`` surfaces: the light ``(N, 3)``, and its part from lamps that the camera sees."""
+
+    def respond(sample: LightSample) -> Tensor:
+        return glossy(start, sample.direction) * rough[:, None]
+
+    light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
+    lamps = replace(at.lights, sun=None)
+    for sample, value in direct(scene, lamps, start.points, u, respond, poses=at.poses):
+        light = light + value
+        if sample.facing is not None:
+            places = start.points + sample.direction * sample.distance[:, None]
+            seen = seen + value * at.picture.sees(places, sample.facing)[:, None]
+    return light, seen
