@@ -22,6 +22,7 @@ from post.ssgi import SSGI, ssgi
 from post.ssr import SSR, ssr
 from post.taa import TAA, taa
 from post.temporal import Temporal, temporal
+from post.thin_lens import autofocus, circle_of_confusion
 from post.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
 from post.vignette import Vignette, vignette
 
@@ -44,8 +45,10 @@ __all__ = [
     "ToneMap",
     "Vignette",
     "atrous",
+    "autofocus",
     "bilateral",
     "bitmask_ao",
+    "circle_of_confusion",
     "composite",
     "depth_of_field",
     "display_encode",
