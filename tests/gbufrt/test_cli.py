@@ -108,7 +108,7 @@ def fake_render(
 
 def fake_load(name: str) -> Scene:
     if name not in ("builtin", "hollow"):
-        raise FileNotFoundError(f"no such file: {name}")
+        raise FileNotFoundError(f"{name} does not exist; check the path")
     voxels = torch.zeros(2, 2, 2, dtype=torch.int16)
     voxels[0] = name == "builtin"
     world = World.from_dense(voxels, MaterialTable.of([Material(name="stone")]))
@@ -272,7 +272,7 @@ def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsy
         (("--preset", "huge"), "preset must be low or high, got 'huge'"),
         (("--composite", "both"), "composite must be physical or me1, got 'both'"),
         (("--view", "below"), "no view 'below' in world 'builtin'; it has front, above"),
-        (("missing.vox",), "no such file: missing.vox"),
+        (("missing.vox",), "missing.vox does not exist; check the path"),
         (("hollow",), "world 'hollow' is empty"),
         (("missing.vox", "--seed", "3"), "--seed is for built-in worlds"),
         (("--device", "tpu"), "--device must be cpu or cuda, got 'tpu'"),

@@ -40,7 +40,8 @@ def load(name_or_path: str | PathLike[str]) -> Scene:
             f"no world {name!r}; there are {', '.join(['builtin', *WORLDS])}, or give a path to a .vox file"
         )
     if not path.is_file():
-        raise FileNotFoundError(f"{path} does not exist; check the path, or name one of {', '.join(['builtin', *WORLDS])}")
+        known = ", ".join(["builtin", *WORLDS])
+        raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {known}")
     from tracer.vox import load_vox_scene
 
     return load_vox_scene(path)
