@@ -1,0 +1,74 @@
+"""`gbufrt ablate`: what each pass is worth, against ray-traced truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from gbufrt.commands.options import Flag, Without, at_least, parse_names, parse_settings, parse_size
+
+Names = Annotated[tuple[str, ...], Parameter(negative="")]
+
+
+def ablate(
+    *worlds: str,
+    out: Path,
+    views: Names = (),
+    paths: Names = (),
+    size: str = "480x270",
+    frames: int = 16,
+    samples: int = 64,
+    preset: str = "high",
+    composite: str = "physical",
+    set: Without = (),
+    variants: Names = ("passes", "methods"),
+    sweep: Names = (),
+    only: Names = (),
+    cache: Path | None = None,
+    resume: Flag = False,
+) -> None:
+    """Measure the passes against ray-traced truth, and write OUT/report.html, report.json and report.csv.
+
+    Without further options it makes the table of what each pass must reach, from the built-in world: ambient occlusion,
+    indirect light and reflections after static frames, denoising on a moving path, motion blur and depth of field, and
+    the whole frame with each pass left out. Truth is kept between runs. A variant that fails is told in its row.
+
+    Args:
+        worlds: Built-in worlds or MagicaVoxel .vox files; by default the built-in one.
+        out: Folder to write to; made where it is missing.
+        views: Views that stand still; may be repeated, or name several with commas. By default four.
+        paths: Views for what needs motion, likewise. By default one or two.
+        size: Width x height in pixels.
+        frames: Static frames that signals accumulate over; whole frames take half as many.
+        samples: Paths a pixel of the truth; cheaper truths take some times as many.
+        preset: low, medium, high or ultra: the full pipeline.
+        composite: physical, or me1 for the formula of the original.
+        set: Tunable of the full pipeline to change, as NAME=VALUE; may be repeated.
+        variants: Groups (passes, presets, methods) or changes joined by + (without=gi, gtao.method=horizon,
+            gi.estimate=MarchGI); may be repeated, or name several with commas.
+        sweep: Tunable to vary, as NAME=LOW:HIGH:COUNT (gtao.radius=0.25:2:5); may be repeated.
+        only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise.
+        cache: Folder where truth is kept. [default: the user's cache]
+        resume: Go on with what is finished in OUT, as far as nothing it depends on has changed.
+    """
+    from gbufrt.commands.ablation import Plan
+    from gbufrt.commands.ablation import ablate as measure
+    from gbufrt.commands.session import Recipe
+
+    at_least("--frames", frames, 1)
+    recipe = Recipe(preset=preset, composite=composite, set=parse_settings(set))
+    results = measure(
+        Plan(
+            out=out, worlds=worlds or ("builtin",), views=parse_names(views), paths=parse_names(paths),
+            size=parse_size(size), frames=frames, samples=samples, recipe=recipe, variants=parse_names(variants),
+            sweeps=parse_names(sweep), only=parse_names(only), cache=cache, resume=resume,
+        )
+    )  # fmt: skip
+    from gbufrt.commands.ablation.report import show
+
+    show(results)
+    for record in results.failures:
+        print(f"failed: {record.variant}, {record.subject} of {record.view}: {record.error}")
+    print(f"wrote report.html, report.json and report.csv to {out}")

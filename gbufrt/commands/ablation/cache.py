@@ -1,0 +1,110 @@
+"""What took long to trace, kept on disk under a name made from all that it depends on."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gbufrt.frame import Frame
+from gbufrt.output import atomic
+
+SKIPPED = frozenset({"views", "pose", "name"})  # of a scene: they change nothing about what is traced at a given time
+
+
+def default_folder() -> Path:
+    """Where truth is kept for this user."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "gbufrt"
+
+
+def digest(*values: Any) -> str:
+    """A name for the contents of ``values``: dataclasses, mappings, sequences, tensors, numbers and text.
+
+    Functions do not count; neither do a scene's views, names and paths of movement: give the poses at the time.
+    """
+    state = hashlib.sha256()
+    _feed(state, values)
+    return state.hexdigest()[:24]
+
+
+@cache
+def sources(*packages: str) -> str:
+    """A name for the program text of packages such as ``tracer``, built-in worlds left out (they are contents)."""
+    import importlib
+
+    state = hashlib.sha256()
+    for package in packages:
+        folder = Path(str(importlib.import_module(package).__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            if "worlds" not in path.parts and "commands" not in path.parts:
+                state.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return state.hexdigest()[:24]
+
+
+class Cache:
+    """Tensors and frames on disk. A damaged file counts as none."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.made = 0
+        """How many were not there and had to be made."""
+
+    def tensors(self, stem: str, make: Callable[[], Mapping[str, Tensor]]) -> dict[str, Tensor]:
+        """Named tensors, as they are on disk or as ``make`` makes them."""
+        path = self.folder / f"{stem}.npz"
+        if path.exists():
+            try:
+                with np.load(path, allow_pickle=False) as found:
+                    return {name: torch.from_numpy(found[name]) for name in found.files}
+            except (OSError, ValueError, EOFError, KeyError):
+                path.unlink(missing_ok=True)
+        made = {name: tensor.detach().cpu() for name, tensor in make().items()}
+        with atomic(path) as part, part.open("wb") as file:
+            np.savez(file, **{name: tensor.numpy() for name, tensor in made.items()})  # pyright: ignore[reportArgumentType]
+        self.made += 1
+        return made
+
+    def frame(self, stem: str, make: Callable[[], Frame]) -> Frame:
+        """A frame, likewise."""
+        from gbufrt.exr import read_exr, write_exr
+
+        path = self.folder / f"{stem}.exr"
+        if not path.exists():
+            write_exr(path, make())
+            self.made += 1
+        try:
+            return read_exr(path)
+        except ValueError:
+            path.unlink()
+            return self.frame(stem, make)
+
+
+def _feed(state: Any, value: Any) -> None:
+    if isinstance(value, Tensor):
+        array = value.detach().cpu().contiguous().numpy()
+        state.update(f"tensor {array.dtype} {array.shape}".encode())
+        state.update(array.tobytes())
+    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
+        for field in dataclasses.fields(value):
+            if field.name not in SKIPPED:
+                state.update(field.name.encode())
+                _feed(state, getattr(value, field.name))
+    elif isinstance(value, Mapping):
+        for key in sorted(value):
+            state.update(str(key).encode())
+            _feed(state, value[key])
+    elif isinstance(value, (tuple, list)):
+        state.update(f"list {len(value)}".encode())
+        for item in value:
+            _feed(state, item)
+    elif not callable(value):
+        state.update(json.dumps(value, default=repr).encode())

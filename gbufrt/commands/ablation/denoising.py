@@ -1,0 +1,94 @@
+"""One path-traced sample a pixel on a moving path: our denoiser against what a user would otherwise pick."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+import torch
+from torch import Tensor
+
+from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.measure import run
+from gbufrt.commands.ablation.place import Place
+from gbufrt.commands.ablation.subjects import SHARP, Outcome
+from gbufrt.frame import Frame
+from gbufrt.metrics import psnr
+from gbufrt.pipeline import Pipeline
+from gbufrt.temporal_metrics import frames_seen
+
+FRAMES = 32
+MIN_ALBEDO = 1e-2
+KERNEL = 15  # pixels, of the joint bilateral filter
+SIGMA_GUIDE, SIGMA_SPACE = 0.1, 4.0
+
+
+def denoiser() -> Pipeline:
+    """Denoise and accumulate, for noisy light in ``gi``."""
+    from post import Atrous, Temporal
+
+    return Pipeline(
+        given={"gi"}, accumulate=Temporal(signal="gi", blend=0.95, feedback=True), denoise=Atrous(signal="gi")
+    )
+
+
+def denoise(place: Place, _: Pipeline) -> Outcome:
+    """PSNR on the first and on the last frame of a path, where nothing was uncovered on the way."""
+    frames = [noisy(place, number) for number in range(FRAMES)]
+    told = iter(range(1, FRAMES + 1))
+    found = run(
+        denoiser(), frames, keep=FRAMES, tick=lambda: place.say(f"{place.view}, denoised {next(told)} of {FRAMES}")
+    )
+    result = Outcome(passes=found.passes)
+    steady = frames_seen([frame.gbuffer for frame in frames]) >= FRAMES
+    for which, number in (("first", 0), ("last", FRAMES - 1)):
+        source = frames[number]
+        truth = place.picture(SHARP, time=place.at(number))
+        mask = source.gbuffer.hit & (steady if which == "last" else True)
+        exposure = f.exposure_of(truth, source.gbuffer.hit)
+        wanted = f.display(truth, exposure)
+        lights = {"ours": found.frames[number].read("gi"), "input": source.read("gi"), **rivals(source)}
+        shown = {name: f.display(light, exposure) for name, light in lights.items()}
+        scores = {name: float(psnr(picture, wanted, mask).mean()) for name, picture in shown.items()}
+        result.figures.update({f"denoise.{which}_{name}": score for name, score in scores.items()})
+        for rival in ("oidn", "kornia"):
+            if rival in scores:
+                result.figures[f"denoise.{which}_over_{rival}"] = scores["ours"] - scores[rival]
+        if which == "last":
+            result.pictures = {f"denoise {name}": picture for name, picture in shown.items()}
+            result.pictures |= {"denoise": shown["ours"], "denoise truth": wanted}
+            result.pictures["denoise error"] = f.error_picture(shown["ours"], wanted, source.gbuffer.hit)
+            result.figures["denoise.steady"] = float(mask.sum()) / max(float(source.gbuffer.hit.sum()), 1.0)
+    return result
+
+
+def noisy(place: Place, number: int) -> Frame:
+    """A frame whose ``gi`` is one path-traced sample a pixel of all light."""
+    g = place.geometry(number)
+    light = place.picture({**SHARP, "seed": number}, time=place.at(number), samples=1)
+    return Frame(gbuffer=g, index=number, time=place.at(number), radiance=light, gi=light)
+
+
+def rivals(frame: Frame) -> dict[str, Tensor]:
+    """The same frame by the other denoisers that are installed, each given albedo and normal as well."""
+    found = {"kornia": joint_bilateral(frame)}
+    return {**found, "oidn": oidn(frame)} if find_spec("pyoidn") is not None else found
+
+
+def oidn(frame: Frame) -> Tensor:
+    """Intel Open Image Denoise, at its best quality, with clean albedo and normal."""
+    from pyoidn import denoise as filtered  # pyright: ignore[reportMissingImports]
+
+    pixels = [frame.read(name)[0].permute(1, 2, 0).contiguous() for name in ("gi", "albedo", "normal")]
+    return filtered(*pixels, hdr=True, clean_aux=True).permute(2, 0, 1)[None]
+
+
+def joint_bilateral(frame: Frame) -> Tensor:
+    """kornia's joint bilateral filter over the light with the albedo divided out, guided by normal and depth."""
+    from kornia.filters import joint_bilateral_blur
+
+    g, albedo = frame.gbuffer, frame.read("albedo").clamp_min(MIN_ALBEDO)
+    near = torch.where(g.hit, 1 / g.depth, 0.0)
+    guide = torch.cat([g.normal * 0.5, near / near.amax().clamp_min(1e-9)], dim=1)
+    irradiance = torch.where(g.hit, frame.read("gi") / albedo, frame.read("gi"))
+    smooth = joint_bilateral_blur(irradiance, guide, KERNEL, SIGMA_GUIDE, (SIGMA_SPACE, SIGMA_SPACE))
+    return torch.where(g.hit, smooth * albedo, frame.read("gi"))

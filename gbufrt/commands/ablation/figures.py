@@ -1,0 +1,209 @@
+"""What is measured: errors of each signal against its truth, beside what trivial answers score.
+
+Errors count only pixels that hit something. All numbers are Python floats; NaN where no pixel counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from gbufrt.frame import Frame
+from gbufrt.gbuffer import GBuffer
+from gbufrt.metrics import masked_mean, psnr, rmse, ssim
+from gbufrt.views import to_srgb, viridis
+
+Figures = dict[str, float]
+Truth = Mapping[str, Tensor]
+
+MIDDLE_GREY = 0.18
+MIRROR_ROUGHNESS = 0.1  # below it a surface counts as a mirror
+ON_SCREEN = 0.99  # share of a pixel's rays that must end on what the camera sees
+OCCLUDED = 0.9  # bent normals count where true visibility is less
+CHANGED = 2.0 / 255  # difference of a displayed pixel from which an effect has changed it
+TRACED = 8.0 / 255  # the same between two traced pictures, which have noise
+ERROR_TOP = 0.25  # displayed error at the end of the colour map
+FEWEST = 64  # pixels below which a mean says nothing
+
+
+def exposure_of(truth: Tensor, hit: Tensor) -> float:
+    """The factor that brings the geometric mean luminance of a true picture to middle grey."""
+    level = truth.mean(1, keepdim=True)[hit].clamp_min(1e-4)
+    return MIDDLE_GREY / float(level.log().mean().exp()) if level.numel() else 1.0
+
+
+def display(light: Tensor, exposure: float) -> Tensor:
+    """Linear light as it is judged: fixed exposure, the curve x / (1 + x) of each component, sRGB."""
+    light = light.clamp_min(0.0) * exposure
+    return to_srgb(light / (1.0 + light))
+
+
+def error_picture(estimate: Tensor, truth: Tensor, hit: Tensor) -> Tensor:
+    """``(B, 3, H, W)``: the mean absolute difference of displayed pictures in viridis, black where nothing was hit."""
+    error = (estimate - truth).abs().mean(1, keepdim=True)
+    return torch.where(hit, viridis(error / ERROR_TOP), 0.0)
+
+
+def ao_figures(frame: Frame, truth: Truth) -> Figures:
+    """Of ``ao`` and ``bent_normal``.
+
+    ``rmse``; ``limit``, the error of blocking exactly those rays that end on what the camera sees; ``own``, the
+    distance from that; ``bent``, the bent normal's error relative to the normal's, where true visibility is under 0.9.
+    """
+    hit, ao, true = frame.gbuffer.hit, frame.read("ao"), truth["ao"]
+    result = {
+        "ao.rmse": _one(rmse(ao, true, hit)),
+        "ao.limit": _one(rmse(truth["ao_seen"], true, hit)),
+        "ao.own": _one(rmse(ao, truth["ao_seen"], hit)),
+        "ao.ssim": _one(ssim(ao, true, hit)) if min(true.shape[-2:]) > 5 else float("nan"),
+        "ao.if_open": _one(rmse(torch.ones_like(true), true, hit)),
+        "ao.if_constant": _one(rmse(constant_per_object(true, frame.gbuffer), true, hit)),
+        "ao.truth_error": float(truth.get("ao_error", torch.tensor(torch.nan))),
+    }
+    bent, blocked = frame.bent_normal, _enough(hit & (true < OCCLUDED))
+    if bent is not None:
+        error, plain = (rmse(v, truth["bent_normal"], blocked) for v in (bent, frame.gbuffer.normal))
+        result["ao.bent"] = _one(error / plain)
+        result["ao.bent_degrees"] = _one(_degrees(bent, truth["bent_normal"], blocked))
+        result["ao.normal_degrees"] = _one(_degrees(frame.gbuffer.normal, truth["bent_normal"], blocked))
+    return result
+
+
+def gi_figures(frame: Frame, truth: Truth) -> Figures:
+    """Of ``gi``: squared errors over the squared truth, both summed over all pixels that hit.
+
+    ``error`` is against the part from surfaces on screen; ``limit`` is that part's distance from the whole truth, and
+    ``whole`` the estimate's.
+    """
+    hit, gi, seen, true = frame.gbuffer.hit, frame.read("gi"), truth["gi_seen"], truth["gi"]
+    constant = constant_per_object(seen, frame.gbuffer)
+    error, trivial = relative_energy(gi, seen, hit), relative_energy(constant, seen, hit)
+    return {
+        "gi.error": error,
+        "gi.if_constant": trivial,
+        "gi.to_constant": error / trivial if trivial > 0 else float("nan"),
+        "gi.if_black": 1.0,
+        "gi.limit": relative_energy(seen, true, hit),
+        "gi.whole": relative_energy(gi, true, hit),
+        "gi.rmse": _one(rmse(gi, seen, hit)),
+        "gi.truth_error": float(truth.get("gi_error", torch.tensor(torch.nan))),
+    }
+
+
+def sky_figures(frame: Frame, truth: Truth) -> Figures:
+    """Of ``sky_visibility``, where the pipeline has it."""
+    if frame.sky_visibility is None:
+        return {}
+    hit, true = frame.gbuffer.hit, truth["sky_visibility"]
+    constant = constant_per_object(true, frame.gbuffer)
+    return {
+        "sky.rmse": _one(rmse(frame.sky_visibility, true, hit)),
+        "sky.if_open": _one(rmse(torch.ones_like(true), true, hit)),
+        "sky.if_constant": _one(rmse(constant, true, hit)),
+    }
+
+
+def reflection_figures(frame: Frame, truth: Truth) -> Figures:
+    """Of ``reflection`` on mirrors whose rays end on screen: RMSE over the mean true radiance there.
+
+    ``whole`` and ``limit`` are relative squared errors over everything that was hit, as for `gi_figures`.
+    """
+    g, found, true = frame.gbuffer, frame.read("reflection"), truth["reflection"]
+    smooth = torch.ones_like(g.depth) if g.roughness is None else g.roughness
+    mirror = _enough(g.hit & (smooth < MIRROR_ROUGHNESS) & (truth["seen"] > ON_SCREEN))
+    mean = masked_mean(true.mean(1, keepdim=True), mirror)
+    result = {
+        "reflection.mirror": _one(rmse(found, true, mirror) / mean),
+        "reflection.mirror_share": float(mirror.sum()) / max(float(g.hit.sum()), 1.0),
+        "reflection.if_black": _one(rmse(torch.zeros_like(true), true, mirror) / mean),
+        "reflection.if_constant": _one(rmse(constant_per_object(true, g, mirror), true, mirror) / mean),
+        "reflection.whole": relative_energy(found, true, g.hit),
+        "reflection.limit": relative_energy(truth["reflection_seen"], true, g.hit),
+        "reflection.truth_error": float(truth.get("reflection_error", torch.tensor(torch.nan))),
+    }
+    if frame.environment is not None and g.albedo is not None and g.metallic is not None:
+        result["reflection.if_sky"] = _one(rmse(_mirrored_sky(frame), true, mirror) / mean)
+    return result
+
+
+def picture_figures(color: Tensor, truth: Tensor, hit: Tensor, exposure: float) -> Figures:
+    """Of a whole picture: RMSE of the light, the rest as displayed; see `display`."""
+    from gbufrt.flip import available, flip
+
+    shown, wanted = display(color, exposure), display(truth, exposure)
+    result = {
+        "rmse": _one(rmse(color * exposure, truth * exposure, hit)),
+        "psnr": _one(psnr(shown, wanted, hit)),
+        "ssim": _one(ssim(shown, wanted, hit)) if min(truth.shape[-2:]) > 5 else float("nan"),
+    }
+    return {**result, "flip": _one(flip(shown, wanted, hit))} if available() else result
+
+
+def untouched_figures(frame: Frame, truth: Tensor, exposure: float) -> Figures:
+    """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked."""
+    hit, wanted, direct = frame.gbuffer.hit, display(truth, exposure), frame.read("radiance")
+    lit = direct if frame.ambient is None else direct + frame.ambient
+    return {
+        "psnr_if_direct": _one(psnr(display(direct, exposure), wanted, hit)),
+        "psnr_if_ambient": _one(psnr(display(lit, exposure), wanted, hit)),
+    }
+
+
+def gain(better: Tensor, worse: Tensor, truth: Tensor, changed: Tensor) -> float:
+    """By how many decibels of PSNR the first displayed picture is closer to the truth, on the pixels of ``changed``."""
+    mask = _enough(changed)
+    return _one(psnr(better, truth, mask) - psnr(worse, truth, mask))
+
+
+def changed_pixels(a: Tensor, b: Tensor, *, level: float = CHANGED) -> Tensor:
+    """``(B, 1, H, W)`` bool: where two displayed pictures differ by more than ``level`` in a component."""
+    return (a - b).abs().amax(1, keepdim=True) > level
+
+
+def relative_energy(estimate: Tensor, truth: Tensor, mask: Tensor) -> float:
+    """Sum of squared errors over the sum of the squared truth; NaN where the truth is black."""
+    total = float((truth.square() * mask).sum())
+    return float(((estimate - truth).square() * mask).sum()) / total if total > 0 else float("nan")
+
+
+def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = None) -> Tensor:
+    """The best answer that knows nothing but what each pixel shows: the truth's mean over each object and material."""
+    ids = torch.zeros_like(gbuffer.depth, dtype=torch.int64)
+    for channel in (gbuffer.object_id, gbuffer.material_id):
+        if channel is not None:
+            ids = ids * (int(channel.max()) + 1) + channel
+    counted = gbuffer.hit if mask is None else mask
+    flat, weight = torch.unique(ids, return_inverse=True)[1].flatten(), counted.flatten().to(truth)
+    count = torch.zeros(int(flat.max()) + 1, dtype=truth.dtype).index_add_(0, flat, weight).clamp_min(1)
+    result = torch.empty_like(truth)
+    for channel in range(truth.shape[1]):
+        value = truth[:, channel].flatten()
+        mean = torch.zeros_like(count).index_add_(0, flat, value * weight) / count
+        result[:, channel] = mean[flat].view_as(result[:, channel])
+    return result
+
+
+def _mirrored_sky(frame: Frame) -> Tensor:
+    """What each surface would mirror if there were only sky."""
+    from gbufrt.environment import lookup_environment
+    from post.brdf import fresnel_schlick, specular_f0
+
+    g = frame.gbuffer
+    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
+    cosine = (eye * g.normal).sum(1, keepdim=True).clamp_min(0.0)
+    sky = lookup_environment(frame.read("environment"), 2 * cosine * g.normal - eye)
+    return sky * fresnel_schlick(cosine, specular_f0(frame.read("albedo"), frame.read("metallic")))
+
+
+def _degrees(a: Tensor, b: Tensor, mask: Tensor) -> Tensor:
+    return masked_mean((a * b).sum(1, keepdim=True).clamp(-1, 1).acos().rad2deg(), mask)
+
+
+def _enough(mask: Tensor) -> Tensor:
+    return mask if int(mask.sum()) >= FEWEST else torch.zeros_like(mask)
+
+
+def _one(value: Tensor) -> float:
+    return float(value.mean())

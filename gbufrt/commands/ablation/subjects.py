@@ -1,0 +1,212 @@
+"""Subjects: what a variant is judged by. Each takes a place and a pipeline, and gives figures, pictures and costs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import torch
+from torch import Tensor
+
+from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.measure import repeated, run
+from gbufrt.commands.ablation.place import Place
+from gbufrt.commands.progress import Tick
+from gbufrt.frame import Frame
+from gbufrt.passes import Pass
+from gbufrt.pipeline import Pipeline
+from gbufrt.temporal_metrics import flicker, ghosting
+
+SIGNALS = ("ao", "gi", "reflection")
+SHARP = {"antialias": False}  # the composite has one sample a pixel, and so has its truth
+PATH_FRAMES = 12
+PATH_KEPT = 3  # frames of the path that are held against truth
+PATH_LIGHT_SAMPLES = 4
+TAA_FRAMES = 8
+
+
+@dataclass(kw_only=True)
+class Outcome:
+    """What a subject found."""
+
+    figures: dict[str, float] = field(default_factory=dict)
+    pictures: dict[str, Tensor] = field(default_factory=dict)
+    """``(1, 3, H, W)`` display-referred."""
+    passes: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+class Hide(Pass):
+    """Puts ``gi`` away, so that what follows sees no further bounce: truth of reflections has none either."""
+
+    reads, writes = frozenset({"gi"}), frozenset({"gi_found"})
+
+    def forward(self, frame: Frame) -> Frame:
+        return frame.write("gi_found", frame.read("gi")).replace(gi=None)
+
+
+def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int) -> Outcome:
+    """AO, GI and reflections, each against its own truth, after ``frames`` static frames; GI with one bounce."""
+    wanted = set(wanted)
+    kept = only(pipeline, SIGNALS[: 1 + max(SIGNALS.index(name) for name in wanted)])
+    stages = dict(one_bounce(kept).stages.items())
+    if "gi" in stages and "reflection" in stages:
+        stages = {"ao": stages.get("ao"), "gi": stages["gi"], "hide": Hide(), "reflection": stages["reflection"]}
+    frame = place.still()
+    found = run(Pipeline(**stages), repeated(frame, frames), tick=_said(place, "static frame", frames))  # pyright: ignore[reportArgumentType]
+    result, last = Outcome(passes=found.passes), found.last
+    last = last.replace(gi=last.extra.get("gi_found", last.gi))
+    exposure = f.exposure_of(place.picture(SHARP), frame.gbuffer.hit) if wanted & {"gi", "reflection"} else 1.0
+    if "ao" in wanted:
+        truth = ao_truth(place, pipeline, frame)
+        result.figures.update(f.ao_figures(last, truth))
+        result.pictures.update(_compared("ao", _grey(last.read("ao")), _grey(truth["ao"]), frame))
+    if "gi" in wanted:
+        truth = place.truth_of("indirect_diffuse", frame.gbuffer, {"bounces": 1})
+        result.figures.update({**f.gi_figures(last, truth), **f.sky_figures(last, truth)})
+        shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_seen"], exposure)
+        result.pictures.update(_compared("gi", shown, true, frame))
+    if "reflection" in wanted:
+        truth = place.truth_of("reflection", frame.gbuffer)
+        result.figures.update(f.reflection_figures(last, truth))
+        shown, true = f.display(last.read("reflection"), exposure), f.display(truth["reflection"], exposure)
+        result.pictures.update(_compared("reflection", shown, true, frame))
+    return result
+
+
+def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | None) -> Outcome:
+    """The composite against the path-traced frame after static frames.
+
+    Args:
+        place: where.
+        pipeline: what to run; its lens and display passes are left out.
+        frames: how many static frames.
+        full: the displayed composite of the full pipeline, to tell which pixels the variant changes.
+    """
+    frame, truth = place.still(), place.picture(SHARP)
+    hit, tick = frame.gbuffer.hit, _said(place, "static frame", frames)
+    found = run(up_to_composite(pipeline), repeated(frame, frames), keep=2, tick=tick)
+    exposure = f.exposure_of(truth, hit)
+    shown, wanted = f.display(found.last.read("composite"), exposure), f.display(truth, exposure)
+    result = Outcome(figures=f.picture_figures(found.last.read("composite"), truth, hit, exposure))
+    result.passes, result.pictures = found.passes, _compared("frame", shown, wanted, frame)
+    result.figures["ms"] = found.ms
+    if frames > 1:
+        pair = [f.display(one.read("composite"), exposure) for one in found.frames]
+        result.figures["flicker"] = float(flicker(pair, [frame.gbuffer] * 2))
+    if full is not None:
+        changed = hit & f.changed_pixels(full, shown)
+        result.figures["changed"] = float(changed.sum()) / max(float(hit.sum()), 1.0)
+        result.figures["loss"] = f.gain(full, shown, wanted, changed)
+    else:
+        result.figures.update(f.untouched_figures(frame, truth, exposure))
+    return result
+
+
+def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
+    """A moving camera: the last frame against the truth, flicker beyond the truth's own, and ghosts."""
+    count = max(PATH_FRAMES, PATH_KEPT + 2)
+    sources = [place.moving(number, PATH_LIGHT_SAMPLES) for number in range(count)]
+    found = run(up_to_composite(pipeline), sources, keep=PATH_KEPT, tick=_said(place, "moving frame", count))
+    truths = [place.picture(SHARP, time=place.at(number)) for number in range(count - PATH_KEPT, count)]
+    last = sources[-1]
+    exposure = f.exposure_of(truths[-1], last.gbuffer.hit)
+    shown = [f.display(frame.read("composite"), exposure) for frame in found.frames]
+    wanted = [f.display(truth, exposure) for truth in truths]
+    fresh = run(up_to_composite(pipeline), repeated(standing_still(last), max(frames // 2, 1))).last.read("composite")
+    buffers = [frame.gbuffer for frame in sources]
+    result = Outcome(passes=found.passes, pictures=_compared("path", shown[-1], wanted[-1], last))
+    color = found.last.read("composite")
+    result.figures = f.picture_figures(color, truths[-1], last.gbuffer.hit, exposure)
+    result.figures["flicker"] = float(flicker(shown, buffers[-PATH_KEPT:], wanted))
+    result.figures["ghosting"] = float(ghosting(shown[-1], wanted[-1], buffers, fresh=f.display(fresh, exposure)))
+    result.figures["new_rmse"] = float(ghosting(shown[-1], wanted[-1], buffers))
+    result.figures["fresh_new_rmse"] = float(ghosting(f.display(fresh, exposure), wanted[-1], buffers))
+    return result
+
+
+def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
+    """Jittered static frames with and without TAA against the anti-aliased frame, on the pixels on edges."""
+    count = min(frames, TAA_FRAMES)
+    lit = up_to_composite(pipeline)
+    if "taa" not in pipeline.stages:
+        raise ValueError("the pipeline has no stage 'taa'")
+    smooth = Pipeline(**dict(lit.stages.items()), taa=pipeline.stages["taa"])  # pyright: ignore[reportArgumentType]
+    frame = replace(place, light_samples=PATH_LIGHT_SAMPLES).still()
+    jittered = (replace(place, light_samples=PATH_LIGHT_SAMPLES).still(jitter=i).replace(index=i) for i in range(count))
+    after = run(smooth, jittered, tick=_said(place, "jittered frame", count))
+    before = run(lit, repeated(frame, count)).last.read("composite")
+    sharp, truth = place.picture(SHARP), place.picture()
+    exposure = f.exposure_of(sharp, frame.gbuffer.hit)
+    shown = [f.display(light, exposure) for light in (after.last.read("color"), before, sharp, truth)]
+    edges = f.changed_pixels(shown[2], shown[3], level=f.TRACED) & frame.gbuffer.hit
+    result = Outcome(passes=after.passes, pictures=_compared("taa", shown[0], shown[3], frame))
+    result.figures = {
+        "taa.gain": f.gain(shown[0], shown[1], shown[3], edges),
+        "taa.edges": float(edges.sum()) / max(float(frame.gbuffer.hit.sum()), 1.0),
+        **f.picture_figures(after.last.read("color"), truth, frame.gbuffer.hit, exposure),
+    }
+    return result
+
+
+def ao_truth(place: Place, pipeline: Pipeline, frame: Frame) -> dict[str, Tensor]:
+    """True AO at the pipeline's radius; the mean over its radii where it has several scales, as `post.gtao` says."""
+    tunables = pipeline.all_tunables()
+    radius, scales = tunables.get("ao.estimate.radius", 2.0), tunables.get("ao.estimate.scales", 1)
+    found = [
+        place.truth_of("ambient_occlusion", frame.gbuffer, {"radius": float(radius) * 2**scale})
+        for scale in range(scales)
+    ]
+    if scales == 1:
+        return dict(found[0])
+    mean = {name: torch.stack([truth[name] for truth in found]).mean(0) for name in ("ao", "ao_seen")}
+    bent = torch.stack([truth["ao"] * truth["bent_normal"] for truth in found]).mean(0)
+    mean["bent_normal"] = bent / bent.norm(dim=1, keepdim=True).clamp_min(1e-6)
+    errors = [float(truth["ao_error"]) for truth in found if "ao_error" in truth]
+    return {**mean, "ao_error": torch.tensor(math.hypot(*errors) / scales)} if errors else mean
+
+
+def only(pipeline: Pipeline, names: Iterable[str]) -> Pipeline:
+    """The stages that are named, of those that are there."""
+    return Pipeline(**{name: stage for name, stage in pipeline.stages.items() if name in set(names)})  # pyright: ignore[reportArgumentType]
+
+
+def up_to_composite(pipeline: Pipeline) -> Pipeline:
+    """The pipeline without lens and display."""
+    names = list(pipeline.stages)
+    if "composite" not in names:
+        raise ValueError(f"the pipeline has no stage 'composite'; it has {', '.join(names)}")
+    return only(pipeline, names[: names.index("composite") + 1])
+
+
+def one_bounce(pipeline: Pipeline) -> Pipeline:
+    """The pipeline with one bounce of indirect light, where it can have more."""
+    names = [name for name in pipeline.all_tunables() if name.startswith("gi.") and name.endswith(".bounces")]
+    return pipeline.with_tunables(dict.fromkeys(names, 1))
+
+
+def standing_still(frame: Frame) -> Frame:
+    """The frame as if nothing had moved before it."""
+    g = frame.gbuffer
+    still = {name: torch.zeros_like(t) for name in ("motion", "motion_z") if (t := getattr(g, name)) is not None}
+    return frame.replace(gbuffer=g.replace(previous_camera=g.camera, **still), behind=None)
+
+
+def _compared(name: str, estimate: Tensor, truth: Tensor, frame: Frame) -> dict[str, Tensor]:
+    error = f.error_picture(estimate, truth, frame.gbuffer.hit)
+    return {name: estimate, f"{name} truth": truth, f"{name} error": error}
+
+
+def _grey(value: Tensor) -> Tensor:
+    return value.expand(-1, 3, -1, -1)
+
+
+def _said(place: Place, what: str, count: int) -> Tick:
+    done = 0
+
+    def tick() -> None:
+        nonlocal done
+        done += 1
+        place.say(f"{place.view}, {what} {done} of {count}")
+
+    return tick
