@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 import torch
@@ -65,7 +66,7 @@ class Cache:
             try:
                 with np.load(path, allow_pickle=False) as found:
                     return {name: torch.from_numpy(found[name]) for name in found.files}
-            except (OSError, ValueError, EOFError, KeyError):
+            except (OSError, ValueError, EOFError, KeyError, BadZipFile):
                 path.unlink(missing_ok=True)
         made = {name: tensor.detach().cpu() for name, tensor in make().items()}
         with atomic(path) as part, part.open("wb") as file:

@@ -216,8 +216,8 @@ SECTIONS = (
             "flip": "FLIP",
         },
         text="A moving camera. Flicker is the mean change of displayed surfaces from frame to frame along their "
-        "motion, beyond the truth's own. Ghosting is the RMSE where surfaces came into sight during the last four frames, "
-        "beyond what the same passes leave there with a clean history.",
+        "motion, beyond the truth's own. Ghosting is the RMSE where surfaces came into sight during the last four "
+        "frames, beyond what the same passes leave there with a clean history.",
     ),
     Section(
         title="Temporal anti-aliasing",

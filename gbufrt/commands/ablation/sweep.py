@@ -150,7 +150,7 @@ def _read_png(path: Path) -> Tensor:
     import torch
     from PIL import Image
 
-    return torch.from_numpy(np.asarray(Image.open(path).convert("RGB"))).permute(2, 0, 1)[None].float() / 255
+    return torch.from_numpy(np.array(Image.open(path).convert("RGB"))).permute(2, 0, 1)[None].float() / 255
 
 
 def _about(plan: Plan) -> dict[str, Any]:
