@@ -13,6 +13,7 @@ CELL = 8.0  # world units a side of the cells that share a choice of lamps, doub
 MANY = 1 << 13
 SLOTS = 128  # of a cell, handed out to the lamps in proportion
 SPREAD = 0.1  # share of the choices that are made by power alone, so that no lamp is forgotten
+CANDIDATES = 8  # that a point takes from its cell's slots to choose one from
 BLOCK = 1 << 20  # cells times rectangles at a time
 
 
@@ -24,7 +25,8 @@ class LampTable:
         corner: ``(R, 3)``; see `tracer.emitters.Lamps`.
         edge_u: ``(R, 3)``.
         edge_v: ``(R, 3)``.
-        outward: ``(R, 3)`` to the side that shines, as long as the rectangle's area.
+        facing: ``(R, 3)`` unit normal on the side that shines.
+        area: ``(R,)``.
         radiance: ``(R, 3)``.
         slots: ``(X * Y * Z, SLOTS)`` int32 rectangles, in rising order.
         counts: ``(X * Y * Z, SLOTS)`` int16: how many slots of the cell hold the same rectangle.
@@ -37,7 +39,8 @@ class LampTable:
     corner: Tensor
     edge_u: Tensor
     edge_v: Tensor
-    outward: Tensor
+    facing: Tensor
+    area: Tensor
     radiance: Tensor
     slots: Tensor
     counts: Tensor
@@ -53,10 +56,10 @@ class LampTable:
     def of(lamps: Lamps, low: tuple[int, int, int], high: tuple[int, int, int]) -> LampTable:
         """The table over a box; points outside use its nearest cell."""
         used = lamps.edge_u.abs().sum(dim=2) > 0
-        corner, edge_u, edge_v = lamps.corner[used], lamps.edge_u[used], lamps.edge_v[used]
         radiance = lamps.radiance[:, None].expand(-1, used.shape[1], -1)[used]
-        outward = torch.linalg.cross(edge_u, edge_v)
-        power = outward.norm(dim=1) * radiance.mean(dim=1)
+        places = _places(lamps)
+        corner = places["corner"]
+        power = places["area"] * radiance.mean(dim=1)
         cell = CELL
         while True:
             shape = tuple(max(1, -int(-(b - a) // cell)) for a, b in zip(low, high, strict=True))
@@ -64,10 +67,7 @@ class LampTable:
                 break
             cell *= 2
         table = LampTable(
-            corner=corner,
-            edge_u=edge_u,
-            edge_v=edge_v,
-            outward=outward,
+            **places,
             radiance=radiance,
             slots=torch.zeros(0, SLOTS, dtype=torch.int32, device=corner.device),
             counts=torch.zeros(0, SLOTS, dtype=torch.int16, device=corner.device),
@@ -80,10 +80,7 @@ class LampTable:
 
     def moved(self, lamps: Lamps) -> LampTable:
         """The same choices among the same lamps in other places."""
-        used = lamps.edge_u.abs().sum(dim=2) > 0
-        corner, edge_u, edge_v = lamps.corner[used], lamps.edge_u[used], lamps.edge_v[used]
-        outward = torch.linalg.cross(edge_u, edge_v)
-        return replace(self, corner=corner, edge_u=edge_u, edge_v=edge_v, outward=outward)
+        return replace(self, **_places(lamps))
 
     def with_slots(self) -> LampTable:
         """The same with its slots filled."""
@@ -100,9 +97,8 @@ class LampTable:
         reach = self.cell * 3**0.5 / 2
         middle = self.corner + (self.edge_u + self.edge_v) / 2
         square = torch.cdist(centers, middle).square()
-        height = centers @ self.outward.T - (self.corner * self.outward).sum(dim=1)
-        area = self.outward.norm(dim=1).clamp_min(1e-20)
-        height = height / area + reach  # of the highest point of the cell's sphere over the rectangle's plane
+        height = centers @ self.facing.T - (self.corner * self.facing).sum(dim=1)
+        height = height + reach  # of the highest point of the cell's sphere over the rectangle's plane
         leaning = (height / (square.sqrt() + reach)).clamp(0.0, 1.0)
         given = leaning * self.power / (square + reach * reach / 4)
         upto = given.cumsum(dim=1)
@@ -110,16 +106,30 @@ class LampTable:
         place = (torch.arange(SLOTS, device=centers.device) + 0.5) / SLOTS * total
         return torch.searchsorted(upto, place).clamp_max(len(self) - 1).int()
 
-    def choose(self, points: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-        """One rectangle for each point.
+    def choose(self, points: Tensor, normals: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+        """One rectangle for each point: of a few that its cell suggests, one in proportion to what it may give here.
 
         Args:
             points: ``(N, 3)`` world space.
-            u: ``(N,)`` in [0, 1).
+            normals: ``(N, 3)`` unit length: light from below does not count.
+            u: ``(2, N)`` in [0, 1).
 
         Returns:
-            Its number ``(N,)`` and the probability ``(N,)`` of that choice.
+            Its number ``(N,)``; and ``(N,)`` by what its light is to be multiplied, 0 where none can give any.
+
+        Source: Talbot, Cline and Egbert 2005 (resampled importance sampling).
         """
+        steps = torch.arange(CANDIDATES, device=u.device)[:, None] / CANDIDATES
+        candidates, chance = self._suggest(points.repeat(CANDIDATES, 1), ((u[:1] + steps) % 1.0).flatten())
+        given = self._given(points, normals, candidates.view(CANDIDATES, -1))
+        weight = given / chance.view(CANDIDATES, -1)
+        upto = weight.cumsum(dim=0)
+        which = (u[1] * upto[-1] >= upto).sum(dim=0).clamp_max(CANDIDATES - 1)[None]
+        chosen, own = candidates.view(CANDIDATES, -1).gather(0, which)[0], given.gather(0, which)[0]
+        return chosen, torch.where(own > 0, upto[-1] / (CANDIDATES * own.clamp_min(1e-30)), 0.0)
+
+    def _suggest(self, points: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
+        """A rectangle ``(N,)`` for each point by its cell's slots, and the probability ``(N,)`` of that."""
         limit = torch.tensor(self.shape, device=points.device) - 1
         cell = ((points - self.low) / self.cell).long().clamp_min(0).minimum(limit)
         number = (cell[:, 0] * self.shape[1] + cell[:, 1]) * self.shape[2] + cell[:, 2]
@@ -130,3 +140,29 @@ class LampTable:
         chosen[spread] = every
         count[spread] = (self.slots[number[spread]] == every[:, None]).sum(dim=1).float()
         return chosen, SPREAD * self.power[chosen] + (1 - SPREAD) / SLOTS * count
+
+    def _given(self, points: Tensor, normals: Tensor, candidates: Tensor) -> Tensor:
+        """``(K, N)``: roughly what rectangles ``(K, N)`` give with nothing between; zero only where they give none.
+
+        All of a rectangle counts as if at its middle, but where that is below the surface's horizon the highest point
+        of its sphere still counts.
+        """
+        way = (self.corner + (self.edge_u + self.edge_v) / 2)[candidates] - points
+        facing = self.facing[candidates]
+        square = way[..., 0] ** 2 + way[..., 1] ** 2 + way[..., 2] ** 2
+        above = -(way[..., 0] * facing[..., 0] + way[..., 1] * facing[..., 1] + way[..., 2] * facing[..., 2])
+        rise = way[..., 0] * normals[:, 0] + way[..., 1] * normals[:, 1] + way[..., 2] * normals[:, 2]
+        reach = ((self.edge_u + self.edge_v).norm(dim=1) / 2)[candidates]
+        rise = torch.maximum(rise, (rise + reach) / 4).clamp_min(0)
+        near = reach * reach / 4  # nearer than that it does not grow any more
+        return self.power[candidates] * above.clamp_min(0) * rise / (square + near).square()
+
+
+def _places(lamps: Lamps) -> dict[str, Tensor]:
+    """Corner, edges, normal and area of all rectangles."""
+    used = lamps.edge_u.abs().sum(dim=2) > 0
+    corner, edge_u, edge_v = lamps.corner[used], lamps.edge_u[used], lamps.edge_v[used]
+    outward = torch.linalg.cross(edge_u, edge_v)
+    area = outward.norm(dim=1)
+    facing = outward / area.clamp_min(1e-20)[:, None]
+    return {"corner": corner, "edge_u": edge_u, "edge_v": edge_v, "facing": facing, "area": area}

@@ -16,6 +16,7 @@ from tracer.sky import sky_radiance, sun_radiance
 from tracer.traversal import transmission
 
 SHARP_LAMP = 0.3  # roughness below which lamps are found by mirrored rays, above it by rays to the lamps
+EVEN = DIMS + 3  # numbers that a bounce takes where all is scattered evenly
 MORE = DIMS + 5  # numbers that a bounce takes
 RARELY = 0.1  # least share of rays that a surface mirrors, and that it scatters evenly, if it does both
 LEAST_ALPHA = 1e-4  # GGX width below which rays to lights take the surface for slightly rough
@@ -29,7 +30,7 @@ def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: 
         scene: what is there.
         lights: of the scene.
         start: N surfaces.
-        u: ``(8 * bounces, N)`` in [0, 1).
+        u: ``(EVEN * bounces, N)`` in [0, 1).
         bounces: 1 for what reaches the surfaces themselves.
         poses: ``(I, 4, 4)``.
 
@@ -39,10 +40,10 @@ def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: 
     total, rows, at = torch.zeros_like(start.points), torch.arange(len(start), device=u.device), start
     through = torch.ones_like(total)
     for bounce in range(bounces):
-        numbers, u = u[: DIMS + 3], u[DIMS + 3 :]
+        numbers, u = u[:EVEN], u[EVEN:]
         through = through * at.diffuse
 
-        for _, light in direct(scene, lights, at.points, numbers[:DIMS], partial(_even, at), poses=poses):
+        for _, light in direct(scene, lights, at, numbers[:DIMS], partial(_even, at), poses=poses):
             total[rows] += through * light
         directions = cosine_direction(at.normals, numbers[DIMS : DIMS + 2])
         if bounce == bounces - 1:
@@ -103,7 +104,7 @@ def radiance(
         sharp_sun, sharp_lamp = _sharp(scene, at)
         if next_event:
             respond = partial(_response, at, sharp_sun, sharp_lamp)
-            for _, light in direct(scene, lights, at.points, numbers[:DIMS], respond, poses=poses):
+            for _, light in direct(scene, lights, at, numbers[:DIMS], respond, poses=poses):
                 total[rows] += through * light
         directions, factor, mirrors = _scattered(at, numbers[DIMS : DIMS + 3])
         sees_sun, sees_lamps = ((mirrors & sharp) | (not next_event) for sharp in (sharp_sun, sharp_lamp))

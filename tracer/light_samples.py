@@ -15,8 +15,10 @@ from tracer.scatter import dot, frame
 from tracer.scene import Scene, Sun
 from tracer.sequence import disc
 from tracer.shadows import SHORT
+from tracer.spherical_rectangle import rectangle_points
 
-DIMS = 5  # numbers that the two samples take
+NEAR = 0.02  # of its squared distance: rectangles of a larger area are sampled as they are seen
+DIMS = 6  # numbers that the two samples take
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -58,13 +60,13 @@ class Lights:
         """The same lights with the instances at other ``poses``; how often each is chosen stays as it was."""
         return self if self.lamps is None else replace(self, lamps=self.lamps.moved(lamps_of(scene, poses)))
 
-    def sample(self, points: Tensor, u: Tensor) -> list[LightSample]:
-        """A sample of every kind of light there is, for points ``(N, 3)`` from numbers ``(5, N)`` in [0, 1)."""
+    def sample(self, points: Tensor, normals: Tensor, u: Tensor) -> list[LightSample]:
+        """A sample of every kind of light there is, for surfaces ``(N, 3)`` from numbers ``(6, N)`` in [0, 1)."""
         samples = []
         if self.sun is not None:
             samples.append(sun_sample(self.sun, u[:2]))
         if self.lamps is not None:
-            samples.append(lamp_sample(self.lamps, points, u[2:5]))
+            samples.append(lamp_sample(self.lamps, points, normals, u[2:]))
         return samples
 
 
@@ -82,15 +84,23 @@ def sun_sample(sun: Sun, u: Tensor) -> LightSample:
     return LightSample(direction=direction, distance=distance, energy=energy)
 
 
-def lamp_sample(lamps: LampTable, points: Tensor, u: Tensor) -> LightSample:
-    """A point on one rectangle, from numbers ``(3, N)``."""
-    chosen, chance = lamps.choose(points, u[0])
-    way = lamps.corner[chosen] + lamps.edge_u[chosen] * u[1, :, None] + lamps.edge_v[chosen] * u[2, :, None] - points
-    square = (way * way).sum(dim=1).clamp_min(1e-12)
-    distance = square.sqrt()
-    direction = way / distance[:, None]
-    outward = lamps.outward[chosen]
-    shown = -dot(outward, direction)  # area as it is seen from the point
-    energy = lamps.radiance[chosen] * (shown.clamp_min(0) / (square * chance))[:, None]
-    facing = F.normalize(outward, dim=1)
-    return LightSample(direction=direction, distance=(distance - SHORT).clamp_min(0), energy=energy, facing=facing)
+def lamp_sample(lamps: LampTable, points: Tensor, normals: Tensor, u: Tensor) -> LightSample:
+    """A point on one rectangle, from numbers ``(4, N)``: evenly over its area, or as it is seen where it is near."""
+    chosen, factor = lamps.choose(points, normals, u[:2])
+    corner, edge_u, edge_v = lamps.corner[chosen], lamps.edge_u[chosen], lamps.edge_v[chosen]
+    facing, area = lamps.facing[chosen], lamps.area[chosen]
+    way = corner + edge_u * u[2, :, None] + edge_v * u[3, :, None] - points
+    above = -dot(facing, way)
+    square = dot(way, way).clamp_min(1e-12)
+    angle = area * above / (square * square.sqrt())
+    middle = corner + (edge_u + edge_v) / 2 - points
+    near = ((above > 0) & (area > NEAR * dot(middle, middle))).nonzero()[:, 0]
+    places = (points[near], corner[near], edge_u[near], edge_v[near])
+    way[near], angle[near] = rectangle_points(*places, u[2:, near])
+    distance = dot(way, way).clamp_min(1e-12).sqrt()
+    return LightSample(
+        direction=way / distance[:, None],
+        distance=(distance - SHORT).clamp_min(0),
+        energy=lamps.radiance[chosen] * (angle.clamp_min(0) * factor)[:, None],
+        facing=facing,
+    )

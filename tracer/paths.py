@@ -219,15 +219,15 @@ def _vertices(
 
 
 def direct(
-    scene: Scene, lights: Lights, points: Tensor, u: Tensor, respond: Callable[[LightSample], Tensor], *, poses: Tensor
+    scene: Scene, lights: Lights, at: Vertices, u: Tensor, respond: Callable[[LightSample], Tensor], *, poses: Tensor
 ) -> list[tuple[LightSample, Tensor]]:
     """Light straight from sun and lamps, by one shadow ray to each kind.
 
     Args:
         scene: what may stand between.
         lights: of the scene.
-        points: ``(N, 3)`` world space, a little above surfaces.
-        u: ``(5, N)`` in [0, 1).
+        at: N surfaces.
+        u: ``(6, N)`` in [0, 1).
         respond: a sample to the factor ``(N, 3)`` on its radiance: reflectance x cosine.
         poses: ``(I, 4, 4)`` of the instances.
 
@@ -235,10 +235,10 @@ def direct(
         Of each kind, the sample and the radiance ``(N, 3)`` that it adds.
     """
     found = []
-    for sample in lights.sample(points, u):
+    for sample in lights.sample(at.points, at.normals, u):
         value = respond(sample) * sample.energy
         rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
-        way = points[rows], sample.direction[rows]
+        way = at.points[rows], sample.direction[rows]
         value[rows] *= transmission(scene, *way, poses=poses, mask=MASK_SHADOW, t_max=sample.distance[rows])
         found.append((sample, value))
     return found

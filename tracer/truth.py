@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from tracer.lens import focus_distance
-from tracer.light_paths import SHARP_LAMP, gathered, glossy, sky
+from tracer.light_paths import EVEN, SHARP_LAMP, gathered, glossy, sky
 from tracer.light_samples import DIMS, LightSample
 from tracer.path_tracer import path_trace
 from tracer.paths import Vertices, direct, meet
@@ -136,7 +136,7 @@ def indirect_diffuse(
         gbuffer,
         receivers,
         shoot,
-        dims=3 + (DIMS + 3) * bounces,
+        dims=3 + EVEN * bounces,
         samples=samples,
         noise=noise,
         seed=seed,
@@ -204,7 +204,7 @@ def reflection(
         return {"reflection": light, "reflection_seen": seen} | {k: v[:, None] for k, v in counts.items()}
 
     receivers = receivers_of(scene, gbuffer, poses)
-    dims = 3 + DIMS + DIMS + 3
+    dims = 3 + DIMS + EVEN
     found = at_each_pixel(
         gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )
@@ -225,7 +225,7 @@ def _glossy_lamps(scene: Scene, at: Receivers, start: Vertices, rough: Tensor, u
 
     light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
     lamps = replace(at.lights, sun=None)
-    for sample, value in direct(scene, lamps, start.points, u, respond, poses=at.poses):
+    for sample, value in direct(scene, lamps, start, u, respond, poses=at.poses):
         light = light + value
         if sample.facing is not None:
             places = start.points + sample.direction * sample.distance[:, None]

@@ -1,0 +1,324 @@
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import pytest
+import torch
+from voxels import LAMP, STONE, TABLE, WATER, pose, random_scene, random_world, world
+
+from gbufrt import Camera
+from tracer.emitters import lamps_of
+from tracer.form_factor import rectangle_irradiance
+from tracer.gbuffer import gbuffer
+from tracer.lamp_table import LampTable
+from tracer.lens import focus_distance, lens_rays
+from tracer.light_paths import radiance
+from tracer.light_samples import lamp_sample
+from tracer.lighting import light
+from tracer.material import Material, MaterialTable
+from tracer.scatter import dot, mirrored, specular_response
+from tracer.scene import Instance, Scene, Sky, Sun
+from tracer.spherical_rectangle import rectangle_points
+from tracer.truth import path_trace, reflection
+from tracer.world import World
+
+EVEN = Sky(zenith=(0.5, 0.6, 0.7), horizon=(0.5, 0.6, 0.7), ground=(0.5, 0.6, 0.7))
+DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
+SKY = torch.tensor(EVEN.zenith).view(1, 3, 1, 1)
+
+
+def floor(height: int = 2, **material) -> World:
+    """48x48 of one material, its top at y = 1."""
+    table = MaterialTable.of([Material(name="floor", **{"variation": 0.0, **material})])
+    voxels = torch.zeros(48, height, 48, dtype=torch.int16)
+    voxels[:, 0] = 1
+    return World.from_dense(voxels, table)
+
+
+def above(*, size: tuple[int, int] = (8, 8), span: float = 4.0, height: float = 30.0) -> Camera:
+    return Camera.look_at((24, height, 24), (24, 0, 24), size=size, up=(0.0, 0.0, -1.0), orthographic_height=span)
+
+
+def test_a_matte_floor_under_an_even_sky_has_the_closed_form():
+    scene = Scene(world=floor(albedo=(0.5, 0.6, 0.2), roughness=0.0), sun=None, sky=EVEN)
+    camera = Camera.look_at((20, 9, 40), (24, 1, 28), size=(9, 8), fov_y=25.0)
+    got = path_trace(scene, camera, samples=128, antialias=False)["radiance"]
+    cosine = -camera.rays()[1][..., 1][:, None]
+    want = SKY * (torch.tensor([0.5, 0.6, 0.2]).view(1, 3, 1, 1) + 0.04 + 0.96 * (1 - cosine) ** 5)
+    assert torch.allclose(got, want, rtol=0.06)
+    assert abs(float((got / want).mean()) - 1) < 0.002
+
+
+@pytest.mark.parametrize(("roughness", "kept"), [(0.0, 0.999), (0.3, 0.9)])
+def test_white_metal_in_a_furnace_keeps_its_light(roughness, kept):
+    voxels = torch.rand(20, 12, 20, generator=torch.Generator().manual_seed(3)) < 0.04
+    table = MaterialTable.of(
+        [Material(name="metal", albedo=(1.0, 1.0, 1.0), metallic=1.0, roughness=roughness, variation=0.0)]
+    )
+    scene = Scene(world=World.from_dense(voxels.short(), table), sun=None, sky=EVEN)
+    camera = Camera.look_at((40, 20, 30), (10, 6, 10), size=(16, 16), fov_y=30.0)
+    got = (path_trace(scene, camera, bounces=16, samples=16)["radiance"] / SKY).mean()
+    assert kept < got < 1 + 1e-4
+
+
+def test_next_event_estimation_agrees_with_brute_force(monkeypatch):
+    table = MaterialTable.of(
+        [
+            Material(name="stone", albedo=(0.6, 0.5, 0.4)),
+            Material(name="gloss", albedo=(0.3, 0.5, 0.4), roughness=0.5, metallic=0.5),
+            Material(name="mirror", albedo=(0.9, 0.8, 0.7), roughness=0.1, metallic=1.0),
+            Material(name="glass", opacity=0.3, roughness=0.1, tint=(0.9, 0.8, 0.7)),
+            Material(name="lamp", emission=(3.0, 2.0, 1.0)),
+        ]
+    )
+    voxels = torch.zeros(12, 8, 12, dtype=torch.int16)
+    voxels[:, 0], voxels[0], voxels[:, :, 0] = 1, 2, 3
+    voxels[6:8, 1:3, 6:8], voxels[3:5, 3:5, 8:10], voxels[8:11, 1:4, 3] = 1, 5, 4
+    world_ = World.from_dense(voxels, table)
+    lantern = Instance(
+        model=world((2, 2, 2), (LAMP, (0, 0, 0), (2, 2, 2))), pose=lambda t: pose((9.0, 4.0, 8.0), yaw=0.5), scale=0.5
+    )
+    scene = Scene(world=world_, instances=(lantern,), sun=Sun(direction=(0.5, 0.9, 0.6), angular_radius=25.0))
+    camera = Camera.look_at((11.5, 6, 11.5), (4, 1, 4), size=(12, 12), fov_y=60.0)
+    ours = path_trace(scene, camera, bounces=2, samples=512)
+    monkeypatch.setattr("tracer.path_tracer.radiance", partial(radiance, next_event=False))
+    brute = path_trace(scene, camera, bounces=2, samples=2048, seed=1)
+    assert ours.error["radiance"].mean() < 0.6 * 2 * brute.error["radiance"].mean()
+    off = (ours["radiance"] - brute["radiance"]) / (ours.error["radiance"] ** 2 + brute.error["radiance"] ** 2).sqrt()
+    assert off.mean().abs() < 0.15
+    assert off.square().mean() < 1.6
+    assert (ours["radiance"].mean() / brute["radiance"].mean() - 1).abs() < 0.01
+
+
+def test_direct_light_agrees_with_the_renderer(monkeypatch):
+    monkeypatch.setattr("tracer.sky.GLOW", ())
+    table = MaterialTable.of([Material(name="floor", roughness=0.0), Material(name="lamp", emission=(4.0, 3.0, 2.0))])
+    voxels = torch.zeros(48, 6, 48, dtype=torch.int16)
+    voxels[:, 0], voxels[22:24, :4, 22:24], voxels[26:28, 3:5, 26] = 1, 1, 2
+    sun = Sun(direction=(0.5, 0.8, 0.2), angular_radius=3.0)  # seen from above no mirror shows sun or lamp
+    scene = Scene(world=World.from_dense(voxels, table), sky=DARK, sun=sun)
+    g = gbuffer(scene, above(span=12.0))
+    want, _ = light(scene, g, samples=256)
+    got = path_trace(scene, g.camera, bounces=0, samples=256, antialias=False)["radiance"]
+    lit = want > 0.01
+    assert float(want[lit].std()) > 0.1
+    assert (got[lit] / want[lit] - 1).abs().mean() < 0.02
+    assert got[~lit].max() < 0.02
+    assert abs(float(got.sum() / want.sum()) - 1) < 0.005
+
+
+def test_lamps_chosen_one_at_a_time_give_their_form_factors():
+    boxes = [(LAMP, (10, 6, 10), (14, 7, 12)), (LAMP, (30, 4, 33), (31, 5, 34)), (LAMP, (24, 3, 24), (25, 4, 25))]
+    lamps = lamps_of(Scene(world=world((48, 8, 48), *boxes)), torch.zeros(0, 4, 4))
+    table = LampTable.of(lamps, (0, 0, 0), (48, 8, 48))
+    g = torch.Generator().manual_seed(0)
+    points = torch.tensor([[24.2, 2.6, 24.8], [11.0, 1.0, 11.0], [40.0, 2.0, 7.0]]).repeat(40000, 1)
+    normals = torch.tensor([0.0, 1.0, 0.0]).expand_as(points)
+    sample = lamp_sample(table, points, normals, torch.rand(4, len(points), generator=g))
+    got = (sample.energy * dot(normals, sample.direction).clamp_min(0)[:, None]).view(-1, 3, 3).mean(dim=0)
+    for i in range(3):
+        want = torch.zeros(3)
+        for lamp in range(len(lamps)):
+            places = [t[lamp, :, None].permute(2, 0, 1) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)]
+            each = rectangle_irradiance(points[i, :, None], normals[i, :, None], *places)
+            want += lamps.radiance[lamp] * each.sum()
+        assert torch.allclose(got[i], want, rtol=0.03)
+
+
+def test_points_on_a_rectangle_are_even_as_they_are_seen():
+    g = torch.Generator().manual_seed(1)
+    along, up, _ = torch.linalg.qr(torch.randn(3, 3, generator=g)).Q.unbind(0)
+    along, up, eye = along * 3, up * 1.5, torch.tensor([0.3, -0.4, 0.9])
+    n, corner = 100000, torch.tensor([-1.0, 0.2, 0.4])
+    s = (torch.arange(600) + 0.5) / 600
+    ways = corner + s[:, None, None] * along + s[:, None] * up - eye
+    seen = (ways @ torch.linalg.cross(along, up)).abs() / ways.norm(dim=-1) ** 3
+    got, angle = rectangle_points(*(x.expand(n, 3) for x in (eye, corner, along, up)), torch.rand(2, n, generator=g))
+    assert torch.allclose(angle[0], seen.mean(), rtol=1e-4)
+    unit = torch.nn.functional.normalize
+    want = (unit(ways, dim=-1) * seen[..., None]).sum(dim=(0, 1)) / seen.sum()
+    assert torch.allclose(unit(got, dim=1).mean(dim=0), want, atol=3e-3)
+    assert ((got + eye - corner) @ torch.linalg.cross(along, up)).abs().max() < 1e-5
+
+
+def test_mirrored_directions_follow_the_reflectance():
+    g = torch.Generator().manual_seed(2)
+    n, alpha = 200000, torch.tensor(0.3)
+    up, view = torch.tensor([0.0, 1.0, 0.0]), torch.nn.functional.normalize(torch.tensor([1.0, 0.7, 0.2]), dim=0)
+    normals, toward, alpha = up.expand(n, 3), view.expand(n, 3), alpha.expand(n)
+    white = torch.ones(n, 3)
+    directions, weight, _ = mirrored(normals, toward, alpha, torch.rand(2, n, generator=g))
+    even = torch.nn.functional.normalize(torch.randn(n, 3, generator=g), dim=1)
+    even = torch.where(even[:, 1:2] < 0, -even, even)
+    value = specular_response(normals, toward, alpha, white, even)[:, 0] * 2 * math.pi
+    assert abs(float(weight.mean() - value.mean())) < 0.01
+    assert torch.allclose((directions * weight[:, None]).mean(0), (even * value[:, None]).mean(0), atol=0.01)
+
+
+def test_a_mirror_shows_the_lamp_over_it():
+    lamp = (2, (20, 5, 20), (28, 6, 28))
+    table = MaterialTable.of(
+        [
+            Material(name="mirror", albedo=(0.9, 0.8, 0.7), metallic=1.0, roughness=0.0, variation=0.0),
+            Material(name="lamp", emission=(4.0, 3.0, 2.0)),
+        ]
+    )
+    voxels = torch.zeros(48, 6, 48, dtype=torch.int16)
+    voxels[:, 0], voxels[20:28, 5, 20:28] = 1, lamp[0]
+    scene = Scene(world=World.from_dense(voxels, table), sun=None, sky=DARK)
+    camera = Camera.look_at((24, 3, 23.5), (24, 1, 24), size=(8, 8), fov_y=30.0)
+    g = gbuffer(scene, camera)
+    found = reflection(scene, g, samples=4)
+    way = camera.rays()[1].permute(0, 3, 1, 2)
+    f0 = torch.tensor([0.9, 0.8, 0.7]).view(1, 3, 1, 1)
+    want = (f0 + (1 - f0) * (1 + way[:, 1:2]) ** 5) * torch.tensor([4.0, 3.0, 2.0]).view(1, 3, 1, 1)
+    assert torch.allclose(found["reflection"], want, rtol=1e-3)
+    assert torch.allclose(found["distance"], 4 / -way[:, 1:2], rtol=1e-3)
+    assert found["seen"].max() == 0  # the lamp's underside is above the picture
+    assert found["reflection_seen"].max() == 0
+    both = gbuffer(scene, Camera.look_at((24, 3, 8), (24, 2.8, 24), size=(64, 64), fov_y=50.0))
+    found = reflection(scene, both, samples=4)
+    shows = both.hit & (both.normal[:, 1:2] > 0.9) & (found["distance"] < 100)
+    assert shows.sum() > 100
+    assert found["seen"][shows].mean() > 0.9
+    assert torch.allclose(found["reflection_seen"], found["reflection"] * found["seen"], rtol=1e-3)
+
+
+def test_lamps_in_rough_surfaces_are_the_same_by_mirrored_rays_and_by_rays_to_lamps(monkeypatch):
+    scene = Scene(
+        world=world((48, 6, 48), (STONE, (0, 0, 0), (48, 1, 48)), (LAMP, (22, 4, 22), (27, 6, 26))), sun=None, sky=DARK
+    )
+    g = gbuffer(scene, Camera.look_at((24, 3, 14), (24, 1, 22), size=(10, 10), fov_y=40.0))
+    g = g.replace(roughness=torch.full_like(g.depth, 0.5))
+    found = []
+    for bound in (0.0, 1.1):
+        monkeypatch.setattr("tracer.truth.SHARP_LAMP", bound)
+        found.append(reflection(scene, g, samples=512)["reflection"])
+    assert float(found[0].mean()) > 0.01
+    assert abs(float(found[0].mean() / found[1].mean()) - 1) < 0.02
+
+
+def test_light_from_behind_water_is_dimmed_as_the_gbuffer_says():
+    scene = Scene(
+        world=world((48, 6, 48), (LAMP, (0, 0, 0), (48, 1, 48)), (WATER, (0, 1, 0), (48, 3, 48))), sun=None, sky=DARK
+    )
+    camera = above(span=6.0)
+    g = gbuffer(scene, camera)
+    assert g.transmittance is not None
+    want = g.transmittance * torch.tensor([4.0, 3.0, 2.0]).view(1, 3, 1, 1)
+    got = path_trace(scene, camera, bounces=0, samples=256)
+    assert (got["radiance"].mean(dim=(0, 2, 3)) / want.mean(dim=(0, 2, 3)) - 1).abs().max() < 0.02
+
+
+def test_rays_through_a_lens_meet_on_the_focal_plane():
+    camera = Camera.look_at((1, 2, 3), (4, 1, 9), size=(9, 16), fov_y=50.0)
+    u = torch.rand(2, 500, generator=torch.Generator().manual_seed(0))
+    px = torch.tensor([[3.7], [6.1]]).expand(2, 500)
+    origins, directions, along = lens_rays(camera, px, u, aperture_radius=0.5, focus_distance=7.0)
+    ends = camera.to_view((origins + directions * (7.0 / along)[:, None]).T[None])[0]
+    assert torch.allclose(ends[2], torch.tensor(7.0), atol=1e-4)
+    assert (camera.project(ends[None])[0] - px).abs().max() < 1e-3
+    off = (origins - camera.position).norm(dim=1)
+    assert 0.45 < off.max() <= 0.5 + 1e-6
+    assert abs(float(off.square().mean()) - 0.125) < 0.01  # even over the disc
+
+
+def test_a_lens_spreads_a_lamp_out_of_focus_over_a_disc():
+    scene = Scene(world=world((3, 3, 3), (LAMP, (1, 1, 1), (2, 2, 2))), sun=None, sky=DARK)
+    camera = Camera.look_at((1.5, 1.5, -18.0), (1.5, 1.5, 0.0), size=(48, 48), fov_y=30.0)
+    sharp = path_trace(scene, camera, bounces=0, samples=16)["radiance"]
+    blurred = path_trace(scene, camera, bounces=0, samples=64, aperture_radius=1.0, focus_distance=9.5)["radiance"]
+    assert abs(float(blurred.sum() / sharp.sum()) - 1) < 0.03
+    focal = float(camera.intrinsics[0, 0, 0])
+    radius = focal * abs(1 / 9.5 - 1 / 19) + 0.5 * focal / 19
+    y, x = torch.meshgrid(torch.arange(48) - 23.5, torch.arange(48) - 23.5, indexing="ij")
+    far = (x * x + y * y).sqrt()
+    assert blurred[0, 0][far > radius * 1.2 + 1].max() == 0
+    assert blurred[0, 0][far < radius * 0.5].min() > 0
+    focused = path_trace(scene, camera, bounces=0, samples=16, aperture_radius=1.0, focus_distance=19.0)["radiance"]
+    assert (focused - sharp).abs().mean() < 0.05 * sharp.mean() + 0.01
+
+
+def test_focus_goes_to_the_middle_of_the_picture_by_and_by():
+    scene = Scene(world=world((48, 48, 4), (STONE, (0, 0, 2), (48, 48, 3))), sun=None)
+    camera = Camera.look_at((24, 24, -10), (24, 24, 0), size=(9, 16))
+    assert torch.allclose(focus_distance(scene, camera), torch.tensor([12.0]))
+    distance = torch.tensor([2.0])
+    for _ in range(3):
+        distance = focus_distance(scene, camera, previous=distance, rate=0.5)
+    assert torch.allclose(distance, torch.tensor([2.0 + 10 * 0.875]))
+    away = Camera.look_at((24, 24, -10), (24, 24, -20), size=(9, 16))
+    assert float(focus_distance(scene, away)) == away.far
+
+
+def test_an_open_shutter_shows_a_mover_for_as_long_as_it_is_there():
+    lamp = Instance(
+        model=world((2, 2, 2), (LAMP, (0, 0, 0), (2, 2, 2))), pose=lambda t: pose((10.0 + 8 * t, 3.0, 23.0))
+    )
+    scene = Scene(world=world((48, 2, 48), (STONE, (0, 0, 0), (1, 1, 1))), instances=(lamp,), sun=None, sky=DARK)
+    camera = above(size=(8, 48), span=8.0)
+    given = {"bounces": 0, "samples": 16, "shutter": 1.0}
+    trail = path_trace(scene, camera, **given, time=0.0)["radiance"][0, 0, 3:5].mean(dim=0) / 4
+    x = torch.arange(48) + 0.5
+    want = ((x - 10).clamp(0, 2) - (x - 18).clamp(0, 2)) / 8  # the share of the time that the lamp covers it
+    assert (trail - want).abs().max() < 0.04
+    centred = path_trace(scene, camera, **given, time=0.5, shutter_offset=-0.5)["radiance"][0, 0, 3:5].mean(dim=0) / 4
+    assert torch.allclose(centred, trail)
+
+
+def test_a_moving_camera_blurs_what_stands_still():
+    scene = Scene(world=world((48, 3, 48), (LAMP, (23, 1, 23), (25, 3, 25))), sun=None, sky=DARK)
+
+    def camera(t: float) -> Camera:
+        return Camera.look_at(
+            (24 + 4 * t, 30, 24), (24 + 4 * t, 0, 24), size=(8, 16), up=(0.0, 0.0, -1.0), orthographic_height=8.0
+        )
+
+    still = path_trace(scene, camera, bounces=0, samples=8)["radiance"]
+    moved = path_trace(scene, camera, bounces=0, samples=8, shutter=1.0)["radiance"]
+    assert abs(float(moved.sum() / still.sum()) - 1) < 0.02
+    assert (moved > 0.01).sum() > 2 * (still > 0.01).sum()
+
+
+def test_pictures_of_a_batch_do_not_influence_each_other():
+    scene = random_scene(2)
+    eyes, times = [(25.0, 18.0, 22.0), (-25.0, 12.0, 8.0)], [0.0, 1.0]
+    both = path_trace(scene, Camera.look_at(eyes, (0, 4, 0), size=(7, 9)), time=times, samples=2, aperture_radius=0.3)
+    for b in range(2):
+        one = path_trace(
+            scene, Camera.look_at(eyes[b], (0, 4, 0), size=(7, 9)), time=times[b], samples=2, aperture_radius=0.3
+        )
+        assert torch.equal(both["radiance"][b : b + 1], one["radiance"])
+    assert both["radiance"].isfinite().all()
+    g = gbuffer(scene, Camera.look_at(eyes, (0, 4, 0), size=(7, 9)), time=times)
+    mirrored_ = reflection(scene, g, poses=scene.poses(times), samples=2)
+    alone = gbuffer(scene, Camera.look_at(eyes[1], (0, 4, 0), size=(7, 9)), time=times[1])
+    again = reflection(scene, alone, poses=scene.poses(times[1:]), samples=2)
+    for name, value in again.values.items():
+        assert torch.equal(mirrored_[name][1:], value)
+
+
+def test_one_sample_honours_the_jitter_and_the_odd_size():
+    scene = Scene(world=random_world(5), sun=None, sky=EVEN)
+    camera = Camera.look_at((60, 40, 50), (18, 8, 20), size=(73, 127)).with_jitter((0.3, -0.4))
+    g = gbuffer(scene, camera)
+    assert g.emission is not None
+    got = path_trace(scene, camera, samples=1, antialias=False)
+    shines = (g.emission > 0) & g.hit
+    assert (got["radiance"][shines] >= g.emission[shines] - 1e-4).all()
+    assert torch.allclose(
+        got["radiance"][~g.hit.expand(-1, 3, -1, -1)], SKY.expand_as(got["radiance"])[~g.hit.expand(-1, 3, -1, -1)]
+    )
+    assert got.error["radiance"].isinf().all()
+
+
+def test_wrong_arguments_are_named():
+    scene, camera = Scene(world=floor()), above()
+    for name, value in (("bounces", -1), ("samples", 0), ("shutter", -1.0), ("aperture_radius", -1.0)):
+        with pytest.raises(ValueError, match=name):
+            path_trace(scene, camera, **{name: value})
+    with pytest.raises(ValueError, match="focus_distance must be positive"):
+        path_trace(scene, camera, aperture_radius=1.0, focus_distance=0.0)
+    with pytest.raises(ValueError, match="no voxels"):
+        path_trace(Scene(world=World.from_dense(torch.zeros(1, 1, 1, dtype=torch.int16), TABLE)), camera)
