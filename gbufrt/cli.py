@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             app.config = (Dict(load_config(config), source=str(config), use_commands_as_keys=False),)
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt:
-        _fail("interrupted; every frame that is there is whole (gbufrt render goes on with --resume)", 130)
+        _fail("interrupted; every file that is there is whole (render and ablate go on with --resume)", 130)
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         sys.stderr.close()
         sys.exit(0)

@@ -23,7 +23,7 @@ def ablate(
     preset: str = "high",
     composite: str = "physical",
     set: Without = (),
-    variants: Names = ("passes", "methods"),
+    variants: Names = ("passes",),
     sweep: Names = (),
     only: Names = (),
     cache: Path | None = None,

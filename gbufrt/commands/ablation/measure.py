@@ -48,21 +48,24 @@ def run(pipeline: Pipeline, frames: Iterable[Frame], *, keep: int = 1, tick: Cal
 
     Args:
         pipeline: what to run.
-        frames: in order; at least one.
+        frames: in order; at least one. The last is weighed, and timed only where it is the only one.
         keep: how many of the last results to keep.
         tick: called after each frame.
     """
-    result, state, before, frame = Run(), None, None, None
-    with torch.no_grad(), _timed(pipeline) as spent:
-        for frame in frames:
-            before = state
-            after, state = pipeline(frame, state)
-            result.frames = [*result.frames, after][-keep:]
-            tick()
+    result, state, waiting = Run(), None, iter(frames)
+    frame = next(waiting, None)
     if frame is None:
         raise ValueError("frames must hold at least one frame")
-    with torch.no_grad(), _weighed(pipeline) as held:  # once more: watching memory costs time
-        pipeline(frame, before)
+    spent: dict[str, list[float]] = defaultdict(list)
+    held: dict[str, float] = {}
+    while frame is not None:
+        following = next(waiting, None)
+        watch = _timed(pipeline, spent) if following is not None or not spent else _weighed(pipeline, held)
+        with torch.no_grad(), watch:  # the last frame is weighed and not timed: watching memory costs time
+            after, state = pipeline(frame, state)
+        result.frames = [*result.frames, after][-keep:]
+        tick()
+        frame = following
     for name, times in spent.items():
         result.passes[name] = {"ms": median(times[WARM:] or times) * 1e3, "peak_mb": held.get(name, 0.0)}
     return result
@@ -75,16 +78,13 @@ def repeated(frame: Frame, count: int) -> Iterator[Frame]:
 
 
 @contextmanager
-def _timed(pipeline: Pipeline) -> Iterator[dict[str, list[float]]]:
-    spent: dict[str, list[float]] = defaultdict(list)
+def _timed(pipeline: Pipeline, spent: dict[str, list[float]]) -> Iterator[None]:
     with _around(pipeline, lambda _: time.perf_counter(), lambda n, t: spent[n].append(time.perf_counter() - t)):
-        yield spent
+        yield
 
 
 @contextmanager
-def _weighed(pipeline: Pipeline) -> Iterator[dict[str, float]]:
-    held: dict[str, float] = {}
-
+def _weighed(pipeline: Pipeline, held: dict[str, float]) -> Iterator[None]:
     def begin(_: str) -> Allocations:
         watch = Allocations()
         watch.__enter__()
@@ -95,7 +95,7 @@ def _weighed(pipeline: Pipeline) -> Iterator[dict[str, float]]:
         held[name] = watch.peak / MEGA
 
     with _around(pipeline, begin, end):
-        yield held
+        yield
 
 
 @contextmanager

@@ -57,7 +57,7 @@ class Plan:
     frames: int = 16
     samples: int = 64
     recipe: Recipe = field(default_factory=Recipe)
-    variants: tuple[str, ...] = ("passes", "methods")
+    variants: tuple[str, ...] = ("passes",)
     sweeps: tuple[str, ...] = ()
     only: tuple[str, ...] = ()
     cache: Path | None = None
