@@ -1,0 +1,106 @@
+"""The ablation's figures on pictures whose errors are known, its charts, and its table."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import boxes
+import pytest
+import torch
+
+from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.bars import table
+from gbufrt.commands.ablation.cache import Cache, digest
+from gbufrt.commands.ablation.charts import Point, dots, scatter
+from gbufrt.commands.ablation.measure import Allocations
+from gbufrt.commands.ablation.records import Record
+
+
+def test_relative_energy_and_the_constant_per_object():
+    frame = boxes.frame()
+    g, truth = frame.gbuffer, frame.read("radiance")
+    assert f.relative_energy(truth * 1.5, truth, g.hit) == pytest.approx(0.25, rel=1e-5)
+    assert f.relative_energy(truth * 0, truth, g.hit) == 1.0
+    halves = (g.depth < 8).to(torch.int32)
+    g = g.replace(material_id=halves, object_id=torch.zeros_like(halves))
+    constant = f.constant_per_object(truth, g)
+    for number in (0, 1):
+        inside = ((g.material_id == number) & g.hit).expand_as(truth)
+        assert torch.allclose(constant[inside].view(3, -1).mean(1), truth[inside].view(3, -1).mean(1), atol=1e-4)
+        assert float(constant[inside].view(3, -1).std(1).max()) < 1e-6
+    assert 0 < f.relative_energy(constant, truth, g.hit) < 1
+
+
+def test_gain_counts_the_changed_pixels_alone():
+    truth = torch.full((1, 3, 20, 20), 0.5)
+    worse, better = truth.clone(), truth.clone()
+    worse[..., :10] += 0.2
+    better[..., :10] += 0.02
+    better[..., 10:] += 0.004  # less than two levels
+    changed = f.changed_pixels(worse, better)
+    assert int(changed.sum()) == 200
+    assert f.gain(better, worse, truth, changed) == pytest.approx(20.0, abs=1e-3)
+    assert f.gain(better, worse, truth, changed & False) != f.gain(better, worse, truth, changed)
+
+
+def test_display_is_fixed_by_the_truth():
+    truth = torch.full((1, 3, 8, 8), 0.36)
+    hit = torch.ones(1, 1, 8, 8, dtype=torch.bool)
+    assert f.exposure_of(truth, hit) == pytest.approx(0.5, rel=1e-5)
+    shown = f.display(truth * 1e6, 0.5)
+    assert bool((shown <= 1).all())
+    assert bool((f.display(-truth, 0.5) == 0).all())
+    figures = f.picture_figures(truth * 1.1, truth, hit, 0.5)
+    assert figures["rmse"] == pytest.approx(0.018, rel=1e-4)
+    assert set(figures) >= {"rmse", "psnr", "ssim"}
+
+
+def test_the_worst_view_is_the_figure():
+    def record(view: str, value: float, **more: object) -> Record:
+        given = {"world": "builtin", "view": view, "subject": "signals", "variant": "full"}
+        return Record(**{**given, "figures": {"ao.rmse": value, "ao.if_open": 2 * value}, **more})  # pyright: ignore[reportArgumentType]
+
+    row = table([record("a", 0.02), record("b", 0.05), record("b", 0.9, variant="without=ao")])[0]
+    assert (row.value, row.view, row.met, row.trivial["ao = 1"]) == (0.05, "b", True, 0.1)
+    assert table([record("a", 0.061)])[0].met is False
+    none = table([record("a", 0.0, figures={}, error="ValueError: why")])[0]
+    assert (none.value, none.met, none.note) == (None, None, "ValueError: why")
+
+
+def test_charts_are_well_formed():
+    points = [Point(x=float(i), y=float(i % 3), label=f"<{i}> & more", group="passes") for i in range(8)]
+    for chart in (
+        scatter(points, x_label="ms", y_label="dB"),
+        scatter(points[:1], x_label="ms", y_label="dB", line=True),
+        dots([("without gi", {"a": 1.0, "b": -0.5}), ("without ao", {"a": 0.0})], label="dB"),
+    ):
+        root = ElementTree.fromstring(chart)
+        circles = [node for node in root.iter() if node.tag == "circle"]
+        assert circles
+        for node in circles:
+            assert 0 <= float(node.attrib["cx"]) <= 760
+        assert "nan" not in chart
+    assert scatter([], x_label="", y_label="") == ""
+    assert dots([], label="") == ""
+
+
+def test_memory_is_what_lives_at_once():
+    with Allocations() as watch:
+        kept = torch.zeros(1000)
+        for _ in range(5):
+            kept = kept + 1
+        view = kept[:10]
+    assert watch.peak == 2 * 4000
+    assert watch.live == 4000
+    assert view.shape == (10,)
+
+
+def test_contents_have_names(tmp_path: Path):
+    a = torch.arange(6.0)
+    assert digest(a, 1) == digest(a.clone(), 1)
+    assert len({digest(a), digest(a + 1), digest(a.view(2, 3)), digest(a.double()), digest([a]), digest({"a": a})}) == 6
+    cache = Cache(tmp_path)
+    assert torch.equal(cache.tensors("x", lambda: {"a": a})["a"], a)
+    assert torch.equal(cache.tensors("x", lambda: {})["a"], a)
+    assert cache.made == 1
