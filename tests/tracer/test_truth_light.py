@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import pytest
 import torch
@@ -120,8 +121,10 @@ def test_lamps_chosen_one_at_a_time_give_their_form_factors():
     for i in range(3):
         want = torch.zeros(3)
         for lamp in range(len(lamps)):
-            places = [t[lamp, :, None].permute(2, 0, 1) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)]
-            each = rectangle_irradiance(points[i, :, None], normals[i, :, None], *places)
+            corner, edge_u, edge_v = (
+                t[lamp, :, None].permute(2, 0, 1) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)
+            )
+            each = rectangle_irradiance(points[i, :, None], normals[i, :, None], corner, edge_u, edge_v)
             want += lamps.radiance[lamp] * each.sum()
         assert torch.allclose(got[i], want, rtol=0.03)
 
@@ -315,9 +318,10 @@ def test_one_sample_honours_the_jitter_and_the_odd_size():
 
 def test_wrong_arguments_are_named():
     scene, camera = Scene(world=floor()), above()
-    for name, value in (("bounces", -1), ("samples", 0), ("shutter", -1.0), ("aperture_radius", -1.0)):
-        with pytest.raises(ValueError, match=name):
-            path_trace(scene, camera, **{name: value})
+    wrong: list[dict[str, Any]] = [{"bounces": -1}, {"samples": 0}, {"shutter": -1.0}, {"aperture_radius": -1.0}]
+    for argument in wrong:
+        with pytest.raises(ValueError, match=next(iter(argument))):
+            path_trace(scene, camera, **argument)
     with pytest.raises(ValueError, match="focus_distance must be positive"):
         path_trace(scene, camera, aperture_radius=1.0, focus_distance=0.0)
     with pytest.raises(ValueError, match="no voxels"):
