@@ -137,7 +137,8 @@ def test_points_on_a_rectangle_are_even_as_they_are_seen():
     s = (torch.arange(600) + 0.5) / 600
     ways = corner + s[:, None, None] * along + s[:, None] * up - eye
     seen = (ways @ torch.linalg.cross(along, up)).abs() / ways.norm(dim=-1) ** 3
-    got, angle = rectangle_points(*(x.expand(n, 3) for x in (eye, corner, along, up)), torch.rand(2, n, generator=g))
+    eyes, corners, alongs, ups = (x.expand(n, 3) for x in (eye, corner, along, up))
+    got, angle = rectangle_points(eyes, corners, alongs, ups, torch.rand(2, n, generator=g))
     assert torch.allclose(angle[0], seen.mean(), rtol=1e-4)
     unit = torch.nn.functional.normalize
     want = (unit(ways, dim=-1) * seen[..., None]).sum(dim=(0, 1)) / seen.sum()
