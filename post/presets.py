@@ -79,7 +79,7 @@ def me1(
     Args:
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
         composite: ``physical`` takes sky visibility and GI from one sweep over the whole picture, so that nothing is
-            counted twice; ``me1`` is the seed's formula, with its GI distance and its loss of 0.6 a bounce.
+            counted twice; ``me1`` is the seed's formula, with its distances and its loss of 0.6 a bounce.
         units_per_metre: world units a metre, for the seed's distances.
         tunables: changes by dotted name, see `Pipeline.with_tunables`.
 
@@ -115,7 +115,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     reflection = SSR(
         samples=quality.reflection_samples,
         steps=quality.reflection_steps,
-        distance=quality.reflection_distance * metre,
+        distance=None if physical else quality.reflection_distance * metre,
     )
     both = ("ao", "bent_normal")
     bounced = ("gi", "sky_visibility")

@@ -40,7 +40,7 @@ def ssr(
     *,
     samples: int = 4,
     steps: int = 64,
-    distance: float = 60.0,
+    distance: float | None = None,
     assumed_thickness: float = 0.5,
     roughness_cutoff: float = 1.0,
     reuse: int = 0,
@@ -71,7 +71,7 @@ def ssr(
         index: frame number, for the noise.
         samples: rays a pixel at roughness 1; half as many at 0, and one for a mirror.
         steps: see `march_rays`.
-        distance: how far rays go, world units.
+        distance: how far rays go, world units; None for as far as the camera sees.
         assumed_thickness: used where ``thickness`` is absent, world units.
         roughness_cutoff: above it rays give way to the environment alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel takes into account, 0 to 8.
@@ -92,6 +92,7 @@ def ssr(
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
     f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
+    far = camera.far if distance is None else distance
     with torch.no_grad():
         surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
         flat, solid = (
@@ -109,7 +110,7 @@ def ssr(
             reflected = throughput(lobe)
             flies = (lobe.weight > 0).to(depth)
             marching = lobe.direction * (flies * trust > 0)
-            hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=distance)
+            hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
             confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
             world = camera.rotate_to_world(lobe.direction)
             sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
@@ -219,7 +220,7 @@ class SSR(Pass):
         *,
         samples: int = 4,
         steps: int = 64,
-        distance: float = 60.0,
+        distance: float | None = None,
         assumed_thickness: float = 0.5,
         roughness_cutoff: float = 1.0,
         reuse: int = 0,

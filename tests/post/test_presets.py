@@ -74,6 +74,7 @@ def test_the_seeds_table():
     assert all(0.95 <= rows[p][f"{s}.accumulate.blend"] <= 0.97 for p in rows for s in ("ao", "gi", "reflection"))
     assert all(row["gi.estimate.bounce_loss"] == 0.6 for row in rows.values())
     assert me1("high").all_tunables()["gi.estimate.bounce_loss"] == 1.0
+    assert me1("high").all_tunables()["reflection.estimate.distance"] is None
 
 
 def test_tunables_and_mistakes():
