@@ -6,13 +6,16 @@ the driver. Beside each stands a torch reference: the definition, the oracle of 
 which there is no compiled form.
 
 numba caches machine code beside the source file, so a second process compiles nothing. Two traps: the cache notices
-changes in the file of the driver only, so keep bodies and driver in one file; and asking numba for its thread count
-inside a kernel switches the cache off, so it is an argument.
+changes in the file of the driver only, so where bodies lie in other files, the driver closes over their `checksum`; and
+asking numba for its thread count inside a kernel switches the cache off, so it is an argument.
 """
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -22,8 +25,8 @@ from torch import Tensor
 
 
 def scalar(function: Callable[..., Any]) -> Any:
-    """A helper or body that works on one item."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    """A helper or body that works on one item; cached as part of its driver, whose `checksum` knows when it is stale."""
+    return numba.njit(nogil=True, error_model="numpy")(function)
 
 
 def driver(function: Callable[..., Any]) -> Any:
@@ -32,6 +35,14 @@ def driver(function: Callable[..., Any]) -> Any:
     Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground.
     """
     return numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy")(function)
+
+
+def checksum(*modules: ModuleType) -> int:
+    """A number that changes with the source of modules: what a driver closes over is part of its key in the cache."""
+    total = 0
+    for module in modules:
+        total = zlib.crc32(Path(str(module.__file__)).read_bytes(), total)
+    return total
 
 
 def threads() -> int:

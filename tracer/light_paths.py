@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import torch
 from torch import Tensor
 
 from tracer.light_samples import DIMS, Lights, LightSample
-from tracer.paths import Met, Vertices, direct, meet
+from tracer.paths import FINE, Vertices, direct, meet
 from tracer.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
-from tracer.scene import MASK_SECONDARY, Scene
+from tracer.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.sky import sky_radiance, sun_radiance
 from tracer.traversal import transmission
 
@@ -61,15 +62,19 @@ def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: 
 def radiance(
     scene: Scene,
     lights: Lights,
-    met: Met,
+    origins: Tensor,
     directions: Tensor,
     u: Tensor,
     *,
     bounces: int,
     poses: Tensor,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+    detail: Tensor | float = FINE,
+    spreads: bool = False,
     next_event: bool = True,
 ) -> Tensor:
-    """All light that comes along rays from the eye, from where they went to.
+    """All light that comes along rays from the eye.
 
     At each surface one ray goes to the sun and one to a lamp, and the path goes on evenly or mirrored. Sky is found by
     the path itself, and so are sun and lamps where a surface mirrors too sharply for rays to them to count.
@@ -77,11 +82,15 @@ def radiance(
     Args:
         scene: what is there.
         lights: of the scene.
-        met: what N rays met.
-        directions: ``(N, 3)`` of the rays.
-        u: ``(MORE * (bounces + 1), N)`` in [0, 1).
+        origins: ``(N, 3)`` of the rays, world space.
+        directions: ``(N, 3)``, unit length.
+        u: ``(1 + MORE * (bounces + 1), N)`` in [0, 1).
         bounces: surfaces between the first one and a light at most.
         poses: ``(I, 4, 4)``.
+        t_min: as for `tracer.paths.meet`, for the rays from the eye; and so are the next three.
+        t_max: where they end.
+        detail: of the colours of what they meet.
+        spreads: whether that falls with the distance.
         next_event: False leaves all light to the path, which is the same in the mean and noisier.
 
     Returns:
@@ -92,6 +101,8 @@ def radiance(
     total, rows = torch.zeros_like(directions), torch.arange(len(directions), device=directions.device)
     through, sees_sun = torch.ones_like(directions), torch.ones_like(rows, dtype=torch.bool)
     sees_lamps = sees_sun
+    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
+    met, u = meet(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first), u[1:]
     for bounce in range(bounces + 2):
         through = through * met.weight
         away = ~met.hit
@@ -116,6 +127,27 @@ def radiance(
         sees_sun, sees_lamps = sees_sun[lives], sees_lamps[lives]
         met = meet(scene, at.points, directions, numbers[DIMS + 4, lives], poses=poses, inside=at.inside)
     return total
+
+
+def mirrored_lamps(
+    scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Lamps mirrored by surfaces, by one ray to a lamp each.
+
+    Args:
+        scene: what is there.
+        lights: of the scene, among them a lamp.
+        at: N surfaces.
+        u: ``(6, N)`` in [0, 1).
+        poses: ``(I, 4, 4)``.
+
+    Returns:
+        ``(N, 3)`` each: radiance, the place on the lamp, and the lamp's normal.
+    """
+    lamps = replace(lights, sun=None)
+    ((sample, light),) = direct(scene, lamps, at, u, lambda s: glossy(at, s.direction), poses=poses)
+    facing = torch.zeros_like(at.points) if sample.facing is None else sample.facing
+    return light, at.points + sample.direction * sample.distance[:, None], facing
 
 
 def sky(scene: Scene, directions: Tensor) -> Tensor:

@@ -12,14 +12,14 @@ from torch import Tensor
 from gbufrt import Camera
 from tracer import lens
 from tracer.gbuffer import seconds
-from tracer.light_paths import MORE, radiance
+from tracer.light_paths import MORE
 from tracer.light_samples import Lights
-from tracer.paths import meet
+from tracer.path_ops import radiance
 from tracer.progressive import WIDE, Progress, Truth, converge
-from tracer.scene import MASK_PRIMARY, Scene
+from tracer.scene import Scene
 from tracer.sequence import Sequence as Numbers
 
-FIRST = 6  # numbers that a ray from the camera takes: time, pixel (2), lens (2), whether to go through glass
+FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
 MOMENTS = 8  # groups of pixels, each at a time of its own, that a sample is split into while the shutter is open
 
 
@@ -73,7 +73,7 @@ def path_trace(
     cameras = at_time(time if isinstance(time, (int, float)) else float(time[0]))
     times = seconds(time, cameras.batch)
     focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
-    sequence = Numbers.of(samples, FIRST + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
+    sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
     shots = [
         _Shot(
             scene=scene,
@@ -147,19 +147,20 @@ class _Shot:
         origins, directions, along = lens.lens_rays(
             camera, px, u[3:5], aperture_radius=self.aperture_radius, focus_distance=self.focus_distance
         )
-        met = meet(
+        focal = camera.intrinsics[0, 1, 1]
+        light = radiance(
             self.scene,
+            lights,
             origins,
             directions,
-            u[5],
+            u[FIRST:],
+            bounces=self.bounces,
             poses=poses,
-            mask=MASK_PRIMARY,
             t_min=camera.near / along,
             t_max=camera.far / along,
-            footprint=lambda t, rows: camera.pixels_per_unit((t * along[rows])[None])[0],
+            detail=focal if camera.orthographic else focal / along,
+            spreads=not camera.orthographic,
         )
-        given = {"bounces": self.bounces, "poses": poses}
-        light = radiance(self.scene, lights, met, directions, u[FIRST:], **given)
         return light.view(len(numbers), len(pixels), 3).sum(dim=0)
 
 

@@ -107,7 +107,8 @@ def meet(
     t_min: Tensor | float = 0.0,
     t_max: Tensor | float = torch.inf,
     most: float = MOST_PASS,
-    footprint: Callable[[Tensor, Tensor], Tensor] | None = None,
+    detail: Tensor | float = FINE,
+    spreads: bool = False,
 ) -> Met:
     """Follow each ray to the one surface, or the sky, that it shows.
 
@@ -125,8 +126,8 @@ def meet(
         t_min: where rays begin.
         t_max: where rays end; what is farther is not there.
         most: how often a surface is gone through at most.
-        footprint: distances ``(M,)`` along, and numbers ``(M,)`` of, some rays to pixels a world unit there, for the
-            colour's detail; by default all detail.
+        detail: ``(N,)`` pixels that a world unit spans, for the detail of colours; by default all of it.
+        spreads: ``detail`` is that at distance 1 and falls with the distance, rather than the same everywhere.
 
     Returns:
         See `Met`.
@@ -143,7 +144,8 @@ def meet(
     if bool((scene.materials.opacity[1:] < 1).any()):
         _go_through(scene, origins, directions, u.clone(), hits, weight, inside, most, given)
     rows = hits.hit.nonzero()[:, 0]
-    pixels = torch.full_like(hits.t[rows], FINE) if footprint is None else footprint(hits.t[rows], rows)
+    pixels = torch.as_tensor(detail, dtype=hits.t.dtype, device=rows.device).expand_as(hits.t)[rows]
+    pixels = pixels / hits.t[rows].clamp_min(1e-9) if spreads else pixels
     surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels)
     return Met(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
 

@@ -194,7 +194,7 @@ def _rays(
             f"origins and directions must both be (...,3), got {tuple(origins.shape)} and {tuple(directions.shape)}"
         )
     shape = tuple(origins.shape[:-1])
-    transforms = _transforms(scene, poses, origins.device)
+    transforms = grid_from_world(scene, poses, origins.device)
     if transforms.shape[0] > 1 and (not shape or shape[0] != transforms.shape[0]):
         raise ValueError(
             f"rays must be ({transforms.shape[0]},...,3) for the batch of poses, got {tuple(origins.shape)}"
@@ -209,8 +209,12 @@ def _rays(
     return shape, flat
 
 
-def _transforms(scene: Scene, poses: Tensor | None, device: torch.device) -> Tensor:
-    """``(B, I + 1, 3, 4)`` float64: grid from world, where a grid counts voxels from the corner of its index."""
+def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) -> Tensor:
+    """``(B, I + 1, 3, 4)`` float64: where a grid counts voxels from the corner of its index.
+
+    Raises:
+        ValueError: the poses do not fit the scene.
+    """
     count = len(scene.instances)
     if poses is None:
         poses = torch.zeros(0, 4, 4)

@@ -1,298 +1,85 @@
-"""The compiled form of `tracer.traversal_reference`: a ray at a time, with steps as long as the space is empty.
-
-Source: Amanatides and Woo 1987 for the walk. All of it stays in one file because numba's cache notices changes in the
-drivers' file only. Points, directions and cells are triples in grid coordinates.
-"""
+"""The compiled walks of `tracer.walk_kernel` over many rays at a time."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt.kernel import array, driver, scalar, threads
-from tracer.grids import HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
+from gbufrt.kernel import array, checksum, driver, scalar, threads
+from tracer import grids as layout
+from tracer import walk_kernel
+from tracer.walk_kernel import nearest, run_length, transmitted, triple
 
-SOLID = -1
-TINY = 1e-30
 ROWS = 64  # rays handed out at a time
-
-
-@scalar
-def _transform(matrix, x, y, z, w):
-    return (
-        matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3] * w,
-        matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3] * w,
-        matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3] * w,
-    )
-
-
-@scalar
-def _nonzero(d):
-    return TINY if abs(d) < TINY else d
-
-
-@scalar
-def _ray(matrix, origins, directions, i):
-    """The ray in grid coordinates: origin, direction, reciprocal direction."""
-    o = _transform(matrix, origins[i, 0], origins[i, 1], origins[i, 2], 1.0)
-    d = _transform(matrix, directions[i, 0], directions[i, 1], directions[i, 2], 0.0)
-    d = (_nonzero(d[0]), _nonzero(d[1]), _nonzero(d[2]))
-    return o, d, (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
-
-
-@scalar
-def _slabs(o, inv, box):
-    """Where the ray enters and leaves the box of an entry, and the axis of the face that it enters through."""
-    x0, x1 = (box[LOW] - o[0]) * inv[0], (box[HIGH] - o[0]) * inv[0]
-    y0, y1 = (box[LOW + 1] - o[1]) * inv[1], (box[HIGH + 1] - o[1]) * inv[1]
-    z0, z1 = (box[LOW + 2] - o[2]) * inv[2], (box[HIGH + 2] - o[2]) * inv[2]
-    x, y, z = min(x0, x1), min(y0, y1), min(z0, z1)
-    leave = min(max(x0, x1), max(y0, y1), max(z0, z1))
-    if x >= y and x >= z:
-        return x, leave, 0
-    if y >= z:
-        return y, leave, 1
-    return z, leave, 2
-
-
-@scalar
-def _cell(o, d, t, low, high):
-    place = o + d * t
-    floor = math.floor(place)
-    cell = int(floor) - (1 if d < 0 and floor == place else 0)
-    return min(max(cell, low), high - 1)
-
-
-@scalar
-def _start(o, d, t, box):
-    return (
-        _cell(o[0], d[0], t, box[LOW], box[HIGH]),
-        _cell(o[1], d[1], t, box[LOW + 1], box[HIGH + 1]),
-        _cell(o[2], d[2], t, box[LOW + 2], box[HIGH + 2]),
-    )
-
-
-@scalar
-def _given(starts, i, box):
-    return starts[i, 2] - box[ORIGIN], starts[i, 3] - box[ORIGIN + 1], starts[i, 4] - box[ORIGIN + 2]
-
-
-@scalar
-def _look(bricks, index, box, c):
-    """The voxel id at a cell, and low corner and side of the cube around it that holds the same."""
-    x, y, z = c[0] >> 4, c[1] >> 4, c[2] >> 4
-    brick = index[box[INDEX] + (x * box[NY] + y) * box[NZ] + z]
-    if brick <= 0:
-        reach = -brick - 1
-        return 0, ((x - reach) << 4, (y - reach) << 4, (z - reach) << 4), (2 * reach + 1) << 4
-    value = int(bricks[(brick << 12) + ((c[0] & 15) << 8) + ((c[1] & 15) << 4) + (c[2] & 15)])
-    if value >= 0:
-        return value, c, 1
-    return 0, (c[0] >> -value << -value, c[1] >> -value << -value, c[2] >> -value << -value), 1 << -value
-
-
-@scalar
-def _beyond(o, d, t, low, size, through):
-    """One coordinate of the cell after a cube that is left at ``t``, through the face across this axis or another."""
-    last = low + size - 1
-    out = last + 1 if d > 0 else low - 1
-    along = min(max(math.floor(o + d * t), low), last)
-    return out if through else along
-
-
-@scalar
-def _step(o, d, inv, low, size):
-    """Leave a cube: distance, axis, and the cell beyond. Without branches, which nothing could predict."""
-    tx = (low[0] + (size if d[0] > 0 else 0) - o[0]) * inv[0]
-    ty = (low[1] + (size if d[1] > 0 else 0) - o[1]) * inv[1]
-    tz = (low[2] + (size if d[2] > 0 else 0) - o[2]) * inv[2]
-    t = tx if tx < ty else ty
-    t = t if t < tz else tz
-    x = tx == t
-    y = (ty == t) & (not x)
-    z = not (x | y)
-    cell = (
-        _beyond(o[0], d[0], t, low[0], size, x),
-        _beyond(o[1], d[1], t, low[1], size, y),
-        _beyond(o[2], d[2], t, low[2], size, z),
-    )
-    return t, y + 2 * z, cell
-
-
-@scalar
-def _inside(c, box):
-    return (
-        box[LOW] <= c[0] < box[HIGH] and box[LOW + 1] <= c[1] < box[HIGH + 1] and box[LOW + 2] <= c[2] < box[HIGH + 2]
-    )
-
-
-@scalar
-def _find(bricks, index, media, box, o, d, inv, c, t, t_end, axis, medium, silent):
-    """Walk to where the medium changes: t (-1 for none), axis, cell, what is there, and what was left."""
-    while True:
-        value, low, size = _look(bricks, index, box, c)
-        if value != medium:
-            if medium == SOLID:
-                if value == 0 or media[value + box[MATERIAL], 0] < 1.0:
-                    medium = value
-            elif silent and value == 0:
-                medium = 0
-            else:
-                return t, axis, c, value, medium
-        t, axis, c = _step(o, d, inv, low, size)
-        if not t < t_end:
-            return -1.0, axis, c, 0, 0
-        if not _inside(c, box):
-            return (t if medium > 0 and not silent else -1.0), axis, c, 0, medium
 
 
 @scalar
 def _surface(i, batch, rays, grids, left, mask, numbers, ids):
     origins, directions, spans, transforms = rays
-    bricks, index, entries, media = grids
-    t_begin, nearest = float(spans[i, 0]), float(spans[i, 1])
-    numbers[i, 0], ids[i, 1] = np.inf, -1
-    for entry in range(entries.shape[0]):
-        box = entries[entry]
-        if not box[MASK] & mask:
-            continue
-        o, d, inv = _ray(transforms[batch, entry], origins, directions, i)
-        enter, leave, axis = _slabs(o, inv, box)
-        t = max(enter, t_begin)
-        if not (t < leave and t < nearest and math.isfinite(leave)):
-            continue
-        c, medium, silent = _start(o, d, t, box), 0, False
-        if left.shape[0] > 0 and left[i, 1] == entry:
-            c = _given(left, i, box)
-            medium, silent = left[i, 0] - box[MATERIAL], True
-        elif enter <= t_begin:
-            medium = _look(bricks, index, box, c)[0]
-            if medium > 0 and media[medium + box[MATERIAL], 0] >= 1.0:
-                medium = SOLID
-        t, axis, c, value, medium = _find(bricks, index, media, box, o, d, inv, c, t, nearest, axis, medium, silent)
-        if t < 0:
-            continue
-        nearest = t
-        _store(i, entry, box, o, d, t, axis, c, value, medium, numbers, ids)
-
-
-@scalar
-def _store(i, entry, box, o, d, t, axis, c, value, medium, numbers, ids):
-    back = value == 0
-    numbers[i, 0] = t
-    ids[i, 0] = (medium if back else value) + box[MATERIAL]
-    ids[i, 1] = entry
-    ids[i, 2] = 2 * axis + (1 if d[axis] < 0 else 0)
-    ids[i, 3] = back
-    for k in range(3):
-        numbers[i, 1 + k] = o[k] + d[k] * t + box[ORIGIN + k]
-        ids[i, 4 + k] = c[k] + box[ORIGIN + k]
-    if back:
-        ids[i, 4 + axis] += 1 if d[axis] < 0 else -1
-
-
-@driver
-def surface_all(rays, grids, left, mask, lanes, numbers, ids):
-    count = len(rays[0])
-    each = count // len(rays[3])
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, count)):
-                _surface(i, i // each, rays, grids, left, mask, numbers, ids)
-
-
-@scalar
-def _dim(light, row, length):
-    """Light after a run through a transmissive material."""
-    rest = 1.0 - row[0]
-    return (
-        light[0] * rest * row[1] ** length,
-        light[1] * rest * row[2] ** length,
-        light[2] * rest * row[3] ** length,
+    before = (-1, 0, (0, 0, 0))
+    if left.shape[0] > 0:
+        before = (int(left[i, 1]), int(left[i, 0]), (int(left[i, 2]), int(left[i, 3]), int(left[i, 4])))
+    origin, direction = triple(origins, i, 0), triple(directions, i, 0)
+    t_begin, t_end = np.float64(spans[i, 0]), np.float64(spans[i, 1])
+    t, entry, material, face, back, voxel, place = nearest(
+        transforms[batch], grids, origin, direction, t_begin, t_end, before, mask
     )
+    numbers[i, 0], ids[i, 0], ids[i, 1], ids[i, 2], ids[i, 3] = t, material, entry, face, back
+    for k in range(3):
+        numbers[i, 1 + k], ids[i, 4 + k] = place[k], voxel[k]
 
 
-@scalar
-def _through(bricks, index, media, box, o, d, inv, t, t_end, light):
-    """Light after the whole grid between ``t`` and ``t_end``."""
-    c, medium, began = _start(o, d, t, box), 0, t
-    while True:
-        value, low, size = _look(bricks, index, box, c)
-        if value != medium:
-            if medium > 0:
-                light = _dim(light, media[medium + box[MATERIAL]], t - began)
-            if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
-                return (0.0, 0.0, 0.0)
-            medium, began = value, t
-        t, _, c = _step(o, d, inv, low, size)
-        if not (t < t_end and _inside(c, box)):
-            return _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began) if medium > 0 else light
+def _compiled(sources: int) -> tuple[Any, ...]:
+    """The drivers, compiled anew when ``sources`` change; see `gbufrt.kernel`."""
+
+    @driver
+    def surface_all(rays, grids, left, mask, lanes, numbers, ids):
+        count = len(rays[0])
+        each = count // len(rays[3])
+        for lane in prange(lanes):
+            for begin in range(lane * ROWS, count, lanes * ROWS):
+                for i in range(begin, min(begin + ROWS, count)):
+                    _surface(i, i // each, rays, grids, left, mask, numbers, ids)
+        return sources
+
+    @driver
+    def transmit_all(rays, grids, mask, lanes, passed):
+        count = len(rays[0])
+        each = count // len(rays[3])
+        for lane in prange(lanes):
+            for begin in range(lane * ROWS, count, lanes * ROWS):
+                for i in range(begin, min(begin + ROWS, count)):
+                    origin, direction = triple(rays[0], i, 0), triple(rays[1], i, 0)
+                    begins, ends = np.float64(rays[2][i, 0]), np.float64(rays[2][i, 1])
+                    light = transmitted(rays[3][i // each], grids, origin, direction, begins, ends, mask)
+                    passed[i, 0], passed[i, 1], passed[i, 2] = light
+        return sources
+
+    @driver
+    def runs_all(rays, grids, starts, lanes, lengths):
+        origins, directions, spans, transforms = rays
+        each = len(origins) // len(transforms)
+        for lane in prange(lanes):
+            for begin in range(lane * ROWS, len(origins), lanes * ROWS):
+                for i in range(begin, min(begin + ROWS, len(origins))):
+                    if starts[i, 1] >= 0:
+                        origin, direction = triple(origins, i, 0), triple(directions, i, 0)
+                        t, t_end = np.float64(spans[i, 0]), np.float64(spans[i, 1])
+                        voxel = (int(starts[i, 2]), int(starts[i, 3]), int(starts[i, 4]))
+                        lengths[i, 0], lengths[i, 1] = run_length(
+                            transforms[i // each], grids, origin, direction, t, t_end, starts[i, 1], starts[i, 0], voxel
+                        )
+        return sources
+
+    return surface_all, transmit_all, runs_all
 
 
-@scalar
-def _transmit(i, batch, rays, grids, mask):
-    origins, directions, spans, transforms = rays
-    bricks, index, entries, media = grids
-    light = (1.0, 1.0, 1.0)
-    for entry in range(len(entries)):
-        box = entries[entry]
-        if box[MASK] & mask:
-            o, d, inv = _ray(transforms[batch, entry], origins, directions, i)
-            enter, leave, _ = _slabs(o, inv, box)
-            t, t_end = max(enter, float(spans[i, 0])), float(spans[i, 1])
-            if t < leave and t < t_end and math.isfinite(leave):
-                light = _through(bricks, index, media, box, o, d, inv, t, t_end, light)
-                if max(light) <= 0.0:
-                    break
-    return light
-
-
-@driver
-def transmit_all(rays, grids, mask, lanes, passed):
-    count = len(rays[0])
-    each = count // len(rays[3])
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, count)):
-                passed[i, 0], passed[i, 1], passed[i, 2] = _transmit(i, i // each, rays, grids, mask)
-
-
-@scalar
-def _run(bricks, index, box, o, d, inv, t, t_end, c, material):
-    """How far the ray goes on through solid voxels, and through the first of the same material."""
-    begin, length, same, going = t, 0.0, 0.0, True
-    while True:
-        value, low, size = _look(bricks, index, box, c)
-        going = going and value == material
-        if value == 0:
-            return length, same
-        t, _, c = _step(o, d, inv, low, size)
-        length = max(min(t, t_end) - begin, 0.0)
-        same = length if going else same
-        if not (t < t_end and _inside(c, box)):
-            return length, same
-
-
-@driver
-def runs_all(rays, grids, starts, lanes, lengths):
-    origins, directions, spans, transforms = rays
-    bricks, index, entries, _ = grids
-    each = len(origins) // len(transforms)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, len(origins), lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, len(origins))):
-                entry = starts[i, 1]
-                if entry >= 0:
-                    box = entries[entry]
-                    o, d, inv = _ray(transforms[i // each, entry], origins, directions, i)
-                    t, t_end, c = float(spans[i, 0]), float(spans[i, 1]), _given(starts, i, box)
-                    material = starts[i, 0] - box[MATERIAL]
-                    lengths[i, 0], lengths[i, 1] = _run(bricks, index, box, o, d, inv, t, t_end, c, material)
+surface_all, transmit_all, runs_all = _compiled(checksum(walk_kernel, layout))
 
 
 def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
 from tracer.lens import focus_distance
-from tracer.light_paths import EVEN, SHARP_LAMP, gathered, glossy, sky
-from tracer.light_samples import DIMS, LightSample
+from tracer.light_paths import EVEN, SHARP_LAMP, sky
+from tracer.light_samples import DIMS
+from tracer.path_ops import gathered, meet, mirrored_lamps
 from tracer.path_tracer import path_trace
-from tracer.paths import Vertices, direct, meet
+from tracer.paths import Vertices
 from tracer.progressive import Progress, Truth, Values
 from tracer.receivers import Receivers, at_each_pixel, receivers_of
 from tracer.scatter import cosine_direction, fresnel, mirrored
@@ -190,7 +189,12 @@ def reflection(
         met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
         rows, surface, rough = met.rows, met.surface, start.roughness >= SHARP_LAMP
         factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
-        light, seen = _glossy_lamps(scene, at, start, rough, u[3 : 3 + DIMS])
+        light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
+        if at.lights.lamps is not None:
+            light[rough], places, facing = mirrored_lamps(
+                scene, at.lights, start[rough], u[3 : 3 + DIMS, rough], at.poses
+            )
+            seen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
         sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
         sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])
         shows = at.picture.sees(surface.points, surface.normals)
@@ -215,19 +219,3 @@ def reflection(
         error.pop("flies" if name == "seen" else "ends")
         values[name] = torch.where(share > 0, values[name], none if name == "distance" else 0.0)
     return Truth(values=values, error=error, samples=found.samples)
-
-
-def _glossy_lamps(scene: Scene, at: Receivers, start: Vertices, rough: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-    """Lamps mirrored by ``rough`` surfaces: the light ``(N, 3)``, and its part from lamps that the camera sees."""
-
-    def respond(sample: LightSample) -> Tensor:
-        return glossy(start, sample.direction) * rough[:, None]
-
-    light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
-    lamps = replace(at.lights, sun=None)
-    for sample, value in direct(scene, lamps, start, u, respond, poses=at.poses):
-        light = light + value
-        if sample.facing is not None:
-            places = start.points + sample.direction * sample.distance[:, None]
-            seen = seen + value * at.picture.sees(places, sample.facing)[:, None]
-    return light, seen

@@ -14,10 +14,10 @@ from tracer.form_factor import rectangle_irradiance
 from tracer.gbuffer import gbuffer
 from tracer.lamp_table import LampTable
 from tracer.lens import focus_distance, lens_rays
-from tracer.light_paths import radiance
 from tracer.light_samples import lamp_sample
 from tracer.lighting import light
 from tracer.material import Material, MaterialTable
+from tracer.path_ops import radiance
 from tracer.scatter import dot, mirrored, specular_response
 from tracer.scene import Instance, Scene, Sky, Sun
 from tracer.spherical_rectangle import rectangle_points
