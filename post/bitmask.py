@@ -13,12 +13,10 @@ from gbufrt.noise import blue_noise
 from gbufrt.sampling import gather
 from post import horizon, slices
 from post.horizon import Side, Tap
-from post.slices import Receivers, Scene, Slice
+from post.sectors import cover, no_cover, slice_sums
+from post.slices import Receivers, Scene
+from post.solids import planar_thickness
 
-SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
-GROUPS = 6  # of sectors, one mean direction each
-PER_GROUP = SECTORS // GROUPS
-FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
 EDGE = 0.3  # of the rise since the tap before: how far a surface goes on, on average, past the last tap to meet it
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
 THICKNESS = 1.0  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
@@ -31,10 +29,17 @@ class Front(NamedTuple):
     rise: Tensor
     run: Tensor
     distance: Tensor
-    inside: Tensor
-    """1 within the radius (and not the receiver itself), else 0."""
+    """0 for the receiver itself."""
     z: Tensor
     back_z: Tensor
+
+
+class Cover(NamedTuple):
+    """Shares of a side between which a tap blocks, and how far it counts within a radius, 0 to 1. Planes."""
+
+    low: Tensor
+    high: Tensor
+    near: Tensor
 
 
 def bitmask_ao(
@@ -46,7 +51,9 @@ def bitmask_ao(
     thickness: Tensor | float | None = None,
     radius: float | Tensor | None = 0.5,
     directions: int = 4,
-    steps: int = 6,
+    steps: int = 12,
+    scales: int = 1,
+    hidden: float = 0.15,
     soft: bool | None = None,
     index: int = 0,
     seed: int = 0,
@@ -54,7 +61,8 @@ def bitmask_ao(
     """Ambient visibility within a radius, and the mean open direction.
 
     Every tap covers the sectors from the front to the back of what it sees. Taps in a row whose depth ranges overlap
-    are one body and leave no gap between them; a body that crosses the radius covers up to where it crosses.
+    are one body and leave no gap between them; a body that crosses the radius covers up to where it crosses. What the
+    border of the picture cuts goes on beyond it, see `post.margin`.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -66,6 +74,8 @@ def bitmask_ao(
         radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
+        scales: how many radii, each twice the one before; the result is their mean. All share the taps of one sweep.
+        hidden: radii that solids reach on behind measured backs, for what lies there unseen (see samples/fit_ao.py).
         soft: fractional coverage of edge sectors, which has gradients in depth, normal, thickness and radius; by
             default where gradients are wanted. Otherwise edges are dithered.
         index: frame number, for the noise.
@@ -76,16 +86,19 @@ def bitmask_ao(
         length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps or radius are not positive.
+        ValueError: directions, steps, scales or radius are not positive.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
-    slices.check_sweep(camera, directions, steps, radius, depth=depth, normal=normal, hit=hit)
+    slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
+    radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
     if thickness is None:
-        thickness = THICKNESS if reach is None else THICKNESS * reach
-    around = slices.scene(camera, depth, hit, slices.planar_thickness(camera, depth, thickness))
+        thickness = THICKNESS if reach is None else THICKNESS * float(reach.detach())
+    unseen = 0.0 if reach is None else hidden * reach
+    solid = planar_thickness(camera, depth, hit, thickness, unseen)
+    around = slices.scene(camera, depth, normal, hit, solid)
     at = slices.receivers(camera, depth, normal)
     if soft is None:
         soft = torch.is_grad_enabled() and any(
@@ -94,12 +107,13 @@ def bitmask_ao(
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     rows = []
     for cut, band in slices.bands(at):
-        sums = torch.zeros(8, *band.z.shape, dtype=depth.dtype, device=depth.device)
+        sums = torch.zeros(max(len(radii), 1), 8, *band.z.shape, dtype=depth.dtype, device=depth.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, reach, steps, camera.orthographic, soft)
+            sums = sums + _slice(around, band, *random, radii, steps, camera.orthographic, soft)
         rows.append(sums)
-    return horizon.finish(at, camera, hit, torch.cat(rows, dim=2), normal)
+    found = [horizon.finish(at, camera, hit, sums, normal) for sums in torch.cat(rows, dim=3)]
+    return horizon.mean_of_scales(found, hit, normal)
 
 
 @fusible
@@ -110,124 +124,76 @@ def _slice(
     sin_psi: Tensor,
     jitter: Tensor,
     dither: Tensor,
-    radius: Tensor | None,
+    radii: tuple[Tensor, ...],
     steps: int,
     parallel: bool,
     soft: bool,
 ) -> Tensor:
-    """What one slice adds to the sums of `horizon.finish`."""
+    """What one slice adds to the sums of `horizon.finish`, for each radius."""
     cut = slices.cut_slice(at, cos_psi, sin_psi)
-    size = (around.picture.shape[-2] - 2, around.picture.shape[-1] - 2)
-    covered = no_cover(at.z, soft)
+    covered = [no_cover(at.z, soft) for _ in radii or (None,)]
     own = own_solid(around, at)
-    right, left = horizon.sides(at, cut, size)
+    right, left = horizon.sides(around, at, cut)
     for side in (right, left):
-        reach_px = side.border if radius is None else torch.minimum(radius * side.length, side.border)
+        reach_px = torch.minimum(radii[-1] * side.length, side.border) if radii else side.frame
         before = start(at, side, own)
         for i in range(steps):
-            px = 1.0 + reach_px.detach() * ((i + jitter) / steps)
-            tap = horizon.look(around, at, side, px, parallel)
-            front, back, near, *state = blocked(tap, before, side, radius, soft)
-            before = Front(*state)
-            low, high = (
-                (left.whole + front, left.whole + back) if side is right else (left.whole - back, left.whole - front)
-            )
-            covered, _ = cover(covered, low, high, near, dither)
-    return slice_sums(cut, covered)
+            tap = horizon.look(around, at, side, slices.tap_pixels(reach_px.detach(), i, jitter, steps), parallel)
+            covers, before = blocked(tap, before, side, radii, soft)
+            for s, (low, high, near) in enumerate(covers):
+                ends = (left.whole + low, left.whole + high) if side is right else (left.whole - high, left.whole - low)
+                covered[s], _ = cover(covered[s], *ends, near, dither)
+    return torch.stack([slice_sums(cut, sectors) for sectors in covered])
 
 
 def start(at: Receivers, side: Side, solid: Tensor) -> Front:
     """The receiver itself, as what comes before the first tap."""
     zero = torch.zeros_like(at.z)
-    return Front(side.whole, zero, zero, zero, zero, at.z, at.z + solid)
+    return Front(side.whole, zero, zero, zero, at.z, at.z + solid)
 
 
 def own_solid(around: Scene, at: Receivers) -> Tensor:
     """Planar depth from front to back at the receivers."""
-    return gather(around.picture[:, 1:2], at.column.int() + 1, at.row.int() + 1)[:, 0]
+    return gather(around.picture[:, 1:2], at.column.int(), at.row.int())[:, 0]
 
 
 def blocked(
-    tap: Tap, before: Front, side: Side, radius: Tensor | None, soft: bool, same: Tensor | None = None
-) -> tuple[Tensor, ...]:
-    """Shares of the side between which a tap blocks, how far it counts (0 to 1), and what `Front` holds of it.
+    tap: Tap, before: Front, side: Side, radii: tuple[Tensor, ...], soft: bool, same: Tensor | None = None
+) -> tuple[list[Cover], Front]:
+    """What a tap blocks within each radius, from the smallest to the largest, or without limit where there is none.
 
     ``same`` is 1 where the tap is known to continue the surface of the one before.
     """
     overlap = torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
     joined = horizon.step(overlap) if same is None else torch.maximum(horizon.step(overlap), same)
     rise, run = tap.front_rise, tap.front_run
-    near, distance, inside, crossing = torch.ones_like(joined), joined, joined, torch.zeros_like(joined)
-    if radius is not None:
-        distance = (rise * rise + run * run + 1e-20).sqrt()
-        inside = horizon.step(radius - distance)
-        crossing = joined * before.inside * (1 - inside)
-        left = (distance - radius) / (distance - before.distance).clamp_min(1e-9) * crossing
-        rise, run = rise + (before.rise - rise) * left, run + (before.run - run) * left
-        faded = ((radius - distance) / (2 * FADE * radius) + 0.5).clamp(0, 1) if soft else inside
-        near = torch.maximum(faded, crossing)
+    distance = (rise * rise + run * run + 1e-20).sqrt() if radii else joined
     front = horizon.arc_measure(rise, run, side)
     back = horizon.arc_measure(tap.back_rise, tap.back_run, side)
-    low = front + (torch.minimum(front, before.share) - front) * joined
-    if same is not None:
-        low = (low - (before.share - front).clamp_min(0) * same * (1 - crossing) * EDGE).clamp_min(0)
     high = back + (torch.maximum(back, before.share) - back) * joined
-    return low, high, near, front, tap.front_rise, tap.front_run, distance, inside, tap.z, tap.back_z
+    met = _front_at_the_radius(tap, before, side, radii, distance) if radii else front
+    covers = []
+    for radius in radii or (None,):
+        near, crossing = torch.ones_like(joined), torch.zeros_like(joined)
+        if radius is not None:
+            inside = horizon.step(radius - distance)
+            was_inside = horizon.step(radius - before.distance) * horizon.step(before.distance)
+            crossing = joined * was_inside * (1 - inside)
+            faded = ((radius - distance) / (2 * FADE * radius) + 0.5).clamp(0, 1) if soft else inside
+            near = torch.maximum(faded, crossing)
+        first = front + (met - front) * crossing
+        low = first + (torch.minimum(first, before.share) - first) * joined
+        if same is not None:
+            low = (low - (before.share - first).clamp_min(0) * same * (1 - crossing) * EDGE).clamp_min(0)
+        covers.append(Cover(low, high, near))
+    return covers, Front(front, tap.front_rise, tap.front_run, distance, tap.z, tap.back_z)
 
 
-def no_cover(like: Tensor, soft: bool) -> Tensor:
-    """Sectors none of which is covered: a mask ``(B, h, w)``, or fractions ``(SECTORS, B, h, w)`` when soft."""
-    if soft:
-        return like.new_zeros(SECTORS, *like.shape)
-    return torch.zeros_like(like, dtype=torch.int32)
-
-
-def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tensor) -> tuple[Tensor, Tensor]:
-    """Cover the sectors between two shares of the arc; also returns what is new in the cover."""
-    if covered.dtype == torch.int32:
-        first = (low * SECTORS + dither).int()
-        last = torch.maximum((high * SECTORS + dither).int(), first)
-        one = torch.ones_like(covered)
-        bits = ((one << last) - (one << first)) * near.int()
-        return covered | bits, bits & ~covered
-    edge = torch.arange(SECTORS, dtype=low.dtype, device=low.device).view(-1, 1, 1, 1)
-    part = ((high * SECTORS - edge).clamp(0, 1) - (low * SECTORS - edge).clamp(0, 1)).clamp_min(0) * near
-    after = torch.maximum(covered, part)
-    return after, after - covered
-
-
-def group_shares(sectors: Tensor) -> Tensor:
-    """``(GROUPS, B, h, w)``: share of each group's sectors that is set."""
-    if sectors.dtype == torch.int32:
-        counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
-        field = (1 << PER_GROUP) - 1
-        counts = torch.stack([(counts >> (PER_GROUP * g)) & field for g in range(GROUPS)])
-        return counts.to(torch.get_default_dtype()) / PER_GROUP
-    return sectors.unflatten(0, (GROUPS, PER_GROUP)).mean(1)
-
-
-def share(sectors: Tensor) -> Tensor:
-    """``(B, h, w)``: share of all sectors that is set."""
-    if sectors.dtype != torch.int32:
-        return sectors.mean(0)
-    counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
-    field = (1 << PER_GROUP) - 1
-    halves = counts + (counts >> (SECTORS // 2))  # sums of up to 10 still fit a field
-    total = (halves & field) + ((halves >> PER_GROUP) & field) + ((halves >> (2 * PER_GROUP)) & field)
-    return total.to(torch.get_default_dtype()) / SECTORS
-
-
-def slice_sums(cut: Slice, covered: Tensor) -> Tensor:
-    """One slice's part of the sums of `horizon.finish`."""
-    open_groups = 1 - group_shares(covered).to(cut.n.dtype)
-    rise, run = horizon.mean_directions(cut.sin_n, GROUPS)
-    rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
-    runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight
-    lift, slide = torch.stack([cut.hx, cut.hy, cut.hz]), torch.stack([cut.tx, cut.ty, cut.tz])
-    return torch.cat(
-        [
-            torch.stack([cut.weight, open_groups.mean(0) * cut.weight]),
-            rises[0] * lift + runs[0] * slide,
-            rises[1] * lift + runs[1] * slide,
-        ]
-    )
+def _front_at_the_radius(tap: Tap, before: Front, side: Side, radii: tuple[Tensor, ...], distance: Tensor) -> Tensor:
+    """Share of the side up to where the line from the tap before reaches the first radius that still lies ahead."""
+    radius = radii[-1]
+    for smaller in reversed(radii[:-1]):
+        radius = radius + (smaller - radius) * horizon.step(smaller - before.distance)
+    left = (distance - radius) / (distance - before.distance).abs().clamp_min(1e-9)
+    rise, run = tap.front_rise, tap.front_run
+    return horizon.arc_measure(rise + (before.rise - rise) * left, run + (before.run - run) * left, side)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from torch import Tensor
@@ -30,16 +30,17 @@ def gtao(
     thickness: Tensor | float | None = None,
     radius: float | Tensor = 0.5,
     directions: int = 4,
-    steps: int = 6,
+    steps: int = 12,
     scales: int = 1,
     method: Literal["bitmask", "horizon"] = "bitmask",
+    hidden: float = 0.15,
     index: int = 0,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor]:
     """Ambient visibility and the mean open direction.
 
-    Several scales average the visibility at radius, 2 radius, 4 radius..., and their open directions, each with all
-    directions and steps: near occluders count in every scale, far ones in the wide scales alone.
+    Several scales average the visibility at radius, 2 radius, 4 radius..., and their open directions: near occluders
+    count in every scale, far ones in the wide scales alone.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -53,6 +54,7 @@ def gtao(
         steps: taps on each side of a slice.
         scales: how many radii.
         method: ``bitmask`` (see `post.bitmask_ao`) or ``horizon`` (see `post.horizon_ao`).
+        hidden: for the bitmask, see `post.bitmask_ao`.
         index: frame number, for the noise.
         seed: another seed, another noise.
 
@@ -65,45 +67,11 @@ def gtao(
     """
     if method not in ("bitmask", "horizon"):
         raise ValueError(f"method must be 'bitmask' or 'horizon', got {method!r}")
-    if scales < 1:
-        raise ValueError(f"scales must be at least 1, got {scales}")
-    hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    results = []
-    for scale in range(scales):
-        wide = radius * 2**scale
-        if method == "bitmask":
-            result = bitmask_ao(
-                depth,
-                normal,
-                camera,
-                hit=hit,
-                thickness=thickness,
-                radius=wide,
-                directions=directions,
-                steps=steps,
-                index=index,
-                seed=seed * scales + scale,
-            )
-        else:
-            result = horizon_ao(
-                depth,
-                normal,
-                camera,
-                hit=hit,
-                radius=wide,
-                directions=directions,
-                steps=steps,
-                index=index,
-                seed=seed * scales + scale,
-            )
-        results.append(result)
-    if scales == 1:
-        return results[0]
-    ao = torch.stack([result[0] for result in results]).mean(0)
-    bent = torch.stack([visibility * direction for visibility, direction in results]).mean(0)
-    length2 = (bent * bent).sum(1, keepdim=True)
-    bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
-    return ao, torch.where(hit, bent, 0.0)
+    sweep: dict[str, Any] = {"hit": hit, "radius": radius, "directions": directions, "steps": steps}
+    sweep |= {"scales": scales, "index": index, "seed": seed}
+    if method == "horizon":
+        return horizon_ao(depth, normal, camera, **sweep)
+    return bitmask_ao(depth, normal, camera, thickness=thickness, hidden=hidden, **sweep)
 
 
 def horizon_ao(
@@ -114,7 +82,8 @@ def horizon_ao(
     hit: Tensor | None = None,
     radius: float | Tensor = 0.5,
     directions: int = 4,
-    steps: int = 6,
+    steps: int = 12,
+    scales: int = 1,
     index: int = 0,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor]:
@@ -126,21 +95,31 @@ def horizon_ao(
 
     Source: Jimenez et al. 2016, "Practical Real-Time Strategies for Accurate Indirect Occlusion"; XeGTAO.
     """
-    slices.check_sweep(camera, directions, steps, radius, depth=depth, normal=normal, hit=hit)
+    slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
-    reach = reach * REACH
-    around = slices.scene(camera, depth, hit, torch.ones_like(depth))
+    reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device) * REACH
+    around = slices.scene(camera, depth, normal, hit, torch.ones_like(depth))
     at = slices.receivers(camera, depth, normal)
-    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
+    found, how = [], (directions, steps, camera.orthographic)
+    for scale in range(scales):
+        places = {"index": index, "dims": 3, "seed": seed * scales + scale, "device": depth.device}
+        sums = _sweep(around, at, blue_noise(*camera.size, **places).to(depth), reach * 2**scale, *how)
+        found.append(horizon.finish(at, camera, hit, sums, normal))
+    return horizon.mean_of_scales(found, hit, normal)
+
+
+def _sweep(
+    around: Scene, at: Receivers, noise: Tensor, reach: Tensor, directions: int, steps: int, parallel: bool
+) -> Tensor:
+    """``(8, B, h, w)``: the sums of `horizon.finish`."""
     rows = []
     for cut, band in slices.bands(at):
-        sums = torch.zeros(8, *band.z.shape, dtype=depth.dtype, device=depth.device)
+        sums = torch.zeros(8, *band.z.shape, dtype=band.z.dtype, device=band.z.device)
         for which in range(directions):
             cos_psi, sin_psi, jitter, _ = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, cos_psi, sin_psi, jitter, reach, steps, camera.orthographic)
+            sums = sums + _slice(around, band, cos_psi, sin_psi, jitter, reach, steps, parallel)
         rows.append(sums)
-    return horizon.finish(at, camera, hit, torch.cat(rows, dim=2), normal)
+    return torch.cat(rows, dim=2)
 
 
 @fusible
@@ -156,15 +135,13 @@ def _slice(
 ) -> Tensor:
     """What one slice adds to the sums of `horizon.finish`."""
     cut = slices.cut_slice(at, cos_psi, sin_psi)
-    size = (around.picture.shape[-2] - 2, around.picture.shape[-1] - 2)
     total = torch.zeros(8, *at.z.shape, dtype=at.z.dtype, device=at.z.device)
-    for side in horizon.sides(at, cut, size):
+    for side in horizon.sides(around, at, cut):
         reach_px = torch.minimum(radius * side.length, side.border).detach()
         lowest = -side.cut.sin_n  # cosine of the hemisphere's own horizon, n + pi/2 from the eye
         highest = lowest
         for i in range(steps):
-            part = (i + jitter) / steps
-            tap = horizon.look(around, at, side, 1.0 + reach_px * part * part, parallel)
+            tap = horizon.look(around, at, side, slices.tap_pixels(reach_px, i, jitter, steps), parallel)
             distance = (tap.front_rise * tap.front_rise + tap.front_run * tap.front_run + 1e-20).sqrt()
             cosine = (tap.front_rise * side.cut.cos_n - tap.front_run * side.cut.sin_n) / distance
             weight = ((radius - distance) / (FALLOFF * radius)).clamp(0, 1) * (tap.back_z - tap.z)
@@ -217,15 +194,16 @@ class GTAO(Pass):
         *,
         radius: float = 0.5,
         directions: int = 4,
-        steps: int = 6,
+        steps: int = 12,
         scales: int = 1,
         method: Literal["bitmask", "horizon"] = "bitmask",
+        hidden: float = 0.15,
         thickness: float | None = None,
         seed: int = 0,
     ) -> None:
         super().__init__()
         self.radius, self.directions, self.steps, self.scales = radius, directions, steps, scales
-        self.method, self.thickness, self.seed = method, thickness, seed
+        self.method, self.hidden, self.thickness, self.seed = method, hidden, thickness, seed
 
     def forward(self, frame: Frame) -> Frame:
         g = frame.gbuffer

@@ -50,30 +50,37 @@ class Side(NamedTuple):
     dy: Tensor
     length: Tensor
     """Pixels that a world unit spans."""
-    border: Tensor
+    frame: Tensor
     """Pixels to the picture's border."""
+    border: Tensor
+    """Pixels to the end of its margin."""
     half: Tensor
     """1 / (2 measure)."""
     whole: Tensor
     """Share of the arc's measure on this side of the direction toward the eye; both sides add up to 1."""
 
 
-def sides(at: Receivers, cut: Slice, size: tuple[int, int]) -> tuple[Side, Side]:
-    """Both sides of a slice in a picture of ``size`` (H, W)."""
+def sides(around: Scene, at: Receivers, cut: Slice) -> tuple[Side, Side]:
+    """Both sides of a slice."""
     length = (cut.step_x * cut.step_x + cut.step_y * cut.step_y).sqrt()
     dx, dy, half = cut.step_x / length, cut.step_y / length, 0.5 / cut.measure
     whole = (cut.cos_n + (cut.n + math.pi / 2) * cut.sin_n) * half
     mirrored = cut._replace(tx=-cut.tx, ty=-cut.ty, tz=-cut.tz, place=-cut.place, sin_n=-cut.sin_n, n=-cut.n)
     return (
-        Side(cut, dx, dy, length, _border(at, dx, dy, size), half, whole),
-        Side(mirrored, -dx, -dy, length, _border(at, -dx, -dy, size), half, 1 - whole),
+        Side(cut, dx, dy, length, *_borders(around, at, dx, dy), half, whole),
+        Side(mirrored, -dx, -dy, length, *_borders(around, at, -dx, -dy), half, 1 - whole),
     )
 
 
-def _border(at: Receivers, dx: Tensor, dy: Tensor, size: tuple[int, int]) -> Tensor:
-    x = torch.maximum((size[1] + 0.5 - at.column) * dx, (0.5 - at.column) * dx) / (dx * dx).clamp_min(1e-12)
-    y = torch.maximum((size[0] + 0.5 - at.row) * dy, (0.5 - at.row) * dy) / (dy * dy).clamp_min(1e-12)
-    return torch.minimum(x, y)
+def _borders(around: Scene, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+    """Pixels to the picture's border and to the end of its margin."""
+    height, width = around.picture.shape[-2:]
+    ways = []
+    for edge in (around.margin + 1, 1):
+        x = torch.maximum((width - edge - 0.5 - at.column) * dx, (edge - 0.5 - at.column) * dx)
+        y = torch.maximum((height - edge - 0.5 - at.row) * dy, (edge - 0.5 - at.row) * dy)
+        ways.append(torch.minimum(x / (dx * dx).clamp_min(1e-12), y / (dy * dy).clamp_min(1e-12)))
+    return ways[0], ways[1]
 
 
 def look(around: Scene, at: Receivers, side: Side, px: Tensor, parallel: bool) -> Tap:
@@ -151,6 +158,17 @@ def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Ten
     length2 = (bent * bent).sum(1, keepdim=True)
     bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
     return torch.where(hit, share[:, None], 1.0), torch.where(hit, bent, 0.0)
+
+
+def mean_of_scales(found: list[tuple[Tensor, Tensor]], hit: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean of several visibilities, and of their bent normals, each of which counts as far as its scale is open."""
+    if len(found) == 1:
+        return found[0]
+    visibility = torch.stack([share for share, _ in found]).mean(0)
+    bent = torch.stack([share * direction for share, direction in found]).mean(0)
+    length2 = (bent * bent).sum(1, keepdim=True)
+    bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
+    return visibility, torch.where(hit, bent, 0.0)
 
 
 def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:

@@ -26,7 +26,8 @@ Preset = Literal["low", "medium", "high", "ultra"]
 
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
-AO_STEPS = 6  # taps on each side of a direction
+AO_BLUR = 8.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
+AO_STEPS = 16  # taps on each side of a direction, for all scales together
 TAPS_PER_GI_RAY = 4  # a ray of the seed and a slice of taps to both sides cost alike
 
 
@@ -119,8 +120,9 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     )
     both = ("ao", "bent_normal")
     bounced = ("gi", "sky_visibility")
+    ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR / quality.ao_directions)
     return {
-        "ao": Pipeline(estimate=ao, denoise=Bilateral(signal=both), accumulate=Temporal(signal=both, blend=0.95)),
+        "ao": Pipeline(estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)),
         "gi": Pipeline(estimate=gi, denoise=Atrous(signal=bounced), accumulate=Temporal(signal=bounced, blend=0.97)),
         "reflection": Pipeline(
             estimate=reflection,

@@ -15,26 +15,29 @@ from torch import Tensor
 from gbufrt import CHANNELS, SIGNALS, Camera
 from gbufrt.channels import check_tensor
 from gbufrt.noise import GOLDEN
+from post import margin
 
 BAND_PIXELS = 32768  # what one core's cache holds of all planes; also torch's smallest share of work for a thread
 BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it blocks anything
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
-UNBOUNDED = 1e6  # assumed thickness stands in for "no end", as a multiple of the depth
+FIRST = 0.5  # pixels to the nearest tap
 
 
 class Scene(NamedTuple):
-    """What taps read: pictures with a border of one empty pixel, and how pixels become points."""
+    """What taps read: pictures continued past their border, then one empty pixel, and how pixels become points."""
 
     picture: Tensor
-    """``(B, C, H + 2, W + 2)``: planar depth, planar depth of the back minus that of the front, and what else is seen.
-    Nothing stands where the two depths agree: beyond the border, and where nothing was hit."""
+    """``(B, C, H + 2 m + 2, W + 2 m + 2)`` with a margin of m pixels, see `post.margin`: planar depth, planar depth of
+    the back minus that of the front, and what else is seen. Nothing stands where the two depths agree."""
     origin_x: Tensor
     """``(B, 1, 1)``: slope (perspective) or place (orthographic) of the ray through column 0 of the padded picture."""
     origin_y: Tensor
     pitch_x: Tensor
     """``(B, 1, 1)``: change of slope or place from one pixel to the next."""
     pitch_y: Tensor
+    margin: int
+    """Pixels between the picture's border and the empty one."""
 
 
 class Receivers(NamedTuple):
@@ -91,35 +94,38 @@ class Slice(NamedTuple):
     step_y: Tensor
 
 
-def scene(camera: Camera, depth: Tensor, hit: Tensor, reach: Tensor, *seen: Tensor) -> Scene:
-    """Pad what taps read.
+def scene(
+    camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, *, light: Tensor | None = None
+) -> Scene:
+    """Continue and pad what taps read.
 
     Args:
         camera: of the picture.
         depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space.
         hit: ``(B, 1, H, W)`` bool.
         reach: ``(B, 1, H, W)`` planar depth from front to back of what is seen, world units.
-        seen: more pictures to read beside the depth.
+        light: ``(B, 3, H, W)`` that pixels send, to be read together with their normals in view space; the margin
+            sends none.
     """
-    picture = torch.cat([depth, torch.where(hit, reach, torch.zeros_like(reach)), *seen], dim=1)
+    m = margin.width(camera)
+    front, stands = margin.continued(camera, depth, hit, normal)
+    solid = torch.where(stands, margin.spread(reach, m), 0.0)
+    seen = []
+    if light is not None:
+        seen = [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
+    picture = torch.cat([front, solid, *seen], dim=1)
     rays = camera.unproject(torch.ones_like(depth))
     k = camera.intrinsics.to(depth.dtype)
+    pitch_x, pitch_y = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]
     return Scene(
         picture=F.pad(picture, (1, 1, 1, 1)),
-        origin_x=rays[:, 0, :1, :1] - 1 / k[:, 0, 0, None, None],
-        origin_y=rays[:, 1, :1, :1] - 1 / k[:, 1, 1, None, None],
-        pitch_x=1 / k[:, 0, 0, None, None],
-        pitch_y=1 / k[:, 1, 1, None, None],
+        origin_x=rays[:, 0, :1, :1] - pitch_x * (m + 1),
+        origin_y=rays[:, 1, :1, :1] - pitch_y * (m + 1),
+        pitch_x=pitch_x,
+        pitch_y=pitch_y,
+        margin=m,
     )
-
-
-def planar_thickness(camera: Camera, depth: Tensor, thickness: Tensor | float) -> Tensor:
-    """Planar depth from front to back for a ``thickness`` along the view ray, world units."""
-    toward = -camera.to_eye(camera.unproject(torch.ones_like(depth)))[:, 2:]
-    limit = (UNBOUNDED * depth).detach()
-    if isinstance(thickness, Tensor):
-        return torch.minimum(thickness.to(depth.dtype), limit) * toward
-    return torch.minimum(torch.full_like(depth, thickness), limit) * toward
 
 
 def receivers(
@@ -142,8 +148,9 @@ def receivers(
     n = n * (n * n).sum(1, keepdim=True).rsqrt()
     k = camera.intrinsics.to(depth.dtype)
     scale = k[:, :1, :1, None].expand_as(depth) if camera.orthographic else k[:, :1, :1, None] / depth.clamp_min(1e-9)
-    column = torch.arange(1, camera.width + 1, dtype=depth.dtype, device=depth.device).expand_as(depth)
-    row = torch.arange(1, camera.height + 1, dtype=depth.dtype, device=depth.device)[:, None].expand_as(depth)
+    first = margin.width(camera) + 1
+    column = torch.arange(camera.width, dtype=depth.dtype, device=depth.device).add(first).expand_as(depth)
+    row = torch.arange(camera.height, dtype=depth.dtype, device=depth.device)[:, None].add(first).expand_as(depth)
     planes = torch.cat([column, row, point, n, view, scale.detach()], dim=1)
     planes = planes[:, :, offset[0] :: stride, offset[1] :: stride].contiguous()
     return Receivers(*planes.unbind(1), aspect=(k[:, 1, 1] / k[:, 0, 0])[:, None, None])
@@ -173,6 +180,12 @@ def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Ten
     """
     angle = (noise[0] + which) * (math.pi / directions)
     return angle.cos(), angle.sin(), (noise[1] + which * GOLDEN) % 1.0, (noise[2] + which * GOLDEN) % 1.0 * BELOW_ONE
+
+
+def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int) -> Tensor:
+    """Pixels from the receiver to tap ``which`` of ``steps``, which spread with the power 3/2: denser near by."""
+    part = (which + jitter) / steps
+    return FIRST + reach * part * part.sqrt()
 
 
 def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
@@ -214,10 +227,15 @@ def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
 
 
 def check_sweep(
-    camera: Camera, directions: int, steps: int, radius: Tensor | float | None, **pictures: Tensor | None
+    camera: Camera,
+    directions: int,
+    steps: int,
+    radius: Tensor | float | None,
+    scales: int = 1,
+    **pictures: Tensor | None,
 ) -> None:
     """Raise ValueError or TypeError unless counts and radius are positive and the pictures, by name, fit the camera."""
-    for name, value in (("directions", directions), ("steps", steps)):
+    for name, value in (("directions", directions), ("steps", steps), ("scales", scales)):
         if value < 1:
             raise ValueError(f"{name} must be at least 1, got {value}")
     if radius is not None and not bool(torch.as_tensor(radius) > 0):

@@ -10,14 +10,15 @@ from gbufrt.camera import Camera
 from gbufrt.fusion import fusible
 from gbufrt.noise import blue_noise
 from post import horizon, slices
-from post.bitmask import Front, blocked, cover, no_cover, own_solid, share, slice_sums, start
+from post.bitmask import blocked, own_solid, start
 from post.horizon import Tap
+from post.sectors import cover, no_cover, share, slice_sums
 from post.sent_light import sent_light
 from post.slices import Receivers, Scene
+from post.solids import planar_thickness
 from post.upsample import upsample
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
-POWER = 1.5  # of the taps' spread: denser near the receiver, yet dense enough afar to leave few gaps
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 
 
@@ -74,9 +75,9 @@ def ssgi(
     if resolution not in (1, 2):
         raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    solid = slices.planar_thickness(camera, depth, THICKNESS if thickness is None else thickness)
+    solid = planar_thickness(camera, depth, hit, THICKNESS if thickness is None else thickness)
     sent = torch.where(hit, light.to(depth.dtype), 0.0)
-    around = slices.scene(camera, depth, hit, solid, sent, camera.rotate_to_view(normal))
+    around = slices.scene(camera, depth, normal, hit, solid, light=sent)
     corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
     part = (..., slice(corner[0], None, resolution), slice(corner[1], None, resolution))
     at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
@@ -127,24 +128,23 @@ def _slice(
 ) -> Tensor:
     """What one slice adds to the sums."""
     cut = slices.cut_slice(at, cos_psi, sin_psi)
-    size = (around.picture.shape[-2] - 2, around.picture.shape[-1] - 2)
     covered, own = no_cover(at.z, soft), own_solid(around, at)
     gathered = at.z.new_zeros(3, *at.z.shape)
-    right, left = horizon.sides(at, cut, size)
+    right, left = horizon.sides(around, at, cut)
+    radii = () if distance is None else (distance,)
     for side in (right, left):
-        farthest = side.border if distance is None else torch.minimum(side.border, distance * side.length)
-        farthest = (farthest.detach() - 1).clamp_min(0)
+        farthest = side.frame if distance is None else torch.minimum(side.frame, distance * side.length)
         before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
         for i in range(steps):
-            tap = horizon.look(around, at, side, 1.0 + farthest * ((i + jitter) / steps) ** POWER, parallel)
+            tap = horizon.look(around, at, side, slices.tap_pixels(farthest.detach(), i, jitter, steps), parallel)
             next_plane = _plane(tap, parallel)
-            front, back, near, *state = blocked(tap, before, side, distance, soft, _flat(next_plane, plane))
-            before, plane = Front(*state), next_plane
+            (found,), before = blocked(tap, before, side, radii, soft, _flat(next_plane, plane))
+            plane = next_plane
             if side is right:
-                low, high = left.whole + front, left.whole + back
+                ends = left.whole + found.low, left.whole + found.high
             else:
-                low, high = left.whole - back, left.whole - front
-            covered, fresh = cover(covered, low, high, near, dither)
+                ends = left.whole - found.high, left.whole - found.low
+            covered, fresh = cover(covered, *ends, found.near, dither)
             lit = share(fresh) * _facing(plane, at)
             gathered = gathered + lit * tap.seen[:, :3].movedim(1, 0)
     return torch.cat([slice_sums(cut, covered), gathered * cut.weight])

@@ -12,8 +12,9 @@ from cornell import cornell
 from torch import Tensor
 
 from gbufrt import Camera
-from post.bitmask import GROUPS, SECTORS, bitmask_ao, cover, group_shares, no_cover, share
+from post.bitmask import bitmask_ao
 from post.horizon import mean_directions
+from post.sectors import GROUPS, SECTORS, cover, group_shares, no_cover, share
 
 CORNER = torch.tensor([[[-40.0, -1.0, -40.0], [40.0, 0.0, 40.0]], [[-40.0, -1.0, -4.0], [40.0, 40.0, -3.0]]])
 
@@ -110,7 +111,7 @@ def test_soft_sectors_agree_with_dithered_ones() -> None:
 
 
 def test_gradients_match_finite_differences_and_are_not_zero() -> None:
-    g = boxes.frame(boxes.camera((6, 8))).to(torch.float64).gbuffer
+    g = boxes.frame(boxes.camera((8, 10))).to(torch.float64).gbuffer
     assert g.thickness is not None
     depth, thickness = g.depth.clone().requires_grad_(), g.thickness.clone().requires_grad_()
     radius = torch.tensor(3.0, dtype=torch.float64, requires_grad=True)
@@ -127,7 +128,7 @@ def test_gradients_match_finite_differences_and_are_not_zero() -> None:
 
 
 def test_gradient_descent_recovers_a_radius() -> None:
-    g = boxes.frame(boxes.camera((18, 24))).gbuffer
+    g = boxes.frame(boxes.camera((24, 32))).gbuffer
 
     def run(radius: Tensor) -> Tensor:
         return bitmask_ao(
@@ -138,13 +139,13 @@ def test_gradient_descent_recovers_a_radius() -> None:
             thickness=g.thickness,
             radius=radius,
             directions=2,
-            steps=4,
+            steps=6,
             soft=True,
         )[0]
 
     wanted = run(torch.tensor(2.0))
     radius = torch.tensor(1.5, requires_grad=True)
-    descent = torch.optim.Adam([radius], lr=0.1)
+    descent = torch.optim.SGD([radius], lr=0.03)
     for _ in range(20):
         descent.zero_grad()
         (run(radius) - wanted).square().sum().backward()

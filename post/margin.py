@@ -1,0 +1,62 @@
+"""What lies past the picture's border: the planes seen at the border, continued."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.camera import Camera
+
+SHARE = 0.25  # of the picture's longer side; more makes no difference to occlusion within a few metres
+LEAST_FACING = 1e-3  # planes seen more from the side than this are not continued
+
+
+def width(camera: Camera) -> int:
+    """Pixels of margin on each side of the picture."""
+    return max(1, round(max(camera.size) * SHARE))
+
+
+def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+    """Depth in the margin: each pixel sees the plane of the border pixel nearest to it, where that faces it.
+
+    Walls, floors and ceilings cut by the border go on, which is what they mostly do. Left empty, the margin makes
+    pixels near the border, and whole interiors, too open.
+
+    Args:
+        camera: of the picture.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        normal: ``(B, 3, H, W)`` world space.
+
+    Returns:
+        depth and hit ``(B, 1, H + 2 m, W + 2 m)`` with m the margin's `width`; depth is 0 where nothing stands.
+    """
+    m = width(camera)
+    inner = (..., slice(m, m + camera.height), slice(m, m + camera.width))
+    plane, point = spread(camera.rotate_to_view(normal), m), spread(camera.unproject(depth), m)
+    k = camera.intrinsics.clone()
+    k[:, :2, 2] += m
+    wide = replace(camera, intrinsics=k, size=(camera.height + 2 * m, camera.width + 2 * m))
+    start = wide.unproject(torch.zeros_like(point[:, :1]))
+    ray = wide.unproject(torch.ones_like(point[:, :1])) - start
+    facing = -(plane * ray).sum(1, keepdim=True)
+    far = (plane * (start - point)).sum(1, keepdim=True) / facing.clamp_min(LEAST_FACING)
+    stands = spread(hit.to(depth.dtype), m) * (facing > LEAST_FACING) * (far > camera.near) > 0
+    stands[inner] = hit
+    outer = torch.ones_like(stands)
+    outer[inner] = False
+    continued = torch.where(outer, far, empty(depth, m))
+    return torch.where(stands, continued, 0.0), stands
+
+
+def empty(picture: Tensor, margin: int) -> Tensor:
+    """A ``(B, C, H, W)`` picture with nothing beyond its border."""
+    return F.pad(picture, (margin, margin, margin, margin))
+
+
+def spread(picture: Tensor, margin: int) -> Tensor:
+    """A ``(B, C, H, W)`` picture with its border pixels repeated ``margin`` times."""
+    return F.pad(picture, (margin, margin, margin, margin), mode="replicate")

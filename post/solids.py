@@ -1,0 +1,56 @@
+"""How far solids reach behind what is seen of them."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.camera import Camera
+
+UNBOUNDED = 1e6  # assumed thickness stands in for "no end", as a multiple of the depth
+STRIDES = (1, 2, 3)  # pixels between neighbours, one round each: bodies are told from up to 6 pixels around
+
+
+def planar_thickness(
+    camera: Camera, depth: Tensor, hit: Tensor, thickness: Tensor | float, hidden: Tensor | float = 0.0
+) -> Tensor:
+    """Planar depth from front to back.
+
+    Measured thickness ends where the view ray leaves the body, at an edge or on a slope soon after it has entered. The
+    body goes on there, as neighbours tell whose rays run through it: where their solids overlap in depth, the body is
+    one, and reaches as deep as the deepest of them.
+
+    Args:
+        camera: of the picture.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything, which is
+            taken as it is.
+        hidden: added to what is measured, world units, for what lies behind unseen.
+
+    Returns:
+        ``(B, 1, H, W)`` world units.
+    """
+    toward = -camera.to_eye(camera.unproject(torch.ones_like(depth)))[:, 2:]
+    limit = (UNBOUNDED * depth).detach()
+    if not isinstance(thickness, Tensor):
+        return torch.minimum(torch.full_like(depth, thickness), limit) * toward
+    back = depth + torch.minimum(thickness.to(depth.dtype), limit) * toward
+    return bodies(depth, hit, back) - depth + hidden * toward
+
+
+def bodies(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
+    """Depth of the back of each pixel's body, from those of all pixels around whose solids overlap with its own."""
+    height, width = depth.shape[-2:]
+    for stride in STRIDES:
+        fronts = F.pad(torch.where(hit, depth, torch.inf), (stride,) * 4, value=torch.inf)
+        backs = F.pad(torch.where(hit, back, -torch.inf), (stride,) * 4, value=-torch.inf)
+        deepest = back
+        for dy in (0, stride, 2 * stride):
+            for dx in (0, stride, 2 * stride):
+                place = (..., slice(dy, dy + height), slice(dx, dx + width))
+                one = (fronts[place] <= back) & (depth <= backs[place])
+                deepest = torch.where(one, torch.maximum(deepest, backs[place]), deepest)
+        back = deepest
+    return back
