@@ -13,7 +13,8 @@ from gbufrt.noise import blue_noise
 from gbufrt.sampling import gather
 from post import horizon, slices
 from post.horizon import Side, Tap
-from post.sectors import cover, no_cover, slice_sums
+from post.open_sky import Sky, leaves_hit, open_share, sky_beyond
+from post.sectors import GROUPS, cover, no_cover, slice_sums
 from post.slices import Receivers, Scene
 from post.solids import planar_thickness
 
@@ -71,7 +72,8 @@ def bitmask_ao(
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
             the radius.
-        radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit.
+        radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit:
+            then directions that leave the picture uncovered are open as far as `post.open_sky` holds likely.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
         scales: how many radii, each twice the one before; the result is their mean. All share the taps of one sweep.
@@ -104,13 +106,14 @@ def bitmask_ao(
         soft = torch.is_grad_enabled() and any(
             t is not None and t.requires_grad for t in (around.picture, at.nx, reach)
         )
+    sky = None if radii else sky_beyond(camera, hit, normal)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     rows = []
     for cut, band in slices.bands(at):
         sums = torch.zeros(max(len(radii), 1), 8, *band.z.shape, dtype=depth.dtype, device=depth.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, radii, steps, camera.orthographic, soft)
+            sums = sums + _slice(around, band, *random, radii, sky, steps, camera.orthographic, soft)
         rows.append(sums)
     found = [horizon.finish(at, camera, hit, sums, normal) for sums in torch.cat(rows, dim=3)]
     return horizon.mean_of_scales(found, hit, normal)
@@ -125,6 +128,7 @@ def _slice(
     jitter: Tensor,
     dither: Tensor,
     radii: tuple[Tensor, ...],
+    sky: Sky | None,
     steps: int,
     parallel: bool,
     soft: bool,
@@ -143,7 +147,11 @@ def _slice(
             for s, (low, high, near) in enumerate(covers):
                 ends = (left.whole + low, left.whole + high) if side is right else (left.whole - high, left.whole - low)
                 covered[s], _ = cover(covered[s], *ends, near, dither)
-    return torch.stack([slice_sums(cut, sectors) for sectors in covered])
+    openness: Tensor | float = 1.0
+    if sky is not None:
+        hits = leaves_hit(around, at, right), leaves_hit(around, at, left)
+        openness = open_share(sky, cut, GROUPS, left.whole, hits)
+    return torch.stack([slice_sums(cut, sectors, openness) for sectors in covered])
 
 
 def start(at: Receivers, side: Side, solid: Tensor) -> Front:

@@ -28,7 +28,8 @@ AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
 AO_BLUR = 8.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
-TAPS_PER_GI_RAY = 4  # a ray of the seed and a slice of taps to both sides cost alike
+GI_STEPS = 16  # taps on each side of a slice: half as many lose a quarter of the light in the gaps
+RAYS_PER_GI_SLICE = 4  # of the seed: a slice looks along half a circle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,8 +108,8 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     physical = composite == "physical"
     ao = GTAO(radius=AO_RADIUS * metre, directions=quality.ao_directions, steps=AO_STEPS, scales=quality.ao_scales)
     gi = SSGI(
-        directions=max(quality.gi_rays // TAPS_PER_GI_RAY, 1),
-        steps=2 * TAPS_PER_GI_RAY,
+        directions=max(quality.gi_rays // RAYS_PER_GI_SLICE, 1),
+        steps=GI_STEPS,
         bounces=quality.gi_bounces,
         distance=None if physical else quality.gi_distance * metre,
         bounce_loss=1.0 if physical else 0.6,
@@ -131,7 +132,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
         ),
         "behind": Pipeline(
             layer="behind",
-            gi=SSGI(directions=2, steps=TAPS_PER_GI_RAY, bounces=1, distance=gi.distance),
+            gi=SSGI(directions=2, steps=GI_STEPS // 4, bounces=1, distance=gi.distance),
             denoise=Atrous(signal=bounced),
         ),
     }

@@ -56,9 +56,9 @@ def share(sectors: Tensor) -> Tensor:
     return total.to(torch.get_default_dtype()) / SECTORS
 
 
-def slice_sums(cut: Slice, covered: Tensor) -> Tensor:
-    """One slice's part of the sums of `horizon.finish`."""
-    open_groups = 1 - group_shares(covered).to(cut.n.dtype)
+def slice_sums(cut: Slice, covered: Tensor, openness: Tensor | float = 1.0) -> Tensor:
+    """One slice's part of the sums of `horizon.finish`; ``openness`` of what is not covered: ``(GROUPS, B, h, w)``."""
+    open_groups = (1 - group_shares(covered).to(cut.n.dtype)) * openness
     rise, run = horizon.mean_directions(cut.sin_n, GROUPS)
     rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
     runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight

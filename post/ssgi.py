@@ -12,7 +12,8 @@ from gbufrt.noise import blue_noise
 from post import horizon, slices
 from post.bitmask import blocked, own_solid, start
 from post.horizon import Tap
-from post.sectors import cover, no_cover, share, slice_sums
+from post.open_sky import Sky, leaves_hit, open_share, sky_beyond
+from post.sectors import GROUPS, cover, no_cover, share, slice_sums
 from post.sent_light import sent_light
 from post.slices import Receivers, Scene
 from post.solids import planar_thickness
@@ -41,8 +42,9 @@ def ssgi(
     """One bounce of light between the surfaces in the picture, and the sky that each surface sees past them.
 
     Each tap covers the sectors from its front to its back, as in `post.bitmask_ao`. The sectors that it is the first to
-    cover receive the light it sends, if it faces the receiver; sectors left open see the sky. So open sky and gathered
-    light share every hemisphere without counting a direction twice.
+    cover receive the light it sends, if it faces the receiver; sectors left open see the sky, as far as directions that
+    leave the picture may (see `post.open_sky`). So open sky and gathered light share every hemisphere without counting
+    a direction twice.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -82,7 +84,8 @@ def ssgi(
     part = (..., slice(corner[0], None, resolution), slice(corner[1], None, resolution))
     at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)[part]
-    sums = _sweep(around, at, noise, directions, steps, distance, camera.orthographic)
+    sky = sky_beyond(camera, hit, normal) if distance is None else None
+    sums = _sweep(around, at, noise, sky, directions, steps, distance, camera.orthographic)
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
@@ -98,7 +101,14 @@ def ssgi(
 
 
 def _sweep(
-    around: Scene, at: Receivers, noise: Tensor, directions: int, steps: int, distance: float | None, parallel: bool
+    around: Scene,
+    at: Receivers,
+    noise: Tensor,
+    sky: Sky | None,
+    directions: int,
+    steps: int,
+    distance: float | None,
+    parallel: bool,
 ) -> Tensor:
     """``(11, B, h, w)``: the sums of `horizon.finish`, and the light of all slices."""
     reach = None if distance is None else at.z.new_tensor(distance)
@@ -108,7 +118,7 @@ def _sweep(
         sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, reach, steps, parallel, soft)
+            sums = sums + _slice(around, band, *random, reach, sky, steps, parallel, soft)
         rows.append(sums)
     return torch.cat(rows, dim=2)
 
@@ -122,6 +132,7 @@ def _slice(
     jitter: Tensor,
     dither: Tensor,
     distance: Tensor | None,
+    sky: Sky | None,
     steps: int,
     parallel: bool,
     soft: bool,
@@ -147,7 +158,11 @@ def _slice(
             covered, fresh = cover(covered, *ends, found.near, dither)
             lit = share(fresh) * _facing(plane, at)
             gathered = gathered + lit * tap.seen[:, :3].movedim(1, 0)
-    return torch.cat([slice_sums(cut, covered), gathered * cut.weight])
+    openness: Tensor | float = 1.0
+    if sky is not None:
+        hits = leaves_hit(around, at, right), leaves_hit(around, at, left)
+        openness = open_share(sky, cut, GROUPS, left.whole, hits)
+    return torch.cat([slice_sums(cut, covered, openness), gathered * cut.weight])
 
 
 def _plane(tap: Tap, parallel: bool) -> tuple[Tensor, ...]:
