@@ -4,7 +4,8 @@ Each pixel is a piece of the plane through its point with its normal, and a soli
 thickness. Over such a plane, and along a ray, nearness ``q`` (1 / z, or -z for an orthographic camera) is linear in the
 picture: a ray crosses a pixel's plane at the root of a linear equation, to a fraction of a pixel and without a search,
 and a ray that leaves a flat surface cannot hit that surface again. A pyramid of the nearest front and the farthest back
-lets rays skip what they pass in front of or behind.
+lets rays skip what they pass in front of or behind. What a ray saw before it went behind something is taken to go on
+there, so that the sky does not shine through what is hidden.
 
 Source: McGuire and Mara 2014 (rays linear in the picture, thickness); Stachowiak 2015 and AMD FidelityFX SSSR
 (traversal of a min-z pyramid).
@@ -45,13 +46,14 @@ class Hits(NamedTuple):
     hit: Tensor
     """``(B, 1, h, w)`` bool: the ray met a surface that the camera sees, from its front."""
     blocked: Tensor
-    """``(B, 1, h, w)`` bool: the ray ended at a side that the camera does not see; ``px`` is the pixel before it."""
+    """``(B, 1, h, w)`` bool: the ray ended at what the camera does not see, a side or where a surface seems to go on
+    behind what hides it; ``px`` is the pixel that comes nearest to it."""
     spent: Tensor
     """``(B, 1, h, w)`` bool: the ray travelled the whole distance inside the picture; ``px`` is where."""
     distance: Tensor
     """``(B, 1, h, w)`` world units travelled."""
     agreement: Tensor
-    """``(B, 1, h, w)`` in [0, 1]: how well depth supports the hit; for blocked rays, how near the front they pass."""
+    """``(B, 1, h, w)`` in [0, 1]: how well depth supports the hit; for rays that sides block, how near the front."""
 
 
 @torch.no_grad()

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gbufrt import kernel
 
-LEFT, HIT, BLOCKED, SPENT = 0, 1, 2, 3  # repeated, for numba's cache sees changes of this file only
+LEFT, HIT, BLOCKED, SPENT, BEHIND = 0, 1, 2, 3, 4  # repeated, for numba's cache sees changes of this file only
 TOLERANCE = 3e-4
 
 
@@ -37,7 +37,20 @@ def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
         return HIT, 0.0, min(1.0, 2.0 * (1.0 + front_a / crack))
     if qa > back or qb > back:
         return BLOCKED, 0.0, min(1.0, max(0.0, (qa - back) / (qa - front_a - back)))
-    return LEFT, 0.0, 0.0
+    return BEHIND, 0.0, 0.0
+
+
+@kernel.scalar
+def _continued(planes, ix, iy, x0, y0, dx, dy, share, leave, qa, qb):
+    """Where the ray, between two shares of it, crosses pixel i's plane continued out of that pixel; -1 where not."""
+    if ix < 0:
+        return -1.0
+    q, gx, gy = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2]
+    front_b = qb - (q + gx * (x0 + leave * dx - ix - 0.5) + gy * (y0 + leave * dy - iy - 0.5))
+    if front_b >= -TOLERANCE * abs(q):
+        return -1.0
+    front_a = max(qa - (q + gx * (x0 + share * dx - ix - 0.5) + gy * (y0 + share * dy - iy - 0.5)), 0.0)
+    return share + front_a / (front_a - front_b) * (leave - share)
 
 
 @kernel.scalar
@@ -49,25 +62,32 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
         return LEFT, 0.0, ix, iy, 0.0
     per_x, per_y = 1.0 / dx, 1.0 / dy
     right, down, sideways = 1 if dx >= 0.0 else 0, 1 if dy >= 0.0 else 0, False
+    hx, hy = -1, -1  # the pixel from which it went behind something
     while pixels < steps:
         cx, cy = ix >> level, iy >> level
         leave_x, leave_y = (((cx + right) << level) - x0) * per_x, (((cy + down) << level) - y0) * per_y
         leave = min(min(leave_x, leave_y), 1.0)
         qa, qb = q0 + share * dq, q0 + leave * dq
+        jx, jy = (ix + 1 - 2 * right, iy) if sideways else (ix, iy + 1 - 2 * down)
+        behind = False
         if level > 0:
             cell = table[level, 0] + cy * table[level, 1] + cx
             if not (min(qa, qb) > pyramid[cell, 0] or max(qa, qb) < pyramid[cell, 1]):
                 level -= 1
                 continue
+            behind = min(qa, qb) <= pyramid[cell, 0]
         else:
             pixels += 1
             if pixels > 0:  # none but the pixel that it starts in, which it leaves
                 ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
-                jx = ix + 1 - 2 * right if sideways else ix
-                jy = iy if sideways else iy + 1 - 2 * down
                 status, part, agreement = _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
-                if status != LEFT:
+                if status in (HIT, BLOCKED):
                     return status, max(share + part * (leave - share), 0.0), ix, iy, agreement
+                behind = status == BEHIND
+        hx, hy = (hx if hx >= 0 else jx, hy if hx >= 0 else jy) if behind else (-1, -1)
+        crossing = _continued(planes, hx, hy, x0, y0, dx, dy, share, leave, qa, qb)
+        if crossing >= 0.0:
+            return BLOCKED, crossing, hx, hy, 0.0
         share = leave
         if leave >= 1.0:
             return SPENT, 1.0, ix, iy, 0.0

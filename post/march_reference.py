@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 LEFT, HIT, BLOCKED, SPENT = 0, 1, 2, 3
+BEHIND = 4  # goes on behind a pixel's solid: no end of a ray
 TOLERANCE = 3e-4  # of nearness: how far behind a plane a ray must be to have crossed it; above depth's own error
 
 
@@ -93,13 +94,10 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
     ix, iy = rays.x.floor().clamp(-1, width).long(), rays.y.floor().clamp(-1, height).long()
     level, share = torch.zeros_like(ix), torch.zeros_like(rays.x)
     status, agreement = torch.full_like(ix, LEFT), torch.zeros_like(rays.x)
-
-    def outside() -> Tensor:
-        return (ix < 0) | (ix >= width) | (iy < 0) | (iy >= height)
-
-    running = rays.alive & ~outside()
+    running = rays.alive & (ix >= 0) & (ix < width) & (iy >= 0) & (iy < height)
     right, down = (rays.dx >= 0).long(), (rays.dy >= 0).long()
     pixels, sideways = torch.full_like(ix, -1), torch.zeros_like(rays.alive)
+    hx, hy = torch.full_like(ix, -1), torch.full_like(iy, -1)  # the pixel from which a ray went behind something
     while bool(running.any()):
         size, cx, cy = 1 << level, ix >> level, iy >> level
         leave_x, leave_y = ((cx + right) * size - rays.x) / rays.dx, ((cy + down) * size - rays.y) / rays.dy
@@ -112,7 +110,15 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         jx, jy = torch.where(sideways, ix + 1 - 2 * right, ix), torch.where(sideways, iy, iy + 1 - 2 * down)
         met, part, agrees = _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb)
         pixels = pixels + (running & (level == 0)).long()
-        ends = running & (level == 0) & (met != LEFT) & (pixels > 0)  # not in the pixel that it starts in
+        compared = running & (level == 0) & (pixels > 0)  # not in the pixel that it starts in
+        ends = compared & ((met == HIT) | (met == BLOCKED))
+        behind = torch.where(level > 0, running & skips & (torch.minimum(qa, qb) <= front), compared & (met == BEHIND))
+        goes = behind & (hx < 0)
+        hx, hy = torch.where(goes, jx, torch.where(behind | descends, hx, -1)), torch.where(goes, jy, hy)
+        crosses, along = _continued(planes, rays, hx, hy, share, leave, qa, qb)
+        crosses &= behind
+        met, part, agrees = (torch.where(crosses, a, b) for a, b in ((BLOCKED, met), (along, part), (0.0, agrees)))
+        ix, iy, ends = torch.where(crosses, hx, ix), torch.where(crosses, hy, iy), ends | crosses
         status, agreement = torch.where(ends, met, status), torch.where(ends, agrees, agreement)
         share = torch.where(ends, (share + part * (leave - share)).clamp_min(0.0), share)
         moves = running & ~descends & ~ends
@@ -120,19 +126,24 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         spent = moves & (leave >= 1.0)
         status = torch.where(spent, SPENT, status)
         moves = moves & ~spent
-        first = cy * size
-        across = (rays.y + share * rays.dy).floor().clamp(-1e9, 1e9).long()
-        beside = torch.minimum(torch.maximum(across, first), first + size - 1)
-        across = (rays.x + share * rays.dx).floor().clamp(-1e9, 1e9).long()
-        above = torch.minimum(torch.maximum(across, cx * size), cx * size + size - 1)
+        beside, above = (
+            _within(cy * size, size, rays.y + share * rays.dy),
+            _within(cx * size, size, rays.x + share * rays.dx),
+        )
         sideways = torch.where(moves, leave_x < leave_y, sideways)
         nx = torch.where(sideways, (cx + right) * size - 1 + right, above)
         ny = torch.where(sideways, beside, (cy + down) * size - 1 + down)
         ix, iy = torch.where(moves, nx, ix), torch.where(moves, ny, iy)
-        running = running & ~ends & ~spent & ~outside() & (pixels < steps)
+        running = running & ~ends & ~spent & (ix >= 0) & (ix < width) & (iy >= 0) & (iy < height) & (pixels < steps)
         rises = moves & (level < top) & (((ix >> (level + 1)) != (cx >> 1)) | ((iy >> (level + 1)) != (cy >> 1)))
         level = level + rises.long() - descends.long()
     return status, share, ix, iy, agreement
+
+
+def _within(first: Tensor, size: Tensor, place: Tensor) -> Tensor:
+    """The pixel at ``place``, held to those of a cell."""
+    pixel = place.floor().clamp(-1e9, 1e9).long()
+    return torch.minimum(torch.maximum(pixel, first), first + size - 1)
 
 
 def _look(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor) -> Tensor:
@@ -163,7 +174,18 @@ def _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, T
     agreement = torch.where(
         crosses, 1.0, torch.where(falls, (2 + 2 * front_a / crack).clamp_max(1.0), torch.where(blocks, near, 0.0))
     )
-    return torch.where(crosses | falls, HIT, torch.where(blocks, BLOCKED, LEFT)), part, agreement
+    passes = torch.where(before, LEFT, BEHIND)
+    return torch.where(crosses | falls, HIT, torch.where(blocks, BLOCKED, passes)), part, agreement
+
+
+def _continued(planes, rays, ix, iy, share, leave, qa, qb) -> tuple[Tensor, Tensor]:
+    """Whether and where, as part of the way, rays cross pixel i's plane continued out of that pixel."""
+    q, gx, gy, _ = _look(planes, rays, ix, iy)
+    ox, oy = rays.x - ix - 0.5, rays.y - iy - 0.5
+    front_a = (qa - (q + gx * (ox + share * rays.dx) + gy * (oy + share * rays.dy))).clamp_min(0.0)
+    front_b = qb - (q + gx * (ox + leave * rays.dx) + gy * (oy + leave * rays.dy))
+    crosses = front_b < -TOLERANCE * q.abs()
+    return crosses, front_a / torch.where(crosses, front_a - front_b, 1.0)
 
 
 def _same_surface(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor, jx: Tensor, jy: Tensor) -> Tensor:

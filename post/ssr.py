@@ -18,8 +18,9 @@ from post.signals import luminance
 
 Method = Literal["ggx", "cone"]
 BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
-UNSEEN = 0.5  # of what the pixel before an unseen side sends, as a guess of what that side sends
+UNSEEN = 0.5  # of what the surface next to an unseen one sends, as a guess of what that one sends
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: what one sample may bring
+GUESSED = 4.0  # times that mean: what an unseen side may send, for lamps seldom go on behind what hides them
 MIRROR = 0.03  # roughness below which all samples are the same ray
 
 
@@ -51,9 +52,9 @@ def ssr(
 
     A ray that meets a visible surface brings ``light``. A ray that leaves the picture brings the environment, times how
     open the sky is in its direction (1 where it was seen to end in the sky, else the cone around ``bent_normal`` that
-    ``visibility`` leaves open), so that interiors do not fill with sky. A ray that ends at a side that the camera does
-    not see brings the light of the pixel before that side, at confidence 0. Differentiable in ``light``,
-    ``environment`` and ``f0``; the rays themselves carry no gradient.
+    ``visibility`` leaves open), so that interiors do not fill with sky. A ray that ends at what the camera does not see
+    brings some of the light of the surface next to it, at confidence 0. Differentiable in ``light``, ``environment``
+    and ``f0``; the rays themselves carry no gradient.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -95,10 +96,8 @@ def ssr(
     far = camera.far if distance is None else distance
     with torch.no_grad():
         surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
-        flat, solid = (
-            normal if normal_geo is None else normal_geo,
-            assumed_thickness if thickness is None else thickness,
-        )
+        flat = normal if normal_geo is None else normal_geo
+        solid = assumed_thickness if thickness is None else thickness
         hierarchy = depth_hierarchy(depth, hit, flat, camera, thickness=solid)
         trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
         rays = torch.where(roughness < MIRROR, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
@@ -115,7 +114,7 @@ def ssr(
             world = camera.rotate_to_world(lobe.direction)
             sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
         incoming = _incoming(light, environment, hits, confidence, world, sky)
-        incoming = incoming * _firefly_factor(incoming, light, hit, roughness)
+        incoming = incoming * _firefly_factor(incoming, light, hit, roughness, hits.blocked)
         if reuse:
             incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
         total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
@@ -175,10 +174,10 @@ def _incoming(
 
 
 @torch.no_grad()
-def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor) -> Tensor:
-    """At most 1: holds single samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
+def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
+    """At most 1: holds guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
     mean = (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
-    limit = FIREFLY * mean / roughness.clamp_min(1e-3)
+    limit = mean * torch.where(guessed, GUESSED, FIREFLY / roughness.clamp_min(1e-3))
     return (limit / luminance(incoming).clamp_min(1e-9)).clamp_max(1.0)
 
 

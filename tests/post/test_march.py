@@ -110,6 +110,17 @@ def test_rays_pass_behind_what_is_thin(compiled):
     assert not hits.hit.any()
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_goes_on_behind_a_pole_ends_rays(compiled):
+    g, start, _ = pole_scene()
+    way = g.camera.rotate_to_view(torch.tensor([3.0, 0.0, -1.0])[None, :, None, None] / 10**0.5)
+    hierarchy = depth_hierarchy(g.depth, g.hit, g.normal, g.camera, thickness=g.thickness)
+    hits = march_rays(hierarchy, start, way, g.camera, compiled=compiled)
+    assert hits.blocked.all(), "it meets the wall at x = 0, where the pole hides it"
+    assert abs(float(hits.distance) - 10**0.5) < 1e-3
+    assert abs(float(sample(g.depth, hits.px)) - 15.0) < 1e-3, "and reads the wall beside the pole"
+
+
 def test_reads_at_hits_do_not_mix_surfaces():
     frame = boxes.frame(boxes.camera((135, 180)))
     hits, _ = mirror(frame)
