@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gbufrt.kernel import scalar
-from tracer.light_kernel import DISC, FACING, NOTHING, lamp_sample, shines, sky, sun, sun_sample
+from tracer.light_kernel import DISC, NOTHING, lamp_sample, shines, sky, sun, sun_sample
 from tracer.light_paths import EVEN, LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
 from tracer.light_samples import DIMS
 from tracer.meet_kernel import WHITE, meet, transmit
@@ -25,16 +25,15 @@ from tracer.scatter_kernel import (
 )
 from tracer.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal import FARTHEST
-from tracer.walk_kernel import triple
 
 
 @scalar
-def _diffuse(at):
+def diffuse_of(at):
     return scaled(at.albedo, (1 - at.metallic) * at.opacity)
 
 
 @scalar
-def _f0(at):
+def f0_of(at):
     some = at.metallic
     return (
         DIELECTRIC_F0 + (at.albedo[0] - DIELECTRIC_F0) * some,
@@ -50,7 +49,7 @@ def _response(at, direction, even, mirrors):
     if not mirrors:
         return value
     alpha = max(at.roughness * at.roughness, LEAST_ALPHA)
-    return added(value, specular_response(at.normal, at.toward, alpha, _f0(at), direction))
+    return added(value, specular_response(at.normal, at.toward, alpha, f0_of(at), direction))
 
 
 @scalar
@@ -63,12 +62,12 @@ def _direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
         if max(value) > 0:
             light = times(value, transmit(tables, at.point, direction, FARTHEST, MASK_SHADOW))
     if len(lit.lamps):
-        light = added(light, _from_lamp(tables, at, u, i, first + 2, even, mirrors_lamps)[0])
+        light = added(light, from_lamp(tables, at, u, i, first + 2, even, mirrors_lamps)[0])
     return light
 
 
 @scalar
-def _from_lamp(tables, at, u, i, first, even, mirrors):
+def from_lamp(tables, at, u, i, first, even, mirrors):
     """Light from one lamp, the place where it comes from, and the lamp's number (-1 for none)."""
     numbers = (u[first, i], u[first + 1, i], u[first + 2, i], u[first + 3, i])
     direction, distance, energy, lamp = lamp_sample(tables.lit, at.point, at.normal, *numbers)
@@ -81,18 +80,11 @@ def _from_lamp(tables, at, u, i, first, even, mirrors):
 
 
 @scalar
-def mirrored_lamp(tables, at, u, i):
-    """See `tracer.light_paths.mirrored_lamps`."""
-    light, place, lamp = _from_lamp(tables, at, u, i, 2, NOTHING, True)
-    return light, place, triple(tables.lit.lamps, lamp, FACING) if lamp >= 0 else NOTHING
-
-
-@scalar
 def gathered(tables, at, u, i, first, bounces):
     """See `tracer.light_paths.gathered`."""
     total, through = NOTHING, WHITE
     for bounce in range(bounces):
-        through = times(through, _diffuse(at))
+        through = times(through, diffuse_of(at))
         total = added(total, times(through, _direct(tables, at, u, i, first, WHITE, False, False)))
         direction = cosine_direction(at.normal, u[first + DIMS, i], u[first + DIMS + 1, i])
         if bounce == bounces - 1:
@@ -137,7 +129,7 @@ def radiance(tables, met, direction, u, i, first, bounces, next_event):
             break
         sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
         if next_event:
-            light = _direct(tables, at, u, i, first, _diffuse(at), not sharp_sun, not sharp_lamp)
+            light = _direct(tables, at, u, i, first, diffuse_of(at), not sharp_sun, not sharp_lamp)
             total = added(total, times(through, light))
         direction, factor, mirrors = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
         sees_sun = (mirrors and sharp_sun) or not next_event
@@ -156,7 +148,7 @@ def radiance(tables, met, direction, u, i, first, bounces, next_event):
 @scalar
 def _scattered(at, a, b, c):
     """Where a path goes on, the factor on the light from there, and whether that was mirrored."""
-    diffuse, f0 = _diffuse(at), _f0(at)
+    diffuse, f0 = diffuse_of(at), f0_of(at)
     even = (diffuse[0] + diffuse[1] + diffuse[2]) / 3
     bright = fresnel(f0, dot(at.normal, at.toward))
     some = (bright[0] + bright[1] + bright[2]) / 3

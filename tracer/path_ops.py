@@ -1,55 +1,32 @@
-"""Steps of light paths, and whole ones: compiled on the CPU, the torch reference elsewhere."""
+"""Paths: compiled on the CPU, the torch reference elsewhere."""
 
 from __future__ import annotations
 
-import torch
+from typing import Any
+
 from torch import Tensor
 
-from tracer import light_paths, paths
+from tracer import light_paths, shots
 from tracer.light_samples import Lights
-from tracer.paths import FINE, MOST_PASS, Met, Vertices
-from tracer.scene import MASK_SECONDARY, Scene
+from tracer.paths import FINE, Vertices
+from tracer.progressive import Values
+from tracer.receivers import Receivers
+from tracer.scene import Scene
 
 
-def meet(
-    scene: Scene,
-    origins: Tensor,
-    directions: Tensor,
-    u: Tensor,
-    *,
-    poses: Tensor,
-    inside: Tensor | None = None,
-    mask: int = MASK_SECONDARY,
-    t_max: Tensor | float = torch.inf,
-    most: float = MOST_PASS,
-) -> Met:
-    """See `tracer.paths.meet`."""
-    given = {"poses": poses, "inside": inside, "mask": mask, "t_max": t_max, "most": most}
-    if not origins.is_cpu:
-        return paths.meet(scene, origins, directions, u, **given)
-    from tracer import path_drivers as compiled
-
-    return compiled.meet(scene, origins, directions, u, **given)
+def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
+    """See `tracer.shots.occlusion`."""
+    return _form(u, shots).occlusion(scene, at, start, u, radius)
 
 
-def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: int, poses: Tensor) -> Tensor:
-    """See `tracer.light_paths.gathered`."""
-    if not u.is_cpu:
-        return light_paths.gathered(scene, lights, start, u, bounces, poses)
-    from tracer import path_drivers as compiled
-
-    return compiled.gathered(scene, lights, start, u, bounces, poses)
+def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+    """See `tracer.shots.indirect`."""
+    return _form(u, shots).indirect(scene, at, start, u, bounces)
 
 
-def mirrored_lamps(
-    scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """See `tracer.light_paths.mirrored_lamps`."""
-    if not u.is_cpu:
-        return light_paths.mirrored_lamps(scene, lights, at, u, poses)
-    from tracer import path_drivers as compiled
-
-    return compiled.mirrored_lamps(scene, lights, at, u, poses)
+def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
+    """See `tracer.shots.reflected`."""
+    return _form(u, shots).reflected(scene, at, start, u, sharp)
 
 
 def radiance(
@@ -62,16 +39,20 @@ def radiance(
     bounces: int,
     poses: Tensor,
     t_min: Tensor | float = 0.0,
-    t_max: Tensor | float = torch.inf,
+    t_max: Tensor | float = float("inf"),
     detail: Tensor | float = FINE,
     spreads: bool = False,
     next_event: bool = True,
 ) -> Tensor:
     """See `tracer.light_paths.radiance`."""
-    given = {"bounces": bounces, "poses": poses, "t_min": t_min, "t_max": t_max}
-    given |= {"detail": detail, "spreads": spreads, "next_event": next_event}
-    if not origins.is_cpu:
-        return light_paths.radiance(scene, lights, origins, directions, u, **given)
-    from tracer import path_drivers as compiled
+    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
+    given = {"bounces": bounces, "poses": poses, "next_event": next_event, **first}
+    return _form(u, light_paths).radiance(scene, lights, origins, directions, u, **given)
 
-    return compiled.radiance(scene, lights, origins, directions, u, **given)
+
+def _form(like: Tensor, reference: Any) -> Any:
+    if not like.is_cpu:
+        return reference
+    from tracer import path_drivers
+
+    return path_drivers

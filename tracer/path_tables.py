@@ -6,13 +6,52 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt.kernel import array
-from tracer import sky
+from gbufrt.camera import Camera
+from gbufrt.kernel import array, checksum
+from tracer import (
+    grids,
+    lamp_table,
+    light_kernel,
+    light_paths,
+    light_samples,
+    lighting,
+    meet_kernel,
+    path_kernel,
+    paths,
+    scatter_kernel,
+    scene,
+    seen,
+    shadows,
+    shot_kernel,
+    sky,
+    spherical_rectangle,
+    texture,
+    walk_kernel,
+)
 from tracer.lamp_table import LampTable
 from tracer.light_kernel import DISC, GLOW, TOWARD
 from tracer.light_samples import Lights
+from tracer.paths import Vertices
 from tracer.scene import Scene
+from tracer.seen import Picture
 from tracer.traversal import grid_from_world
+
+KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, path_kernel, shot_kernel)
+CONSTANTS = (grids, lamp_table, light_paths, light_samples, lighting, paths, scene, seen, shadows, sky, texture)
+SOURCES = checksum(*KERNELS, *CONSTANTS, spherical_rectangle)
+"""Changes with everything that is compiled into paths."""
+COLUMNS = {
+    "points": 3,
+    "normals": 3,
+    "toward": 3,
+    "albedo": 3,
+    "roughness": 1,
+    "metallic": 1,
+    "opacity": 1,
+    "emission": 3,
+    "inside": 1,
+}
+"""Of `Vertices`, side by side, as `tracer.meet_kernel.surface_of` reads them."""
 
 
 def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[np.ndarray, ...]:
@@ -27,6 +66,33 @@ def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tupl
         _sky(scene),
         *_lamps(None if lights is None else lights.lamps),
     )
+
+
+def surfaces_of(vertices: Vertices) -> np.ndarray:
+    """``(N, 19)`` float32."""
+    columns = [getattr(vertices, name).reshape(-1, width).float() for name, width in COLUMNS.items()]
+    return array(torch.cat(columns, dim=1))
+
+
+def camera_of(camera: Camera) -> np.ndarray:
+    """What `tracer.shot_kernel.sees` reads, of one camera."""
+    k, jitter = camera.intrinsics[0].double(), camera.jitter
+    still = torch.zeros(2, dtype=torch.float64)
+    numbers = [
+        camera.view_from_world[0, :3].double().flatten(),
+        k[[0, 1], [0, 1]],
+        k[:2, 2],
+        still if jitter is None else jitter[0].double(),
+        camera.position[0].double(),
+        camera.forward[0].double(),
+        torch.tensor([camera.orthographic, *camera.size], dtype=torch.float64),
+    ]
+    return array(torch.cat(numbers))
+
+
+def picture_of(picture: Picture) -> np.ndarray:
+    """``(H * W, 7)`` float32: depth, normal and point of each pixel."""
+    return array(torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1))
 
 
 def _sky(scene: Scene) -> np.ndarray:

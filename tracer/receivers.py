@@ -41,7 +41,8 @@ class Receivers:
 
 
 Shoot = Callable[[Receivers, Vertices, Tensor], Values]
-"""A picture, N of its surfaces and numbers ``(D, N)`` in [0, 1) to what paths from there found, ``(N, C)`` each."""
+"""A picture, N of its surfaces and numbers ``(D, K * N)`` in [0, 1) to what K paths from each of them found, the first
+of all before the second of any, ``(K * N, C)`` each."""
 
 
 def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[Receivers]:
@@ -136,7 +137,7 @@ def _sums(at: Receivers, shoot: Shoot, sequence: Sequence, numbers: range, size:
     for begin in range(0, max(1, len(at.pixels)), step):
         part = slice(begin, begin + step)
         pixels = at.pixels[part]
-        found = shoot(at, at.vertices[part].repeat(count), sequence.draw(numbers, pixels))
+        found = shoot(at, at.vertices[part], sequence.draw(numbers, pixels))
         for name, value in found.items():
             if name not in sums:
                 sums[name] = value.new_zeros(size[0] * size[1], value.shape[1])

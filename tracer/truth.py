@@ -7,15 +7,14 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from tracer.lens import focus_distance
-from tracer.light_paths import EVEN, SHARP_LAMP, sky
-from tracer.light_samples import DIMS
-from tracer.path_ops import gathered, meet, mirrored_lamps
+from tracer.light_paths import SHARP_LAMP
+from tracer.path_ops import indirect, occlusion, reflected
 from tracer.path_tracer import path_trace
 from tracer.paths import Vertices
 from tracer.progressive import Progress, Truth, Values
 from tracer.receivers import Receivers, at_each_pixel, receivers_of
-from tracer.scatter import cosine_direction, fresnel, mirrored
 from tracer.scene import Scene
+from tracer.shots import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
 
 __all__ = ["Truth", "ambient_occlusion", "focus_distance", "indirect_diffuse", "path_trace", "reflection"]
 
@@ -57,16 +56,13 @@ def ambient_occlusion(
         raise ValueError(f"radius must be positive, in world units, got {radius}")
 
     def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        directions = cosine_direction(start.normals, u[:2])
-        given = {"poses": at.poses, "t_max": radius, "inside": start.inside, "most": 1.0}
-        met = meet(scene, start.points, directions, u[2], **given)
-        open_ = (~met.hit).to(directions)[:, None]
-        known = torch.ones_like(open_)
-        known[met.rows, 0] = 1 - at.picture.sees(met.surface.points, met.surface.normals).to(known)
-        return {"ao": open_, "bent_normal": directions * open_, "ao_seen": known}
+        return occlusion(scene, at, start, u, radius)
 
     receivers = receivers_of(scene, gbuffer, poses)
-    found = at_each_pixel(gbuffer, receivers, shoot, dims=3, samples=samples, noise=noise, seed=seed, progress=progress)
+    dims = OCCLUSION_DIMS
+    found = at_each_pixel(
+        gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+    )
     bent, normal = found["bent_normal"], gbuffer.normal
     length = bent.norm(dim=1, keepdim=True)
     bent = torch.where(length > 1e-6, bent / length.clamp_min(1e-6), normal)
@@ -120,22 +116,13 @@ def indirect_diffuse(
     receivers = receivers_of(scene, gbuffer, poses)
 
     def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        directions = cosine_direction(start.normals, u[:2])
-        met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside)
-        weight = start.diffuse * met.weight
-        sent = gathered(scene, at.lights, met.surface, u[3:, met.rows], bounces, at.poses)
-        gi, seen, above = (torch.zeros_like(weight) for _ in range(3))
-        gi[met.rows] = weight[met.rows] * sent
-        seen[met.rows] = gi[met.rows] * at.picture.sees(met.surface.points, met.surface.normals)[:, None]
-        above[~met.hit] = weight[~met.hit] * sky(scene, directions[~met.hit])
-        open_ = met.weight.mean(dim=1, keepdim=True) * ~met.hit[:, None]
-        return {"gi": gi, "gi_seen": seen, "sky": above, "sky_visibility": open_}
+        return indirect(scene, at, start, u, bounces)
 
     found = at_each_pixel(
         gbuffer,
         receivers,
         shoot,
-        dims=3 + EVEN * bounces,
+        dims=indirect_dims(bounces),
         samples=samples,
         noise=noise,
         seed=seed,
@@ -183,32 +170,10 @@ def reflection(
     """
 
     def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, u[:2])
-        flies = weight > 0
-        ends = torch.where(flies, torch.inf, 0.0)  # what a ray into the surface itself might meet does not count
-        met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
-        rows, surface, rough = met.rows, met.surface, start.roughness >= SHARP_LAMP
-        factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
-        light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
-        if at.lights.lamps is not None:
-            light[rough], places, facing = mirrored_lamps(
-                scene, at.lights, start[rough], u[3 : 3 + DIMS, rough], at.poses
-            )
-            seen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
-        sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
-        sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])
-        shows = at.picture.sees(surface.points, surface.normals)
-        light[rows] += sent
-        seen[rows] += sent * shows[:, None]
-        away = flies & ~met.hit
-        light[away] += factor[away] * sky(scene, directions[away])
-        ways, known = torch.zeros_like(weight), torch.zeros_like(weight)
-        ways[rows], known[rows] = met.distance[rows], shows.to(known)
-        counts = {"seen": known, "distance": ways, "flies": flies.to(ways), "ends": met.hit.to(ways)}
-        return {"reflection": light, "reflection_seen": seen} | {k: v[:, None] for k, v in counts.items()}
+        return reflected(scene, at, start, u, SHARP_LAMP)
 
     receivers = receivers_of(scene, gbuffer, poses)
-    dims = 3 + DIMS + EVEN
+    dims = REFLECTION_DIMS
     found = at_each_pixel(
         gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,9 +10,13 @@ import torch
 import voxels
 from torch import Tensor
 
-from tracer import light_paths, path_ops, paths
+from gbufrt import Camera
+from tracer import light_paths, path_ops, shots
+from tracer.gbuffer import gbuffer
 from tracer.light_samples import Lights
 from tracer.material import Material, MaterialTable
+from tracer.paths import Vertices
+from tracer.receivers import Receivers, receivers_of
 from tracer.scene import Instance, Scene, Sun
 from tracer.world import World
 
@@ -63,44 +68,31 @@ def same(a: Tensor, b: Tensor, share: float = 0.004) -> None:
     assert b[~off].abs().mean() > 0
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_rays_meet_the_same(seed: int) -> None:
-    scene, poses, _, origins, directions, u = case(seed)
-    inside = u[1] < 0.3
-    ends = torch.linspace(5.0, 90.0, len(inside))
-    got, want = (
-        f.meet(scene, origins, directions, u[0], poses=poses, inside=inside, t_max=ends) for f in (path_ops, paths)
-    )
-    assert float((got.hit != want.hit).float().mean()) <= 0.002
-    both = got.hit & want.hit
-    assert 0.2 < float(both.float().mean()) < 0.95
-    same(got.weight[both], want.weight[both])
-    same(got.distance[both], want.distance[both])
-    mine, theirs = got.surface[both[got.rows]], want.surface[both[want.rows]]
-    for name in ("points", "normals", "toward", "albedo", "roughness", "metallic", "opacity", "emission"):
-        same(getattr(mine, name), getattr(theirs, name))
-    assert float((mine.inside != theirs.inside).float().mean()) <= 0.002
-    assert mine.inside.any()
+def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, Receivers, Vertices, Tensor]:
+    """Some of what a picture shows, and numbers for three paths from each."""
+    scene = polished(seed)
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41), orthographic_height=30.0 if orthographic else None)
+    at = receivers_of(scene, gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=0.3), scene.poses([0.3]))[0]
+    u = torch.rand(dims, 3 * len(at.pixels), generator=torch.Generator().manual_seed(seed))
+    return scene, at, replace(at.vertices, inside=u[0, : len(at.pixels)] < 0.3), u
 
 
-@pytest.mark.parametrize("bounces", [1, 2])
-def test_surfaces_send_the_same(bounces: int) -> None:
-    scene, poses, lights, origins, directions, u = case(2)
-    met = paths.meet(scene, origins, directions, u[0], poses=poses)
-    given = (scene, lights, met.surface, u[1:, met.rows].contiguous(), bounces, poses)
-    same(path_ops.gathered(*given), light_paths.gathered(*given))
+SHOTS = {
+    "occlusion": (shots.OCCLUSION_DIMS, (7.0,)),
+    "indirect": (shots.indirect_dims(2), (2,)),
+    "reflected": (shots.REFLECTION_DIMS, (0.3,)),
+}
 
 
-def test_surfaces_mirror_the_same_lamps() -> None:
-    scene, poses, lights, origins, directions, u = case(4)
-    at = paths.meet(scene, origins, directions, u[0], poses=poses).surface
-    given = (scene, lights, at, u[1:7, : len(at)].contiguous(), poses)
-    got, want = path_ops.mirrored_lamps(*given), light_paths.mirrored_lamps(*given)
-    shows = want[0].amax(dim=1) > 0
-    assert shows.float().mean() > 0.05
-    same(got[0], want[0])
-    for mine, theirs in zip(got[1:], want[1:], strict=True):
-        same(mine[shows], theirs[shows])
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("name", SHOTS)
+def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> None:
+    dims, settings = SHOTS[name]
+    scene, at, start, u = place(len(name), dims, orthographic=orthographic)
+    got, want = (getattr(form, name)(scene, at, start, u, *settings) for form in (path_ops, shots))
+    assert got.keys() == want.keys()
+    for key, value in want.items():
+        same(got[key], value)
 
 
 @pytest.mark.parametrize("next_event", [True, False])
