@@ -142,7 +142,8 @@ def _slice(
         reach_px = torch.minimum(radii[-1] * side.length, side.border) if radii else side.frame
         before = start(at, side, own)
         for i in range(steps):
-            tap = horizon.look(around, at, side, slices.tap_pixels(reach_px.detach(), i, jitter, steps), parallel)
+            px = slices.tap_pixels(reach_px.detach(), i, jitter, steps, slices.WITHIN if radii else slices.BEYOND)
+            tap = horizon.look(around, at, side, px, parallel)
             covers, before = blocked(tap, before, side, radii, soft)
             for s, (low, high, near) in enumerate(covers):
                 ends = (left.whole + low, left.whole + high) if side is right else (left.whole - high, left.whole - low)

@@ -141,7 +141,7 @@ def _slice(
         lowest = -side.cut.sin_n  # cosine of the hemisphere's own horizon, n + pi/2 from the eye
         highest = lowest
         for i in range(steps):
-            tap = horizon.look(around, at, side, slices.tap_pixels(reach_px, i, jitter, steps), parallel)
+            tap = horizon.look(around, at, side, slices.tap_pixels(reach_px, i, jitter, steps, slices.WITHIN), parallel)
             distance = (tap.front_rise * tap.front_rise + tap.front_run * tap.front_run + 1e-20).sqrt()
             cosine = (tap.front_rise * side.cut.cos_n - tap.front_run * side.cut.sin_n) / distance
             weight = ((radius - distance) / (FALLOFF * radius)).clamp(0, 1) * (tap.back_z - tap.z)

@@ -22,6 +22,8 @@ BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's p
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
 FIRST = 0.5  # pixels to the nearest tap
+WITHIN = 1.5  # power of the taps' spread in a sweep that ends at a radius
+BEYOND = 2.0  # and in one over the whole picture, where what is near counts most
 
 
 class Scene(NamedTuple):
@@ -182,10 +184,9 @@ def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Ten
     return angle.cos(), angle.sin(), (noise[1] + which * GOLDEN) % 1.0, (noise[2] + which * GOLDEN) % 1.0 * BELOW_ONE
 
 
-def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int) -> Tensor:
-    """Pixels from the receiver to tap ``which`` of ``steps``, which spread with the power 3/2: denser near by."""
-    part = (which + jitter) / steps
-    return FIRST + reach * part * part.sqrt()
+def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int, power: float) -> Tensor:
+    """Pixels from the receiver to tap ``which`` of ``steps``; the larger the power, the denser are taps near by."""
+    return FIRST + reach * ((which + jitter) / steps) ** power
 
 
 def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:

@@ -33,7 +33,7 @@ def ssgi(
     hit: Tensor | None = None,
     thickness: Tensor | float | None = None,
     directions: int = 4,
-    steps: int = 12,
+    steps: int = 16,
     distance: float | None = None,
     resolution: int = 1,
     index: int = 0,
@@ -147,7 +147,8 @@ def _slice(
         farthest = side.frame if distance is None else torch.minimum(side.frame, distance * side.length)
         before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
         for i in range(steps):
-            tap = horizon.look(around, at, side, slices.tap_pixels(farthest.detach(), i, jitter, steps), parallel)
+            px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)
+            tap = horizon.look(around, at, side, px, parallel)
             next_plane = _plane(tap, parallel)
             (found,), before = blocked(tap, before, side, radii, soft, _flat(next_plane, plane))
             plane = next_plane
@@ -198,7 +199,7 @@ class SSGI(Pass):
         self,
         *,
         directions: int = 4,
-        steps: int = 12,
+        steps: int = 16,
         distance: float | None = None,
         thickness: float | None = None,
         bounces: int = 2,
