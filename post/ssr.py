@@ -81,7 +81,7 @@ def ssr(
 
     Returns:
         ``reflection`` ``(B, 3, H, W)`` linear radiance, Fresnel included; ``confidence`` ``(B, 1, H, W)`` share of it
-        found on screen; and ``distance`` ``(B, 1, H, W)`` mean way to what was hit, ``far`` where only sky was.
+        found on screen; and ``distance`` ``(B, 1, H, W)`` mean way to what was met, ``far`` where only sky was.
 
     Raises:
         ValueError: unknown method, samples below 1, or reuse outside 0 to 8.
@@ -119,7 +119,7 @@ def ssr(
             incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
         total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
         shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
-        way, ends = way + hits.distance * hits.hit, ends + hits.hit
+        way, ends = way + hits.distance * (met := hits.hit | hits.blocked), ends + met
     distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
     return total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances
 
