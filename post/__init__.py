@@ -4,6 +4,7 @@ from post.atrous import Atrous, atrous
 from post.bilateral import Bilateral, bilateral
 from post.bitmask import bitmask_ao
 from post.composite import Composite, composite
+from post.denoise import Denoise, denoise
 from post.depth_of_field import DepthOfField, depth_of_field
 from post.estimate import (
     EstimateMissing,
@@ -35,6 +36,7 @@ __all__ = [
     "Atrous",
     "Bilateral",
     "Composite",
+    "Denoise",
     "DepthOfField",
     "DisplayEncode",
     "EstimateMissing",
@@ -50,6 +52,7 @@ __all__ = [
     "bitmask_ao",
     "circle_of_confusion",
     "composite",
+    "denoise",
     "depth_of_field",
     "display_encode",
     "exposure",

@@ -6,12 +6,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from post.edges import Surface, edge_weight, offsets, padded, windows
 from post.signals import luminance
 
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: before, variance comes from the neighbours
 ALIKE = 3.0  # nine neighbours count as three samples: their noise may be alike
+NOISE, BLOCKED = 0.3, 0.6  # of the mean: less light may be noise; more means that something blocks it
+SAME = 0.3  # edge weight from which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
 
 
@@ -84,3 +87,33 @@ def follow_light(
     shift, explained = change(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
     old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
     return old, fast, moments, torch.where(age > 1, 1 + (age - 1) * explained, age)
+
+
+def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
+    """Darken the mean where this frame's own sample is too dark for it, as far as a neighbour's mean is as dark.
+
+    History blurs the borders of shadows, and what has just come out from behind something borrows light from beside
+    it. A bright sample proves little, since noise has a long bright tail; but a path to a lit surface hardly ever
+    brings less than its direct light, so a sample far below the mean tells that the light is blocked.
+
+    Args:
+        mean: ``(B, 3, H, W)`` accumulated light without albedo.
+        sample: as ``mean``, this frame's.
+        geometry: of this frame; the neighbours asked are those of the 3x3 pixels around that lie on the same surface.
+
+    Returns:
+        ``(B, 3, H, W)``.
+    """
+    light, own = luminance(mean), luminance(sample)
+    views, guides = windows(padded(light, 1), 1), windows(padded(geometry.guide, 1), 1)
+    darkest = light
+    for (dy, dx), view, guide in zip(offsets(1), views, guides, strict=True):
+        same = edge_weight(
+            geometry.guide, guide, geometry.plane, dx, dy,
+            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=32.0,
+        )  # fmt: skip
+        darkest = torch.where(same[:, None] > SAME, torch.minimum(darkest, view), darkest)
+    missing = 1 - own / light.clamp_min(1e-6)
+    blocked = ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
+    darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
+    return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)

@@ -10,23 +10,28 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer, History
 from gbufrt.sampling import gather
 from post.edges import offsets
+from post.sharpen import catmull_rom_taps
 
 NORMAL, HIT, OBJECT, POINT, FOOTPRINT = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 8), slice(8, 9)
+
+WHOLE = 0.999  # of the bilinear footprint: all four pixels show the surface
 
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Four pixels of the frame before for each pixel of this one.
+    """Pixels of the frame before for each pixel of this one: K are four, or sixteen for a sharp history.
 
     Args:
-        x: ``(B, 4, H, W)`` integer columns.
+        x: ``(B, K, H, W)`` integer columns.
         y: as ``x``, rows.
-        weight: ``(B, 4, H, W)`` summing to 1, or to 0 where the frame before shows nothing of this surface.
+        weight: ``(B, K, H, W)`` summing to 1, or to 0 where the frame before shows nothing of this surface.
+        support: ``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface.
     """
 
     x: Tensor
     y: Tensor
     weight: Tensor
+    support: Tensor
 
     @property
     def valid(self) -> Tensor:
@@ -35,12 +40,16 @@ class Taps:
 
     def fetch(self, image: Tensor) -> Tensor:
         """The frame before's ``image`` ``(B, C, H, W)`` as this frame's pixels find it; zero where not valid."""
-        result = torch.zeros_like(image)
-        for k in range(4):
+        result, taps = torch.zeros_like(image), self.weight.shape[1]
+        low, high = torch.full_like(image, torch.inf), torch.full_like(image, -torch.inf)
+        for k in range(taps):
             weight = self.weight[:, k : k + 1].to(image.dtype)
             picked = gather(image, self.x[:, k], self.y[:, k])
-            result = result + weight * torch.where(weight > 0, picked, torch.zeros_like(picked))
-        return result
+            result = result + weight * torch.where(weight != 0, picked, torch.zeros_like(picked))
+            if taps > 4:  # negative lobes may ring
+                low = torch.where(weight != 0, torch.minimum(low, picked), low)
+                high = torch.where(weight != 0, torch.maximum(high, picked), high)
+        return torch.where(self.valid, torch.minimum(torch.maximum(result, low), high), result) if taps > 4 else result
 
 
 def reproject(
@@ -52,6 +61,7 @@ def reproject(
     plane_tolerance: float = 2.0,
     normal_tolerance: float = 0.9,
     search: bool = True,
+    sharp: bool = False,
 ) -> Taps:
     """Find each pixel's surface in the frame before.
 
@@ -70,6 +80,8 @@ def reproject(
         plane_tolerance: allowed distance from the plane, in pixel footprints.
         normal_tolerance: smallest allowed cosine between normals.
         search: whether to search the neighbours of failures.
+        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer ones that do not give their
+            share to the nearest of the four. A history that moves every frame keeps its detail.
 
     Returns:
         `Taps`.
@@ -105,8 +117,17 @@ def reproject(
     total = sum(weights, torch.zeros_like(fx))
     kept = total > 1e-3  # a sliver of a tap is no history
     weight = torch.stack([torch.where(kept, w / total.clamp_min(1e-3), torch.zeros_like(w)) for w in weights], dim=1)
-    taps = Taps(torch.stack(xs, dim=1), torch.stack(ys, dim=1), weight)
-    return _search(taps, ~kept, column, row, now, before, plane_tolerance, normal_tolerance) if search else taps
+    support = torch.where(kept, total, torch.zeros_like(total))[:, None]
+    taps = Taps(torch.stack(xs, dim=1), torch.stack(ys, dim=1), weight, support)
+    if search:
+        taps = _search(taps, ~kept, column, row, now, before, plane_tolerance, normal_tolerance)
+    if not sharp:
+        return taps
+    x, y, weight = catmull_rom_taps(
+        taps.x, taps.y, taps.weight, fx, fy, whole=support > WHOLE,
+        same=lambda x, y: _same_surface(now, before, x, y, plane_tolerance, normal_tolerance),
+    )  # fmt: skip
+    return Taps(x, y, weight, support)
 
 
 def motion_of(gbuffer: GBuffer, previous: Camera) -> tuple[Tensor, Tensor]:
@@ -222,4 +243,5 @@ def _search(
     def with_first(stacked: Tensor, values: Tensor) -> Tensor:
         return torch.cat([placed(stacked[:, 0], values), stacked[:, 1:]], dim=1)
 
-    return Taps(with_first(taps.x, best_x), with_first(taps.y, best_y), with_first(taps.weight, torch.ones_like(best)))
+    weight = with_first(taps.weight, torch.ones_like(best))
+    return Taps(with_first(taps.x, best_x), with_first(taps.y, best_y), weight, taps.support)

@@ -22,6 +22,7 @@ from post.reproject import geometry_of, history_for, motion_of, reproject
 from post.signals import luminance, signal_names, stack, unstack, wants_albedo
 
 STORED = ("signal", "fast", "moments", "share")
+SAME_PLANE = 0.3  # pixel footprints: steps of a wall are another surface to a sharp history
 VIRTUAL_ROUGHNESS = 0.5  # above, a reflection moves with its surface
 
 
@@ -35,6 +36,7 @@ def temporal(
     firefly: float = 6.0,
     motion_response: float = 0.01,
     feedback: bool = False,
+    sharp: bool = False,
     distance: Tensor | None = None,
     lead: int | None = None,
 ) -> tuple[Tensor, History]:
@@ -55,6 +57,8 @@ def temporal(
         firefly: standard deviations above history and neighbours at which a sample is cut; 0 keeps all.
         motion_response: shortens the longest history by 1 / (1 + this x pixels moved).
         feedback: keep the history filtered by one wavelet iteration, as SVGF does: less noise, less detail.
+        sharp: keep detail for the price of more noise at edges: history is read with Catmull-Rom weights, from the
+            same plane alone, and counts for as many frames as the part of its footprint that shows the surface.
         distance: ``(B, 1, H, W)`` world units to what a reflection shows: it is then also looked for where its virtual
             image was, and the history that agrees better is taken.
         lead: how many of the first channels the tests look at; all by default.
@@ -76,7 +80,7 @@ def temporal(
         moments = torch.cat([light, light * light], dim=1)
         new = {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": one}
         return _finish(signal, new, one, gbuffer, feedback, lead)
-    old, fast, moments, share, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead)
+    old, fast, moments, share, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp)
     noise = typical_variance(moments, age)
     sample = without_fireflies(signal, old, noise, age, lead, firefly)
     if clamp > 0:
@@ -97,7 +101,7 @@ def temporal(
 
 
 def _fetch(
-    signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int
+    signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int, sharp: bool
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     """Mean, fast mean, moments, sum of squared weights and length of the history, as this frame's pixels find them."""
     kept = history.signals
@@ -107,7 +111,13 @@ def _fetch(
             "start with state=None when signals come or go"
         )
     everything = torch.cat([*(kept[name] for name in STORED), history.length], dim=1)
-    found = reproject(gbuffer, before, length=history.length).fetch(everything)
+    if sharp:
+        taps = reproject(gbuffer, before, length=history.length, plane_tolerance=SAME_PLANE, search=False, sharp=True)
+    else:
+        taps = reproject(gbuffer, before, length=history.length)
+    found = taps.fetch(everything)
+    if sharp:
+        found = torch.cat([found[:, :-1], found[:, -1:] * taps.support], dim=1)
     if distance is not None:
         mirrored = reproject(gbuffer, before, length=history.length, motion=_virtual(gbuffer, before, distance))
         image = mirrored.fetch(everything)
