@@ -26,7 +26,7 @@ Preset = Literal["low", "medium", "high", "ultra"]
 
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
-AO_BLUR = 8.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
+AO_BLUR = 6.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
 GI_STEPS = 24  # taps on each side of a slice: a third of them lose a quarter of the light in the gaps
 RAYS_PER_GI_SLICE = 4  # of the seed: a slice looks along half a circle
