@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
@@ -12,6 +13,7 @@ from tracer.world import BRICK, World
 
 GROUPS = (4, 8, 16, 32)  # voxels a side of the cells that lamps are grouped by: the first that keeps lamps few
 MANY = 128
+_known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and to look for lamps takes time
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,12 @@ def lamps_of_world(world: World) -> Lamps:
     cell of 4x4x4 voxels (of more where there would be many lamps) make a lamp; those of them that fill a rectangle
     become one rectangle.
     """
+    if world not in _known:
+        _known[world] = _found(world)
+    return _known[world]
+
+
+def _found(world: World) -> Lamps:
     faces, sides, ids = _exposed_faces(world)
     if not len(ids):
         none = torch.zeros(0, 1, 3, device=world.device)

@@ -5,6 +5,7 @@ Source and truth have the same light and the same noise, so only the lens is jud
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -18,16 +19,18 @@ from gbufrt.frame import Frame
 from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline
 
-LIGHT = {"bounces": 1}  # what the light did before it came to the lens does not matter
+LIGHT = {"bounces": 0}  # sun, lamps and sky: what else the light did before it came to the lens does not matter
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
-MOVING_FRAME = 24  # number of the frame that is blurred: a second into the scene
+MOVING_FRAME = 2  # number of the frame that is blurred: a second into the scene
+MOVING_FPS = 2.0  # frames so far apart that what moves goes on by ten pixels and more, as in fast action
 
 
 def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:
     """Gain in PSNR over the sharp frame, centred and trailing shutter, on the pixels that the shutter changes."""
     stage = _stage(pipeline, "motion_blur")
     share = float(stage.tunables().get("shutter", 0.5))
+    place = replace(place, fps=MOVING_FPS)
     open_for, now = share / place.fps, place.at(MOVING_FRAME)
     g = place.geometry(MOVING_FRAME)
     sharp = place.picture(LIGHT, time=now)
