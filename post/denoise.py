@@ -29,7 +29,7 @@ def denoise(
     firefly: float = 6.0,
     motion_response: float = 0.0,
     iterations: int = 4,
-    phi_color: float = 1.0,
+    phi_color: float = 0.6,
     shadows: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
@@ -61,7 +61,7 @@ def denoise(
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
-    seen, divisor, emission = _seen_through(gbuffer, behind)
+    seen, divisor, emission = seen_through(gbuffer, behind)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -77,8 +77,16 @@ def denoise(
     return torch.where(gbuffer.hit, smooth * divisor + emission, light), history
 
 
-def _seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, Tensor]:
-    """The G-buffer of what is seen at each pixel, what to divide its light by, and what it emits."""
+def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, Tensor]:
+    """What is seen at each pixel: its G-buffer, what to divide its light by, and what it emits.
+
+    Args:
+        g: of the frame.
+        behind: of what lies straight behind the first transmissive surface: taken where that is clear enough.
+
+    Returns:
+        The G-buffer; ``(B, 3, H, W)`` albedo, never quite black, and 1 where nothing was hit; emission.
+    """
     one, none = torch.ones_like(g.normal), torch.zeros_like(g.normal)
     albedo = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
@@ -114,7 +122,7 @@ class Denoise(TemporalPass):
         firefly: float = 6.0,
         motion_response: float = 0.0,
         iterations: int = 4,
-        phi_color: float = 1.0,
+        phi_color: float = 0.6,
         shadows: bool = True,
     ) -> None:
         super().__init__()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from math import log10
 
 import torch
 from torch import Tensor
@@ -12,23 +13,22 @@ from gbufrt.commands.ablation.measure import run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import SHARP, Outcome
 from gbufrt.frame import Frame
-from gbufrt.metrics import psnr
+from gbufrt.metrics import masked_mean
 from gbufrt.pipeline import Pipeline
 from gbufrt.temporal_metrics import frames_seen
 
 FRAMES = 32
+LEAST = 1e-9  # mean squared error
 MIN_ALBEDO = 1e-2
 KERNEL = 15  # pixels, of the joint bilateral filter
 SIGMA_GUIDE, SIGMA_SPACE = 0.1, 4.0
 
 
 def denoiser() -> Pipeline:
-    """Denoise and accumulate, for noisy light in ``gi``."""
-    from post import Atrous, Temporal
+    """What a user calls on noisy light, here in ``gi``."""
+    from post import Denoise
 
-    return Pipeline(
-        given={"gi"}, accumulate=Temporal(signal="gi", blend=0.95, feedback=True), denoise=Atrous(signal="gi")
-    )
+    return Pipeline(given={"gi"}, denoise=Denoise(signal="gi"))
 
 
 def denoise(place: Place, _: Pipeline) -> Outcome:
@@ -42,13 +42,15 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
     steady = frames_seen([frame.gbuffer for frame in frames]) >= FRAMES
     for which, number in (("first", 0), ("last", FRAMES - 1)):
         source = frames[number]
-        truth = place.picture(SHARP, time=place.at(number))
+        halves = [half(place, number, seed) for seed in (FRAMES, FRAMES + 1)]
+        truth = (halves[0] + halves[1]) / 2
         mask = source.gbuffer.hit & (steady if which == "last" else True)
         exposure = f.exposure_of(truth, source.gbuffer.hit)
         wanted = f.display(truth, exposure)
+        answers = [f.display(light, exposure) for light in halves]
         lights = {"ours": found.frames[number].read("gi"), "input": source.read("gi"), **rivals(source)}
         shown = {name: f.display(light, exposure) for name, light in lights.items()}
-        scores = {name: float(psnr(picture, wanted, mask).mean()) for name, picture in shown.items()}
+        scores = {name: psnr_of(picture, answers, mask) for name, picture in shown.items()}
         result.figures.update({f"denoise.{which}_{name}": score for name, score in scores.items()})
         for rival in ("oidn", "kornia"):
             if rival in scores:
@@ -61,15 +63,37 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
     return result
 
 
+def half(place: Place, number: int, seed: int) -> Tensor:
+    """The light of a frame by half of the truth's paths; another seed gives another half, independent of the first."""
+    samples = max(place.samples // 2, 1)
+    return place.picture({**SHARP, "seed": seed}, time=place.at(number), samples=samples)
+
+
+def psnr_of(picture: Tensor, answers: list[Tensor], mask: Tensor) -> float:
+    """PSNR against two independent noisy truths, whose noise counts for nothing: its product is zero on average."""
+    error = ((picture - answers[0]) * (picture - answers[1])).mean(1, keepdim=True)
+    return -10 * log10(max(float(masked_mean(error, mask).mean()), LEAST))
+
+
 def noisy(place: Place, number: int) -> Frame:
-    """A frame whose ``gi`` is one path-traced sample a pixel of all light."""
-    g = place.geometry(number)
-    light = place.picture({**SHARP, "seed": number}, time=place.at(number), samples=1)
-    return Frame(gbuffer=g, index=number, time=place.at(number), radiance=light, gi=light)
+    """A frame whose ``gi`` is one path-traced sample a pixel of all light, with what lies behind water and glass."""
+    from tracer.gbuffer import layers
+
+    now, before = place.at(number), place.at(number - 1)
+    g, behind = layers(
+        place.scene, place.camera(now), previous_camera=place.camera(before), time=now, previous_time=before
+    )
+    light = place.picture({**SHARP, "seed": number}, time=now, samples=1)
+    beyond = None if behind is None else Frame(gbuffer=behind, index=number, time=now)
+    return Frame(gbuffer=g, index=number, time=now, radiance=light, gi=light, behind=beyond)
 
 
 def rivals(frame: Frame) -> dict[str, Tensor]:
-    """The same frame by the other denoisers that are installed, each given albedo and normal as well."""
+    """The same frame by the other denoisers that are installed, each given albedo and normal as ours sees them."""
+    from post.denoise import seen_through
+
+    g, albedo, _ = seen_through(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
+    frame = frame.replace(gbuffer=g.replace(albedo=torch.where(g.hit, albedo, 0.0)))
     found = {"kornia": joint_bilateral(frame)}
     return {**found, "oidn": oidn(frame)} if find_spec("pyoidn") is not None else found
 
