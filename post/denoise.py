@@ -8,12 +8,16 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from post.antilag import into_shadow
 from post.atrous import atrous
+from post.brdf import fresnel_schlick
 from post.edges import surface
 from post.reproject import history_for
 from post.signals import MIN_ALBEDO
 from post.temporal import temporal
 
 CLEAR = 0.05  # transmittance from which what lies behind a surface is what is seen there
+CLEAR_F0 = 0.04  # of water and glass, head on
+MIRRORS = 0.1  # share of mirrored light from which its image is looked for in the history
+FAR = 1000.0  # world units: where the mirrored thing is not known, farther than most
 SEEN = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
 UNSURE = 15.0  # frames: the younger the history, the less its variance is known and the more is blurred
 
@@ -36,7 +40,7 @@ def denoise(
 
     Emission is set aside and albedo divided out; the rest is accumulated over time with a sharp history, filtered by
     wavelets as far as its variance asks for, and put together again. Where a surface transmits, what lies ``behind``
-    guides: history follows it, edges and albedo are its.
+    guides: history follows it, or what the surface mirrors, whichever agrees better; edges and albedo are its.
 
     Args:
         light: ``(B, 3, H, W)`` outgoing linear radiance of all light, emission included or not.
@@ -65,7 +69,15 @@ def denoise(
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
-        noisy, seen, history, blend=blend, clamp=clamp, firefly=firefly, motion_response=motion_response, sharp=True
+        noisy,
+        seen,
+        history,
+        blend=blend,
+        clamp=clamp,
+        firefly=firefly,
+        motion_response=motion_response,
+        sharp=True,
+        distance=_image_distance(gbuffer),
     )
     variance = history.signals["variance"] * (1 + UNSURE / history.length.clamp_min(1.0))
     smooth, _ = atrous(
@@ -91,16 +103,33 @@ def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, T
     albedo = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
     if behind is not None and g.transmittance is not None:
-        clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
+        mirrored = _mirrored(g)
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
         far_emission = none if behind.emission is None else behind.emission
-        albedo = torch.where(clear, own * albedo + g.transmittance * far_albedo, albedo)
+        through = g.transmittance * far_albedo
+        clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
+        albedo = torch.where(clear, mirrored + own * albedo + through, albedo)
         emission = torch.where(clear, emission + g.transmittance * far_emission, emission)
         pairs = {name: (getattr(behind, name), getattr(g, name)) for name in SEEN}
         both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
         g = g.replace(**{name: torch.where(clear, far, near) for name, (far, near) in both.items()})
     return g, torch.where(g.hit, albedo.clamp_min(MIN_ALBEDO), 1.0), emission
+
+
+def _mirrored(g: GBuffer) -> Tensor:
+    """``(B, 1, H, W)`` share of the light that a clear surface mirrors."""
+    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
+    cosine = (eye * g.normal).sum(1, keepdim=True).clamp(0.0, 1.0)
+    return fresnel_schlick(cosine, torch.full_like(cosine, CLEAR_F0))
+
+
+def _image_distance(g: GBuffer) -> Tensor | None:
+    """How far away what clear surfaces mirror is taken to be, zero where they mirror little: its history moves so."""
+    if g.transmittance is None:
+        return None
+    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (_mirrored(g) > MIRRORS)
+    return torch.where(g.hit & mirrors, FAR, 0.0).to(g.depth)
 
 
 class Denoise(TemporalPass):

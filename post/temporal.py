@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -111,15 +113,15 @@ def _fetch(
             "start with state=None when signals come or go"
         )
     everything = torch.cat([*(kept[name] for name in STORED), history.length], dim=1)
+    options: dict[str, Any] = {"length": history.length}
     if sharp:
-        taps = reproject(gbuffer, before, length=history.length, plane_tolerance=SAME_PLANE, search=False, sharp=True)
-    else:
-        taps = reproject(gbuffer, before, length=history.length)
+        options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
+    taps = reproject(gbuffer, before, **options)
     found = taps.fetch(everything)
     if sharp:
         found = torch.cat([found[:, :-1], found[:, -1:] * taps.support], dim=1)
     if distance is not None:
-        mirrored = reproject(gbuffer, before, length=history.length, motion=_virtual(gbuffer, before, distance))
+        mirrored = reproject(gbuffer, before, motion=_virtual(gbuffer, before, distance), **options)
         image = mirrored.fetch(everything)
         missing = ~mirrored.valid | (distance <= 0)
         agrees = _misfit(image, signal, lead) < _misfit(found, signal, lead)
