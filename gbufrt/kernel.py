@@ -25,7 +25,7 @@ from torch import Tensor
 
 
 def scalar(function: Callable[..., Any]) -> Any:
-    """A helper or body that works on one item; cached as part of its driver, whose `checksum` knows when it is stale."""
+    """A helper or body that works on one item; it is cached as part of its driver."""
     return numba.njit(nogil=True, error_model="numpy")(function)
 
 

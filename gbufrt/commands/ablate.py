@@ -19,7 +19,7 @@ def ablate(
     paths: Names = (),
     size: str = "480x270",
     frames: int = 16,
-    samples: int = 64,
+    samples: int = 32,
     preset: str = "high",
     composite: str = "physical",
     set: Without = (),
@@ -41,7 +41,7 @@ def ablate(
         views: Views that stand still; may be repeated, or name several with commas. By default four.
         paths: Views for what needs motion, likewise. By default one or two.
         size: Width x height in pixels.
-        frames: Static frames that signals accumulate over; whole frames take half as many.
+        frames: Static frames that signals accumulate over; whole frames take a quarter as many.
         samples: Paths a pixel of the truth; cheaper truths take some times as many.
         preset: low, medium, high or ultra: the full pipeline.
         composite: physical, or me1 for the formula of the original.

@@ -159,23 +159,23 @@ def test_an_interrupted_run_goes_on(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_truth_is_kept_by_content(monkeypatch: pytest.MonkeyPatch):
-    measured(only=("ao",), variants=())
-    assert (calls["truth ao"], calls["render"]) == (2, 2)
+    measured(only=("ao",), variants=())  # two halves of the truth a view
+    assert (calls["truth ao"], calls["render"]) == (4, 2)
     measured(only=("ao",), variants=(), out=Path("elsewhere"))
-    assert (calls["truth ao"], calls["render"]) == (2, 2)
+    assert (calls["truth ao"], calls["render"]) == (4, 2)
     measured(only=("ao",), variants=(), out=Path("elsewhere"), worlds=("other",))
-    assert calls["truth ao"] == 4  # another world
+    assert calls["truth ao"] == 8  # another world
     measured(only=("ao",), variants=(), samples=3)
-    assert calls["truth ao"] == 6
+    assert calls["truth ao"] == 12
     measured(only=("ao",), variants=("fakeao.radius=2",))
-    assert calls["truth ao"] == 8  # truth of the other radius
+    assert calls["truth ao"] == 16  # truth of the other radius
     for path in Path("cache").glob("ambient_occlusion*.npz"):
         path.write_bytes(path.read_bytes()[:100])
     measured(only=("ao",), variants=())
-    assert calls["truth ao"] == 10  # damaged files are made again
+    assert calls["truth ao"] == 20  # damaged files are made again
     monkeypatch.setattr("gbufrt.commands.ablation.place.sources", lambda *_: sources("post"))
     measured(only=("ao",), variants=())
-    assert calls["truth ao"] == 12  # another tracer
+    assert calls["truth ao"] == 24  # another tracer
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,8 @@ from gbufrt.commands.ablation.records import Record
 def test_relative_energy_and_the_constant_per_object():
     frame = boxes.frame()
     g, truth = frame.gbuffer, frame.read("radiance")
-    assert f.relative_energy(truth * 1.5, truth, g.hit) == pytest.approx(0.25, rel=1e-5)
-    assert f.relative_energy(truth * 0, truth, g.hit) == 1.0
+    assert f.relative_energy(truth * 1.5, (truth, truth), g.hit) == pytest.approx(0.25, rel=1e-5)
+    assert f.relative_energy(truth * 0, (truth, truth), g.hit) == 1.0
     halves = (g.depth < 8).to(torch.int32)
     g = g.replace(material_id=halves, object_id=torch.zeros_like(halves))
     constant = f.constant_per_object(truth, g)
@@ -29,7 +29,20 @@ def test_relative_energy_and_the_constant_per_object():
         inside = ((g.material_id == number) & g.hit).expand_as(truth)
         assert torch.allclose(constant[inside].view(3, -1).mean(1), truth[inside].view(3, -1).mean(1), atol=1e-4)
         assert float(constant[inside].view(3, -1).std(1).max()) < 1e-6
-    assert 0 < f.relative_energy(constant, truth, g.hit) < 1
+    assert 0 < f.relative_energy(constant, (truth, truth), g.hit) < 1
+
+
+def test_the_noise_of_two_halves_of_a_truth_counts_for_nothing():
+    g = torch.Generator().manual_seed(0)
+    true = torch.rand(1, 3, 200, 200, generator=g)
+    noisy = [true + 0.05 * torch.randn(true.shape, generator=g) for _ in range(2)]
+    hit = torch.ones(1, 1, 200, 200, dtype=torch.bool)
+    assert float(f.rms_error(true + 0.1, (noisy[0], noisy[1]), hit)) == pytest.approx(0.1, abs=0.005)
+    want = f.relative_energy(true * 0.8, (true, true), hit)
+    assert f.relative_energy(true * 0.8, (noisy[0], noisy[1]), hit) == pytest.approx(want, abs=0.003)
+    found = f.gain_over(true + 0.01, true + 0.1, (noisy[0], noisy[1]), hit)
+    assert found == pytest.approx(20.0, abs=1.0)
+    assert f.gain_over(true + 0.1, true + 0.1, (noisy[0], noisy[1]), hit) == 0.0
 
 
 def test_gain_counts_the_changed_pixels_alone():

@@ -1,10 +1,12 @@
 """What is measured: errors of each signal against its truth, beside what trivial answers score.
 
-Errors count only pixels that hit something. All numbers are Python floats; NaN where no pixel counts.
+Errors count only pixels that hit something. All numbers are Python floats; NaN where no pixel counts. A squared error
+is the product of the differences from two independent halves of the truth, whose own noise so counts for nothing.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import torch
@@ -26,6 +28,7 @@ CHANGED = 2.0 / 255  # difference of a displayed pixel from which an effect has 
 TRACED = 8.0 / 255  # the same between two traced pictures, which have noise
 ERROR_TOP = 0.25  # displayed error at the end of the colour map
 FEWEST = 64  # pixels below which a mean says nothing
+LEAST = 1e-4  # displayed error that no display shows
 
 
 def exposure_of(truth: Tensor, hit: Tensor) -> float:
@@ -46,6 +49,17 @@ def error_picture(estimate: Tensor, truth: Tensor, hit: Tensor) -> Tensor:
     return torch.where(hit, viridis(error / ERROR_TOP), 0.0)
 
 
+def halves(truth: Truth, name: str) -> tuple[Tensor, Tensor]:
+    """The two independent halves of a truth; twice the whole where it has none."""
+    return truth.get(f"{name}_first", truth[name]), truth.get(f"{name}_second", truth[name])
+
+
+def rms_error(estimate: Tensor, truths: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
+    """``(B,)`` RMSE against two halves of the truth."""
+    square = ((estimate - truths[0]) * (estimate - truths[1])).mean(1, keepdim=True)
+    return masked_mean(square, mask).clamp_min(0.0).sqrt()
+
+
 def ao_figures(frame: Frame, truth: Truth) -> Figures:
     """Of ``ao`` and ``bent_normal``.
 
@@ -54,7 +68,7 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
     """
     hit, ao, true = frame.gbuffer.hit, frame.read("ao"), truth["ao"]
     result = {
-        "ao.rmse": _one(rmse(ao, true, hit)),
+        "ao.rmse": _one(rms_error(ao, halves(truth, "ao"), hit)),
         "ao.limit": _one(rmse(truth["ao_seen"], true, hit)),
         "ao.own": _one(rmse(ao, truth["ao_seen"], hit)),
         "ao.ssim": _one(ssim(ao, true, hit)) if min(true.shape[-2:]) > 5 else float("nan"),
@@ -77,8 +91,8 @@ def gi_figures(frame: Frame, truth: Truth) -> Figures:
     ``error`` is against the part from surfaces on screen; ``limit`` is that part's distance from the whole truth, and
     ``whole`` the estimate's.
     """
-    hit, gi, seen, true = frame.gbuffer.hit, frame.read("gi"), truth["gi_seen"], truth["gi"]
-    constant = constant_per_object(seen, frame.gbuffer)
+    hit, gi, seen, true = frame.gbuffer.hit, frame.read("gi"), halves(truth, "gi_seen"), halves(truth, "gi")
+    constant = constant_per_object(truth["gi_seen"], frame.gbuffer)
     error, trivial = relative_energy(gi, seen, hit), relative_energy(constant, seen, hit)
     return {
         "gi.error": error,
@@ -87,7 +101,7 @@ def gi_figures(frame: Frame, truth: Truth) -> Figures:
         "gi.if_black": 1.0,
         "gi.limit": relative_energy(seen, true, hit),
         "gi.whole": relative_energy(gi, true, hit),
-        "gi.rmse": _one(rmse(gi, seen, hit)),
+        "gi.rmse": _one(rms_error(gi, seen, hit)),
         "gi.truth_error": float(truth.get("gi_error", torch.tensor(torch.nan))),
     }
 
@@ -111,20 +125,21 @@ def reflection_figures(frame: Frame, truth: Truth) -> Figures:
     ``whole`` and ``limit`` are relative squared errors over everything that was hit, as for `gi_figures`.
     """
     g, found, true = frame.gbuffer, frame.read("reflection"), truth["reflection"]
+    both = halves(truth, "reflection")
     smooth = torch.ones_like(g.depth) if g.roughness is None else g.roughness
     mirror = _enough(g.hit & (smooth < MIRROR_ROUGHNESS) & (truth["seen"] > ON_SCREEN))
     mean = masked_mean(true.mean(1, keepdim=True), mirror)
     result = {
-        "reflection.mirror": _one(rmse(found, true, mirror) / mean),
+        "reflection.mirror": _one(rms_error(found, both, mirror) / mean),
         "reflection.mirror_share": float(mirror.sum()) / max(float(g.hit.sum()), 1.0),
-        "reflection.if_black": _one(rmse(torch.zeros_like(true), true, mirror) / mean),
-        "reflection.if_constant": _one(rmse(constant_per_object(true, g, mirror), true, mirror) / mean),
-        "reflection.whole": relative_energy(found, true, g.hit),
-        "reflection.limit": relative_energy(truth["reflection_seen"], true, g.hit),
+        "reflection.if_black": _one(rms_error(torch.zeros_like(true), both, mirror) / mean),
+        "reflection.if_constant": _one(rms_error(constant_per_object(true, g, mirror), both, mirror) / mean),
+        "reflection.whole": relative_energy(found, both, g.hit),
+        "reflection.limit": relative_energy(halves(truth, "reflection_seen"), both, g.hit),
         "reflection.truth_error": float(truth.get("reflection_error", torch.tensor(torch.nan))),
     }
     if frame.environment is not None and g.albedo is not None and g.metallic is not None:
-        result["reflection.if_sky"] = _one(rmse(_mirrored_sky(frame), true, mirror) / mean)
+        result["reflection.if_sky"] = _one(rms_error(_mirrored_sky(frame), both, mirror) / mean)
     return result
 
 
@@ -157,15 +172,26 @@ def gain(better: Tensor, worse: Tensor, truth: Tensor, changed: Tensor) -> float
     return _one(psnr(better, truth, mask) - psnr(worse, truth, mask))
 
 
+def gain_over(better: Tensor, worse: Tensor, truths: tuple[Tensor, Tensor], changed: Tensor) -> float:
+    """The same against two halves of a displayed truth."""
+    mask = _enough(changed)
+    errors = [_one(rms_error(picture, truths, mask)) for picture in (better, worse)]
+    return 20 * math.log10(max(errors[1], LEAST) / max(errors[0], LEAST))
+
+
 def changed_pixels(a: Tensor, b: Tensor, *, level: float = CHANGED) -> Tensor:
     """``(B, 1, H, W)`` bool: where two displayed pictures differ by more than ``level`` in a component."""
     return (a - b).abs().amax(1, keepdim=True) > level
 
 
-def relative_energy(estimate: Tensor, truth: Tensor, mask: Tensor) -> float:
-    """Sum of squared errors over the sum of the squared truth; NaN where the truth is black."""
-    total = float((truth.square() * mask).sum())
-    return float(((estimate - truth).square() * mask).sum()) / total if total > 0 else float("nan")
+def relative_energy(estimate: Tensor | tuple[Tensor, Tensor], truths: tuple[Tensor, Tensor], mask: Tensor) -> float:
+    """Sum of squared errors over the sum of the squared truth; NaN where the truth is black.
+
+    An estimate that shares the noise of the truth comes in halves as well.
+    """
+    a, b = estimate if isinstance(estimate, tuple) else (estimate, estimate)
+    total = float((truths[0] * truths[1] * mask).sum())
+    return float(((a - truths[0]) * (b - truths[1]) * mask).sum()) / total if total > 0 else float("nan")
 
 
 def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = None) -> Tensor:

@@ -1,6 +1,6 @@
 """Lens passes on the path-traced sharp frame, against the path tracer's own shutter and thin lens.
 
-Source and truth have the same light and the same noise, so only the lens is judged.
+Source and truth have the same light, so only the lens is judged.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline
 
 LIGHT = {"bounces": 0}  # sun, lamps and sky: what else the light did before it came to the lens does not matter
+MORE = 4  # such light is cheap, and blurred highlights take many paths
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
 MOVING_FRAME = 2  # number of the frame that is blurred: a second into the scene
@@ -30,7 +31,7 @@ def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:
     """Gain in PSNR over the sharp frame, centred and trailing shutter, on the pixels that the shutter changes."""
     stage = _stage(pipeline, "motion_blur")
     share = float(stage.tunables().get("shutter", 0.5))
-    place = replace(place, fps=MOVING_FPS)
+    place = replace(place, fps=MOVING_FPS, samples=place.samples * MORE)
     open_for, now = share / place.fps, place.at(MOVING_FRAME)
     g = place.geometry(MOVING_FRAME)
     sharp = place.picture(LIGHT, time=now)
@@ -38,7 +39,7 @@ def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:
     result = Outcome()
     for kind, position in SHUTTERS.items():
         offset = -open_for / 2 if position == "center" else -open_for
-        truth = place.picture({**LIGHT, "shutter": open_for, "shutter_offset": offset}, time=now)
+        truth = place.pictures({**LIGHT, "shutter": open_for, "shutter_offset": offset}, time=now)
         tuned = stage.tuned(position=position)
         _judge(result, f"motion_blur.{kind}", tuned, frame, truth)
     return result
@@ -49,28 +50,28 @@ def depth_of_field(place: Place, pipeline: Pipeline) -> Outcome:
     from post.thin_lens import autofocus
 
     stage = _stage(pipeline, "depth_of_field")
-    still = place.still()
-    g, sharp = still.gbuffer, place.picture(LIGHT)
+    place = replace(place, samples=place.samples * MORE)
+    g, sharp = place.still().gbuffer, place.picture(LIGHT)
     focus = float(autofocus(g.depth, g.camera, hit=g.hit)[0])
     frame = Frame(gbuffer=g, radiance=sharp, color=sharp)
     result = Outcome()
     for kind, aperture in APERTURES.items():
-        truth = place.picture({**LIGHT, "aperture_radius": aperture, "focus_distance": focus})
+        truth = place.pictures({**LIGHT, "aperture_radius": aperture, "focus_distance": focus})
         tuned = stage.tuned(aperture_radius=aperture, focus_distance=focus)
         _judge(result, f"depth_of_field.{kind}", tuned, frame, truth)
     return result
 
 
-def _judge(result: Outcome, name: str, stage: Stage, frame: Frame, truth: Tensor) -> None:
+def _judge(result: Outcome, name: str, stage: Stage, frame: Frame, truths: tuple[Tensor, Tensor]) -> None:
     found = run(Pipeline(given={"color"}, **{name.replace(".", "_"): stage}), [frame] * 4)  # pyright: ignore[reportArgumentType]
     exposure = f.exposure_of(frame.read("radiance"), frame.gbuffer.hit)
-    shown, sharp, wanted = (
-        f.display(light, exposure) for light in (found.last.read("color"), frame.read("radiance"), truth)
-    )
+    shown, sharp = (f.display(light, exposure) for light in (found.last.read("color"), frame.read("radiance")))
+    answers = f.display(truths[0], exposure), f.display(truths[1], exposure)
+    wanted = f.display((truths[0] + truths[1]) / 2, exposure)
     changed = f.changed_pixels(sharp, wanted, level=f.TRACED)
-    result.figures[f"{name}.gain"] = f.gain(shown, sharp, wanted, changed)
+    result.figures[f"{name}.gain"] = f.gain_over(shown, sharp, answers, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
-    result.figures[f"{name}.kept"] = f.gain(shown, sharp, wanted, ~changed)
+    result.figures[f"{name}.kept"] = f.gain_over(shown, sharp, answers, ~changed)
     result.passes.update(found.passes)
     everywhere = torch.ones_like(frame.gbuffer.hit)
     pictures = {name: shown, f"{name} truth": wanted, f"{name} before": sharp}

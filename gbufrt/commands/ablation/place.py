@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from tracer.scene import Scene
 
-SHARES = {"ambient_occlusion": 4, "indirect_diffuse": 2, "reflection": 2}  # of --samples, for what is cheaper to trace
+SHARES = {"ambient_occlusion": 4, "indirect_diffuse": 4, "reflection": 6}  # of --samples, for what is cheaper to trace
 
 Truth = Mapping[str, Tensor]
 Settings = Mapping[str, Any]
@@ -107,19 +107,38 @@ class Place:
         )
 
     def truth_of(self, integrator: str, gbuffer: GBuffer, settings: Settings = NONE) -> Truth:
-        """What an integrator of `tracer.truth` finds at the pixels of a G-buffer."""
+        """What an integrator of `tracer.truth` finds at the pixels of a G-buffer.
+
+        Two independent halves of the paths, ``<name>_first`` and ``<name>_second``, and their mean ``<name>``.
+        """
         from tracer import truth
 
         samples, poses = self.samples * SHARES[integrator], self.scene.poses([self.time])
 
-        def make() -> Truth:
+        def half(seed: int) -> Truth:
             found = getattr(truth, integrator)(
-                self.scene, gbuffer, poses=poses, samples=samples, progress=self._counted(integrator), **settings
+                self.scene,
+                gbuffer,
+                poses=poses,
+                samples=max(samples // 2, 1),
+                seed=seed,
+                progress=self._counted(integrator),
+                **settings,
             )
             return _flat(found)
 
+        def make() -> Truth:
+            return _joined(half(0), half(1))
+
         stem = self._stem(integrator, gbuffer.camera, [self.time], samples, settings)
         return self.cache.tensors(stem, make)
+
+    def pictures(self, settings: Settings = NONE, *, time: float | None = None) -> tuple[Tensor, Tensor]:
+        """Two independent halves of a `picture`, by half of the paths each."""
+        first, second = (
+            self.picture({**settings, "seed": seed}, time=time, samples=max(self.samples // 2, 1)) for seed in (1, 2)
+        )
+        return first, second
 
     def picture(self, settings: Settings = NONE, *, time: float | None = None, samples: int | None = None) -> Tensor:
         """``(1, 3, H, W)`` radiance of the path-traced frame; while a ``shutter`` is open the camera moves."""
@@ -147,6 +166,16 @@ class Place:
     def _stem(self, kind: str, cameras: Any, times: list[float], *settings: Any) -> str:
         poses = self.scene.poses(times)
         return f"{kind}_{digest(kind, self.contents, poses, times, cameras, settings, sources('tracer'))}"
+
+
+def _joined(first: Truth, second: Truth) -> dict[str, Tensor]:
+    """Means of two halves, and the halves."""
+    mean = {name: (value + second[name]) / (2 if value.ndim else 2 * 2**0.5) for name, value in first.items()}
+    if "bent_normal" in mean:
+        bent = first["ao"] * first["bent_normal"] + second["ao"] * second["bent_normal"]
+        mean["bent_normal"] = bent / bent.norm(dim=1, keepdim=True).clamp_min(1e-6)
+    halves = {"first": first, "second": second}
+    return mean | {f"{name}_{which}": t for which, half in halves.items() for name, t in half.items() if t.ndim}
 
 
 def _flat(found: Any) -> dict[str, Tensor]:

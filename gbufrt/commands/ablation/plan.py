@@ -19,7 +19,7 @@ SUBJECTS = (*SIGNALS, "frame", "path", "taa", "motion_blur", "depth_of_field", "
 STILL = ("frame", "taa", "depth_of_field")
 VIEWS: Mapping[str, tuple[str, ...]] = {  # of the built-in world; each subject where there is something to see
     "signals": ("village", "cave", "plaza", "hall"),
-    "frame": ("village", "cave", "plaza", "hall"),
+    "frame": ("village", "hall"),
     "path": ("orbit",),
     "taa": ("village",),
     "motion_blur": ("orbit", "plaza"),
@@ -39,7 +39,7 @@ class Plan:
         views: views that stand still; by default four.
         paths: views that move, for what needs motion; by default one or two.
         size: ``(H, W)``.
-        frames: static frames that signals accumulate over; whole frames take half as many.
+        frames: static frames that signals accumulate over; whole frames take a quarter as many.
         samples: paths a pixel of the truth; cheaper truths take some times as many.
         recipe: the full pipeline.
         variants: groups (``passes``, ``presets``, ``methods``) or changes (``without=gi``, ``gtao.method=horizon``).
@@ -55,7 +55,7 @@ class Plan:
     paths: tuple[str, ...] = ()
     size: tuple[int, int] = (270, 480)
     frames: int = 16
-    samples: int = 64
+    samples: int = 32
     recipe: Recipe = field(default_factory=Recipe)
     variants: tuple[str, ...] = ("passes",)
     sweeps: tuple[str, ...] = ()

@@ -113,7 +113,7 @@ def _judge(plan: Plan, place: Place, variant: Variant, subject: str, full: Tenso
         return subjects.signals(place, pipeline, plan.signals_of(variant), plan.frames)
     if subject == "frame":
         base = None if variant.name == FULL else full
-        return subjects.whole_frame(place, pipeline, max(plan.frames // 2, 1), base)
+        return subjects.whole_frame(place, pipeline, max(plan.frames // 4, 1), base)
     if subject in ("path", "taa"):
         return getattr(subjects, subject)(place, pipeline, plan.frames)
     judges: dict[str, Callable[..., Outcome]] = {
