@@ -1,4 +1,4 @@
-"""The table of `gbufrt ablate` in short: the passes against ray-traced truth in a court that a camera sees nearly all of.
+"""The table of `gbufrt ablate` in short: passes against ray-traced truth in a court that a camera sees nearly all of.
 
 The bounds are those of the report, or what a broken pass would miss where a small picture cannot reach them.
 """
