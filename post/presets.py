@@ -24,6 +24,7 @@ from post.vignette import Vignette
 
 Preset = Literal["low", "medium", "high", "ultra"]
 
+GI_PHI = 1.0  # gentler than for one path a pixel: light in corners is small and bright
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
 AO_BLUR = 6.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
@@ -124,7 +125,11 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR / quality.ao_directions)
     return {
         "ao": Pipeline(estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)),
-        "gi": Pipeline(estimate=gi, denoise=Atrous(signal=bounced), accumulate=Temporal(signal=bounced, blend=0.97)),
+        "gi": Pipeline(
+            estimate=gi,
+            denoise=Atrous(signal=bounced, phi_color=GI_PHI),
+            accumulate=Temporal(signal=bounced, blend=0.97),
+        ),
         "reflection": Pipeline(
             estimate=reflection,
             denoise=Bilateral(signal="reflection"),

@@ -223,9 +223,12 @@ def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) ->
     poses = poses[None] if poses.ndim == 3 else poses
     if poses.ndim != 4 or poses.shape[1:] != (count, 4, 4):
         raise ValueError(f"poses must be ({count},4,4) or (B,{count},4,4), got {tuple(poses.shape)}")
-    matrices = torch.eye(4, dtype=torch.float64, device=device).repeat(poses.shape[0], count + 1, 1, 1)
-    matrices[:, 1:] = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
-    inverse = torch.linalg.inv(matrices)[:, :, :3].contiguous()
+    inverse = torch.eye(4, dtype=torch.float64, device=device)[:3].repeat(poses.shape[0], count + 1, 1, 1)
+    matrices = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
+    turned = matrices[..., :3, :3].transpose(-1, -2)  # rigid but for a scale: far cheaper to invert than any matrix
+    turned = turned / turned.square().sum(dim=-1, keepdim=True).clamp_min(1e-30)
+    inverse[:, 1:, :, :3] = turned
+    inverse[:, 1:, :, 3:] = -turned @ matrices[..., :3, 3:]
     inverse[..., 3] -= scene.grids.entries[:, ORIGIN : ORIGIN + 3].to(device=device, dtype=torch.float64)
     return inverse
 
