@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.frame import Frame
@@ -19,6 +20,8 @@ from gbufrt.views import to_srgb, viridis
 
 Figures = dict[str, float]
 Truth = Mapping[str, Tensor]
+Pair = tuple[Tensor, Tensor]
+"""Two independent halves of something traced."""
 
 MIDDLE_GREY = 0.18
 MIRROR_ROUGHNESS = 0.1  # below it a surface counts as a mirror
@@ -49,15 +52,20 @@ def error_picture(estimate: Tensor, truth: Tensor, hit: Tensor) -> Tensor:
     return torch.where(hit, viridis(error / ERROR_TOP), 0.0)
 
 
-def halves(truth: Truth, name: str) -> tuple[Tensor, Tensor]:
+def halves(truth: Truth, name: str) -> Pair:
     """The two independent halves of a truth; twice the whole where it has none."""
     return truth.get(f"{name}_first", truth[name]), truth.get(f"{name}_second", truth[name])
 
 
-def rms_error(estimate: Tensor, truths: tuple[Tensor, Tensor], mask: Tensor) -> Tensor:
-    """``(B,)`` RMSE against two halves of the truth."""
-    square = ((estimate - truths[0]) * (estimate - truths[1])).mean(1, keepdim=True)
+def rms_error(estimate: Tensor | Pair, truths: Pair, mask: Tensor) -> Tensor:
+    """``(B,)`` RMSE against two halves of the truth; an estimate from something noisy comes in halves as well."""
+    a, b = _pair(estimate)
+    square = ((a - truths[0]) * (b - truths[1])).mean(1, keepdim=True)
     return masked_mean(square, mask).clamp_min(0.0).sqrt()
+
+
+def _pair(value: Tensor | Pair) -> Pair:
+    return value if isinstance(value, tuple) else (value, value)
 
 
 def ao_figures(frame: Frame, truth: Truth) -> Figures:
@@ -172,8 +180,8 @@ def gain(better: Tensor, worse: Tensor, truth: Tensor, changed: Tensor) -> float
     return _one(psnr(better, truth, mask) - psnr(worse, truth, mask))
 
 
-def gain_over(better: Tensor, worse: Tensor, truths: tuple[Tensor, Tensor], changed: Tensor) -> float:
-    """The same against two halves of a displayed truth."""
+def gain_over(better: Tensor | Pair, worse: Tensor | Pair, truths: Pair, changed: Tensor) -> float:
+    """The same against two halves of a displayed truth, each picture perhaps in halves as well."""
     mask = _enough(changed)
     errors = [_one(rms_error(picture, truths, mask)) for picture in (better, worse)]
     return 20 * math.log10(max(errors[1], LEAST) / max(errors[0], LEAST))
@@ -184,12 +192,18 @@ def changed_pixels(a: Tensor, b: Tensor, *, level: float = CHANGED) -> Tensor:
     return (a - b).abs().amax(1, keepdim=True) > level
 
 
-def relative_energy(estimate: Tensor | tuple[Tensor, Tensor], truths: tuple[Tensor, Tensor], mask: Tensor) -> float:
+def truly_changed(a: Pair, b: Pair, *, level: float = TRACED) -> Tensor:
+    """`changed_pixels` of two noisy pictures in halves: by the mean over 3x3 pixels, in which noise cancels."""
+    square = ((a[0] - b[0]) * (a[1] - b[1])).mean(1, keepdim=True)
+    return F.avg_pool2d(square, 3, stride=1, padding=1, count_include_pad=False) > level**2
+
+
+def relative_energy(estimate: Tensor | Pair, truths: Pair, mask: Tensor) -> float:
     """Sum of squared errors over the sum of the squared truth; NaN where the truth is black.
 
     An estimate that shares the noise of the truth comes in halves as well.
     """
-    a, b = estimate if isinstance(estimate, tuple) else (estimate, estimate)
+    a, b = _pair(estimate)
     total = float((truths[0] * truths[1] * mask).sum())
     return float(((a - truths[0]) * (b - truths[1]) * mask).sum()) / total if total > 0 else float("nan")
 

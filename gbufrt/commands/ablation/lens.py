@@ -1,6 +1,7 @@
 """Lens passes on the path-traced sharp frame, against the path tracer's own shutter and thin lens.
 
-Source and truth have the same light, so only the lens is judged.
+Source and truth have the same light, so only the lens is judged. Both come in independent halves, so that the noise of
+neither counts: not to the lens that blurs it away, nor against it.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ from dataclasses import replace
 from typing import Any
 
 import torch
-from torch import Tensor
 
 from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation.measure import run
@@ -21,6 +21,7 @@ from gbufrt.pipeline import Pipeline
 
 LIGHT = {"bounces": 0}  # sun, lamps and sky: what else the light did before it came to the lens does not matter
 MORE = 4  # such light is cheap, and blurred highlights take many paths
+SHARP_SEEDS = (3, 4)  # other paths than those of the truth
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
 MOVING_FRAME = 2  # number of the frame that is blurred: a second into the scene
@@ -34,14 +35,14 @@ def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:
     place = replace(place, fps=MOVING_FPS, samples=place.samples * MORE)
     open_for, now = share / place.fps, place.at(MOVING_FRAME)
     g = place.geometry(MOVING_FRAME)
-    sharp = place.picture(LIGHT, time=now)
-    frame = Frame(gbuffer=g, index=MOVING_FRAME, time=now, radiance=sharp, color=sharp)
+    sharp = place.pictures(LIGHT, time=now, seeds=SHARP_SEEDS)
+    frames = [Frame(gbuffer=g, index=MOVING_FRAME, time=now, radiance=light, color=light) for light in sharp]
     result = Outcome()
     for kind, position in SHUTTERS.items():
         offset = -open_for / 2 if position == "center" else -open_for
         truth = place.pictures({**LIGHT, "shutter": open_for, "shutter_offset": offset}, time=now)
         tuned = stage.tuned(position=position)
-        _judge(result, f"motion_blur.{kind}", tuned, frame, truth)
+        _judge(result, f"motion_blur.{kind}", tuned, frames, truth)
     return result
 
 
@@ -51,31 +52,34 @@ def depth_of_field(place: Place, pipeline: Pipeline) -> Outcome:
 
     stage = _stage(pipeline, "depth_of_field")
     place = replace(place, samples=place.samples * MORE)
-    g, sharp = place.still().gbuffer, place.picture(LIGHT)
+    g, sharp = place.still().gbuffer, place.pictures(LIGHT, seeds=SHARP_SEEDS)
     focus = float(autofocus(g.depth, g.camera, hit=g.hit)[0])
-    frame = Frame(gbuffer=g, radiance=sharp, color=sharp)
+    frames = [Frame(gbuffer=g, radiance=light, color=light) for light in sharp]
     result = Outcome()
     for kind, aperture in APERTURES.items():
         truth = place.pictures({**LIGHT, "aperture_radius": aperture, "focus_distance": focus})
         tuned = stage.tuned(aperture_radius=aperture, focus_distance=focus)
-        _judge(result, f"depth_of_field.{kind}", tuned, frame, truth)
+        _judge(result, f"depth_of_field.{kind}", tuned, frames, truth)
     return result
 
 
-def _judge(result: Outcome, name: str, stage: Stage, frame: Frame, truths: tuple[Tensor, Tensor]) -> None:
-    found = run(Pipeline(given={"color"}, **{name.replace(".", "_"): stage}), [frame] * 4)  # pyright: ignore[reportArgumentType]
-    exposure = f.exposure_of(frame.read("radiance"), frame.gbuffer.hit)
-    shown, sharp = (f.display(light, exposure) for light in (found.last.read("color"), frame.read("radiance")))
-    answers = f.display(truths[0], exposure), f.display(truths[1], exposure)
-    wanted = f.display((truths[0] + truths[1]) / 2, exposure)
-    changed = f.changed_pixels(sharp, wanted, level=f.TRACED)
-    result.figures[f"{name}.gain"] = f.gain_over(shown, sharp, answers, changed)
+def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair) -> None:
+    lens = Pipeline(given={"color"}, **{name.replace(".", "_"): stage})  # pyright: ignore[reportArgumentType]
+    found = [run(lens, [frame] * 4) for frame in frames]
+    hit, sources = frames[0].gbuffer.hit, [frame.read("radiance") for frame in frames]
+    exposure = f.exposure_of((sources[0] + sources[1]) / 2, hit)
+    blurred, sharp, wanted = (
+        (f.display(pair[0], exposure), f.display(pair[1], exposure))
+        for pair in ([one.last.read("color") for one in found], sources, truths)
+    )
+    changed = f.truly_changed(sharp, wanted)
+    result.figures[f"{name}.gain"] = f.gain_over(blurred, sharp, wanted, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
-    result.figures[f"{name}.kept"] = f.gain_over(shown, sharp, answers, ~changed)
-    result.passes.update(found.passes)
-    everywhere = torch.ones_like(frame.gbuffer.hit)
-    pictures = {name: shown, f"{name} truth": wanted, f"{name} before": sharp}
-    result.pictures.update({**pictures, f"{name} error": f.error_picture(shown, wanted, everywhere)})
+    result.figures[f"{name}.kept"] = float(f.rms_error(blurred, wanted, ~changed).mean())
+    result.passes.update(found[0].passes)
+    shown, before, truth = ((pair[0] + pair[1]) / 2 for pair in (blurred, sharp, wanted))
+    pictures = {name: shown, f"{name} truth": truth, f"{name} before": before}
+    result.pictures.update({**pictures, f"{name} error": f.error_picture(shown, truth, torch.ones_like(hit))})
 
 
 def _stage(pipeline: Pipeline, name: str) -> Stage:

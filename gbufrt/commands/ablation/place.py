@@ -133,10 +133,12 @@ class Place:
         stem = self._stem(integrator, gbuffer.camera, [self.time], samples, settings)
         return self.cache.tensors(stem, make)
 
-    def pictures(self, settings: Settings = NONE, *, time: float | None = None) -> tuple[Tensor, Tensor]:
+    def pictures(
+        self, settings: Settings = NONE, *, time: float | None = None, seeds: tuple[int, int] = (1, 2)
+    ) -> tuple[Tensor, Tensor]:
         """Two independent halves of a `picture`, by half of the paths each."""
         first, second = (
-            self.picture({**settings, "seed": seed}, time=time, samples=max(self.samples // 2, 1)) for seed in (1, 2)
+            self.picture({**settings, "seed": seed}, time=time, samples=max(self.samples // 2, 1)) for seed in seeds
         )
         return first, second
 

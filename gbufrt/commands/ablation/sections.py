@@ -163,7 +163,7 @@ SECTIONS = (
         names={
             "motion_blur.centred.gain": "dB gained where the shutter changes the picture",
             "motion_blur.centred.changed": "share of pixels",
-            "motion_blur.centred.kept": "dB gained elsewhere",
+            "motion_blur.centred.kept": "error elsewhere",
         },
         text="The path-traced sharp frame, blurred by the pass, against rays spread over the shutter.",
     ),
@@ -175,7 +175,7 @@ SECTIONS = (
         names={
             "motion_blur.trailing.gain": "dB gained where the shutter changes the picture",
             "motion_blur.trailing.changed": "share of pixels",
-            "motion_blur.trailing.kept": "dB gained elsewhere",
+            "motion_blur.trailing.kept": "error elsewhere",
         },
     ),
     Section(
@@ -186,7 +186,7 @@ SECTIONS = (
         names={
             "depth_of_field.small.gain": "dB gained where the lens changes the picture",
             "depth_of_field.small.changed": "share of pixels",
-            "depth_of_field.small.kept": "dB gained elsewhere",
+            "depth_of_field.small.kept": "error elsewhere",
         },
         text="The path-traced pinhole frame, blurred by the pass, against a thin lens of radius 0.1 or 0.4 units.",
     ),
@@ -198,7 +198,7 @@ SECTIONS = (
         names={
             "depth_of_field.large.gain": "dB gained where the lens changes the picture",
             "depth_of_field.large.changed": "share of pixels",
-            "depth_of_field.large.kept": "dB gained elsewhere",
+            "depth_of_field.large.kept": "error elsewhere",
         },
     ),
     Section(
