@@ -1,14 +1,9 @@
-"""The README's pictures: each pass left out on the left half, at work on the right. Takes some minutes.
+"""The README's pictures: each pass left out on the left half, at work on the right. Takes some minutes."""
 
-With the folder of a `gbufrt ablate` report as second argument, also the whole frame beside its truth.
-"""
-
-import json
 import sys
 from pathlib import Path
 
 import torch
-from PIL import Image
 
 import tracer
 from gbufrt import Camera, Frame, Pipeline
@@ -45,19 +40,6 @@ def save(name: str, frames: list[Frame], left: Pipeline, right: Pipeline) -> Non
     to_pil(torch.cat([a[..., : middle - 1], line, b[..., middle + 1 :]], dim=-1)).save(out / f"{name}.jpg", quality=88)
 
 
-def beside(report: Path) -> None:
-    """The first whole frame of a report, its truth and its error, side by side."""
-    records = json.loads((report / "report.json").read_text())["records"]
-    found = next(r["pictures"] for r in records if r["subject"] == "frame" and r["variant"] == "full")
-    parts = [Image.open(report / found[name]).convert("RGB") for name in ("frame", "frame truth", "frame error")]
-    whole = Image.new("RGB", (sum(part.width for part in parts), parts[0].height))
-    for i, part in enumerate(parts):
-        whole.paste(part, (i * part.width, 0))
-    whole.save(out / "truth.jpg", quality=88)
-
-
-if len(sys.argv) > 2:
-    beside(Path(sys.argv[2]))
 still = me1("high").without("motion_blur", "depth_of_field")
 lens = me1("high", tunables={"depth_of_field.aperture_radius": 0.4, "motion_blur.shutter": 1.0})
 seed = me1("high", composite="me1").without("motion_blur", "depth_of_field")
