@@ -71,9 +71,11 @@ def test_every_pass_earns_its_place(folder: Path) -> None:
     assert best > subjects.whole_frame(spot, full.without("reflection"), FRAMES, None).figures["psnr"]
 
 
-def test_lens_passes(folder: Path) -> None:
+def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blurred = lens.motion_blur(place(folder, "turning", time=-1.0), me1("high")).figures
     assert blurred["motion_blur.centred.gain"] >= 4.0
     assert blurred["motion_blur.trailing.gain"] >= 3.0
+    monkeypatch.setattr(lens, "APERTURES", {"small": 2.0, "large": 4.0})  # for the court is far away, and pixels few
     focused = lens.depth_of_field(place(folder), me1("high")).figures
-    assert focused["depth_of_field.large.gain"] >= 3.0
+    assert focused["depth_of_field.small.gain"] >= 7.0
+    assert focused["depth_of_field.large.gain"] >= 10.0
