@@ -40,9 +40,9 @@ def test_the_noise_of_two_halves_of_a_truth_counts_for_nothing():
     assert float(f.rms_error(true + 0.1, (noisy[0], noisy[1]), hit)) == pytest.approx(0.1, abs=0.005)
     want = f.relative_energy(true * 0.8, (true, true), hit)
     assert f.relative_energy(true * 0.8, (noisy[0], noisy[1]), hit) == pytest.approx(want, abs=0.003)
-    found = f.gain_over(true + 0.01, true + 0.1, (noisy[0], noisy[1]), hit)
+    found = f.gain(true + 0.01, true + 0.1, (noisy[0], noisy[1]), hit)
     assert found == pytest.approx(20.0, abs=1.0)
-    assert f.gain_over(true + 0.1, true + 0.1, (noisy[0], noisy[1]), hit) == 0.0
+    assert f.gain(true + 0.1, true + 0.1, (noisy[0], noisy[1]), hit) == 0.0
 
 
 def test_gain_counts_the_changed_pixels_alone():

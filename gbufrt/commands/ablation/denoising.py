@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.util import find_spec
-from math import log10
 
 import torch
 from torch import Tensor
@@ -13,13 +13,12 @@ from gbufrt.commands.ablation.measure import run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import SHARP, Outcome
 from gbufrt.frame import Frame
-from gbufrt.metrics import masked_mean
 from gbufrt.pipeline import Pipeline
 from gbufrt.temporal_metrics import frames_seen
 
 FRAMES = 32
 MORE = 4  # the curve of the display is not straight: what little noise is left must not bend it
-LEAST = 1e-9  # mean squared error
+TRUTH_SEEDS = (FRAMES, FRAMES + 1)  # after those of the frames
 MIN_ALBEDO = 1e-2
 KERNEL = 15  # pixels, of the joint bilateral filter
 SIGMA_GUIDE, SIGMA_SPACE = 0.1, 4.0
@@ -34,6 +33,7 @@ def denoiser() -> Pipeline:
 
 def denoise(place: Place, _: Pipeline) -> Outcome:
     """PSNR on the first and on the last frame of a path, where nothing was uncovered on the way."""
+    finely = replace(place, samples=place.samples * MORE)
     frames = [noisy(place, number) for number in range(FRAMES)]
     told = iter(range(1, FRAMES + 1))
     found = run(
@@ -43,15 +43,15 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
     steady = frames_seen([frame.gbuffer for frame in frames]) >= FRAMES
     for which, number in (("first", 0), ("last", FRAMES - 1)):
         source = frames[number]
-        halves = [half(place, number, seed) for seed in (FRAMES, FRAMES + 1)]
+        halves = finely.pictures(SHARP, time=place.at(number), seeds=TRUTH_SEEDS)
         truth = (halves[0] + halves[1]) / 2
         mask = source.gbuffer.hit & (steady if which == "last" else True)
         exposure = f.exposure_of(truth, source.gbuffer.hit)
         wanted = f.display(truth, exposure)
-        answers = [f.display(light, exposure) for light in halves]
+        answers = f.display(halves[0], exposure), f.display(halves[1], exposure)
         lights = {"ours": found.frames[number].read("gi"), "input": source.read("gi"), **rivals(source)}
         shown = {name: f.display(light, exposure) for name, light in lights.items()}
-        scores = {name: psnr_of(picture, answers, mask) for name, picture in shown.items()}
+        scores = {name: f.psnr_over(picture, answers, mask) for name, picture in shown.items()}
         result.figures.update({f"denoise.{which}_{name}": score for name, score in scores.items()})
         for rival in ("oidn", "kornia"):
             if rival in scores:
@@ -62,18 +62,6 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
             result.pictures["denoise error"] = f.error_picture(shown["ours"], wanted, source.gbuffer.hit)
             result.figures["denoise.steady"] = float(mask.sum()) / max(float(source.gbuffer.hit.sum()), 1.0)
     return result
-
-
-def half(place: Place, number: int, seed: int) -> Tensor:
-    """The light of a frame by half of the truth's paths; another seed gives another half, independent of the first."""
-    samples = place.samples * MORE // 2
-    return place.picture({**SHARP, "seed": seed}, time=place.at(number), samples=samples)
-
-
-def psnr_of(picture: Tensor, answers: list[Tensor], mask: Tensor) -> float:
-    """PSNR against two independent noisy truths, whose noise counts for nothing: its product is zero on average."""
-    error = ((picture - answers[0]) * (picture - answers[1])).mean(1, keepdim=True)
-    return -10 * log10(max(float(masked_mean(error, mask).mean()), LEAST))
 
 
 def noisy(place: Place, number: int) -> Frame:

@@ -74,14 +74,14 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
     ``rmse``; ``limit``, the error of blocking exactly those rays that end on what the camera sees; ``own``, the
     distance from that; ``bent``, the bent normal's error relative to the normal's, where true visibility is under 0.9.
     """
-    hit, ao, true = frame.gbuffer.hit, frame.read("ao"), truth["ao"]
+    hit, ao, true, both = frame.gbuffer.hit, frame.read("ao"), truth["ao"], halves(truth, "ao")
     result = {
-        "ao.rmse": _one(rms_error(ao, halves(truth, "ao"), hit)),
+        "ao.rmse": _one(rms_error(ao, both, hit)),
         "ao.limit": _one(rmse(truth["ao_seen"], true, hit)),
         "ao.own": _one(rmse(ao, truth["ao_seen"], hit)),
         "ao.ssim": _one(ssim(ao, true, hit)) if min(true.shape[-2:]) > 5 else float("nan"),
-        "ao.if_open": _one(rmse(torch.ones_like(true), true, hit)),
-        "ao.if_constant": _one(rmse(constant_per_object(true, frame.gbuffer), true, hit)),
+        "ao.if_open": _one(rms_error(torch.ones_like(true), both, hit)),
+        "ao.if_constant": _one(rms_error(constant_per_object(true, frame.gbuffer), both, hit)),
         "ao.truth_error": float(truth.get("ao_error", torch.tensor(torch.nan))),
     }
     bent, blocked = frame.bent_normal, _enough(hit & (true < OCCLUDED))
@@ -174,17 +174,16 @@ def untouched_figures(frame: Frame, truth: Tensor, exposure: float) -> Figures:
     }
 
 
-def gain(better: Tensor, worse: Tensor, truth: Tensor, changed: Tensor) -> float:
+def gain(better: Tensor | Pair, worse: Tensor | Pair, truth: Tensor | Pair, changed: Tensor) -> float:
     """By how many decibels of PSNR the first displayed picture is closer to the truth, on the pixels of ``changed``."""
-    mask = _enough(changed)
-    return _one(psnr(better, truth, mask) - psnr(worse, truth, mask))
+    mask, truths = _enough(changed), _pair(truth)
+    return psnr_over(better, truths, mask) - psnr_over(worse, truths, mask)
 
 
-def gain_over(better: Tensor | Pair, worse: Tensor | Pair, truths: Pair, changed: Tensor) -> float:
-    """The same against two halves of a displayed truth, each picture perhaps in halves as well."""
-    mask = _enough(changed)
-    errors = [_one(rms_error(picture, truths, mask)) for picture in (better, worse)]
-    return 20 * math.log10(max(errors[1], LEAST) / max(errors[0], LEAST))
+def psnr_over(picture: Tensor | Pair, truths: Pair, mask: Tensor) -> float:
+    """PSNR of a displayed picture against two halves of a displayed truth, decibels."""
+    error = _one(rms_error(picture, truths, mask))
+    return error if math.isnan(error) else -20 * math.log10(max(error, LEAST))
 
 
 def changed_pixels(a: Tensor, b: Tensor, *, level: float = CHANGED) -> Tensor:

@@ -73,7 +73,7 @@ def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths
         for pair in ([one.last.read("color") for one in found], sources, truths)
     )
     changed = f.truly_changed(sharp, wanted)
-    result.figures[f"{name}.gain"] = f.gain_over(blurred, sharp, wanted, changed)
+    result.figures[f"{name}.gain"] = f.gain(blurred, sharp, wanted, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
     result.figures[f"{name}.kept"] = float(f.rms_error(blurred, wanted, ~changed).mean())
     result.passes.update(found[0].passes)

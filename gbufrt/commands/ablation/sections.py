@@ -40,6 +40,19 @@ class Section:
         return rest if variant == FULL or rest == "truth" else None
 
 
+def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
+    key = f"{subject}.{kind}"
+    names = {"gain": "dB gained where the picture changes", "changed": "share of pixels", "kept": "error elsewhere"}
+    return Section(
+        title=title,
+        subject=subject,
+        picture=key,
+        figures=tuple(f"{key}.{name}" for name in names),
+        names={f"{key}.{name}": words for name, words in names.items()},
+        text=f"The path-traced sharp frame, blurred by the pass, against {truth}.",
+    )
+
+
 SECTIONS = (
     Section(
         title="Whole frame",
@@ -155,52 +168,10 @@ SECTIONS = (
         "were in sight all the way; OIDN (high quality, clean albedo and normal) and kornia's joint bilateral filter "
         "(15 pixels, albedo divided out) see that one frame.",
     ),
-    Section(
-        title="Motion blur, centred shutter",
-        subject="motion_blur",
-        picture="motion_blur.centred",
-        figures=("motion_blur.centred.gain", "motion_blur.centred.changed", "motion_blur.centred.kept"),
-        names={
-            "motion_blur.centred.gain": "dB gained where the shutter changes the picture",
-            "motion_blur.centred.changed": "share of pixels",
-            "motion_blur.centred.kept": "error elsewhere",
-        },
-        text="The path-traced sharp frame, blurred by the pass, against rays spread over the shutter.",
-    ),
-    Section(
-        title="Motion blur, trailing shutter",
-        subject="motion_blur",
-        picture="motion_blur.trailing",
-        figures=("motion_blur.trailing.gain", "motion_blur.trailing.changed", "motion_blur.trailing.kept"),
-        names={
-            "motion_blur.trailing.gain": "dB gained where the shutter changes the picture",
-            "motion_blur.trailing.changed": "share of pixels",
-            "motion_blur.trailing.kept": "error elsewhere",
-        },
-    ),
-    Section(
-        title="Depth of field, small aperture",
-        subject="depth_of_field",
-        picture="depth_of_field.small",
-        figures=("depth_of_field.small.gain", "depth_of_field.small.changed", "depth_of_field.small.kept"),
-        names={
-            "depth_of_field.small.gain": "dB gained where the lens changes the picture",
-            "depth_of_field.small.changed": "share of pixels",
-            "depth_of_field.small.kept": "error elsewhere",
-        },
-        text="The path-traced pinhole frame, blurred by the pass, against a thin lens of radius 0.1 or 0.4 units.",
-    ),
-    Section(
-        title="Depth of field, large aperture",
-        subject="depth_of_field",
-        picture="depth_of_field.large",
-        figures=("depth_of_field.large.gain", "depth_of_field.large.changed", "depth_of_field.large.kept"),
-        names={
-            "depth_of_field.large.gain": "dB gained where the lens changes the picture",
-            "depth_of_field.large.changed": "share of pixels",
-            "depth_of_field.large.kept": "error elsewhere",
-        },
-    ),
+    _lens("Motion blur, centred shutter", "motion_blur", "centred", "rays spread over the shutter"),
+    _lens("Motion blur, trailing shutter", "motion_blur", "trailing", "rays spread over the shutter"),
+    _lens("Depth of field, small aperture", "depth_of_field", "small", "a thin lens of radius 0.1 units"),
+    _lens("Depth of field, large aperture", "depth_of_field", "large", "a thin lens of radius 0.4 units"),
     Section(
         title="In motion",
         subject="path",
