@@ -6,22 +6,23 @@ Vectors are planes, ``(3, N)``, over the pixels of one picture.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.noise import PLASTIC
-from tracer.form_factor import cross, disc_cosine, dot, rectangle_irradiance
-from tracer.scene import Sun
-
-CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
 REACH = 2  # pixels around, in which samples must agree too before a pixel needs no more
 AGREE = 0.02  # samples agree whose transmission differs by no more than this
 SHORT = 1e-3  # world units that a ray to a lamp ends before its face
+
+Shots = Callable[[Tensor, Tensor, range], Tensor]
+"""Pixel numbers ``(n,)``, a rotation of the samples of each ``(2, n)`` in [0, 1), and which points of the R2 sequence
+to take; to ``(7, n)`` with the rows below."""
+UNBLOCKED, PASSED, WEIGHT, LEAST, MOST = 0, slice(1, 4), 4, 5, 6
+"""Irradiance with nothing between (0 where the source cannot reach the pixel); over the samples the sums of what comes
+through times its weight, and of the weights; and the least and the most that comes through, 1 and 0 for none."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,20 +36,7 @@ class Surface:
     size: tuple[int, int]
 
 
-Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
-"""Two numbers in [0, 1) a pixel, ``(2, n)``, to directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
-Source = Callable[[Tensor], tuple[Tensor, Tensor, Draw]]
-"""Pixel numbers ``(n,)`` to which of them the source can reach, ``(n,)`` bool, and for these: the unblocked irradiance
-``(m,)``, and how to sample it."""
-Rectangles = Callable[[Tensor], Sequence[Tensor]]
-"""Pixel numbers to corner, edge_u and edge_v of what shines on them, as `rectangle_irradiance` takes them."""
-Through = Callable[[Tensor, Tensor, Tensor], Tensor]
-"""Pixel numbers, directions ``(3, n)`` and distances ``(n,)`` to how much light comes through, ``(3, n)``."""
-
-
-def arriving(
-    source: Source, through: Through, wanted: Tensor, refine: Tensor, noise: Tensor, *, samples: int, start: int
-) -> Tensor:
+def arriving(shots: Shots, wanted: Tensor, refine: Tensor, noise: Tensor, *, samples: int, start: int) -> Tensor:
     """Irradiance from a source of unit radiance (the sun: of unit irradiance) through what stands between.
 
     A quarter of the samples comes first. Where these agree with each other and with those of the pixels around, as they
@@ -57,8 +45,7 @@ def arriving(
     the samples, so that light without shadow is exact.
 
     Args:
-        source: see `Source`.
-        through: see `Through`.
+        shots: samples of the source; see `Shots`.
         wanted: ``(H, W)`` bool: where the source matters.
         refine: ``(H, W)`` bool: where it matters enough for more than the first samples.
         noise: ``(2, H, W)`` in [0, 1): how each pixel's sample points are rotated.
@@ -76,86 +63,24 @@ def arriving(
     crop = _crop(wanted)
     wanted, refine, flat = wanted[crop], refine[crop], noise[:, *crop].flatten(1)
     numbers = torch.arange(arrived[0].numel(), device=flat.device).view(arrived.shape[1:])[crop].flatten()
-    irradiance, weight = flat.new_zeros(len(numbers)), flat.new_zeros(len(numbers))
-    passed, low, high = flat.new_zeros(3, len(numbers)), flat.new_ones(len(numbers)), flat.new_zeros(len(numbers))
+    sums = flat.new_zeros(MOST + 1, len(numbers))
+    sums[LEAST] = 1.0
 
-    def shoot(where: Tensor, points: range) -> None:
-        for part in where.flatten().nonzero()[:, 0].split(CHUNK):
-            reached, energy, draw = source(numbers[part])
-            part = part[reached]
-            irradiance[part] = energy
-            for point in points:
-                turn = flat.new_tensor([[point / PLASTIC % 1], [point / PLASTIC**2 % 1]])
-                directions, distances, weights = draw((flat[:, part] + turn) % 1.0)
-                seen = through(numbers[part], directions, distances)
-                passed[:, part] += seen * weights
-                weight[part] += weights
-                shade = seen.mean(dim=0)
-                low[part] = torch.minimum(low[part], torch.where(weights > 0, shade, 1.0))
-                high[part] = torch.maximum(high[part], torch.where(weights > 0, shade, 0.0))
+    def shoot(where: Tensor, points: range) -> tuple[Tensor, Tensor]:
+        part = where.flatten().nonzero()[:, 0]
+        return part, shots(numbers[part], flat[:, part], points)
 
     first = max(1, samples // 4)
-    shoot(wanted, range(start, start + first))
+    part, found = shoot(wanted, range(start, start + first))
+    sums[:, part] = found
     if samples > first:
-        spread = _widest(high.view(wanted.shape)) + _widest(-low.view(wanted.shape))
-        shoot(wanted & refine & (spread > AGREE), range(start + first, start + samples))
-    arrived[:, *crop] = (passed * (irradiance / weight.clamp_min(1e-20))).view(3, *wanted.shape)
+        spread = _widest(sums[MOST].view(wanted.shape)) + _widest(-sums[LEAST].view(wanted.shape))
+        part, found = shoot(wanted & refine & (spread > AGREE), range(start + first, start + samples))
+        sums[PASSED, part] += found[PASSED]
+        sums[WEIGHT, part] += found[WEIGHT]
+    through = sums[PASSED] / sums[WEIGHT].clamp_min(1e-20)
+    arrived[:, *crop] = (through * sums[UNBLOCKED]).view(3, *wanted.shape)
     return arrived
-
-
-def sun_source(sun: Sun, surface: Surface) -> Source:
-    """The sun's disc; its unblocked irradiance is what lies above the surface's horizon."""
-    sine = math.sin(math.radians(sun.angular_radius))
-    toward = F.normalize(torch.tensor(sun.direction, dtype=surface.points.dtype), dim=0)
-    helper = torch.tensor([1.0, 0.0, 0.0] if abs(float(toward[0])) < 0.6 else [0.0, 1.0, 0.0])
-    across = F.normalize(cross(helper.to(toward), toward), dim=0)
-    basis = torch.stack([across, cross(toward, across), toward], dim=1).to(surface.points.device)
-
-    def source(pixels: Tensor) -> tuple[Tensor, Tensor, Draw]:
-        energy = disc_cosine(dot(surface.normals[:, pixels], basis[:, 2]), sine)
-        reached = energy > 0
-        normals = surface.normals[:, pixels[reached]]
-
-        def draw(u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-            x, y = _disc(u) * sine
-            directions = basis @ torch.stack([x, y, (1 - x * x - y * y).sqrt()])
-            weights = dot(normals, directions).clamp_min(0)
-            return directions, torch.full_like(weights, torch.inf), weights
-
-        return reached, energy[reached], draw
-
-    return source
-
-
-def lamp_source(surface: Surface, rectangles: Rectangles) -> Source:
-    """One lamp, or one a pixel: its rectangles are chosen by their unblocked irradiance, and points on each evenly."""
-
-    def source(pixels: Tensor) -> tuple[Tensor, Tensor, Draw]:
-        each = rectangle_irradiance(surface.points[:, pixels], surface.normals[:, pixels], *rectangles(pixels))
-        reached = each.sum(dim=0) > 0
-        pixels, each = pixels[reached], each[:, reached]
-        points, normals = surface.points[:, pixels], surface.normals[:, pixels]
-        table = [t.expand(3, *each.shape) for t in rectangles(pixels)]
-        upto = each.cumsum(dim=0)
-        energy = upto[-1]
-
-        def draw(u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-            place = u[0] * energy
-            which = (place >= upto).sum(dim=0).clamp_max(len(each) - 1)[None]
-            mine = each.gather(0, which)[0].clamp_min(1e-20)
-            first = ((place - upto.gather(0, which)[0]) / mine + 1).clamp(0, 1)
-            corner, edge_u, edge_v = (t.gather(1, which[None].expand(3, -1, -1))[:, 0] for t in table)
-            way = corner + edge_u * first + edge_v * u[1] - points
-            square = dot(way, way).clamp_min(1e-12)
-            distance = square.sqrt()
-            directions = way / distance
-            here = dot(normals, directions).clamp_min(0)
-            there = -dot(cross(edge_u, edge_v), directions).clamp_max(0)  # times the rectangle's area
-            return directions, (distance - SHORT).clamp_min(0), here * there / (square * mine)
-
-        return reached, energy, draw
-
-    return source
 
 
 def _crop(mask: Tensor) -> tuple[slice, slice]:
@@ -169,13 +94,3 @@ def _widest(plane: Tensor) -> Tensor:
     side = 2 * REACH + 1
     rows = F.max_pool2d(plane[None, None], (side, 1), stride=1, padding=(REACH, 0))
     return F.max_pool2d(rows, (1, side), stride=1, padding=(0, REACH))[0, 0]
-
-
-def _disc(u: Tensor) -> Tensor:
-    """The unit square ``(2, n)`` onto the unit disc, evenly and without tearing (Shirley and Chiu 1997)."""
-    a, b = 2 * u[0] - 1, 2 * u[1] - 1
-    wide = a.abs() > b.abs()
-    radius = torch.where(wide, a, b)
-    ratio = torch.where(wide, b, a) / torch.where(radius == 0, 1.0, radius)
-    angle = torch.where(wide, math.pi / 4 * ratio, math.pi / 2 - math.pi / 4 * ratio)
-    return torch.stack([radius * angle.cos(), radius * angle.sin()])

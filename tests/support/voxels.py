@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from tracer.material import Material, MaterialTable
-from tracer.scene import MASK_ALL, Instance, Scene
+from tracer.scene import MASK_ALL, Instance, Scene, Sun
 from tracer.world import World
 
 TABLE = MaterialTable.of(
@@ -82,3 +82,34 @@ def random_rays(seed: int, count: int) -> tuple[Tensor, Tensor]:
     origins = torch.where((kind == 4)[:, None] & (axis > 0), (origins * 0.4).round(), origins)
     origins = torch.where((kind == 5)[:, None], (origins * 0.4).round(), origins)
     return origins, directions
+
+
+def polished_scene(seed: int) -> Scene:
+    """`random_scene` with every kind of surface: metals and dielectrics, sharp and rough, glass and lamps."""
+    table = MaterialTable.of(
+        [
+            Material(name="matt", albedo=(0.7, 0.5, 0.3)),
+            Material(name="glass", opacity=0.25, tint=(0.9, 0.7, 0.5), roughness=0.05),
+            Material(name="metal", albedo=(0.9, 0.6, 0.4), metallic=1.0, roughness=0.4),
+            Material(name="mirror", albedo=(0.9, 0.9, 0.9), metallic=0.7, roughness=0.02),
+            Material(name="lamp", emission=(4.0, 3.0, 2.0), roughness=0.2),
+        ]
+    )
+    scene, g = random_scene(seed), torch.Generator().manual_seed(seed)
+
+    def recast(world: World) -> World:
+        other = torch.randint(1, len(table), world.bricks.shape, generator=g).to(world.bricks)
+        return World(
+            bricks=torch.where(world.bricks > 0, other, world.bricks),
+            index=world.index,
+            origin=world.origin,
+            materials=table,
+        )
+
+    return Scene(
+        world=recast(scene.world),
+        instances=tuple(
+            Instance(model=recast(i.model), pose=i.pose, scale=i.scale, mask=i.mask) for i in scene.instances
+        ),
+        sun=Sun(angular_radius=2.0),
+    )

@@ -14,48 +14,15 @@ from gbufrt import Camera
 from tracer import light_paths, path_ops, shots
 from tracer.gbuffer import gbuffer
 from tracer.light_samples import Lights
-from tracer.material import Material, MaterialTable
 from tracer.paths import Vertices
 from tracer.receivers import Receivers, receivers_of
-from tracer.scene import Instance, Scene, Sun
-from tracer.world import World
+from tracer.scene import Scene
 
 BOUNCES = 3
 
 
-def polished(seed: int) -> Scene:
-    """`voxels.random_scene` with every kind of surface: metals and dielectrics, sharp and rough, glass and lamps."""
-    table = MaterialTable.of(
-        [
-            Material(name="matt", albedo=(0.7, 0.5, 0.3)),
-            Material(name="glass", opacity=0.25, tint=(0.9, 0.7, 0.5), roughness=0.05),
-            Material(name="metal", albedo=(0.9, 0.6, 0.4), metallic=1.0, roughness=0.4),
-            Material(name="mirror", albedo=(0.9, 0.9, 0.9), metallic=0.7, roughness=0.02),
-            Material(name="lamp", emission=(4.0, 3.0, 2.0), roughness=0.2),
-        ]
-    )
-    scene, g = voxels.random_scene(seed), torch.Generator().manual_seed(seed)
-
-    def recast(world: World) -> World:
-        other = torch.randint(1, len(table), world.bricks.shape, generator=g).to(world.bricks)
-        return World(
-            bricks=torch.where(world.bricks > 0, other, world.bricks),
-            index=world.index,
-            origin=world.origin,
-            materials=table,
-        )
-
-    return Scene(
-        world=recast(scene.world),
-        instances=tuple(
-            Instance(model=recast(i.model), pose=i.pose, scale=i.scale, mask=i.mask) for i in scene.instances
-        ),
-        sun=Sun(angular_radius=2.0),
-    )
-
-
 def case(seed: int, count: int = 3000) -> tuple[Scene, Tensor, Lights, Tensor, Tensor, Tensor]:
-    scene = polished(seed)
+    scene = voxels.polished_scene(seed)
     poses = scene.poses([0.3])[0]
     u = torch.rand(1 + light_paths.MORE * (BOUNCES + 1), count, generator=torch.Generator().manual_seed(seed))
     return scene, poses, Lights.of(scene, poses), *voxels.random_rays(seed, count), u
@@ -70,7 +37,7 @@ def same(a: Tensor, b: Tensor, share: float = 0.004) -> None:
 
 def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, Receivers, Vertices, Tensor]:
     """Some of what a picture shows, and numbers for three paths from each."""
-    scene = polished(seed)
+    scene = voxels.polished_scene(seed)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41), orthographic_height=30.0 if orthographic else None)
     at = receivers_of(scene, gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=0.3), scene.poses([0.3]))[0]
     u = torch.rand(dims, 3 * len(at.pixels), generator=torch.Generator().manual_seed(seed))
