@@ -13,6 +13,8 @@ from gbufrt import Camera, Frame, History, TemporalPass
 from post.thin_lens import autofocus, circle_of_confusion
 
 CONFIDENT = 1e-3  # share of known background from which on it fills what a near edge uncovers
+BRIGHT = 1.0  # of the picture's mean level: what is this bright counts half where the background is guessed
+FINEST = 0.25  # pixels between the radii of the two sharpest layers
 TINY = 1e-6  # coverage below this is rounding
 
 
@@ -33,7 +35,7 @@ def depth_of_field(
     layers are laid over one another from the nearest to the farthest until a pixel is covered. A spread pixel carries
     its coverage, so that near things become transparent at their edges, sharp things do not bleed into blurred ones
     behind them, and one surface that crosses layers stays whole. What shows through a near edge where the pinhole saw
-    no background is the mean of what lies behind within reach. The time taken does not depend on the radii.
+    no background is the mean of what lies behind within reach, highlights counting less. The time taken does not depend on the radii.
 
     Args:
         color: ``(B, C, H, W)`` linear.
@@ -72,6 +74,7 @@ def _layered(color: Tensor, coc: Tensor, radii: list[float], margin: int) -> Ten
     border = (margin, columns - width - margin, margin, rows - height - margin)
     source = F.pad(torch.cat([color, torch.ones_like(coc)], dim=1), border, mode="replicate")
     coc = F.pad(coc, border, mode="replicate")
+    calm = _calm(source[:, :-1])
     result, free = torch.zeros_like(color), torch.ones_like(color[:, :1])
     fill = torch.zeros_like(source[..., :height, :width])
 
@@ -89,11 +92,17 @@ def _layered(color: Tensor, coc: Tensor, radii: list[float], margin: int) -> Ten
         result = result + layer[:, :-1] * (taken / coverage.clamp_min(TINY))
         free = free - taken
         if behind is not None:
-            fill = fill + taken * spread(behind, radius)
+            fill = fill + taken * spread(behind * calm, radius)
     known = fill[:, -1:].clamp_min(0)
     trusted = free * known / (known + CONFIDENT)
     result = result + trusted * fill[:, :-1] / known.clamp_min(TINY)
     return result / (1 - free + trusted).clamp_min(TINY)
+
+
+def _calm(color: Tensor) -> Tensor:
+    """Weights that keep one highlight from filling all that is unknown around it, which the eye would not forgive."""
+    level = color.detach().mean(dim=1, keepdim=True)
+    return 1 / (1 + level / (BRIGHT * level.mean(dim=(1, 2, 3), keepdim=True)).clamp_min(TINY))
 
 
 def _layers(coc: Tensor, radii: list[float]) -> Iterator[tuple[float, Tensor, Tensor | None]]:
@@ -118,10 +127,10 @@ def _layers(coc: Tensor, radii: list[float]) -> Iterator[tuple[float, Tensor, Te
 
 
 def _radii(largest: float, step: float) -> list[float]:
-    """0, 1, and on by steps that grow in proportion, up to the largest."""
+    """0, and on by steps that begin with a quarter of a pixel and grow in proportion, up to the largest."""
     radii = [0.0]
     while radii[-1] < largest:
-        radii.append(radii[-1] * (1 + step) + 1.0)
+        radii.append(radii[-1] * (1 + step) + FINEST)
     return radii
 
 

@@ -7,8 +7,10 @@ from dataclasses import replace
 from functools import partial
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.environment import lookup_environment
 from tracer.light_samples import DIMS, Lights, LightSample
 from tracer.paths import FINE, Vertices, direct, meet
 from tracer.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
@@ -127,6 +129,48 @@ def radiance(
         sees_sun, sees_lamps = sees_sun[lives], sees_lamps[lives]
         met = meet(scene, at.points, directions, numbers[DIMS + 4, lives], poses=poses, inside=at.inside)
     return total
+
+
+def unblocked(
+    scene: Scene,
+    irradiance: Tensor,
+    origins: Tensor,
+    directions: Tensor,
+    u: Tensor,
+    *,
+    poses: Tensor,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+    detail: Tensor | float = FINE,
+    spreads: bool = False,
+) -> Tensor:
+    """What rays from the eye show in light that nothing blocks: the sky, and surfaces with the light of the whole sky
+    and the sun. All are matt, and lamps light nothing but themselves.
+
+    Args:
+        scene: what is there.
+        irradiance: of the sky, see `tracer.sky.irradiance_table`.
+        origins: as for `radiance`, and so is what follows.
+        directions: ``(N, 3)``.
+        u: ``(N,)`` in [0, 1).
+        poses: ``(I, 4, 4)``.
+        t_min: where rays begin.
+        t_max: where they end.
+        detail: of the colours of what they meet.
+        spreads: whether that falls with the distance.
+
+    Returns:
+        ``(N, 3)`` linear radiance, which has no noise but that of ``u``, where something transmits.
+    """
+    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
+    met = meet(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
+    at, total = met.surface, _beyond(scene, directions, torch.ones_like(met.hit))
+    arriving = lookup_environment(irradiance, at.normals.T[None, :, None])[0, :, 0].T
+    if scene.sun is not None:
+        toward = F.normalize(at.normals.new_tensor(scene.sun.direction), dim=0)
+        arriving = arriving + (at.normals @ toward).clamp_min(0)[:, None] * toward.new_tensor(scene.sun.irradiance)
+    total[met.rows] = at.emission + at.albedo * at.opacity[:, None] * arriving / math.pi
+    return met.weight * total
 
 
 def mirrored_lamps(

@@ -12,12 +12,13 @@ from torch import Tensor
 from gbufrt import Camera
 from tracer import lens
 from tracer.gbuffer import seconds
-from tracer.light_paths import MORE
+from tracer.light_paths import MORE, unblocked
 from tracer.light_samples import Lights
 from tracer.path_ops import radiance
 from tracer.progressive import WIDE, Progress, Truth, converge
 from tracer.scene import Scene
 from tracer.sequence import Sequence as Numbers
+from tracer.sky import irradiance_table
 
 FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
 MOMENTS = 8  # groups of pixels, each at a time of its own, that a sample is split into while the shutter is open
@@ -33,6 +34,7 @@ def path_trace(
     aperture_radius: float = 0.0,
     focus_distance: float | Tensor | None = None,
     bounces: int = 4,
+    unblocked: bool = False,
     samples: int = 64,
     antialias: bool = True,
     noise: float = 0.0,
@@ -54,6 +56,8 @@ def path_trace(
         focus_distance: planar depth of the focal plane, world units, a number or ``(B,)``; by default what
             `tracer.lens.focus_distance` finds.
         bounces: surfaces between what is seen and a light at most; 0 for direct light and sky alone.
+        unblocked: end paths where they begin, in light that nothing blocks, see `tracer.light_paths.unblocked`: no
+            noise then but that of lens, shutter and pixel.
         samples: at most so many paths a pixel.
         antialias: spread rays over the pixel's square; otherwise all go where the camera's jitter says.
         noise: stop once the mean standard error is not above this; 0 takes all samples.
@@ -83,6 +87,7 @@ def path_trace(
             aperture_radius=aperture_radius,
             focus_distance=focus[b],
             bounces=bounces,
+            unblocked=unblocked,
             antialias=antialias,
             size=cameras.size,
             sequence=sequence,
@@ -111,6 +116,7 @@ class _Shot:
     aperture_radius: float
     focus_distance: float
     bounces: int
+    unblocked: bool
     antialias: bool
     size: tuple[int, int]
     sequence: Numbers
@@ -134,6 +140,10 @@ class _Shot:
         return Lights.of(self.scene, poses.to(self.scene.world.device))
 
     @cached_property
+    def _irradiance(self) -> Tensor:
+        return irradiance_table(self.scene)
+
+    @cached_property
     def _groups(self) -> list[Tensor]:
         """Numbers of the pixels that share a moment, evenly spread over the picture."""
         order = self.sequence.rotation[0].argsort()
@@ -148,19 +158,17 @@ class _Shot:
             camera, px, u[3:5], aperture_radius=self.aperture_radius, focus_distance=self.focus_distance
         )
         focal = camera.intrinsics[0, 1, 1]
-        light = radiance(
-            self.scene,
-            lights,
-            origins,
-            directions,
-            u[FIRST:],
-            bounces=self.bounces,
-            poses=poses,
-            t_min=camera.near / along,
-            t_max=camera.far / along,
-            detail=focal if camera.orthographic else focal / along,
-            spreads=not camera.orthographic,
-        )
+        given = {
+            "poses": poses,
+            "t_min": camera.near / along,
+            "t_max": camera.far / along,
+            "detail": focal if camera.orthographic else focal / along,
+            "spreads": not camera.orthographic,
+        }
+        if self.unblocked:
+            light = unblocked(self.scene, self._irradiance, origins, directions, u[FIRST], **given)
+        else:
+            light = radiance(self.scene, lights, origins, directions, u[FIRST:], bounces=self.bounces, **given)
         return light.view(len(numbers), len(pixels), 3).sum(dim=0)
 
 

@@ -96,14 +96,18 @@ def sky_irradiance(scene: Scene, normals: Tensor) -> Tensor:
 
     Source: Ramamoorthi and Hanrahan 2001: irradiance low-passes the environment, so a small table holds it.
     """
+    return lookup_environment(irradiance_table(scene).to(normals.dtype), normals)
+
+
+def irradiance_table(scene: Scene) -> Tensor:
+    """``(1, 3, h, w)`` irradiance of the unblocked sky on surfaces that face each direction, lat-long."""
     sky = environment(scene, size=INTEGRATION).flatten(2)[0]
     way = environment_directions(INTEGRATION, device=sky.device).flatten(2)[0]
     angles = environment_solid_angles(INTEGRATION, device=sky.device).expand(1, 1, *INTEGRATION).flatten()
     faces = environment_directions(TABLE, device=sky.device).flatten(2)[0]
     cosine = (faces.T @ way).clamp_min(0.0) * angles
     cosine = cosine * (math.pi / cosine.sum(dim=1, keepdim=True))  # a uniform sky gives pi times its radiance exactly
-    table = (sky @ cosine.T).view(1, 3, *TABLE)
-    return lookup_environment(table.to(normals.dtype), normals)
+    return (sky @ cosine.T).view(1, 3, *TABLE)
 
 
 def _color(color: tuple[float, float, float], like: Tensor) -> Tensor:

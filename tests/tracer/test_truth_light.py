@@ -63,6 +63,33 @@ def test_white_metal_in_a_furnace_keeps_its_light(roughness, kept):
     assert kept < got < 1 + 1e-4
 
 
+def test_unblocked_light_is_what_the_renderer_shows_without_shadows():
+    stand = world((48, 8, 48), (STONE, (0, 0, 0), (48, 1, 48)), (STONE, (22, 1, 22), (26, 6, 26)))
+    scene = Scene(world=stand, sun=Sun(direction=(0.5, 0.8, 0.2), angular_radius=1.0))
+    g = gbuffer(scene, above(size=(40, 40), span=20.0))
+    direct, ambient = light(scene, g, samples=16)
+    shadow = direct.amax(dim=1, keepdim=True) < 0.5 * direct.amax()
+    assert 20 < int(shadow.sum()) < 400
+    first, second = (
+        path_trace(scene, g.camera, unblocked=True, antialias=False, samples=2, seed=seed)["radiance"]
+        for seed in (0, 1)
+    )
+    assert torch.equal(first, second)
+    off = ((first / (direct + ambient) - 1).abs() > 5e-3).any(dim=1, keepdim=True)
+    assert (off & ~shadow).float().mean() < 0.02  # its rim
+    assert (first[shadow.expand_as(first)] > 1.2 * (direct + ambient)[shadow.expand_as(first)]).all()
+
+
+def test_unblocked_lamps_show_and_light_nothing_else():
+    stand = world((48, 6, 48), (STONE, (0, 0, 0), (48, 1, 48)), (LAMP, (22, 3, 22), (26, 4, 26)))
+    scene, camera = Scene(world=stand, sun=None, sky=DARK), above(size=(40, 40), span=20.0)
+    got = path_trace(scene, camera, unblocked=True, antialias=False, samples=1)["radiance"][0]
+    shows = (got > 0).all(dim=0)
+    assert int(shows.sum()) == 64
+    assert torch.allclose(got[:, shows].mean(dim=1), torch.tensor([4.0, 3.0, 2.0]))
+    assert got[:, ~shows].max() == 0
+
+
 def test_next_event_estimation_agrees_with_brute_force(monkeypatch):
     table = MaterialTable.of(
         [

@@ -19,8 +19,8 @@ from gbufrt.frame import Frame
 from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline
 
-LIGHT = {"bounces": 0}  # sun, lamps and sky: what else the light did before it came to the lens does not matter
-MORE = 4  # such light is cheap, and blurred highlights take many paths
+LIGHT = {"unblocked": True}  # what light did before it came to the lens does not matter: here it has no noise
+MORE = 2  # blurred highlights take many rays
 SHARP_SEEDS = (3, 4)  # other paths than those of the truth
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
