@@ -173,8 +173,8 @@ def blocked(
 
     ``same`` is 1 where the tap is known to continue the surface of the one before.
     """
-    overlap = torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
-    joined = horizon.step(overlap) if same is None else torch.maximum(horizon.step(overlap), same)
+    joined = horizon.step(overlap(tap, before))
+    joined = joined if same is None else torch.maximum(joined, same)
     rise, run = tap.front_rise, tap.front_run
     distance = (rise * rise + run * run + 1e-20).sqrt() if radii else joined
     front = horizon.arc_measure(rise, run, side)
@@ -196,6 +196,11 @@ def blocked(
             low = (low - (before.share - first).clamp_min(0) * same * (1 - crossing) * EDGE).clamp_min(0)
         covers.append(Cover(low, high, near))
     return covers, Front(front, tap.front_rise, tap.front_run, distance, tap.z, tap.back_z)
+
+
+def overlap(tap: Tap, before: Front) -> Tensor:
+    """By how much the depth ranges of two taps overlap, world units: above 0 they are one body."""
+    return torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
 
 
 def _front_at_the_radius(tap: Tap, before: Front, side: Side, radii: tuple[Tensor, ...], distance: Tensor) -> Tensor:

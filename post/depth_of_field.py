@@ -35,7 +35,8 @@ def depth_of_field(
     layers are laid over one another from the nearest to the farthest until a pixel is covered. A spread pixel carries
     its coverage, so that near things become transparent at their edges, sharp things do not bleed into blurred ones
     behind them, and one surface that crosses layers stays whole. What shows through a near edge where the pinhole saw
-    no background is the mean of what lies behind within reach, highlights counting less. The time taken does not depend on the radii.
+    no background is the mean of what lies behind within reach, highlights counting less. The time taken does not depend
+    on the radii.
 
     Args:
         color: ``(B, C, H, W)`` linear.

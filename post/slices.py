@@ -23,7 +23,7 @@ MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this 
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
 FIRST = 0.5  # pixels to the nearest tap
 WITHIN = 1.5  # power of the taps' spread in a sweep that ends at a radius
-BEYOND = 2.0  # and in one over the whole picture, where what is near counts most
+BEYOND = 2.5  # and in one over the whole picture, where what is near counts most
 
 
 class Scene(NamedTuple):

@@ -10,7 +10,7 @@ from gbufrt.camera import Camera
 from gbufrt.fusion import fusible
 from gbufrt.noise import blue_noise
 from post import horizon, slices
-from post.bitmask import blocked, own_solid, start
+from post.bitmask import blocked, overlap, own_solid, start
 from post.horizon import Tap
 from post.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sectors import GROUPS, cover, no_cover, share, slice_sums
@@ -20,6 +20,8 @@ from post.solids import planar_thickness
 from post.upsample import upsample
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
+LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
+ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 
 
@@ -33,7 +35,7 @@ def ssgi(
     hit: Tensor | None = None,
     thickness: Tensor | float | None = None,
     directions: int = 4,
-    steps: int = 16,
+    steps: int = 24,
     distance: float | None = None,
     resolution: int = 1,
     index: int = 0,
@@ -150,6 +152,7 @@ def _slice(
             px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)
             tap = horizon.look(around, at, side, px, parallel)
             next_plane = _plane(tap, parallel)
+            ledge = LEDGE * horizon.step(overlap(tap, before)) * _edge_on(next_plane, plane, at)
             (found,), before = blocked(tap, before, side, radii, soft, _flat(next_plane, plane))
             plane = next_plane
             if side is right:
@@ -157,7 +160,7 @@ def _slice(
             else:
                 ends = left.whole - found.high, left.whole - found.low
             covered, fresh = cover(covered, *ends, found.near, dither)
-            lit = share(fresh) * _facing(plane, at)
+            lit = share(fresh) * torch.maximum(_facing(plane, at), ledge)
             gathered = gathered + lit * tap.seen[:, :3].movedim(1, 0)
     openness: Tensor | float = 1.0
     if sky is not None:
@@ -182,6 +185,19 @@ def _flat(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> Tensor:
     return horizon.step(FLATNESS * (dx * dx + dy * dy + dz * dz + 1e-20).sqrt() - off) * alike
 
 
+def _edge_on(plane: tuple[Tensor, ...], before: tuple[Tensor, ...], at: Receivers) -> Tensor:
+    """1 where a tap and the one before are parallel to the receiver and what joins them faces the eye, as in steps."""
+    parallel = horizon.step(_cosine(plane[3:], at) - ALIKE) * horizon.step(_cosine(before[3:], at) - ALIKE)
+    dx, dy, dz = at.x - plane[0], at.y - plane[1], at.z - plane[2]
+    toward_eye = dx * at.vx + dy * at.vy + dz * at.vz
+    off_plane = (dx * at.nx + dy * at.ny + dz * at.nz) * (at.nx * at.vx + at.ny * at.vy + at.nz * at.vz)
+    return parallel * horizon.step(toward_eye - off_plane)
+
+
+def _cosine(normal: tuple[Tensor, ...], at: Receivers) -> Tensor:
+    return normal[0] * at.nx + normal[1] * at.ny + normal[2] * at.nz
+
+
 def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
     """1 where the receiver lies above a tap's plane, else 0."""
     x, y, z, nx, ny, nz = plane
@@ -199,7 +215,7 @@ class SSGI(Pass):
         self,
         *,
         directions: int = 4,
-        steps: int = 16,
+        steps: int = 24,
         distance: float | None = None,
         thickness: float | None = None,
         bounces: int = 2,

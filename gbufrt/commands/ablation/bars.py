@@ -39,6 +39,7 @@ BARS = (
     Bar(
         name="GI", what="squared error over squared truth, on-screen part of one bounce", key="gi.error", bound=0.25,
         better="lower", subject="signals", trivial={"black": "gi.if_black", "constant per object": "gi.if_constant"},
+        limit="gi.exact",
     ),
     Bar(
         name="GI", what="the same error over a per-object constant's", key="gi.to_constant", bound=0.5, better="lower",
@@ -50,6 +51,7 @@ BARS = (
         trivial={
             "black": "reflection.if_black", "sky": "reflection.if_sky", "constant per object": "reflection.if_constant",
         },
+        limit="reflection.exact",
     ),
     Bar(
         name="denoise", what="dB over OIDN, last of 32 frames, 1 sample a pixel", key="denoise.last_over_oidn",

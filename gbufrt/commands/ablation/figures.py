@@ -93,17 +93,18 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
     return result
 
 
-def gi_figures(frame: Frame, truth: Truth) -> Figures:
+def gi_figures(frame: Frame, truth: Truth, exact: Pair) -> Figures:
     """Of ``gi``: squared errors over the squared truth, both summed over all pixels that hit.
 
-    ``error`` is against the part from surfaces on screen; ``limit`` is that part's distance from the whole truth, and
-    ``whole`` the estimate's.
+    ``error`` is against the part from surfaces on screen, ``exact`` what perfect rays score (see `limits`); ``limit``
+    is that part's distance from the whole truth, and ``whole`` the estimate's.
     """
     hit, gi, seen, true = frame.gbuffer.hit, frame.read("gi"), halves(truth, "gi_seen"), halves(truth, "gi")
     constant = constant_per_object(truth["gi_seen"], frame.gbuffer)
     error, trivial = relative_energy(gi, seen, hit), relative_energy(constant, seen, hit)
     return {
         "gi.error": error,
+        "gi.exact": relative_energy(exact, seen, hit),
         "gi.if_constant": trivial,
         "gi.to_constant": error / trivial if trivial > 0 else float("nan"),
         "gi.if_black": 1.0,
@@ -127,10 +128,11 @@ def sky_figures(frame: Frame, truth: Truth) -> Figures:
     }
 
 
-def reflection_figures(frame: Frame, truth: Truth) -> Figures:
+def reflection_figures(frame: Frame, truth: Truth, exact: Tensor) -> Figures:
     """Of ``reflection`` on mirrors whose rays end on screen: RMSE over the mean true radiance there.
 
-    ``whole`` and ``limit`` are relative squared errors over everything that was hit, as for `gi_figures`.
+    ``exact`` is what perfect rays score (see `limits`); ``whole`` and ``limit`` are relative squared errors over
+    everything that was hit, as for `gi_figures`.
     """
     g, found, true = frame.gbuffer, frame.read("reflection"), truth["reflection"]
     both = halves(truth, "reflection")
@@ -139,6 +141,7 @@ def reflection_figures(frame: Frame, truth: Truth) -> Figures:
     mean = masked_mean(true.mean(1, keepdim=True), mirror)
     result = {
         "reflection.mirror": _one(rms_error(found, both, mirror) / mean),
+        "reflection.exact": _one(rms_error(exact, both, mirror) / mean),
         "reflection.mirror_share": float(mirror.sum()) / max(float(g.hit.sum()), 1.0),
         "reflection.if_black": _one(rms_error(torch.zeros_like(true), both, mirror) / mean),
         "reflection.if_constant": _one(rms_error(constant_per_object(true, g, mirror), both, mirror) / mean),

@@ -102,11 +102,12 @@ SECTIONS = (
         subject="signals",
         picture="gi",
         figures=(
-            "gi.error", "gi.if_constant", "gi.to_constant", "gi.whole", "gi.limit", "gi.rmse",
+            "gi.error", "gi.exact", "gi.if_constant", "gi.to_constant", "gi.whole", "gi.limit", "gi.rmse",
             "sky.rmse", "sky.if_open", "sky.if_constant", "gi.truth_error",
         ),
         names={
             "gi.error": "relative squared error",
+            "gi.exact": "perfect rays",
             "gi.if_constant": "constant per object",
             "gi.to_constant": "error over the constant's",
             "gi.whole": "against all light",
@@ -118,7 +119,8 @@ SECTIONS = (
             "gi.truth_error": "noise of the truth",
         },
         text="One bounce. The error is the sum of (gi - truth)² over the sum of truth², over all pixels that hit "
-        "something, where truth is the light from surfaces on screen. The limit is that part's own error against the "
+        "something, where truth is the light from surfaces on screen. Perfect rays are the tracer's own, which read "
+        "the light that the picture holds where they end. The limit is the on-screen part's own error against the "
         "light from everywhere, by the same formula.",
     ),
     Section(
@@ -126,11 +128,13 @@ SECTIONS = (
         subject="signals",
         picture="reflection",
         figures=(
-            "reflection.mirror", "reflection.if_black", "reflection.if_sky", "reflection.if_constant",
-            "reflection.mirror_share", "reflection.whole", "reflection.limit", "reflection.truth_error",
+            "reflection.mirror", "reflection.exact", "reflection.if_black", "reflection.if_sky",
+            "reflection.if_constant", "reflection.mirror_share", "reflection.whole", "reflection.limit",
+            "reflection.truth_error",
         ),
         names={
             "reflection.mirror": "mirrors on screen: RMSE over mean",
+            "reflection.exact": "perfect rays",
             "reflection.if_black": "black",
             "reflection.if_sky": "sky",
             "reflection.if_constant": "constant per object",
@@ -140,7 +144,8 @@ SECTIONS = (
             "reflection.truth_error": "noise of the truth",
         },
         text="Mirrors are surfaces of roughness below 0.1 of whose rays more than 99 % end on what the camera sees. "
-        "The pass sees no further bounces here, for its truth has none.",
+        "Perfect rays are the tracer's own, which read the picture where they end: what they miss, the picture does "
+        "not hold, above all lamps a pixel wide. The pass sees no further bounces here, for its truth has none.",
     ),
     Section(
         title="Denoise and accumulate",

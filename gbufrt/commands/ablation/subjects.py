@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation import limits
 from gbufrt.commands.ablation.measure import repeated, run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.progress import Tick
@@ -63,12 +64,14 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
         result.pictures.update(_compared("ao", _grey(last.read("ao")), _grey(truth["ao"]), frame))
     if "gi" in wanted:
         truth = place.truth_of("indirect_diffuse", frame.gbuffer, {"bounces": 1})
-        result.figures.update({**f.gi_figures(last, truth), **f.sky_figures(last, truth)})
+        figures = f.gi_figures(last, truth, limits.exact_gi(place, last))
+        result.figures.update({**figures, **f.sky_figures(last, truth)})
         shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_seen"], exposure)
         result.pictures.update(_compared("gi", shown, true, frame))
     if "reflection" in wanted:
         truth = place.truth_of("reflection", frame.gbuffer)
-        result.figures.update(f.reflection_figures(last, truth))
+        exact = limits.exact_reflection(place, last.replace(gi=None))  # as the pass had it
+        result.figures.update(f.reflection_figures(last, truth, exact))
         shown, true = f.display(last.read("reflection"), exposure), f.display(truth["reflection"], exposure)
         result.pictures.update(_compared("reflection", shown, true, frame))
     return result
