@@ -54,6 +54,20 @@ def test_a_floor_beside_a_lit_wall_receives_the_form_factor() -> None:
         assert float(gi[:, 2:][chosen].max()) == 0
 
 
+def test_a_step_seen_edge_on_sends_light_and_a_hidden_one_hardly_any() -> None:
+    steps = torch.tensor([[[-5.0, 0.0, -1.0], [5.0, 1.0, 1.0]], [[-5.0, 0.0, -3.0], [5.0, 3.0, 0.0]]])
+
+    def just_above(height: float) -> float:
+        frame = boxes.frame(Camera.look_at((0, height, 10), (0, height, 0), size=(41, 40), far=100.0), boxes=steps)
+        g = frame.gbuffer
+        assert not (g.normal[:, 1:2] > 0.5).any(), "no pixel shows the tread"
+        gi = torch.stack([gather(frame, torch.ones_like(g.normal), index=i)[0] for i in range(4)]).mean(0)
+        above = g.camera.to_world(g.points_view())[:, 1:2] - 1
+        return float(gi[:, :1][g.hit & (above > 0) & (above < 0.25)].mean())
+
+    assert just_above(1.02) > 0.05 > 4 * just_above(0.98)
+
+
 def test_a_surface_that_faces_away_sends_nothing() -> None:
     frame = boxes.frame(boxes.camera(SIZE))
     top = (frame.gbuffer.normal[:, 1:2] > 0.9) & (
