@@ -44,8 +44,9 @@ def ssgi(
     """One bounce of light between the surfaces in the picture, and the sky that each surface sees past them.
 
     Each tap covers the sectors from its front to its back, as in `post.bitmask_ao`. The sectors that it is the first to
-    cover receive the light it sends, if it faces the receiver; sectors left open see the sky, as far as directions that
-    leave the picture may (see `post.open_sky`). So open sky and gathered light share every hemisphere without counting
+    cover receive the light it sends, if it faces the receiver. Where steps are so fine that no pixel shows a tread, it
+    sends about what its riser does. Sectors left open see the sky, as far as directions that leave the picture may (see
+    `post.open_sky`). So open sky and gathered light share every hemisphere without counting
     a direction twice.
 
     Args:

@@ -15,6 +15,7 @@ from gbufrt.commands.ablation.cache import Cache, digest
 from gbufrt.commands.ablation.charts import Point, dots, scatter
 from gbufrt.commands.ablation.measure import Allocations
 from gbufrt.commands.ablation.records import Record
+from gbufrt.commands.ablation.trivial import constant_per_object
 
 
 def test_relative_energy_and_the_constant_per_object():
@@ -24,7 +25,7 @@ def test_relative_energy_and_the_constant_per_object():
     assert f.relative_energy(truth * 0, (truth, truth), g.hit) == 1.0
     halves = (g.depth < 8).to(torch.int32)
     g = g.replace(material_id=halves, object_id=torch.zeros_like(halves))
-    constant = f.constant_per_object(truth, g)
+    constant = constant_per_object(truth, g)
     for number in (0, 1):
         inside = ((g.material_id == number) & g.hit).expand_as(truth)
         assert torch.allclose(constant[inside].view(3, -1).mean(1), truth[inside].view(3, -1).mean(1), atol=1e-4)

@@ -13,8 +13,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.commands.ablation.trivial import constant_per_object, mirrored_sky, untouched
 from gbufrt.frame import Frame
-from gbufrt.gbuffer import GBuffer
 from gbufrt.metrics import masked_mean, psnr, rmse, ssim
 from gbufrt.views import to_srgb, viridis
 
@@ -150,7 +150,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Tensor) -> Figures:
         "reflection.truth_error": float(truth.get("reflection_error", torch.tensor(torch.nan))),
     }
     if frame.environment is not None and g.albedo is not None and g.metallic is not None:
-        result["reflection.if_sky"] = _one(rms_error(_mirrored_sky(frame), both, mirror) / mean)
+        result["reflection.if_sky"] = _one(rms_error(mirrored_sky(frame), both, mirror) / mean)
     return result
 
 
@@ -169,11 +169,10 @@ def picture_figures(color: Tensor, truth: Tensor, hit: Tensor, exposure: float) 
 
 def untouched_figures(frame: Frame, truth: Tensor, exposure: float) -> Figures:
     """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked."""
-    hit, wanted, direct = frame.gbuffer.hit, display(truth, exposure), frame.read("radiance")
-    lit = direct if frame.ambient is None else direct + frame.ambient
+    hit, wanted = frame.gbuffer.hit, display(truth, exposure)
     return {
-        "psnr_if_direct": _one(psnr(display(direct, exposure), wanted, hit)),
-        "psnr_if_ambient": _one(psnr(display(lit, exposure), wanted, hit)),
+        "psnr_if_direct": _one(psnr(display(frame.read("radiance"), exposure), wanted, hit)),
+        "psnr_if_ambient": _one(psnr(display(untouched(frame), exposure), wanted, hit)),
     }
 
 
@@ -208,35 +207,6 @@ def relative_energy(estimate: Tensor | Pair, truths: Pair, mask: Tensor) -> floa
     a, b = _pair(estimate)
     total = float((truths[0] * truths[1] * mask).sum())
     return float(((a - truths[0]) * (b - truths[1]) * mask).sum()) / total if total > 0 else float("nan")
-
-
-def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = None) -> Tensor:
-    """The best answer that knows nothing but what each pixel shows: the truth's mean over each object and material."""
-    ids = torch.zeros_like(gbuffer.depth, dtype=torch.int64)
-    for channel in (gbuffer.object_id, gbuffer.material_id):
-        if channel is not None:
-            ids = ids * (int(channel.max()) + 1) + channel
-    counted = gbuffer.hit if mask is None else mask
-    flat, weight = torch.unique(ids, return_inverse=True)[1].flatten(), counted.flatten().to(truth)
-    count = torch.zeros(int(flat.max()) + 1, dtype=truth.dtype).index_add_(0, flat, weight).clamp_min(1)
-    result = torch.empty_like(truth)
-    for channel in range(truth.shape[1]):
-        value = truth[:, channel].flatten()
-        mean = torch.zeros_like(count).index_add_(0, flat, value * weight) / count
-        result[:, channel] = mean[flat].view_as(result[:, channel])
-    return result
-
-
-def _mirrored_sky(frame: Frame) -> Tensor:
-    """What each surface would mirror if there were only sky."""
-    from gbufrt.environment import lookup_environment
-    from post.brdf import fresnel_schlick, specular_f0
-
-    g = frame.gbuffer
-    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
-    cosine = (eye * g.normal).sum(1, keepdim=True).clamp_min(0.0)
-    sky = lookup_environment(frame.read("environment"), 2 * cosine * g.normal - eye)
-    return sky * fresnel_schlick(cosine, specular_f0(frame.read("albedo"), frame.read("metallic")))
 
 
 def _degrees(a: Tensor, b: Tensor, mask: Tensor) -> Tensor:

@@ -13,6 +13,7 @@ from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation import limits
 from gbufrt.commands.ablation.measure import repeated, run
 from gbufrt.commands.ablation.place import Place
+from gbufrt.commands.ablation.trivial import untouched
 from gbufrt.commands.progress import Tick
 from gbufrt.frame import Frame
 from gbufrt.passes import Pass
@@ -57,7 +58,7 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
     found = run(Pipeline(**stages), repeated(frame, frames), tick=_said(place, "static frame", frames))  # pyright: ignore[reportArgumentType]
     result, last = Outcome(passes=found.passes), found.last
     last = last.replace(gi=last.extra.get("gi_found", last.gi))
-    exposure = f.exposure_of(place.picture(SHARP), frame.gbuffer.hit) if wanted & {"gi", "reflection"} else 1.0
+    exposure = f.exposure_of(untouched(frame), frame.gbuffer.hit)
     if "ao" in wanted:
         truth = ao_truth(place, pipeline, frame)
         result.figures.update(f.ao_figures(last, truth))
