@@ -74,10 +74,11 @@ def test_every_pass_earns_its_place(folder: Path) -> None:
 
 
 def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lens, "MOVING_FPS", 1.0)  # the court turns slowly, and
+    monkeypatch.setattr(lens, "APERTURES", {"small": 1.5, "large": 2.5})  # is far away, and pixels are few
     blurred = lens.motion_blur(place(folder, "turning", time=-1.0), me1("high")).figures
     assert blurred["motion_blur.centred.gain"] >= 4.0
     assert blurred["motion_blur.trailing.gain"] >= 3.0
-    monkeypatch.setattr(lens, "APERTURES", {"small": 2.0, "large": 4.0})  # for the court is far away, and pixels few
     focused = lens.depth_of_field(place(folder), me1("high")).figures
-    assert focused["depth_of_field.small.gain"] >= 7.0
+    assert focused["depth_of_field.small.gain"] >= 10.0
     assert focused["depth_of_field.large.gain"] >= 10.0

@@ -48,7 +48,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
         mask = source.gbuffer.hit & (steady if which == "last" else True)
         exposure = f.exposure_of(truth, source.gbuffer.hit)
         wanted = f.display(truth, exposure)
-        answers = f.display(halves[0], exposure), f.display(halves[1], exposure)
+        answers = f.displayed(halves, exposure)
         lights = {"ours": found.frames[number].read("gi"), "input": source.read("gi"), **rivals(source)}
         shown = {name: f.display(light, exposure) for name, light in lights.items()}
         scores = {name: f.psnr_over(picture, answers, mask) for name, picture in shown.items()}

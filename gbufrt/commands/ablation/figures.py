@@ -15,7 +15,7 @@ from torch import Tensor
 
 from gbufrt.commands.ablation.trivial import constant_per_object, mirrored_sky, untouched
 from gbufrt.frame import Frame
-from gbufrt.metrics import masked_mean, psnr, rmse, ssim
+from gbufrt.metrics import masked_mean, rmse, ssim
 from gbufrt.views import to_srgb, viridis
 
 Figures = dict[str, float]
@@ -44,6 +44,11 @@ def display(light: Tensor, exposure: float) -> Tensor:
     """Linear light as it is judged: fixed exposure, the curve x / (1 + x) of each component, sRGB."""
     light = light.clamp_min(0.0) * exposure
     return to_srgb(light / (1.0 + light))
+
+
+def displayed(lights: Pair, exposure: float) -> Pair:
+    """`display` of both halves."""
+    return display(lights[0], exposure), display(lights[1], exposure)
 
 
 def error_picture(estimate: Tensor, truth: Tensor, hit: Tensor) -> Tensor:
@@ -154,25 +159,26 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Tensor) -> Figures:
     return result
 
 
-def picture_figures(color: Tensor, truth: Tensor, hit: Tensor, exposure: float) -> Figures:
+def picture_figures(color: Tensor, truth: Tensor | Pair, hit: Tensor, exposure: float) -> Figures:
     """Of a whole picture: RMSE of the light, the rest as displayed; see `display`."""
     from gbufrt.flip import available, flip
 
-    shown, wanted = display(color, exposure), display(truth, exposure)
+    truths = _pair(truth)
+    shown, wanted = display(color, exposure), display((truths[0] + truths[1]) / 2, exposure)
     result = {
-        "rmse": _one(rmse(color * exposure, truth * exposure, hit)),
-        "psnr": _one(psnr(shown, wanted, hit)),
-        "ssim": _one(ssim(shown, wanted, hit)) if min(truth.shape[-2:]) > 5 else float("nan"),
+        "rmse": _one(rms_error(color * exposure, (truths[0] * exposure, truths[1] * exposure), hit)),
+        "psnr": psnr_over(shown, displayed(truths, exposure), hit),
+        "ssim": _one(ssim(shown, wanted, hit)) if min(wanted.shape[-2:]) > 5 else float("nan"),
     }
     return {**result, "flip": _one(flip(shown, wanted, hit))} if available() else result
 
 
-def untouched_figures(frame: Frame, truth: Tensor, exposure: float) -> Figures:
+def untouched_figures(frame: Frame, truths: Pair, exposure: float) -> Figures:
     """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked."""
-    hit, wanted = frame.gbuffer.hit, display(truth, exposure)
+    hit, wanted = frame.gbuffer.hit, displayed(truths, exposure)
     return {
-        "psnr_if_direct": _one(psnr(display(frame.read("radiance"), exposure), wanted, hit)),
-        "psnr_if_ambient": _one(psnr(display(untouched(frame), exposure), wanted, hit)),
+        "psnr_if_direct": psnr_over(display(frame.read("radiance"), exposure), wanted, hit),
+        "psnr_if_ambient": psnr_over(display(untouched(frame), exposure), wanted, hit),
     }
 
 

@@ -69,7 +69,7 @@ def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths
     hit, sources = frames[0].gbuffer.hit, [frame.read("radiance") for frame in frames]
     exposure = f.exposure_of((sources[0] + sources[1]) / 2, hit)
     blurred, sharp, wanted = (
-        (f.display(pair[0], exposure), f.display(pair[1], exposure))
+        f.displayed((pair[0], pair[1]), exposure)
         for pair in ([one.last.read("color") for one in found], sources, truths)
     )
     changed = f.truly_changed(sharp, wanted)

@@ -13,8 +13,8 @@ from torch import Tensor
 
 from gbufrt.commands.ablation.place import Place
 from gbufrt.frame import Frame
-from gbufrt.sampling import sample
 
+TINY = 1e-6  # weight of pixels below which nothing was read
 GI_RAYS = 32  # a pixel, in two halves
 MIRROR_RAYS = 16
 
@@ -67,11 +67,25 @@ def exact_reflection(place: Place, frame: Frame) -> Tensor:
 
 
 def _reader(frame: Frame, light: Tensor, sees: Callable[[Tensor, Tensor], Tensor]) -> Reads:
-    camera = frame.gbuffer.camera
+    """Reads between pixels, but no pixel whose surface is not the one that is met."""
+    from tracer.seen import SLACK
+
+    g = frame.gbuffer
+    camera, (height, width) = g.camera, g.camera.size
+    seen = torch.cat([light, torch.where(g.hit, g.depth, torch.inf)], dim=1)[0].flatten(1)
 
     def reads(points: Tensor, normals: Tensor) -> Tensor:
-        px = camera.project(camera.to_view(points.T[None]), jittered=True)
-        return sample(light, px[:, :, None])[0, :, 0].T * sees(points, normals)[:, None]
+        view = camera.to_view(points.T[None])
+        at, z = camera.project(view, jittered=True)[0] - 0.5, view[0, 2]
+        first, slack = at.floor(), SLACK / camera.pixels_per_unit(z[None])[0]
+        total, weight = torch.zeros_like(points.T), torch.full_like(z, TINY)
+        for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            x, y = first[0] + dx, first[1] + dy
+            pixel = y.long().clamp(0, height - 1) * width + x.long().clamp(0, width - 1)
+            *color, depth = seen[:, pixel]
+            near = (1 - (at[0] - x).abs()) * (1 - (at[1] - y).abs()) * ((depth - z).abs() < slack)
+            total, weight = total + near * torch.stack(color), weight + near
+        return (total / weight).T * sees(points, normals)[:, None]
 
     return reads
 

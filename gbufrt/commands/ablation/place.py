@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from tracer.scene import Scene
 
-SHARES = {"ambient_occlusion": 4, "indirect_diffuse": 4, "reflection": 4}  # of --samples, for what is cheaper to trace
+SHARES = {"ambient_occlusion": 4, "indirect_diffuse": 4, "reflection": 6}  # of --samples, for what is cheaper to trace
 
 Truth = Mapping[str, Tensor]
 Settings = Mapping[str, Any]

@@ -22,6 +22,7 @@ from gbufrt.temporal_metrics import flicker, ghosting
 
 SIGNALS = ("ao", "gi", "reflection")
 SHARP = {"antialias": False}  # the composite has one sample a pixel, and so has its truth
+WHOLE = 3  # times as many paths for whole frames: what noise there is bends the curve of the display
 PATH_FRAMES = 12
 PATH_KEPT = 3  # frames of the path that are held against truth
 PATH_LIGHT_SAMPLES = 4
@@ -87,12 +88,13 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         frames: how many static frames.
         full: the displayed composite of the full pipeline, to tell which pixels the variant changes.
     """
-    frame, truth = place.still(), place.picture(SHARP)
+    frame, truths = place.still(), replace(place, samples=place.samples * WHOLE).pictures(SHARP)
+    truth = (truths[0] + truths[1]) / 2
     hit, tick = frame.gbuffer.hit, _said(place, "static frame", frames)
     found = run(up_to_composite(pipeline), repeated(frame, frames), keep=2, tick=tick)
     exposure = f.exposure_of(truth, hit)
     shown, wanted = f.display(found.last.read("composite"), exposure), f.display(truth, exposure)
-    result = Outcome(figures=f.picture_figures(found.last.read("composite"), truth, hit, exposure))
+    result = Outcome(figures=f.picture_figures(found.last.read("composite"), truths, hit, exposure))
     result.passes, result.pictures = found.passes, _compared("frame", shown, wanted, frame)
     result.figures["ms"] = found.ms
     if frames > 1:
@@ -101,9 +103,9 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
     if full is not None:
         changed = hit & f.changed_pixels(full, shown)
         result.figures["changed"] = float(changed.sum()) / max(float(hit.sum()), 1.0)
-        result.figures["loss"] = f.gain(full, shown, wanted, changed)
+        result.figures["loss"] = f.gain(full, shown, f.displayed(truths, exposure), changed)
     else:
-        result.figures.update(f.untouched_figures(frame, truth, exposure))
+        result.figures.update(f.untouched_figures(frame, truths, exposure))
     return result
 
 
@@ -117,7 +119,7 @@ def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     exposure = f.exposure_of(truths[-1], last.gbuffer.hit)
     shown = [f.display(frame.read("composite"), exposure) for frame in found.frames]
     wanted = [f.display(truth, exposure) for truth in truths]
-    fresh = run(up_to_composite(pipeline), repeated(standing_still(last), max(frames // 2, 1))).last.read("composite")
+    fresh = run(up_to_composite(pipeline), repeated(standing_still(last), max(frames // 4, 1))).last.read("composite")
     buffers = [frame.gbuffer for frame in sources]
     result = Outcome(passes=found.passes, pictures=_compared("path", shown[-1], wanted[-1], last))
     color = found.last.read("composite")
@@ -139,7 +141,7 @@ def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     frame = replace(place, light_samples=PATH_LIGHT_SAMPLES).still()
     jittered = (replace(place, light_samples=PATH_LIGHT_SAMPLES).still(jitter=i).replace(index=i) for i in range(count))
     after = run(smooth, jittered, tick=_said(place, "jittered frame", count))
-    before = run(lit, repeated(frame, count)).last.read("composite")
+    before = run(lit, repeated(frame, max(count // 2, 1))).last.read("composite")
     sharp, truth = place.picture(SHARP), place.picture()
     exposure = f.exposure_of(sharp, frame.gbuffer.hit)
     shown = [f.display(light, exposure) for light in (after.last.read("color"), before, sharp, truth)]
