@@ -187,7 +187,7 @@ def _flat(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> Tensor:
 
 
 def _edge_on(plane: tuple[Tensor, ...], before: tuple[Tensor, ...], at: Receivers) -> Tensor:
-    """1 where a tap and the one before are parallel to the receiver and what joins them faces the eye, as in steps."""
+    """1 where a tap and the one before are parallel to the receiver, and what joins tap and receiver faces the eye."""
     parallel = horizon.step(_cosine(plane[3:], at) - ALIKE) * horizon.step(_cosine(before[3:], at) - ALIKE)
     dx, dy, dz = at.x - plane[0], at.y - plane[1], at.z - plane[2]
     toward_eye = dx * at.vx + dy * at.vy + dz * at.vz

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -132,17 +133,7 @@ def radiance(
 
 
 def unblocked(
-    scene: Scene,
-    irradiance: Tensor,
-    origins: Tensor,
-    directions: Tensor,
-    u: Tensor,
-    *,
-    poses: Tensor,
-    t_min: Tensor | float = 0.0,
-    t_max: Tensor | float = torch.inf,
-    detail: Tensor | float = FINE,
-    spreads: bool = False,
+    scene: Scene, irradiance: Tensor, origins: Tensor, directions: Tensor, u: Tensor, *, poses: Tensor, **first: Any
 ) -> Tensor:
     """What rays from the eye show in light that nothing blocks: the sky, and surfaces with the light of the whole sky
     and the sun. All are matt, and lamps light nothing but themselves.
@@ -150,19 +141,15 @@ def unblocked(
     Args:
         scene: what is there.
         irradiance: of the sky, see `tracer.sky.irradiance_table`.
-        origins: as for `radiance`, and so is what follows.
-        directions: ``(N, 3)``.
-        u: ``(N,)`` in [0, 1).
+        origins: ``(N, 3)`` of the rays, world space.
+        directions: ``(N, 3)``, unit length.
+        u: ``(N,)`` in [0, 1), whether to go through what transmits.
         poses: ``(I, 4, 4)``.
-        t_min: where rays begin.
-        t_max: where they end.
-        detail: of the colours of what they meet.
-        spreads: whether that falls with the distance.
+        first: ``t_min``, ``t_max``, ``detail`` and ``spreads`` as for `tracer.paths.meet`.
 
     Returns:
-        ``(N, 3)`` linear radiance, which has no noise but that of ``u``, where something transmits.
+        ``(N, 3)`` linear radiance, which has no noise but that of ``u``.
     """
-    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
     met = meet(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
     at, total = met.surface, _beyond(scene, directions, torch.ones_like(met.hit))
     arriving = lookup_environment(irradiance, at.normals.T[None, :, None])[0, :, 0].T
