@@ -25,6 +25,7 @@ from post.signals import luminance, signal_names, stack, unstack, wants_albedo
 
 STORED = ("signal", "fast", "moments", "share")
 SAME_PLANE = 0.3  # pixel footprints: steps of a wall are another surface to a sharp history
+BORROWED = 3.0  # frames: a sharp history shorter than this gives way to as much of what a nearby step has
 VIRTUAL_ROUGHNESS = 0.5  # above, a reflection moves with its surface
 
 
@@ -60,7 +61,8 @@ def temporal(
         motion_response: shortens the longest history by 1 / (1 + this x pixels moved).
         feedback: keep the history filtered by one wavelet iteration, as SVGF does: less noise, less detail.
         sharp: keep detail for the price of more noise at edges: history is read with Catmull-Rom weights, from the
-            same plane alone, and counts for as many frames as the part of its footprint that shows the surface.
+            same plane alone, and counts for fewer frames the less of its footprint shows the surface: what is left of
+            it lies to one side. Only where next to nothing is left it comes from a step beside it.
         distance: ``(B, 1, H, W)`` world units to what a reflection shows: it is then also looked for where its virtual
             image was, and the history that agrees better is taken.
         lead: how many of the first channels the tests look at; all by default.
@@ -119,7 +121,10 @@ def _fetch(
     taps = reproject(gbuffer, before, **options)
     found = taps.fetch(everything)
     if sharp:
-        found = torch.cat([found[:, :-1], found[:, -1:] * taps.support], dim=1)
+        found = torch.cat([found[:, :-1], found[:, -1:] * taps.support**2], dim=1)
+        beside = reproject(gbuffer, before, length=history.length).fetch(everything)
+        beside = torch.cat([beside[:, :-1], beside[:, -1:].clamp_max(BORROWED)], dim=1)
+        found = torch.where(found[:, -1:] < beside[:, -1:], beside, found)
     if distance is not None:
         mirrored = reproject(gbuffer, before, motion=_virtual(gbuffer, before, distance), **options)
         image = mirrored.fetch(everything)
