@@ -42,14 +42,15 @@ class Hits(NamedTuple):
     """How each ray ended. Positions carry no gradient: shade what is read at ``px``."""
 
     px: Tensor
-    """``(B, 2, h, w)`` where to read pictures: bilinear reads there stay on the surface that was hit."""
+    """``(B, 2, h, w)`` where to read pictures: bilinear reads there stay on the surface that was hit. Of a ray that met
+    nothing, the centre of the pixel that it was last in front of, before it left or went behind something for good."""
     hit: Tensor
     """``(B, 1, h, w)`` bool: the ray met a surface that the camera sees, from its front."""
     blocked: Tensor
     """``(B, 1, h, w)`` bool: the ray ended at what the camera does not see, a side or where a surface seems to go on
     behind what hides it; ``px`` is the pixel that comes nearest to it."""
     spent: Tensor
-    """``(B, 1, h, w)`` bool: the ray travelled the whole distance inside the picture; ``px`` is where."""
+    """``(B, 1, h, w)`` bool: the ray travelled the whole distance inside the picture."""
     distance: Tensor
     """``(B, 1, h, w)`` world units travelled."""
     agreement: Tensor

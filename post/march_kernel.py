@@ -55,14 +55,17 @@ def _continued(planes, ix, iy, x0, y0, dx, dy, share, leave, qa, qb):
 
 @kernel.scalar
 def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps):
-    """Walk the cells that the ray passes: status, share of the ray, pixel column and row, agreement."""
+    """Walk the cells that the ray passes: status, share of the ray, pixel column and row, agreement.
+
+    The pixel is what the ray met or, where it met nothing, what it was last in front of.
+    """
     height, width, top = planes.shape[0], planes.shape[1], table.shape[0] - 1
     ix, iy, level, share, pixels = math.floor(x0), math.floor(y0), 0, 0.0, -1
     if ix < 0 or ix >= width or iy < 0 or iy >= height:
         return LEFT, 0.0, ix, iy, 0.0
     per_x, per_y = 1.0 / dx, 1.0 / dy
     right, down, sideways = 1 if dx >= 0.0 else 0, 1 if dy >= 0.0 else 0, False
-    hx, hy = -1, -1  # the pixel from which it went behind something
+    hx, hy, status = -1, -1, LEFT  # the pixel from which it went behind something
     while pixels < steps:
         cx, cy = ix >> level, iy >> level
         leave_x, leave_y = (((cx + right) << level) - x0) * per_x, (((cy + down) << level) - y0) * per_y
@@ -80,17 +83,18 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
             pixels += 1
             if pixels > 0:  # none but the pixel that it starts in, which it leaves
                 ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
-                status, part, agreement = _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
-                if status in (HIT, BLOCKED):
-                    return status, max(share + part * (leave - share), 0.0), ix, iy, agreement
-                behind = status == BEHIND
+                met, part, agreement = _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
+                if met in (HIT, BLOCKED):
+                    return met, max(share + part * (leave - share), 0.0), ix, iy, agreement
+                behind = met == BEHIND
         hx, hy = (hx if hx >= 0 else jx, hy if hx >= 0 else jy) if behind else (-1, -1)
         crossing = _continued(planes, hx, hy, x0, y0, dx, dy, share, leave, qa, qb)
         if crossing >= 0.0:
             return BLOCKED, crossing, hx, hy, 0.0
         share = leave
         if leave >= 1.0:
-            return SPENT, 1.0, ix, iy, 0.0
+            status = SPENT
+            break
         sideways = leave_x < leave_y
         if sideways:
             ix = ((cx + 1) << level) if right else (cx << level) - 1
@@ -99,10 +103,12 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
             iy = ((cy + 1) << level) if down else (cy << level) - 1
             ix = min(max(math.floor(x0 + share * dx), cx << level), ((cx + 1) << level) - 1)
         if ix < 0 or ix >= width or iy < 0 or iy >= height:
-            return LEFT, share, ix, iy, 0.0
+            break
         if level < top and ((ix >> (level + 1)) != (cx >> 1) or (iy >> (level + 1)) != (cy >> 1)):
             level += 1
-    return LEFT, share, ix, iy, 0.0
+    if hx >= 0:
+        ix, iy = hx, hy
+    return status, share, min(max(ix, 0), width - 1), min(max(iy, 0), height - 1), 0.0
 
 
 @kernel.scalar
@@ -151,7 +157,7 @@ def _ray(planes, pyramid, table, lens, ox, oy, oz, dx, dy, dz, near, orthographi
     x, y = x0 + share * (x1 - x0), y0 + share * (y1 - y0)
     if status == HIT:
         x, y = _snap(planes, ix, iy, x, y, flat, steep)
-    elif status == BLOCKED:
+    else:
         x, y = ix + 0.5, iy + 0.5
     return x, y, travelled, agreement, status
 

@@ -46,8 +46,7 @@ def march_rays_reference(
     if not orthographic:
         travelled = travelled * (rays.q + rays.dq) / (rays.q + share * rays.dq)
     sx, sy = _snap(planes, rays, ix, iy, x, y)
-    x = torch.where(status == HIT, sx, torch.where(status == BLOCKED, ix + 0.5, x))
-    y = torch.where(status == HIT, sy, torch.where(status == BLOCKED, iy + 0.5, y))
+    x, y = torch.where(status == HIT, sx, ix + 0.5), torch.where(status == HIT, sy, iy + 0.5)
     out = torch.stack([x, y, travelled, agreement, status.double()], dim=1)
     return (
         torch.where(rays.alive[:, None], out, 0.0)
@@ -114,7 +113,7 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         ends = compared & ((met == HIT) | (met == BLOCKED))
         behind = torch.where(level > 0, running & skips & (torch.minimum(qa, qb) <= front), compared & (met == BEHIND))
         goes = behind & (hx < 0)
-        hx, hy = torch.where(goes, jx, torch.where(behind | descends, hx, -1)), torch.where(goes, jy, hy)
+        hx, hy = torch.where(goes, jx, torch.where(behind | descends | ~running, hx, -1)), torch.where(goes, jy, hy)
         crosses, along = _continued(planes, rays, hx, hy, share, leave, qa, qb)
         crosses &= behind
         met, part, agrees = (torch.where(crosses, a, b) for a, b in ((BLOCKED, met), (along, part), (0.0, agrees)))
@@ -137,6 +136,9 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         running = running & ~ends & ~spent & (ix >= 0) & (ix < width) & (iy >= 0) & (iy < height) & (pixels < steps)
         rises = moves & (level < top) & (((ix >> (level + 1)) != (cx >> 1)) | ((iy >> (level + 1)) != (cy >> 1)))
         level = level + rises.long() - descends.long()
+    hidden, lost = hx >= 0, (status == LEFT) | (status == SPENT)  # what met nothing tells what it was last in front of
+    last_x, last_y = torch.where(hidden, hx, ix).clamp(0, width - 1), torch.where(hidden, hy, iy).clamp(0, height - 1)
+    ix, iy = torch.where(lost, last_x, ix), torch.where(lost, last_y, iy)
     return status, share, ix, iy, agreement
 
 

@@ -50,11 +50,11 @@ def ssr(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Specular light that surfaces mirror, found on screen where it is there, else in the environment.
 
-    A ray that meets a visible surface brings ``light``. A ray that leaves the picture brings the environment, times how
-    open the sky is in its direction (1 where it was seen to end in the sky, else the cone around ``bent_normal`` that
-    ``visibility`` leaves open), so that interiors do not fill with sky. A ray that ends at what the camera does not see
-    brings some of the light of the surface next to it, at confidence 0. Differentiable in ``light``, ``environment``
-    and ``f0``; the rays themselves carry no gradient.
+    A ray that meets a visible surface brings ``light``. A ray that meets nothing brings the environment, times how open
+    the sky is to it: as open as to what it was last in front of, or within the cone around ``bent_normal`` that
+    ``visibility`` leaves open. So windows mirror the sky, and interiors do not fill with it. A ray that ends at what
+    the camera does not see brings some of the light of the surface next to it, at confidence 0. Differentiable in
+    ``light``, ``environment`` and ``f0``; the rays themselves carry no gradient.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -145,10 +145,13 @@ def _border_fade(px: Tensor, camera: Camera) -> Tensor:
 
 
 def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None, bent: Tensor | None) -> Tensor:
-    """How much of the sky a ray without a hit sees: all where it ended in front of the sky, else an estimate.
+    """How much of the sky a ray without a hit sees.
 
-    The open part of the hemisphere is taken for a cone around the bent normal: cosine-weighted visibility v leaves
-    open a half angle whose sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    As much as the surface that it was last in front of, all where that was the sky itself: out there the surroundings
+    are as open as there, whatever is around the place where the ray began. Only a ray that leaves the picture over
+    nothing more open than that place tells no more than it: the open part of its hemisphere is taken for a cone around
+    the bent normal, and cosine-weighted visibility v leaves open a half angle whose sine is sqrt(v) (Jimenez et al.
+    2016, section 5).
     """
     if visibility is None:
         return torch.ones_like(hits.distance)
@@ -158,8 +161,8 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
         soft = (0.3 * visibility.clamp(0.0, 1.0).sqrt()).clamp_min(1e-3)
         ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
         share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
-    over_sky = hits.spent & ~gather(hit, hits.px[:, 0].floor(), hits.px[:, 1].floor())
-    return torch.where(over_sky, 1.0, share)
+    last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
+    return torch.where(hits.spent | (last > visibility), last, share)
 
 
 def _incoming(

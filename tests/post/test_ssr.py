@@ -105,6 +105,20 @@ def test_interiors_do_not_fill_with_sky():
     assert SSR(samples=1)(boundless(frame)).read("reflection").max() > 0.4, "but a ray seen to end in the sky sees it"
 
 
+def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():
+    above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
+    frame = shiny(above, scene=boxes.ROOM[:1])
+    whole, inner = SSR(samples=1)(frame).read("reflection"), (..., slice(1, -1), slice(1, -1))
+
+    def with_border(visibility: float) -> Tensor:
+        edge = torch.full_like(frame.gbuffer.depth, visibility)
+        edge[inner] = 0.3
+        return SSR(samples=1)(frame.replace(sky_visibility=edge)).read("reflection")[inner]
+
+    assert torch.allclose(with_border(0.8), 0.8 * whole[inner]), "out there it is more open"
+    assert torch.allclose(with_border(0.1), 0.3 * whole[inner]), "a ray that leaves over a wall may still see past it"
+
+
 def boundless(frame: Frame) -> Frame:
     """The floor seen from its edge, with sky on screen, and a visibility that claims there is none."""
     level = shiny(boxes.camera((90, 120)), scene=boxes.ROOM[:1])
