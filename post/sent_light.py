@@ -10,6 +10,7 @@ from post.bitmask import bitmask_ao
 from post.reproject import reproject
 
 SKY_DIRECTIONS = 2  # slices that find how much sky senders see: gathering averages their noise
+SKY_COARSER = 2  # and they take so many times fewer taps
 
 
 def sent_light(
@@ -24,7 +25,7 @@ def sent_light(
     """What each pixel sends to others: direct light, sky light that reaches it, and bounces that came before.
 
     Emission counts only where the frame has not sampled its emitters as direct light. The sky light is scaled by the
-    sky that the pixel sees: from a sweep of two slices over the whole picture, or from the frame's ``ao`` when light is
+    sky that the pixel sees: from a coarse sweep over the whole picture, or from the frame's ``ao`` when light is
     gathered within a ``distance``.
 
     Args:
@@ -59,5 +60,6 @@ def _sky_share(frame: Frame, distance: float | None, thickness: Tensor | float |
     if distance is not None:
         return 1.0 if frame.ao is None else frame.ao
     g = frame.gbuffer
-    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": steps, "soft": False}
+    coarse = max(steps // SKY_COARSER, 1)
+    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse, "soft": False}
     return bitmask_ao(g.depth, g.normal, g.camera, hit=g.hit, thickness=thickness, index=frame.index, **sweep)[0]

@@ -22,6 +22,7 @@ from post.upsample import upsample
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
 ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
+BRIGHTEST = 0.9  # share of the light before it that any bounce may have
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 
 
@@ -205,8 +206,27 @@ def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
     return horizon.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
 
 
+def _nothing_before(frame: Frame) -> Tensor:
+    """``(B, 1, 1, 1)`` bool: whether there is no light of a frame before to go on from."""
+    lone = frame.previous is None or frame.previous.gi is None
+    new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
+    return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
+
+
+def _all_bounces(found: list[Tensor]) -> Tensor:
+    """What the light with one bounce, with two, and so on tends to, if all others fade as the last one did."""
+    last, before = found[-1] - found[-2], found[-2] - (found[-3] if len(found) > 2 else 0)
+    ratio = last.sum((2, 3), keepdim=True) / before.sum((2, 3), keepdim=True).clamp_min(1e-9)
+    return found[-2] + last / (1 - ratio.clamp(0.0, BRIGHTEST))
+
+
 class SSGI(Pass):
-    """Diffuse light from surfaces in the picture, and the visibility of the sky. See `ssgi` and `sent_light`."""
+    """Diffuse light from surfaces in the picture, and the visibility of the sky. See `ssgi` and `sent_light`.
+
+    A frame with none before it is swept once for each of ``bounces``, and the rest of the series follows from the last
+    two, so that a lone picture is as bright as one with a history. Later frames are swept once and find further bounces
+    in the frame before.
+    """
 
     reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})
     optional = frozenset({"metallic", "emission", "ambient", "ao", "thickness", "motion", "motion_z", "object_id"})
@@ -237,4 +257,11 @@ class SSGI(Pass):
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
         arguments = {**tunables, "hit": g.hit, "thickness": thickness, "index": frame.index}
         gi, sky, _ = ssgi(g.depth, g.normal, g.camera, light, albedo, **arguments)
+        new = _nothing_before(frame)
+        if self.bounces > 1 and bool(new.any()):
+            found = [gi]
+            for _ in range(self.bounces - 1):
+                sent = light + self.bounce_loss * found[-1]
+                found.append(ssgi(g.depth, g.normal, g.camera, sent, albedo, **arguments)[0])
+            gi = torch.where(new, _all_bounces(found), gi)
         return frame.replace(gi=gi, sky_visibility=sky)

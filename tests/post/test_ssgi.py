@@ -126,16 +126,15 @@ def test_bounces_add_up_over_frames_and_converge() -> None:
     once = [f.read("gi").mean() for f in Pipeline(gi=SSGI(bounces=1, directions=1, steps=6)).stream([frame] * 2)]
     assert torch.equal(once[0], once[1])
     many = [f.read("gi").mean() for f in Pipeline(gi=SSGI(bounces=2, directions=1, steps=6)).stream([frame] * 6)]
-    assert torch.equal(many[0], once[0])
-    gains = [float(b - a) for a, b in pairwise(many)]
-    assert gains[0] > 0.02
-    assert all(0 <= after < 0.7 * before for before, after in pairwise(gains))
-    damped = (
-        list(Pipeline(gi=SSGI(bounces=2, directions=1, steps=6, bounce_loss=0.6)).stream([frame] * 2))[1]
-        .read("gi")
-        .mean()
-    )
-    assert float(damped - many[0]) == pytest.approx(0.6 * gains[0], rel=1e-3)
+    settled, lone = many[-1], many[0]
+    assert float(settled - once[0]) > 0.1 * float(settled), "further bounces count"
+    assert abs(float(lone - settled)) < 0.1 * float(settled - once[0]), "and are there from the first frame on"
+    steps = [abs(float(b - a)) for a, b in pairwise(many)]
+    assert steps[-1] < 0.01 * float(settled), "where they stay"
+    more = SSGI(bounces=4, directions=1, steps=6)(frame).read("gi").mean()
+    assert abs(float(more - settled)) < abs(float(lone - settled)), "a longer series is closer"
+    damped = SSGI(bounces=2, directions=1, steps=6, bounce_loss=0.6)(frame).read("gi").mean()
+    assert once[0] < damped < lone
 
 
 def test_a_cut_forgets_the_bounces_before() -> None:
@@ -184,7 +183,7 @@ def test_batch_is_the_same_as_one_by_one_and_module_is_the_function() -> None:
         size=SIZE,
         far=one.far,
     )
-    stage = SSGI(directions=2, steps=6, distance=4.0, seed=2)
+    stage = SSGI(directions=2, steps=6, distance=4.0, seed=2, bounces=1)
     together = stage(boxes.frame(both, index=2))
     for b, camera in enumerate((one, other)):
         frame = boxes.frame(camera, index=2)
