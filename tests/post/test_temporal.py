@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from gbufrt import Camera, Frame, Pipeline
+from gbufrt import Camera, Frame, GBuffer, Pipeline
 from gbufrt.noise import halton_jitter
 from post.atrous import Atrous
 from post.temporal import Temporal, temporal
@@ -211,6 +211,30 @@ def test_mirror_image_is_reprojected_by_its_virtual_position():
             previous = camera
         errors[virtual] = rms((out.read("reflection") - stripes)[g.hit.expand(-1, 3, -1, -1)])
     assert errors[True] < 0.3 * errors[False]
+
+
+@pytest.mark.parametrize(("footprints", "expected"), [(0.1, 11.0), (1.0, 4.0), (5.0, 1.0)])
+def test_sharp_history_borrows_little_from_a_step_beside_and_nothing_from_afar(footprints, expected):
+    camera = Camera.look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), size=SIZE, far=100.0)
+    depth = torch.full((1, 1, *SIZE), 10.0)
+    flat = torch.tensor([0.0, 0.0, 1.0])[:, None, None].expand(1, 3, *SIZE)
+    still = torch.zeros(1, 2, *SIZE)
+    wall = GBuffer(
+        camera=camera,
+        depth=depth,
+        hit=depth > 0,
+        normal=flat,
+        motion=still,
+        motion_z=still[:, :1],
+        previous_camera=camera,
+    )
+    history = None
+    for _ in range(10):
+        _, history = temporal(torch.full_like(flat, 0.5), wall, history, sharp=True)
+    step = wall.replace(depth=depth + footprints / camera.pixels_per_unit(depth))
+    mean, history = temporal(torch.full_like(flat, 0.5), step, history, sharp=True)
+    assert torch.allclose(history.length, torch.tensor(expected))
+    assert torch.allclose(mean, torch.tensor(0.5))
 
 
 def test_signals_share_weights_and_unit_vectors_keep_their_length():
