@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import torch
 from torch import Tensor
 
@@ -23,6 +26,7 @@ THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess
 LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
 ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
 BRIGHTEST = 0.9  # share of the light before it that any bounce may have
+SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 
 
@@ -213,11 +217,20 @@ def _nothing_before(frame: Frame) -> Tensor:
     return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
 
 
-def _all_bounces(found: list[Tensor]) -> Tensor:
-    """What the light with one bounce, with two, and so on tends to, if all others fade as the last one did."""
-    last, before = found[-1] - found[-2], found[-2] - (found[-3] if len(found) > 2 else 0)
+def _all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int) -> Tensor:
+    """What the light ``once`` bounced tends to: ``bounces`` are gathered, and all others fade as the last of them did.
+
+    Args:
+        once: ``(B, 3, H, W)`` with one bounce.
+        further: takes the light so far to that with one bounce more.
+        bounces: at least 2.
+    """
+    light, last, before = once, once, once
+    for _ in range(bounces - 1):
+        more = further(light)
+        light, last, before = more, more - light, last
     ratio = last.sum((2, 3), keepdim=True) / before.sum((2, 3), keepdim=True).clamp_min(1e-9)
-    return found[-2] + last / (1 - ratio.clamp(0.0, BRIGHTEST))
+    return light - last + last / (1 - ratio.clamp(0.0, BRIGHTEST))
 
 
 class SSGI(Pass):
@@ -249,19 +262,15 @@ class SSGI(Pass):
         self.bounces, self.bounce_loss, self.resolution, self.seed = bounces, bounce_loss, resolution, seed
 
     def forward(self, frame: Frame) -> Frame:
-        g, own = frame.gbuffer, ("directions", "steps", "distance", "resolution", "seed")
-        tunables = {name: getattr(self, name) for name in own}
+        g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
         thickness = self.thickness if g.thickness is None else g.thickness
         bounces = {"bounces": self.bounces, "bounce_loss": self.bounce_loss}
         light = sent_light(frame, distance=self.distance, thickness=thickness, steps=self.steps, **bounces)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
-        arguments = {**tunables, "hit": g.hit, "thickness": thickness, "index": frame.index}
-        gi, sky, _ = ssgi(g.depth, g.normal, g.camera, light, albedo, **arguments)
-        new = _nothing_before(frame)
-        if self.bounces > 1 and bool(new.any()):
-            found = [gi]
-            for _ in range(self.bounces - 1):
-                sent = light + self.bounce_loss * found[-1]
-                found.append(ssgi(g.depth, g.normal, g.camera, sent, albedo, **arguments)[0])
-            gi = torch.where(new, _all_bounces(found), gi)
+        sweep |= {"hit": g.hit, "thickness": thickness, "index": frame.index}
+        gather = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
+        gi, sky, _ = gather(light=light)
+        if self.bounces > 1 and bool((new := _nothing_before(frame)).any()):
+            every = _all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
+            gi = torch.where(new, every, gi)
         return frame.replace(gi=gi, sky_visibility=sky)
