@@ -54,7 +54,7 @@ def test_indirect_light(found: dict[str, float]) -> None:
 
 def test_reflections(found: dict[str, float]) -> None:
     assert found["reflection.mirror"] <= MIRRORS < min(found["reflection.if_constant"], found["reflection.if_sky"])
-    assert found["reflection.exact"] <= MIRRORS
+    assert found["reflection.exact_lit"] <= found["reflection.exact"] <= MIRRORS
 
 
 def test_broken_passes_miss_the_bounds(folder: Path) -> None:

@@ -133,11 +133,12 @@ def sky_figures(frame: Frame, truth: Truth) -> Figures:
     }
 
 
-def reflection_figures(frame: Frame, truth: Truth, exact: Tensor) -> Figures:
+def reflection_figures(frame: Frame, truth: Truth, exact: Tensor, lit: Tensor | None = None) -> Figures:
     """Of ``reflection`` on mirrors whose rays end on screen: RMSE over the mean true radiance there.
 
-    ``exact`` is what perfect rays score (see `limits`); ``whole`` and ``limit`` are relative squared errors over
-    everything that was hit, as for `gi_figures`.
+    ``exact`` is what perfect rays score (see `limits`), ``exact_lit`` what they would if they knew how much sky each
+    surface sees: the error that is left is that of reading one sample a pixel. ``whole`` and ``limit`` are relative
+    squared errors over everything that was hit, as for `gi_figures`.
     """
     g, found, true = frame.gbuffer, frame.read("reflection"), truth["reflection"]
     both = halves(truth, "reflection")
@@ -154,6 +155,8 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Tensor) -> Figures:
         "reflection.limit": relative_energy(halves(truth, "reflection_seen"), both, g.hit),
         "reflection.truth_error": float(truth.get("reflection_error", torch.tensor(torch.nan))),
     }
+    if lit is not None:
+        result["reflection.exact_lit"] = _one(rms_error(lit, both, mirror) / mean)
     if frame.environment is not None and g.albedo is not None and g.metallic is not None:
         result["reflection.if_sky"] = _one(rms_error(mirrored_sky(frame), both, mirror) / mean)
     return result

@@ -128,13 +128,14 @@ SECTIONS = (
         subject="signals",
         picture="reflection",
         figures=(
-            "reflection.mirror", "reflection.exact", "reflection.if_black", "reflection.if_sky",
-            "reflection.if_constant", "reflection.mirror_share", "reflection.whole", "reflection.limit",
-            "reflection.truth_error",
+            "reflection.mirror", "reflection.exact", "reflection.exact_lit", "reflection.if_black",
+            "reflection.if_sky", "reflection.if_constant", "reflection.mirror_share", "reflection.whole",
+            "reflection.limit", "reflection.truth_error",
         ),
         names={
             "reflection.mirror": "mirrors on screen: RMSE over mean",
             "reflection.exact": "perfect rays",
+            "reflection.exact_lit": "and the true sky visibility",
             "reflection.if_black": "black",
             "reflection.if_sky": "sky",
             "reflection.if_constant": "constant per object",

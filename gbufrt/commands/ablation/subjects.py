@@ -23,7 +23,7 @@ from gbufrt.temporal_metrics import flicker, ghosting
 SIGNALS = ("ao", "gi", "reflection")
 SHARP = {"antialias": False}  # the composite has one sample a pixel, and so has its truth
 WHOLE = 3  # times as many paths for whole frames: what noise there is bends the curve of the display
-PATH_FRAMES = 12
+PATH_FRAMES = 8
 PATH_KEPT = 3  # frames of the path that are held against truth
 PATH_LIGHT_SAMPLES = 4
 TAA_FRAMES = 8
@@ -59,21 +59,23 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
     found = run(Pipeline(**stages), repeated(frame, frames), tick=_said(place, "static frame", frames))  # pyright: ignore[reportArgumentType]
     result, last = Outcome(passes=found.passes), found.last
     last = last.replace(gi=last.extra.get("gi_found", last.gi))
-    exposure = f.exposure_of(untouched(frame), frame.gbuffer.hit)
+    exposure, sky = f.exposure_of(untouched(frame), frame.gbuffer.hit), None
     if "ao" in wanted:
         truth = ao_truth(place, pipeline, frame)
         result.figures.update(f.ao_figures(last, truth))
         result.pictures.update(_compared("ao", _grey(last.read("ao")), _grey(truth["ao"]), frame))
     if "gi" in wanted:
         truth = place.truth_of("indirect_diffuse", frame.gbuffer, {"bounces": 1})
-        figures = f.gi_figures(last, truth, limits.exact_gi(place, last))
+        figures, sky = f.gi_figures(last, truth, limits.exact_gi(place, last)), truth["sky_visibility"]
         result.figures.update({**figures, **f.sky_figures(last, truth)})
         shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_seen"], exposure)
         result.pictures.update(_compared("gi", shown, true, frame))
     if "reflection" in wanted:
         truth = place.truth_of("reflection", frame.gbuffer)
-        exact = limits.exact_reflection(place, last.replace(gi=None))  # as the pass had it
-        result.figures.update(f.reflection_figures(last, truth, exact))
+        bare = last.replace(gi=None)  # as the pass had it
+        exact = limits.exact_reflection(place, bare)
+        lit = None if sky is None else limits.exact_reflection(place, bare.replace(sky_visibility=sky))
+        result.figures.update(f.reflection_figures(last, truth, exact, lit))
         shown, true = f.display(last.read("reflection"), exposure), f.display(truth["reflection"], exposure)
         result.pictures.update(_compared("reflection", shown, true, frame))
     return result
@@ -141,7 +143,7 @@ def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     frame = replace(place, light_samples=PATH_LIGHT_SAMPLES).still()
     jittered = (replace(place, light_samples=PATH_LIGHT_SAMPLES).still(jitter=i).replace(index=i) for i in range(count))
     after = run(smooth, jittered, tick=_said(place, "jittered frame", count))
-    before = run(lit, repeated(frame, max(count // 2, 1))).last.read("composite")
+    before = run(lit, repeated(frame, max(count // 4, 1))).last.read("composite")
     sharp, truth = place.picture(SHARP), place.picture()
     exposure = f.exposure_of(sharp, frame.gbuffer.hit)
     shown = [f.display(light, exposure) for light in (after.last.read("color"), before, sharp, truth)]
