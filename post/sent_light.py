@@ -1,6 +1,8 @@
-"""What each pixel sends to others: the light that screen-space global illumination gathers."""
+"""What each pixel sends to others, bounce by bounce: the light that screen-space global illumination gathers."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -11,6 +13,7 @@ from post.reproject import reproject
 
 SKY_DIRECTIONS = 2  # slices that find how much sky senders see: gathering averages their noise
 SKY_COARSER = 2  # and they take so many times fewer taps
+BRIGHTEST = 0.9  # share of the light before it that any bounce may have
 
 
 def sent_light(
@@ -54,6 +57,29 @@ def sent_light(
     if bounces > 1 and previous is not None and previous.gi is not None:
         light = light + bounce_loss * reproject(g, previous.gbuffer, search=False).fetch(previous.gi)
     return torch.where(g.hit, light, 0.0)
+
+
+def nothing_before(frame: Frame) -> Tensor:
+    """``(B, 1, 1, 1)`` bool: whether there is no light of a frame before to go on from."""
+    lone = frame.previous is None or frame.previous.gi is None
+    new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
+    return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
+
+
+def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int) -> Tensor:
+    """What the light ``once`` bounced tends to: ``bounces`` are gathered, and all others fade as the last of them did.
+
+    Args:
+        once: ``(B, 3, H, W)`` with one bounce.
+        further: takes the light so far to that with one bounce more.
+        bounces: at least 2.
+    """
+    light, last, before = once, once, once
+    for _ in range(bounces - 1):
+        more = further(light)
+        light, last, before = more, more - light, last
+    ratio = last.sum((2, 3), keepdim=True) / before.sum((2, 3), keepdim=True).clamp_min(1e-9)
+    return light - last + last / (1 - ratio.clamp(0.0, BRIGHTEST))
 
 
 def _sky_share(frame: Frame, distance: float | None, thickness: Tensor | float | None, steps: int) -> Tensor | float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import torch
@@ -17,7 +16,7 @@ from post.bitmask import blocked, overlap, own_solid, start
 from post.horizon import Tap
 from post.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sectors import GROUPS, cover, no_cover, share, slice_sums
-from post.sent_light import sent_light
+from post.sent_light import all_bounces, nothing_before, sent_light
 from post.slices import Receivers, Scene
 from post.solids import planar_thickness
 from post.upsample import upsample
@@ -25,9 +24,8 @@ from post.upsample import upsample
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
 ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
-BRIGHTEST = 0.9  # share of the light before it that any bounce may have
-SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
+SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
 
 
 def ssgi(
@@ -210,29 +208,6 @@ def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
     return horizon.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
 
 
-def _nothing_before(frame: Frame) -> Tensor:
-    """``(B, 1, 1, 1)`` bool: whether there is no light of a frame before to go on from."""
-    lone = frame.previous is None or frame.previous.gi is None
-    new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
-    return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
-
-
-def _all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int) -> Tensor:
-    """What the light ``once`` bounced tends to: ``bounces`` are gathered, and all others fade as the last of them did.
-
-    Args:
-        once: ``(B, 3, H, W)`` with one bounce.
-        further: takes the light so far to that with one bounce more.
-        bounces: at least 2.
-    """
-    light, last, before = once, once, once
-    for _ in range(bounces - 1):
-        more = further(light)
-        light, last, before = more, more - light, last
-    ratio = last.sum((2, 3), keepdim=True) / before.sum((2, 3), keepdim=True).clamp_min(1e-9)
-    return light - last + last / (1 - ratio.clamp(0.0, BRIGHTEST))
-
-
 class SSGI(Pass):
     """Diffuse light from surfaces in the picture, and the visibility of the sky. See `ssgi` and `sent_light`.
 
@@ -270,7 +245,7 @@ class SSGI(Pass):
         sweep |= {"hit": g.hit, "thickness": thickness, "index": frame.index}
         gather = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
         gi, sky, _ = gather(light=light)
-        if self.bounces > 1 and bool((new := _nothing_before(frame)).any()):
-            every = _all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
+        if self.bounces > 1 and bool((new := nothing_before(frame)).any()):
+            every = all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
             gi = torch.where(new, every, gi)
         return frame.replace(gi=gi, sky_visibility=sky)
