@@ -1,6 +1,7 @@
 """What a single picture cannot show: flicker between frames, and what is left of the past where it should be gone.
 
-Pictures are ``(B, C, H, W)``, one a frame, with their G-buffers in the same order.
+Pictures are ``(B, C, H, W)``, one a frame, with their G-buffers in the same order. A noisy truth comes as a pair of
+independent halves: errors are then products of the differences from either, in which its noise cancels.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ import torch
 from torch import Tensor
 
 from gbufrt.gbuffer import GBuffer
-from gbufrt.metrics import masked_mean, squared_error_map
+from gbufrt.metrics import masked_mean
 from gbufrt.sampling import inside, pixel_centers, sample
+
+Truth = Tensor | tuple[Tensor, Tensor]
 
 DEPTH_TOLERANCE = 0.02  # relative difference in view z up to which two frames show one surface
 GHOST_FRAMES = 4
@@ -52,21 +55,16 @@ def frames_seen(gbuffers: Sequence[GBuffer]) -> Tensor:
     return age.clamp_max(float(len(gbuffers)))
 
 
-def flicker_map(picture: Tensor, previous: Tensor, gbuffer: GBuffer) -> Tensor:
-    """``(B, 1, H, W)``: change from one frame to the next, followed along the motion, averaged over components."""
-    return (picture - sample(previous, came_from(gbuffer))).abs().mean(1, keepdim=True)
-
-
-def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequence[Tensor] | None = None) -> Tensor:
-    """Mean change between consecutive frames on surfaces that stand still and stay in sight, beyond the truth's own.
+def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequence[Truth] | None = None) -> Tensor:
+    """RMS change from frame to frame, followed along the motion, on surfaces that stand still and stay in sight.
 
     Args:
         pictures: at least two.
         gbuffers: theirs.
-        truth: what the pictures should be; by default nothing may change.
+        truth: what the pictures should be, whose own change is no flicker; by default nothing may change.
 
     Returns:
-        ``(B,)`` in the pictures' unit; 0 is as steady as the truth. NaN where nothing stays in sight.
+        ``(B,)`` in the pictures' unit; 0 changes as the truth does. NaN where nothing stays in sight.
 
     Raises:
         ValueError: fewer than two pictures, or counts that differ.
@@ -79,17 +77,19 @@ def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequ
     maps, masks = [], []
     for t in range(1, len(pictures)):
         g = gbuffers[t]
-        change = flicker_map(pictures[t], pictures[t - 1], g)
+        change = _change(pictures[t], pictures[t - 1], g)
+        true: Truth = torch.zeros_like(change)
         if truth is not None:
-            change = (change - flicker_map(truth[t], truth[t - 1], g)).clamp_min(0.0)
+            (now, again), (before, earlier) = _pair(truth[t]), _pair(truth[t - 1])
+            true = _change(now, before, g), _change(again, earlier, g)
         still = torch.ones_like(g.hit) if g.object_id is None else g.object_id == 0
-        maps.append(change)
+        maps.append(_square(change, true))
         masks.append(g.hit & still & seen_before(g, gbuffers[t - 1]))
-    return masked_mean(torch.cat(maps, dim=2), torch.cat(masks, dim=2))
+    return masked_mean(torch.cat(maps, dim=2), torch.cat(masks, dim=2)).clamp_min(0.0).sqrt()
 
 
 def ghosting(
-    picture: Tensor, truth: Tensor, gbuffers: Sequence[GBuffer], *, fresh: Tensor | None = None,
+    picture: Tensor, truth: Truth, gbuffers: Sequence[GBuffer], *, fresh: Tensor | None = None,
     frames: int = GHOST_FRAMES,
 ) -> Tensor:  # fmt: skip
     """Error at pixels whose surface came into sight during the last ``frames`` frames.
@@ -110,7 +110,21 @@ def ghosting(
     if len(gbuffers) <= frames:
         raise ValueError(f"gbuffers must hold at least {frames + 1} frames, got {len(gbuffers)}")
     new = gbuffers[-1].hit & (frames_seen(gbuffers) < frames)
-    error = masked_mean(squared_error_map(picture, truth), new)
+    error = masked_mean(_square(picture, truth), new)
     if fresh is not None:
-        error = (error - masked_mean(squared_error_map(fresh, truth), new)).clamp_min(0.0)
-    return error.sqrt()
+        error = error - masked_mean(_square(fresh, truth), new)
+    return error.clamp_min(0.0).sqrt()
+
+
+def _change(picture: Tensor, previous: Tensor, gbuffer: GBuffer) -> Tensor:
+    return picture - sample(previous, came_from(gbuffer))
+
+
+def _pair(truth: Truth) -> tuple[Tensor, Tensor]:
+    return truth if isinstance(truth, tuple) else (truth, truth)
+
+
+def _square(value: Tensor, truth: Truth) -> Tensor:
+    """``(B, 1, H, W)``: squared error, averaged over the components."""
+    one, other = _pair(truth)
+    return ((value - one) * (value - other)).mean(1, keepdim=True)

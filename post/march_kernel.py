@@ -1,7 +1,8 @@
 """The compiled form of `post.march.march_rays`: one screen-space ray as a scalar body, and its driver.
 
-Every name and step is that of the torch reference in `post.march`, which is the definition. ``q`` is nearness: 1 / z
-for a perspective camera, -z for an orthographic one. Along a ray and over a plane it is linear in the picture.
+Every name and step is that of the torch reference in `post.march_reference`, which is the definition. ``q`` is
+nearness: 1 / z for a perspective camera, -z for an orthographic one. Along a ray and over a plane it is linear in the
+picture.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ class Runner:
         """The frame after all passes; ``tick`` is called after each run of the pipeline."""
         with torch.no_grad():
             follows = self.last is not None and _follows(self.last, frame)
-            taken = frame if follows else _standing_still(frame)
+            taken = frame if follows else standing_still(frame)
             if not follows:
                 self.state = None
                 for step in range(self.warmup, 0, -1):
@@ -187,10 +187,11 @@ def _same_pose(a: Camera, b: Camera) -> bool:
     return torch.equal(a.world_from_view, b.world_from_view) and torch.equal(a.intrinsics, b.intrinsics)
 
 
-def _standing_still(frame: Frame) -> Frame:
+def standing_still(frame: Frame) -> Frame:
+    """The frame as if nothing had moved before it, and the same of what lies behind."""
     g = frame.gbuffer
     still = {n: torch.zeros_like(t) for n in ("motion", "motion_z") if (t := getattr(g, n)) is not None}
-    behind = None if frame.behind is None else _standing_still(frame.behind)
+    behind = None if frame.behind is None else standing_still(frame.behind)
     return frame.replace(gbuffer=replace(g, previous_camera=g.camera, **still), cut=None, behind=behind)
 
 

@@ -68,9 +68,11 @@ def test_the_table_gives_known_errors_and_trivial_answers():
     assert mirror.value is not None
     assert 0.1 <= mirror.value < 0.2  # a tenth too bright; GI is kept away from it
     assert mirror.trivial["black"] == pytest.approx(10 * mirror.value, rel=1e-3)
-    blur = rows["dB gained, centred shutter"]
-    assert blur.value is None or blur.value > -100
-    assert rows["dB over OIDN, last of 32 frames, 1 sample a pixel"].views is not None
+    assert rows["bent normal's error over the normal's, where true AO < 0.9"].value == pytest.approx(1.0)
+    assert rows["dB gained, centred shutter"].met is None  # nothing moves: no pixel to judge by
+    kornia = rows["dB over kornia's joint bilateral, first frame"]
+    assert set(kornia.views) == {"front", "above"}
+    assert kornia.trivial["the input"] is not None
 
 
 def test_json_csv_and_page_say_the_same():
@@ -103,7 +105,8 @@ def test_leaving_a_pass_out_is_measured_where_it_changes_the_frame():
     results = measured(variants=("passes",), only=("frame",))
     losses = {(r.variant, r.view): r.figures["loss"] for r in results.records if "loss" in r.figures}
     assert losses["without=gi", "front"] > 0.5  # too dark a frame gets darker still
-    assert ("without=ao", "front") not in losses  # sky visibility is what this composite uses: nothing changes
+    assert losses["without=ao", "front"] == 0.0  # sky visibility is what this composite uses: nothing changes
+    assert results.rows[-1].met is False  # and what changes nothing does not earn its place
     assert results.rows[-1].name == "whole frame"
     assert results.rows[-1].value == min(v for (name, _), v in losses.items() if name.startswith("without="))
 

@@ -40,6 +40,10 @@ def test_flicker_follows_the_motion_and_forgives_what_the_truth_does():
     screen = [stuck[0]] * 4  # stays on screen while the world moves on
     assert float(flicker(stuck, moving)) < 0.3 * float(flicker(screen, moving))
     assert float(flicker(stuck, moving, truth=stuck)) == 0.0
+    noise = 0.2 * torch.randn(2, 4, *stuck[0].shape, generator=torch.Generator().manual_seed(0))
+    halves = [(p + noise[0, i], p + noise[1, i]) for i, p in enumerate(stuck)]
+    assert float(flicker(stuck, moving, truth=halves)) < 0.03  # where one half would say 0.2
+    assert float(flicker(stuck, moving, truth=[half for half, _ in halves])) > 0.15
     pulse = [p * (1.0 + 0.3 * (i % 2)) for i, p in enumerate(stuck)]
     assert float(flicker(pulse, moving, truth=stuck)) > 0.08
 
@@ -64,6 +68,9 @@ def test_ghosts_are_errors_where_something_was_uncovered():
     new = frames_seen(moving) < 4
     trail = torch.where(new, truth + 0.25, truth)
     assert float(ghosting(trail, truth, moving)) == pytest.approx(0.25, rel=1e-4)
+    noisy = torch.randn(2, *truth.shape, generator=torch.Generator().manual_seed(0))
+    found = float(ghosting(trail, (truth + 0.5 * noisy[0], truth + 0.5 * noisy[1]), moving))
+    assert found == pytest.approx(0.25, abs=0.03)  # where either half alone would say 0.56
     elsewhere = torch.where(new, truth, truth + 0.25)
     assert float(ghosting(elsewhere, truth, moving)) == 0.0
     assert float(ghosting(trail, truth, moving, fresh=trail)) == 0.0

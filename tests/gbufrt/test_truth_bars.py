@@ -9,15 +9,17 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from court import court
+from court import court, posts
 
-from gbufrt import Pipeline
-from gbufrt.commands.ablation import lens, subjects
+from gbufrt import Frame, Pipeline
+from gbufrt.commands.ablation import denoising, lens, subjects
 from gbufrt.commands.ablation.cache import Cache
 from gbufrt.commands.ablation.place import Place
-from post import me1
+from post import Denoise, DepthOfField, MotionBlur, gtao, me1
 
 FRAMES = 4
+HALO = 0.04  # RMSE of visibility
+LATER = 6.0  # dB over the joint bilateral filter after a dozen frames, of which the last alone gives 5
 MIRRORS = 0.3  # the report's bound is 0.1; here pixels are coarse, and edges many
 
 
@@ -73,6 +75,49 @@ def test_every_pass_earns_its_place(folder: Path) -> None:
     assert best > subjects.whole_frame(spot, full.without("reflection"), FRAMES, None).figures["psnr"]
 
 
+def test_thin_poles_have_no_halo(folder: Path) -> None:
+    """Posts before a wall, thin and near beside the radius: the wall behind them is as dark as in truth."""
+    spot, radius = place(folder, scene=posts()), 8.0
+    g = spot.still().gbuffer
+    truth = spot.truth_of("ambient_occlusion", g, {"radius": radius})["ao"]
+    wall = g.hit & (g.camera.to_world(g.points_view())[:, 2:] < 1.01)
+
+    def error(**options: Any) -> float:
+        ao, _ = gtao(g.depth, g.normal, g.camera, hit=g.hit, radius=radius, directions=8, steps=16, **options)
+        return float((truth - ao)[wall].square().mean().sqrt())
+
+    assert error(thickness=g.thickness) < HALO
+    assert error(thickness=g.thickness, hidden=0.0) < HALO / 2  # here nothing is hidden behind what is measured
+    assert error(method="horizon") > 1.5 * HALO  # what the bound is for: solid to their ends, posts darken the wall
+
+
+def test_denoiser(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sample a pixel on the way past the court: above the joint bilateral filter from the first frame on."""
+    monkeypatch.setattr(denoising, "FRAMES", 12)
+    spot = place(folder, "turning", fps=48.0)
+    found = denoising.denoise(spot, me1("high")).figures
+    assert found["denoise.first_over_kornia"] > 0
+    assert found["denoise.last_over_kornia"] > LATER
+    blind = Pipeline(given={"gi"}, denoise=Denoise(signal="gi", blend=0.0))
+    monkeypatch.setattr(denoising, "denoiser", lambda: blind)
+    assert denoising.denoise(spot, me1("high")).figures["denoise.last_over_kornia"] < LATER
+
+
+class Across(MotionBlur):
+    """Broken: blurs across the motion."""
+
+    def forward(self, frame: Frame) -> Frame:
+        g = frame.gbuffer
+        return super().forward(frame.replace(gbuffer=g.replace(motion=frame.read("motion").flip(1))))
+
+
+class Elsewhere(DepthOfField):
+    """Broken: focuses at half the distance."""
+
+    def forward(self, frame: Frame, state: Any = None) -> Any:
+        return DepthOfField(**{**self.tunables(), "focus_distance": (self.focus_distance or 0.0) / 2})(frame, state)
+
+
 def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lens, "MOVING_FPS", 1.0)  # the court turns slowly, and
     monkeypatch.setattr(lens, "APERTURES", {"small": 1.5, "large": 2.5})  # is far away, and pixels are few
@@ -82,3 +127,6 @@ def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     focused = lens.depth_of_field(place(folder), me1("high")).figures
     assert focused["depth_of_field.small.gain"] >= 10.0
     assert focused["depth_of_field.large.gain"] >= 10.0
+    broken = Pipeline(given={"color"}, motion_blur=Across(), depth_of_field=Elsewhere())
+    assert lens.motion_blur(place(folder, "turning", time=-1.0), broken).figures["motion_blur.centred.gain"] < 4.0
+    assert lens.depth_of_field(place(folder), broken).figures["depth_of_field.small.gain"] < 10.0

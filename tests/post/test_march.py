@@ -66,7 +66,7 @@ def test_kernel_equals_reference(case, assumed):
 def test_kernel_repeats_the_constants_of_the_reference():
     from post import march_kernel
 
-    for name in ("LEFT", "HIT", "BLOCKED", "SPENT", "TOLERANCE"):
+    for name in ("LEFT", "HIT", "BLOCKED", "SPENT", "BEHIND", "TOLERANCE"):
         assert getattr(march_kernel, name) == getattr(march_reference, name)
 
 

@@ -36,3 +36,12 @@ def court(*, mirror: bool = True) -> Scene:
         sun=Sun(direction=(0.5, 0.7, 0.45)),
         views={"still": still, "turning": turning},
     )
+
+
+def posts() -> Scene:
+    """Thin posts, a voxel wide and long, three voxels before a wall."""
+    voxels = torch.zeros(72, 48, 6, dtype=torch.int16)
+    voxels[:, :, 0] = PLASTER
+    voxels[12:61:24, :, 4] = BRICK
+    view = View(eye=lambda t: (36.5, 24.0, 70.0), target=lambda t: (36.5, 24.0, 0.0), fov_y=20.0)
+    return Scene(world=World.from_dense(voxels, TABLE), sun=Sun(direction=(0.3, 0.5, 0.8)), views={"still": view})

@@ -34,7 +34,7 @@ BARS = (
     ),
     Bar(
         name="AO", what="bent normal's error over the normal's, where true AO < 0.9", key="ao.bent", bound=0.5,
-        better="lower", subject="signals",
+        better="lower", subject="signals", trivial={"the normal": "ao.if_normal"},
     ),
     Bar(
         name="GI", what="squared error over squared truth, on-screen part of one bounce", key="gi.error", bound=0.25,
@@ -55,11 +55,11 @@ BARS = (
     ),
     Bar(
         name="denoise", what="dB over OIDN, last of 32 frames, 1 sample a pixel", key="denoise.last_over_oidn",
-        bound=2.0, better="higher", subject="denoise",
+        bound=2.0, better="higher", subject="denoise", trivial={"the input": "denoise.last_input_over_oidn"},
     ),
     Bar(
         name="denoise", what="dB over kornia's joint bilateral, first frame", key="denoise.first_over_kornia",
-        bound=0.0, better="higher", subject="denoise",
+        bound=0.0, better="higher", subject="denoise", trivial={"the input": "denoise.first_input_over_kornia"},
     ),
     Bar(
         name="motion blur", what="dB gained, centred shutter", key="motion_blur.centred.gain", bound=4.0,

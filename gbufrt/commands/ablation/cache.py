@@ -38,16 +38,21 @@ def digest(*values: Any) -> str:
 
 
 @cache
-def sources(*packages: str) -> str:
-    """A name for the program text of packages such as ``tracer``, built-in worlds left out (they are contents)."""
+def sources(*names: str) -> str:
+    """A name for the program text of modules and of packages such as ``tracer``.
+
+    Of packages, built-in worlds are left out (they are contents), and so are commands, which have names of their own.
+    """
     import importlib
 
     state = hashlib.sha256()
-    for package in packages:
-        folder = Path(str(importlib.import_module(package).__file__)).parent
-        for path in sorted(folder.rglob("*.py")):
-            if "worlds" not in path.parts and "commands" not in path.parts:
-                state.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    for name in names:
+        file = Path(str(importlib.import_module(name).__file__))
+        files = sorted(file.parent.rglob("*.py")) if file.name == "__init__.py" else [file]
+        for path in files:
+            inner = path.relative_to(file.parent)
+            if not {"worlds", "commands"} & set(inner.parts):
+                state.update(inner.as_posix().encode() + path.read_bytes())
     return state.hexdigest()[:24]
 
 
@@ -79,14 +84,14 @@ class Cache:
         from gbufrt.exr import read_exr, write_exr
 
         path = self.folder / f"{stem}.exr"
-        if not path.exists():
-            write_exr(path, make())
-            self.made += 1
-        try:
-            return read_exr(path)
-        except ValueError:
-            path.unlink()
-            return self.frame(stem, make)
+        if path.exists():
+            try:
+                return read_exr(path)
+            except ValueError:
+                path.unlink()
+        write_exr(path, make())
+        self.made += 1
+        return read_exr(path)
 
 
 def _feed(state: Any, value: Any) -> None:

@@ -56,6 +56,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
         for rival in ("oidn", "kornia"):
             if rival in scores:
                 result.figures[f"denoise.{which}_over_{rival}"] = scores["ours"] - scores[rival]
+                result.figures[f"denoise.{which}_input_over_{rival}"] = scores["input"] - scores[rival]
         if which == "last":
             result.pictures = {f"denoise {name}": picture for name, picture in shown.items()}
             result.pictures |= {"denoise": shown["ours"], "denoise truth": wanted}

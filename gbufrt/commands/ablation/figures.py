@@ -92,7 +92,7 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
     bent, blocked = frame.bent_normal, _enough(hit & (true < OCCLUDED))
     if bent is not None:
         error, plain = (rmse(v, truth["bent_normal"], blocked) for v in (bent, frame.gbuffer.normal))
-        result["ao.bent"] = _one(error / plain)
+        result["ao.bent"], result["ao.if_normal"] = _one(error / plain), 1.0
         result["ao.bent_degrees"] = _one(_degrees(bent, truth["bent_normal"], blocked))
         result["ao.normal_degrees"] = _one(_degrees(frame.gbuffer.normal, truth["bent_normal"], blocked))
     return result
@@ -133,7 +133,7 @@ def sky_figures(frame: Frame, truth: Truth) -> Figures:
     }
 
 
-def reflection_figures(frame: Frame, truth: Truth, exact: Tensor, lit: Tensor | None = None) -> Figures:
+def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None = None) -> Figures:
     """Of ``reflection`` on mirrors whose rays end on screen: RMSE over the mean true radiance there.
 
     ``exact`` is what perfect rays score (see `limits`), ``exact_lit`` what they would if they knew how much sky each

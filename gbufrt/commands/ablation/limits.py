@@ -47,8 +47,8 @@ def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     return half(1), half(2)
 
 
-def exact_reflection(place: Place, frame: Frame) -> Tensor:
-    """``reflection`` ``(1, 3, H, W)`` of what is on screen."""
+def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
+    """``reflection`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
     from post.ssr import outgoing_light
     from tracer.paths import meet
     from tracer.receivers import receivers_of
@@ -57,13 +57,17 @@ def exact_reflection(place: Place, frame: Frame) -> Tensor:
     poses = place.scene.poses([place.time])
     at = receivers_of(place.scene, frame.gbuffer, poses)[0]
     reads, start = _reader(frame, outgoing_light(frame), at.picture.sees), at.vertices
-    light = torch.zeros_like(start.points)
-    for numbers in _numbers(MIRROR_RAYS, 3, len(at.pixels), 1):
-        directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, numbers[:2])
-        met = meet(place.scene, start.points, directions, numbers[2], poses=poses[0], inside=start.inside)
-        factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
-        light[met.rows] += factor[met.rows] * reads(met.surface.points, met.surface.normals)
-    return _picture(light / MIRROR_RAYS, at.pixels, frame.gbuffer.camera.size)
+
+    def half(seed: int) -> Tensor:
+        u, light = _numbers(MIRROR_RAYS // 2, 3, len(at.pixels), seed), torch.zeros_like(start.points)
+        for numbers in u:
+            directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, numbers[:2])
+            met = meet(place.scene, start.points, directions, numbers[2], poses=poses[0], inside=start.inside)
+            factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
+            light[met.rows] += factor[met.rows] * reads(met.surface.points, met.surface.normals)
+        return _picture(light / len(u), at.pixels, frame.gbuffer.camera.size)
+
+    return half(1), half(2)
 
 
 def _reader(frame: Frame, light: Tensor, sees: Callable[[Tensor, Tensor], Tensor]) -> Reads:

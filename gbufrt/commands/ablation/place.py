@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from tracer.scene import Scene
 
+TRACED_BY = ("tracer", "gbufrt.camera", "gbufrt.environment", "gbufrt.noise", "gbufrt.sampling")  # what shapes truth
 SHARES = {"ambient_occlusion": 4, "indirect_diffuse": 4, "reflection": 6}  # of --samples, for what is cheaper to trace
 
 Truth = Mapping[str, Tensor]
@@ -40,6 +41,7 @@ class Place:
         cache: where it is kept.
         time: seconds into the scene.
         fps: frames a second of the scene's time.
+        light_samples: most shadow rays a pixel to each light, for frames.
         say: is told what is being done.
     """
 
@@ -167,7 +169,7 @@ class Place:
 
     def _stem(self, kind: str, cameras: Any, times: list[float], *settings: Any) -> str:
         poses = self.scene.poses(times)
-        return f"{kind}_{digest(kind, self.contents, poses, times, cameras, settings, sources('tracer'))}"
+        return f"{kind}_{digest(kind, self.contents, poses, times, cameras, settings, sources(*TRACED_BY))}"
 
 
 def _joined(first: Truth, second: Truth) -> dict[str, Tensor]:

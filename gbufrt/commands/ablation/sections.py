@@ -71,7 +71,7 @@ SECTIONS = (
             "psnr_if_direct": "PSNR of direct light alone",
         },
         text="The composite, before lens and display, against the path-traced frame with one sample place a pixel. "
-        "Flicker is the mean change of displayed static surfaces between the last two frames.",
+        "Flicker is the RMS change of displayed static surfaces between the last two frames.",
     ),
     Section(
         title="Ambient occlusion",
@@ -192,7 +192,7 @@ SECTIONS = (
             "ssim": "SSIM",
             "flip": "FLIP",
         },
-        text="A moving camera. Flicker is the mean change of displayed surfaces from frame to frame along their "
+        text="A moving camera. Flicker is the RMS change of displayed surfaces from frame to frame along their "
         "motion, beyond the truth's own. Ghosting is the RMSE where surfaces came into sight during the last four "
         "frames, beyond what the same passes leave there with a clean history.",
     ),

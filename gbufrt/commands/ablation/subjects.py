@@ -15,6 +15,7 @@ from gbufrt.commands.ablation.measure import repeated, run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.trivial import untouched
 from gbufrt.commands.progress import Tick
+from gbufrt.commands.session import standing_still
 from gbufrt.frame import Frame
 from gbufrt.passes import Pass
 from gbufrt.pipeline import Pipeline
@@ -105,7 +106,8 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
     if full is not None:
         changed = hit & f.changed_pixels(full, shown)
         result.figures["changed"] = float(changed.sum()) / max(float(hit.sum()), 1.0)
-        result.figures["loss"] = f.gain(full, shown, f.displayed(truths, exposure), changed)
+        loss = f.gain(full, shown, f.displayed(truths, exposure), changed)
+        result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # what changes next to nothing earns nothing
     else:
         result.figures.update(f.untouched_figures(frame, truths, exposure))
     return result
@@ -116,20 +118,21 @@ def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     count = max(PATH_FRAMES, PATH_KEPT + 2)
     sources = [place.moving(number, PATH_LIGHT_SAMPLES) for number in range(count)]
     found = run(up_to_composite(pipeline), sources, keep=PATH_KEPT, tick=_said(place, "moving frame", count))
-    truths = [place.picture(SHARP, time=place.at(number)) for number in range(count - PATH_KEPT, count)]
+    truths = [place.pictures(SHARP, time=place.at(number)) for number in range(count - PATH_KEPT, count)]
     last = sources[-1]
-    exposure = f.exposure_of(truths[-1], last.gbuffer.hit)
+    exposure = f.exposure_of((truths[-1][0] + truths[-1][1]) / 2, last.gbuffer.hit)
     shown = [f.display(frame.read("composite"), exposure) for frame in found.frames]
-    wanted = [f.display(truth, exposure) for truth in truths]
-    fresh = run(up_to_composite(pipeline), repeated(standing_still(last), max(frames // 4, 1))).last.read("composite")
+    wanted = [f.displayed(truth, exposure) for truth in truths]
+    still = repeated(standing_still(last), max(frames // 4, 1))
+    fresh = f.display(run(up_to_composite(pipeline), still).last.read("composite"), exposure)
     buffers = [frame.gbuffer for frame in sources]
-    result = Outcome(passes=found.passes, pictures=_compared("path", shown[-1], wanted[-1], last))
-    color = found.last.read("composite")
-    result.figures = f.picture_figures(color, truths[-1], last.gbuffer.hit, exposure)
+    truth = (wanted[-1][0] + wanted[-1][1]) / 2
+    result = Outcome(passes=found.passes, pictures=_compared("path", shown[-1], truth, last))
+    result.figures = f.picture_figures(found.last.read("composite"), truths[-1], last.gbuffer.hit, exposure)
     result.figures["flicker"] = float(flicker(shown, buffers[-PATH_KEPT:], wanted))
-    result.figures["ghosting"] = float(ghosting(shown[-1], wanted[-1], buffers, fresh=f.display(fresh, exposure)))
+    result.figures["ghosting"] = float(ghosting(shown[-1], wanted[-1], buffers, fresh=fresh))
     result.figures["new_rmse"] = float(ghosting(shown[-1], wanted[-1], buffers))
-    result.figures["fresh_new_rmse"] = float(ghosting(f.display(fresh, exposure), wanted[-1], buffers))
+    result.figures["fresh_new_rmse"] = float(ghosting(fresh, wanted[-1], buffers))
     return result
 
 
@@ -167,7 +170,8 @@ def ao_truth(place: Place, pipeline: Pipeline, frame: Frame) -> dict[str, Tensor
     ]
     if scales == 1:
         return dict(found[0])
-    mean = {name: torch.stack([truth[name] for truth in found]).mean(0) for name in ("ao", "ao_seen")}
+    names = ("ao", "ao_seen", "ao_first", "ao_second")
+    mean = {name: torch.stack([truth[name] for truth in found]).mean(0) for name in names}
     bent = torch.stack([truth["ao"] * truth["bent_normal"] for truth in found]).mean(0)
     mean["bent_normal"] = bent / bent.norm(dim=1, keepdim=True).clamp_min(1e-6)
     errors = [float(truth["ao_error"]) for truth in found if "ao_error" in truth]
@@ -191,13 +195,6 @@ def one_bounce(pipeline: Pipeline) -> Pipeline:
     """The pipeline with one bounce of indirect light, where it can have more."""
     names = [name for name in pipeline.all_tunables() if name.startswith("gi.") and name.endswith(".bounces")]
     return pipeline.with_tunables(dict.fromkeys(names, 1))
-
-
-def standing_still(frame: Frame) -> Frame:
-    """The frame as if nothing had moved before it."""
-    g = frame.gbuffer
-    still = {name: torch.zeros_like(t) for name in ("motion", "motion_z") if (t := getattr(g, name)) is not None}
-    return frame.replace(gbuffer=g.replace(previous_camera=g.camera, **still), behind=None)
 
 
 def _compared(name: str, estimate: Tensor, truth: Tensor, frame: Frame) -> dict[str, Tensor]:

@@ -128,7 +128,8 @@ def _key(plan: Plan, place: Place, variant: Variant, subject: str) -> str:
     """Names all that a record depends on."""
     text = sources("tracer", "post", "gbufrt.commands.ablation", "gbufrt")
     settings = (plan.size, plan.frames, plan.samples, plan.signals_of(variant) if subject == "signals" else ())
-    return digest(place.contents, place.view, subject, variant.name, asdict(variant.recipe), settings, text)
+    recipes = (asdict(variant.recipe), asdict(plan.recipe))  # losses are told from the full pipeline
+    return digest(place.contents, place.view, subject, variant.name, recipes, settings, text)
 
 
 def _moment(subject: str) -> float:

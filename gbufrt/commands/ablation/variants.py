@@ -1,7 +1,7 @@
 """Variants: which pipelines are measured, and by which part of their work.
 
 A variant is written as what it changes, joined by ``+``: ``without=gi``, ``preset=low``, ``composite=me1``,
-``gtao.method=horizon+ao.steps=12``, ``gi.estimate=MarchGI`` (another pass in its place). Groups stand
+``gtao.method=horizon+ao.estimate.steps=12``, ``gi.estimate=MarchGI`` (another pass in its place). Groups stand
 for many: ``passes``, ``presets``, ``methods``.
 """
 
