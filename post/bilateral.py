@@ -14,6 +14,7 @@ MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 NARROWEST = 0.4  # of sigma, where there is no noise
 AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
 MIRROR = 0.4  # roughness from which on a reflection may be blurred as much as any signal
+LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
 
 
 def bilateral(
@@ -32,6 +33,7 @@ def bilateral(
     variance: Tensor | None = None,
     roughness: Tensor | None = None,
     confidence: Tensor | None = None,
+    distance: Tensor | None = None,
     lead: int | None = None,
 ) -> Tensor:
     """Denoise a signal with one joint bilateral kernel: depth exp(-s d), normal dot^p, spatial Gaussian.
@@ -56,6 +58,8 @@ def bilateral(
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 3x3 neighbours where absent.
         roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
+        distance: ``(B, 1, H, W)`` world units to what a reflection shows, with ``roughness``: blur no more than the
+            lobe does over that way, so that what stands on a floor is sharp at its foot.
         lead: how many of the first channels make the luminance; all by default.
 
     Returns:
@@ -64,7 +68,8 @@ def bilateral(
     Raises:
         ValueError: radius is below 1 or sigma not positive, or sizes disagree.
 
-    Source: Tomasi and Manduchi 1998; Petschnigg et al. 2004 (joint bilateral); plane distance as in Schied et al. 2017.
+    Source: Tomasi and Manduchi 1998; Petschnigg et al. 2004 (joint bilateral); plane distance as in Schied et al. 2017;
+    blur by the lobe and the way to what is mirrored as in NVIDIA's ReBLUR (Zhdan 2021).
     """
     if radius < 1 or sigma <= 0:
         raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
@@ -77,6 +82,9 @@ def bilateral(
         width = width * (roughness / MIRROR).clamp(1e-3, 1.0)
     if confidence is not None:
         width = width * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
+    if roughness is not None and distance is not None:
+        lobe = LOBE * roughness.square() * distance * camera.pixels_per_unit(depth + distance)
+        width = torch.minimum(width, lobe.clamp_min(1e-3))
     noise_of_mean = blurred(variance).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
     tolerance = phi_color * noise_of_mean + MIN_CONTRAST * local.abs()
     edge = (geometry.perspective, depth_sensitivity, normal_power)
@@ -187,6 +195,8 @@ class Bilateral(Pass):
         names = signal_names(signal)
         self.reads = frozenset({"depth", "normal", "hit", names[0]})
         self.optional = frozenset({*names[1:], f"{names[0]}_variance", "albedo", "roughness"})
+        if names[0] == "reflection":
+            self.optional |= {"reflection_distance"}
         self.writes = frozenset(names)
 
     def forward(self, frame: Frame) -> Frame:
@@ -196,6 +206,7 @@ class Bilateral(Pass):
             stack(frame, names, demodulate=divide), g.depth, g.normal, hit=g.hit, camera=g.camera,
             radius=self.radius, sigma=self.sigma, depth_sensitivity=self.depth_sensitivity,
             normal_power=self.normal_power, variance_sensitivity=self.variance_sensitivity,
-            phi_color=self.phi_color, **guides(frame, names),
+            phi_color=self.phi_color, distance=frame.reflection_distance if names[0] == "reflection" else None,
+            **guides(frame, names),
         )  # fmt: skip
         return unstack(frame, names, filtered, demodulate=divide)

@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.environment import lookup_environment
 from gbufrt.noise import PLASTIC, blue_noise, radical_inverse
-from gbufrt.sampling import gather, sample
+from gbufrt.sampling import gather, pixel_centers, sample
 from post.brdf import DIELECTRIC_F0, specular_f0
 from post.march import Hits, depth_hierarchy, march_rays
 from post.reflection_rays import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
@@ -149,9 +149,9 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
 
     As much as the surface that it was last in front of, all where that was the sky itself: out there the surroundings
     are as open as there, whatever is around the place where the ray began. Only a ray that leaves the picture over
-    nothing more open than that place tells no more than it: the open part of its hemisphere is taken for a cone around
-    the bent normal, and cosine-weighted visibility v leaves open a half angle whose sine is sqrt(v) (Jimenez et al.
-    2016, section 5).
+    nothing more open than that place, or is hidden from its beginning, tells no more than it: the open part of its
+    hemisphere is taken for a cone around the bent normal, and cosine-weighted visibility v leaves open a half angle
+    whose sine is sqrt(v) (Jimenez et al. 2016, section 5).
     """
     if visibility is None:
         return torch.ones_like(hits.distance)
@@ -162,7 +162,8 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
         ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
         share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
     last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
-    return torch.where(hits.spent | (last > visibility), last, share)
+    went = ((hits.px - pixel_centers(hits.distance)).abs() > 0.5).any(1, keepdim=True)
+    return torch.where(hits.spent & went | (last > visibility), last, share)
 
 
 def _incoming(

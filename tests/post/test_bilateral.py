@@ -142,6 +142,25 @@ def test_mirrors_stay_sharp_and_confidence_is_filtered_along():
     assert moved(0.5) > 0.1
 
 
+def test_reflections_are_sharp_near_what_they_show():
+    """A lobe spreads with the way: none of it at the foot of a thing, and in the distance as much as the noise asks."""
+    frame = noisy(boxes.frame(boxes.camera((48, 64)), boxes=boxes.ROOM[:1]))
+    g, light = frame.gbuffer, frame.read("ao").expand(-1, 3, -1, -1)
+    stage, glossy = Bilateral(signal="reflection"), g.replace(roughness=torch.full_like(g.depth, 0.2))
+    frame = frame.replace(reflection=light, gbuffer=glossy)
+
+    def left(distance: float) -> float:
+        far = torch.full_like(g.depth, distance)
+        out = stage(frame.replace(reflection_distance=far)).read("reflection")[:, :1]
+        return float((out - shaded(frame))[g.hit].square().mean().sqrt())
+
+    blurred = stage(frame).read("reflection")[:, :1]
+    everywhere = float((blurred - shaded(frame))[g.hit].square().mean().sqrt())
+    assert left(0.0) == pytest.approx(0.15, rel=0.05)  # as noisy as it was
+    assert everywhere < left(5.0) < 0.9 * left(0.0)
+    assert left(1000.0) == pytest.approx(everywhere, rel=0.02)
+
+
 def test_albedo_is_divided_out():
     frame = boxes.frame()
     g = frame.gbuffer
