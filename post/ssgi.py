@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
-from gbufrt.fusion import fusible
+from gbufrt.fusion import fusible, scalar_form_fits
 from gbufrt.noise import blue_noise
 from post import horizon, slices
 from post.bitmask import blocked, overlap, own_solid, start
@@ -43,6 +43,7 @@ def ssgi(
     resolution: int = 1,
     index: int = 0,
     seed: int = 0,
+    compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """One bounce of light between the surfaces in the picture, and the sky that each surface sees past them.
 
@@ -67,6 +68,7 @@ def ssgi(
         resolution: 1, or 2 to sweep at every second pixel both ways and bring the result to all along surfaces.
         index: frame number, for the noise.
         seed: another seed, another noise.
+        compiled: use the compiled kernel; by default as `post.bitmask_ao` does.
 
     Returns:
         gi ``(B, 3, H, W)``, outgoing linear radiance with albedo included; sky_visibility ``(B, 1, H, W)``, 1 open
@@ -91,7 +93,17 @@ def ssgi(
     at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)[part]
     sky = sky_beyond(camera, hit, normal) if distance is None else None
-    sums = _sweep(around, at, noise, sky, directions, steps, distance, camera.orthographic)
+    reach = None if distance is None else depth.new_tensor(distance)
+    if compiled is None:
+        compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
+    if compiled:
+        from post.sweep_ops import gather_light_cpu, laid_out
+
+        seen = hit[part] if resolution == 1 else torch.ones_like(hit[part])  # what is coarse reaches across the sky
+        given = laid_out(around, at, seen, noise, () if reach is None else (reach,), sky, directions)
+        sums = gather_light_cpu(*given, around.margin, steps, camera.orthographic)
+    else:
+        sums = _sweep(around, at, noise, sky, directions, steps, reach, camera.orthographic)
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
@@ -113,18 +125,17 @@ def _sweep(
     sky: Sky | None,
     directions: int,
     steps: int,
-    distance: float | None,
+    distance: Tensor | None,
     parallel: bool,
 ) -> Tensor:
     """``(11, B, h, w)``: the sums of `horizon.finish`, and the light of all slices."""
-    reach = None if distance is None else at.z.new_tensor(distance)
     soft = torch.is_grad_enabled() and (around.picture[:, :2].requires_grad or at.nx.requires_grad)
     rows = []
     for cut, band in slices.bands(at):
         sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, reach, sky, steps, parallel, soft)
+            sums = sums + _slice(around, band, *random, distance, sky, steps, parallel, soft)
         rows.append(sums)
     return torch.cat(rows, dim=2)
 

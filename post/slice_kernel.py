@@ -1,0 +1,247 @@
+"""Scalar forms of what the compiled sweeps share: one receiver, one slice, one tap. See `post.sweep_kernel`.
+
+Every name and step is that of the torch reference in `post.slices`, `post.horizon`, `post.sectors` and `post.open_sky`,
+which is the definition; branches stand where the reference multiplies by 0 or 1. All numbers are float32, as there:
+whole numbers and Python's own would turn them into doubles, which round to other pixels and sectors.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+
+from gbufrt import kernel
+from post import horizon, open_sky, sectors, slices
+from post.horizon import Side, Tap
+from post.sectors import FIRST_BITS, PER_GROUP
+from post.slices import Slice
+
+BIAS, FIRST = np.float32(slices.BIAS), np.float32(slices.FIRST)
+SNAP, FREE = np.float32(horizon.SNAP), np.float32(open_sky.FREE)
+SECTORS, GROUPS = np.float32(sectors.SECTORS), np.float32(sectors.GROUPS)
+ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
+QUARTER, HALF_TURN = np.float32(math.pi / 2), np.float32(math.pi)
+FOLD = np.float32(math.tan(math.pi / 8))
+FIELD = (1 << PER_GROUP) - 1
+SOURCES = kernel.checksum(slices, horizon, open_sky, sectors, kernel, sys.modules[__name__])
+
+
+@kernel.scalar
+def atan2(y, x):
+    """The angle of (x, y), to 2e-7: libraries' scalar form takes most of a sweep's time.
+
+    Source: S. L. Moshier, Cephes library, atanf: an odd polynomial up to the tangent of an eighth of pi, to which
+    larger tangents are brought by the addition theorem.
+    """
+    across, along = abs(y), abs(x)
+    small, large = min(across, along), max(across, along)
+    folds = small > FOLD * large
+    t = (small - large if folds else small) / max(small + large if folds else large, TINY)
+    z = t * t
+    value = ((np.float32(8.05374449538e-2) * z - np.float32(1.38776856032e-1)) * z + np.float32(1.99777106478e-1)) * z
+    angle = t + t * z * (value - np.float32(3.33329491539e-1)) + (HALF * QUARTER if folds else ZERO)
+    angle = QUARTER - angle if across > along else angle
+    angle = HALF_TURN - angle if x < ZERO else angle
+    return -angle if y < ZERO else angle
+
+
+@kernel.scalar
+def cut_slice(at, cos_psi, sin_psi):
+    """See `slices.cut_slice`."""
+    length = ONE / math.sqrt(ONE - at.vx * at.vx)
+    ax, ay, az = (ONE - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
+    bx, by, bz = at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax
+    tx, ty, tz = cos_psi * ax + sin_psi * bx, cos_psi * ay + sin_psi * by, cos_psi * az + sin_psi * bz
+    slide = tz / at.vz
+    across = at.nx * tx + at.ny * ty + at.nz * tz
+    toward = at.nx * at.vx + at.ny * at.vy + at.nz * at.vz
+    projected = math.sqrt(across * across + toward * toward)
+    cos_n, sin_n = toward / projected, across / projected
+    n = atan2(sin_n, cos_n)
+    measure = cos_n + n * sin_n
+    nx, ny, nz = at.nx / projected, at.ny / projected, at.nz / projected
+    across_x, across_y = cos_n * tx - sin_n * at.vx, cos_n * ty - sin_n * at.vy
+    across_z = cos_n * tz - sin_n * at.vz
+    return Slice(
+        nx=nx,
+        ny=ny,
+        nz=nz,
+        hx=cos_n * at.vx + sin_n * tx,
+        hy=cos_n * at.vy + sin_n * ty,
+        hz=cos_n * at.vz + sin_n * tz,
+        tx=across_x,
+        ty=across_y,
+        tz=across_z,
+        level=at.x * nx + at.y * ny + at.z * (nz + BIAS),
+        place=at.x * across_x + at.y * across_y + at.z * across_z,
+        cos_n=cos_n,
+        sin_n=sin_n,
+        n=n,
+        measure=measure,
+        weight=projected * measure,
+        step_x=(tx - slide * at.vx) * at.scale,
+        step_y=(ty - slide * at.vy) * at.scale * at.aspect,
+    )
+
+
+@kernel.scalar
+def side_of(cut, sign, picture, margin, at):
+    """See `horizon.sides`: the right side for ``sign`` 1, the left one for -1."""
+    length = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
+    dx, dy, half = sign * (cut.step_x / length), sign * (cut.step_y / length), HALF / cut.measure
+    whole = (cut.cos_n + (cut.n + QUARTER) * cut.sin_n) * half
+    frame, border = _border(picture, margin + 1, at, dx, dy), _border(picture, 1, at, dx, dy)
+    mirrored = Slice(
+        cut.nx,
+        cut.ny,
+        cut.nz,
+        cut.hx,
+        cut.hy,
+        cut.hz,
+        sign * cut.tx,
+        sign * cut.ty,
+        sign * cut.tz,
+        cut.level,
+        sign * cut.place,
+        cut.cos_n,
+        sign * cut.sin_n,
+        sign * cut.n,
+        cut.measure,
+        cut.weight,
+        cut.step_x,
+        cut.step_y,
+    )
+    return Side(mirrored, dx, dy, length, frame, border, half, whole if sign > ZERO else ONE - whole)
+
+
+@kernel.scalar
+def _border(picture, edge, at, dx, dy):
+    """See `horizon._borders`."""
+    right, low = np.float32(picture.shape[1] - edge) - HALF, np.float32(picture.shape[0] - edge) - HALF
+    first = np.float32(edge) - HALF
+    x = max((right - at.column) * dx, (first - at.column) * dx) / max(dx * dx, np.float32(1e-12))
+    y = max((low - at.row) * dy, (first - at.row) * dy) / max(dy * dy, np.float32(1e-12))
+    return min(x, y)
+
+
+@kernel.scalar
+def pixel(picture, at, side, px):
+    """Whole column and row ``px`` pixels from the receiver, and the same held to the picture."""
+    column, row = np.rint(at.column + side.dx * px), np.rint(at.row + side.dy * px)
+    i = min(max(np.int32(column), np.int32(0)), np.int32(picture.shape[1] - 1))
+    j = min(max(np.int32(row), np.int32(0)), np.int32(picture.shape[0] - 1))
+    return column, row, i, j
+
+
+@kernel.scalar
+def look(picture, rays, at, side, px, parallel):
+    """See `horizon.look`; what else is seen there is not read yet: ``seen`` is its column and row in the picture."""
+    cut = side.cut
+    column, row, i, j = pixel(picture, at, side, px)
+    z, solid = picture[j, i, 0], picture[j, i, 1]
+    x, y = rays[0] + rays[2] * column, rays[1] + rays[3] * row
+    rise, run = x * cut.nx + y * cut.ny, x * cut.tx + y * cut.ty
+    if parallel:
+        rise_by_z, run_by_z = cut.nz, cut.tz
+        rise, run = rise + z * cut.nz - cut.level, run + z * cut.tz - cut.place
+    else:
+        rise_by_z, run_by_z = rise + cut.nz, run + cut.tz
+        rise, run = z * rise_by_z - cut.level, z * run_by_z - cut.place
+    return Tap(rise, run, rise + solid * rise_by_z, run + solid * run_by_z, z, z + solid, x, y, (i, j))
+
+
+@kernel.scalar
+def arc_measure(rise, run, side):
+    """See `horizon.arc_measure`."""
+    if rise < ZERO:
+        return side.whole
+    cos_n, sin_n = side.cut.cos_n, side.cut.sin_n
+    sine, cosine = run * cos_n + rise * sin_n, rise * cos_n - run * sin_n
+    share = (run * sine / (rise * rise + run * run + TINY) + atan2(sine, cosine) * sin_n) * side.half
+    return max(min(share + SNAP, side.whole), ZERO)
+
+
+@kernel.scalar
+def bits_between(low, high, dither):
+    """The sectors between two shares of the arc, see `sectors.cover`."""
+    first = np.int32(low * SECTORS + dither)
+    last = max(np.int32(high * SECTORS + dither), first)
+    return np.int32((1 << last) - (1 << first))
+
+
+@kernel.scalar
+def group_counts(bits):
+    """How many sectors of each group are set, in a field of bits each; see `sectors.group_shares`."""
+    counts = bits & FIRST_BITS
+    for bit in range(1, PER_GROUP):
+        counts += (bits >> bit) & FIRST_BITS
+    return counts
+
+
+@kernel.scalar
+def share(bits):
+    """See `sectors.share`."""
+    counts, total = group_counts(bits), 0
+    for group in range(sectors.GROUPS):
+        total += (counts >> (PER_GROUP * group)) & FIELD
+    return np.float32(total) / SECTORS
+
+
+@kernel.scalar
+def mean_direction(terms, sin_n, which):
+    """See `horizon.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
+    value = terms[terms.shape[0] - 1, which]
+    for power in range(terms.shape[0] - 2, -1, -1):
+        value = value * sin_n + terms[power, which]
+    return value
+
+
+@kernel.scalar
+def leaves_hit(picture, at, side):
+    """See `open_sky.leaves_hit`."""
+    _, _, i, j = pixel(picture, at, side, side.frame)
+    return ONE if picture[j, i, 1] > ZERO else ZERO
+
+
+@kernel.scalar
+def _open_share(sky, cut, group, rise, run, seam, hits):
+    """See `open_sky.open_share`: of one group."""
+    lift = cut.hx * sky[2] + cut.hy * sky[3] + cut.hz * sky[4]
+    slide = cut.tx * sky[2] + cut.ty * sky[3] + cut.tz * sky[4]
+    elevation = (rise * lift + run * slide) / math.sqrt(rise * rise + run * run + np.float32(1e-12))
+    right = min(max(np.float32(group) + HALF - seam * GROUPS + HALF, ZERO), ONE)
+    unknown = (right * hits[0] + (ONE - right) * hits[1]) * sky[1]
+    return ONE - unknown * (ONE - sky[0] * min(max(elevation / FREE, ZERO), ONE))
+
+
+@kernel.scalar
+def fill_groups(groups, terms, cut, sky, seam, hits):
+    """What a slice's masks share: of each group, its mean direction (2) and how far it is open where not covered."""
+    for group in range(sectors.GROUPS):
+        rise = mean_direction(terms, cut.sin_n, group)
+        run = mean_direction(terms, cut.sin_n, sectors.GROUPS + group)
+        groups[group, 0], groups[group, 1] = rise, run
+        groups[group, 2] = _open_share(sky, cut, group, rise, run, seam, hits) if sky.shape[0] > 0 else ONE
+
+
+@kernel.scalar
+def add_slice(sums, groups, cut, bits):
+    """See `sectors.slice_sums`."""
+    counts = group_counts(bits)
+    opened, open_rise, open_run, whole_rise, whole_run = ZERO, ZERO, ZERO, ZERO, ZERO
+    for group in range(sectors.GROUPS):
+        rise, run = groups[group, 0], groups[group, 1]
+        covered = np.float32((counts >> (PER_GROUP * group)) & FIELD) / np.float32(PER_GROUP)
+        part = (ONE - covered) * groups[group, 2]
+        opened += part
+        open_rise, open_run = open_rise + part * rise, open_run + part * run
+        whole_rise, whole_run = whole_rise + rise, whole_run + run
+    weight = cut.weight / GROUPS
+    sums[0] += cut.weight
+    sums[1] += opened * weight
+    for first, rise, run in ((2, open_rise * weight, open_run * weight), (5, whole_rise * weight, whole_run * weight)):
+        sums[first] += rise * cut.hx + run * cut.tx
+        sums[first + 1] += rise * cut.hy + run * cut.ty
+        sums[first + 2] += rise * cut.hz + run * cut.tz
