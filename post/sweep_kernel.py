@@ -43,10 +43,11 @@ Plane = namedtuple("Plane", "x y z nx ny nz")
 
 
 @kernel.scalar
-def _spread(i, jitter, steps, beyond):
-    """Share of its reach at which tap i of a side lies, see `slices.tap_pixels`; rounded once, as a power is."""
-    t = np.float64((np.float32(i) + jitter) / np.float32(steps))
-    return np.float32(t * t * math.sqrt(t)) if beyond else np.float32(t * math.sqrt(t))
+def _fill_spread(spread, jitter, beyond):
+    """Shares of its reach at which a side's taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
+    for i in range(spread.shape[0]):
+        t = np.float64((np.float32(i) + jitter) / np.float32(spread.shape[0]))
+        spread[i] = t * t * math.sqrt(t) if beyond else t * math.sqrt(t)
 
 
 @kernel.scalar
@@ -110,14 +111,14 @@ def _bits(low, high, seam, right, dither):
 
 
 @kernel.scalar
-def _occlude_side(covered, picture, rays, at, side, seam, right, jitter, dither, radii, steps, parallel):
+def _occlude_side(covered, picture, rays, at, side, seam, right, spread, dither, radii, parallel):
     """What the taps of one side cover, for each radius."""
     limited = radii.shape[0] > 0
     widest = radii[radii.shape[0] - 1] if limited else ZERO
     reach = min(widest * side.length, side.border) if limited else side.frame
     before = _start(picture, at, side)
-    for i in range(steps):
-        tap = look(picture, rays, at, side, FIRST + reach * _spread(i, jitter, steps, not limited), parallel)
+    for i in range(spread.shape[0]):
+        tap = look(picture, rays, at, side, FIRST + reach * spread[i], parallel)
         joined = _overlap(tap, before) > ZERO
         distance = _distance(tap) if limited else ONE
         stands = joined or tap.back_z > tap.z
@@ -137,15 +138,16 @@ def _occlude_side(covered, picture, rays, at, side, seam, right, jitter, dither,
 
 
 @kernel.scalar
-def occlude(sums, covered, groups, picture, rays, at, random, radii, sky, terms, margin, steps, parallel):
+def occlude(sums, covered, groups, spread, picture, rays, at, random, radii, sky, terms, margin, parallel):
     """See `bitmask._slice`: add a slice to the sums of each radius."""
     cut = cut_slice(at, random[0], random[1])
     right, left = side_of(cut, ONE, picture, margin, at), side_of(cut, -ONE, picture, margin, at)
-    seam, jitter, dither = left.whole, random[2], random[3]
+    seam, dither = left.whole, random[3]
+    _fill_spread(spread, random[2], radii.shape[0] == 0)
     covered[:] = 0
     for onward in (True, False):
         side = right if onward else left
-        _occlude_side(covered, picture, rays, at, side, seam, onward, jitter, dither, radii, steps, parallel)
+        _occlude_side(covered, picture, rays, at, side, seam, onward, spread, dither, radii, parallel)
     hits = (leaves_hit(picture, at, right), leaves_hit(picture, at, left))
     fill_groups(groups, terms, cut, sky, seam, hits)
     for s in range(covered.shape[0]):
@@ -205,14 +207,14 @@ def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
 
 
 @kernel.scalar
-def _gather_side(light, covered, picture, rays, at, side, seam, right, jitter, dither, radii, steps, parallel):
+def _gather_side(light, covered, picture, rays, at, side, seam, right, spread, dither, radii, parallel):
     """The sectors that are covered after one side; the light that its taps bring is added to ``light``."""
     limited = radii.shape[0] > 0
     widest = radii[0] if limited else ZERO
     reach = min(side.frame, widest * side.length) if limited else side.frame
     before, plane = _start(picture, at, side), Plane(at.x, at.y, at.z, at.nx, at.ny, at.nz)
-    for i in range(steps):
-        tap = look(picture, rays, at, side, FIRST + reach * _spread(i, jitter, steps, True), parallel)
+    for i in range(spread.shape[0]):
+        tap = look(picture, rays, at, side, FIRST + reach * spread[i], parallel)
         next_plane = _plane(picture, tap, parallel)
         distance = _distance(tap) if limited else ONE
         if not _below(tap, before, side):
@@ -236,17 +238,18 @@ def _gather_side(light, covered, picture, rays, at, side, seam, right, jitter, d
 
 
 @kernel.scalar
-def gather(sums, light, groups, picture, rays, at, random, radii, sky, terms, margin, steps, parallel):
+def gather(sums, light, groups, spread, picture, rays, at, random, radii, sky, terms, margin, parallel):
     """See `ssgi._slice`: add a slice to the sums."""
     cut = cut_slice(at, random[0], random[1])
     right, left = side_of(cut, ONE, picture, margin, at), side_of(cut, -ONE, picture, margin, at)
-    seam, jitter, dither = left.whole, random[2], random[3]
+    seam, dither = left.whole, random[3]
+    _fill_spread(spread, random[2], True)
     light[:] = ZERO
     covered = np.int32(0)
     for onward in (True, False):
         side = right if onward else left
         covered = _gather_side(
-            light, covered, picture, rays, at, side, seam, onward, jitter, dither, radii, steps, parallel
+            light, covered, picture, rays, at, side, seam, onward, spread, dither, radii, parallel
         )
     hits = (leaves_hit(picture, at, right), leaves_hit(picture, at, left))
     fill_groups(groups, terms, cut, sky, seam, hits)

@@ -44,7 +44,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
         _, batch, height, width = planes.shape
         for thread in prange(threads):
             sums, groups = np.empty(out.shape[:2], np.float32), np.empty((terms.shape[1] // 2, 3), np.float32)
-            covered = np.empty(out.shape[0], np.int32)
+            covered, spread = np.empty(out.shape[0], np.int32), np.empty(steps, np.float32)
             for row in range(thread, batch * height, threads):
                 b, y = row // height, row % height
                 seen, ray, beyond = picture[b], rays[b], sky[b]
@@ -56,7 +56,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
                         for which in range(random.shape[0]):
                             dice = random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
                             sweep_kernel.occlude(
-                                sums, covered, groups, seen, ray, at, dice, radii, beyond, terms, margin, steps, parallel
+                                sums, covered, groups, spread, seen, ray, at, dice, radii, beyond, terms, margin, parallel
                             )
                     out[:, :, b, y, x] = sums
         return sources
@@ -66,7 +66,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
         _, batch, height, width = planes.shape
         for thread in prange(threads):
             sums, groups = np.empty(out.shape[0], np.float32), np.empty((terms.shape[1] // 2, 3), np.float32)
-            light = np.empty(3, np.float32)
+            light, spread = np.empty(3, np.float32), np.empty(steps, np.float32)
             for row in range(thread, batch * height, threads):
                 b, y = row // height, row % height
                 seen, ray, beyond = picture[b], rays[b], sky[b]
@@ -78,7 +78,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
                         for which in range(random.shape[0]):
                             dice = random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
                             sweep_kernel.gather(
-                                sums, light, groups, seen, ray, at, dice, radii, beyond, terms, margin, steps, parallel
+                                sums, light, groups, spread, seen, ray, at, dice, radii, beyond, terms, margin, parallel
                             )
                     out[:, b, y, x] = sums
         return sources
