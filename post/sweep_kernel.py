@@ -213,6 +213,7 @@ def _gather_side(light, covered, picture, rays, at, side, seam, right, spread, d
     widest = radii[0] if limited else ZERO
     reach = min(side.frame, widest * side.length) if limited else side.frame
     before, plane = _start(picture, at, side), Plane(at.x, at.y, at.z, at.nx, at.ny, at.nz)
+    whole = _bits(ZERO, side.whole, seam, right, dither)
     for i in range(spread.shape[0]):
         tap = look(picture, rays, at, side, FIRST + reach * spread[i], parallel)
         next_plane = _plane(picture, tap, parallel)
@@ -233,6 +234,8 @@ def _gather_side(light, covered, picture, rays, at, side, seam, right, spread, d
                     lit *= share(fresh)
                     for c in range(3):
                         light[c] += lit * picture[tap.seen[1], tap.seen[0], LIGHT + c]
+                    if whole & ~covered == 0:
+                        break
         before, plane = _next_front(tap, side, distance), next_plane
     return covered
 
