@@ -114,10 +114,10 @@ def bitmask_ao(
     if compiled is None:
         compiled = not soft and scalar_form_fits(around.picture, around.origin_x, at.x, at.nx, reach)
     if compiled:
-        from post.sweep_ops import laid_out, occlude_cpu
+        from post.sweep_ops import laid_out, sweep_cpu
 
         given = laid_out(around, at, hit, noise, radii, sky, directions)
-        every = occlude_cpu(*given, around.margin, steps, camera.orthographic)
+        every = sweep_cpu(*given, around.margin, steps, camera.orthographic, False)
     else:
         every = _sweep(around, at, noise, radii, sky, directions, steps, camera.orthographic, soft)
     found = [horizon.finish(at, camera, hit, sums, normal) for sums in every]

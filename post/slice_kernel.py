@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import namedtuple
+from typing import Any
 
 import numpy as np
 
 from gbufrt import kernel
 from post import horizon, open_sky, sectors, slices
-from post.horizon import Side, Tap
+from post.horizon import Side
 from post.sectors import FIRST_BITS, PER_GROUP
 from post.slices import Slice
 
@@ -26,6 +28,11 @@ QUARTER, HALF_TURN = np.float32(math.pi / 2), np.float32(math.pi)
 FOLD = np.float32(math.tan(math.pi / 8))
 FIELD = (1 << PER_GROUP) - 1
 SOURCES = kernel.checksum(slices, horizon, open_sky, sectors, kernel, sys.modules[__name__])
+
+Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
+"""What is the same for all receivers of a picture, see `sweep_ops.laid_out`."""
+Tap = namedtuple("Tap", "front_rise front_run back_rise back_run z back_z x y i j")
+"""See `horizon.Tap`; column and row in the picture in place of what else is seen there."""
 
 
 @kernel.scalar
@@ -87,12 +94,12 @@ def cut_slice(at, cos_psi, sin_psi):
 
 
 @kernel.scalar
-def side_of(cut, sign, picture, margin, at):
+def side_of(around, at, cut, sign):
     """See `horizon.sides`: the right side for ``sign`` 1, the left one for -1."""
-    length = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
+    length: Any = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
     dx, dy, half = sign * (cut.step_x / length), sign * (cut.step_y / length), HALF / cut.measure
     whole = (cut.cos_n + (cut.n + QUARTER) * cut.sin_n) * half
-    frame, border = _border(picture, margin + 1, at, dx, dy), _border(picture, 1, at, dx, dy)
+    frame, border = _border(around, around.margin + 1, at, dx, dy), _border(around, 1, at, dx, dy)
     mirrored = Slice(
         cut.nx,
         cut.ny,
@@ -117,9 +124,10 @@ def side_of(cut, sign, picture, margin, at):
 
 
 @kernel.scalar
-def _border(picture, edge, at, dx, dy):
+def _border(around, edge, at, dx, dy):
     """See `horizon._borders`."""
-    right, low = np.float32(picture.shape[1] - edge) - HALF, np.float32(picture.shape[0] - edge) - HALF
+    height, width = around.picture.shape[:2]
+    right, low = np.float32(width - edge) - HALF, np.float32(height - edge) - HALF
     first = np.float32(edge) - HALF
     x = max((right - at.column) * dx, (first - at.column) * dx) / max(dx * dx, np.float32(1e-12))
     y = max((low - at.row) * dy, (first - at.row) * dy) / max(dy * dy, np.float32(1e-12))
@@ -127,29 +135,29 @@ def _border(picture, edge, at, dx, dy):
 
 
 @kernel.scalar
-def pixel(picture, at, side, px):
+def _pixel(around, at, side, px):
     """Whole column and row ``px`` pixels from the receiver, and the same held to the picture."""
     column, row = np.rint(at.column + side.dx * px), np.rint(at.row + side.dy * px)
-    i = min(max(np.int32(column), np.int32(0)), np.int32(picture.shape[1] - 1))
-    j = min(max(np.int32(row), np.int32(0)), np.int32(picture.shape[0] - 1))
+    i = min(max(np.int32(column), np.int32(0)), np.int32(around.picture.shape[1] - 1))
+    j = min(max(np.int32(row), np.int32(0)), np.int32(around.picture.shape[0] - 1))
     return column, row, i, j
 
 
 @kernel.scalar
-def look(picture, rays, at, side, px, parallel):
-    """See `horizon.look`; what else is seen there is not read yet: ``seen`` is its column and row in the picture."""
-    cut = side.cut
-    column, row, i, j = pixel(picture, at, side, px)
-    z, solid = picture[j, i, 0], picture[j, i, 1]
+def look(around, at, side, px):
+    """See `horizon.look`."""
+    cut, rays = side.cut, around.rays
+    column, row, i, j = _pixel(around, at, side, px)
+    z, solid = around.picture[j, i, 0], around.picture[j, i, 1]
     x, y = rays[0] + rays[2] * column, rays[1] + rays[3] * row
     rise, run = x * cut.nx + y * cut.ny, x * cut.tx + y * cut.ty
-    if parallel:
+    if around.parallel:
         rise_by_z, run_by_z = cut.nz, cut.tz
         rise, run = rise + z * cut.nz - cut.level, run + z * cut.tz - cut.place
     else:
         rise_by_z, run_by_z = rise + cut.nz, run + cut.tz
         rise, run = z * rise_by_z - cut.level, z * run_by_z - cut.place
-    return Tap(rise, run, rise + solid * rise_by_z, run + solid * run_by_z, z, z + solid, x, y, (i, j))
+    return Tap(rise, run, rise + solid * rise_by_z, run + solid * run_by_z, z, z + solid, x, y, i, j)
 
 
 @kernel.scalar
@@ -199,10 +207,10 @@ def mean_direction(terms, sin_n, which):
 
 
 @kernel.scalar
-def leaves_hit(picture, at, side):
+def _leaves_hit(around, at, side):
     """See `open_sky.leaves_hit`."""
-    _, _, i, j = pixel(picture, at, side, side.frame)
-    return ONE if picture[j, i, 1] > ZERO else ZERO
+    _, _, i, j = _pixel(around, at, side, side.frame)
+    return ONE if around.picture[j, i, 1] > ZERO else ZERO
 
 
 @kernel.scalar
@@ -217,13 +225,15 @@ def _open_share(sky, cut, group, rise, run, seam, hits):
 
 
 @kernel.scalar
-def fill_groups(groups, terms, cut, sky, seam, hits):
+def fill_groups(groups, around, at, cut, right, left):
     """What a slice's masks share: of each group, its mean direction (2) and how far it is open where not covered."""
+    sky, terms = around.sky, around.terms
+    hits = (_leaves_hit(around, at, right), _leaves_hit(around, at, left))
     for group in range(sectors.GROUPS):
         rise = mean_direction(terms, cut.sin_n, group)
         run = mean_direction(terms, cut.sin_n, sectors.GROUPS + group)
         groups[group, 0], groups[group, 1] = rise, run
-        groups[group, 2] = _open_share(sky, cut, group, rise, run, seam, hits) if sky.shape[0] > 0 else ONE
+        groups[group, 2] = _open_share(sky, cut, group, rise, run, left.whole, hits) if sky.shape[0] > 0 else ONE
 
 
 @kernel.scalar

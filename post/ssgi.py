@@ -97,11 +97,11 @@ def ssgi(
     if compiled is None:
         compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
     if compiled:
-        from post.sweep_ops import gather_light_cpu, laid_out
+        from post.sweep_ops import laid_out, sweep_cpu
 
         seen = hit[part] if resolution == 1 else torch.ones_like(hit[part])  # what is coarse reaches across the sky
         given = laid_out(around, at, seen, noise, () if reach is None else (reach,), sky, directions)
-        sums = gather_light_cpu(*given, around.margin, steps, camera.orthographic)
+        sums = sweep_cpu(*given, around.margin, steps, camera.orthographic, True)[0]
     else:
         sums = _sweep(around, at, noise, sky, directions, steps, reach, camera.orthographic)
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])

@@ -25,7 +25,6 @@ from post.slice_kernel import (
     bits_between,
     cut_slice,
     fill_groups,
-    leaves_hit,
     look,
     share,
     side_of,
@@ -39,6 +38,7 @@ LIGHT, NORMAL = 2, 5  # first channels of the scene's picture
 SOURCES = slice_kernel.SOURCES ^ kernel.checksum(bitmask, _GATHER, sys.modules[__name__])
 
 Front = namedtuple("Front", "share rise run distance z back_z")
+Scratch = namedtuple("Scratch", "covered light groups spread")
 Plane = namedtuple("Plane", "x y z nx ny nz")
 
 
@@ -51,9 +51,9 @@ def _fill_spread(spread, jitter, beyond):
 
 
 @kernel.scalar
-def _start(picture, at, side):
+def _start(around, at, side):
     """See `bitmask.start`."""
-    own = picture[np.int32(at.row), np.int32(at.column), 1]
+    own = around.picture[np.int32(at.row), np.int32(at.column), 1]
     return Front(side.whole, ZERO, ZERO, ZERO, at.z, at.z + own)
 
 
@@ -111,20 +111,22 @@ def _bits(low, high, seam, right, dither):
 
 
 @kernel.scalar
-def _occlude_side(covered, picture, rays, at, side, seam, right, spread, dither, radii, parallel):
+def _occlude_side(covered, spread, around, at, side, seam, right, dither):
     """What the taps of one side cover, for each radius."""
+    radii = around.radii
     limited = radii.shape[0] > 0
     widest = radii[radii.shape[0] - 1] if limited else ZERO
     reach = min(widest * side.length, side.border) if limited else side.frame
-    before = _start(picture, at, side)
+    before = _start(around, at, side)
     for i in range(spread.shape[0]):
-        tap = look(picture, rays, at, side, FIRST + reach * spread[i], parallel)
+        tap = look(around, at, side, FIRST + reach * spread[i])
         joined = _overlap(tap, before) > ZERO
         distance = _distance(tap) if limited else ONE
         stands = joined or tap.back_z > tap.z
         far = limited and distance >= widest and not (joined and _crosses(before, distance, widest))
         if stands and not far and not _below(tap, before, side):
-            front, high = arc_measure(tap.front_rise, tap.front_run, side), arc_measure(tap.back_rise, tap.back_run, side)
+            front = arc_measure(tap.front_rise, tap.front_run, side)
+            high = arc_measure(tap.back_rise, tap.back_run, side)
             start = _share_of(before, side) if joined else front
             high = max(high, start) if joined else high
             for s in range(covered.shape[0]):
@@ -138,28 +140,26 @@ def _occlude_side(covered, picture, rays, at, side, seam, right, spread, dither,
 
 
 @kernel.scalar
-def occlude(sums, covered, groups, spread, picture, rays, at, random, radii, sky, terms, margin, parallel):
+def occlude(sums, scratch, around, at, dice):
     """See `bitmask._slice`: add a slice to the sums of each radius."""
-    cut = cut_slice(at, random[0], random[1])
-    right, left = side_of(cut, ONE, picture, margin, at), side_of(cut, -ONE, picture, margin, at)
-    seam, dither = left.whole, random[3]
-    _fill_spread(spread, random[2], radii.shape[0] == 0)
+    covered, cut = scratch.covered, cut_slice(at, dice[0], dice[1])
+    right, left = side_of(around, at, cut, ONE), side_of(around, at, cut, -ONE)
+    _fill_spread(scratch.spread, dice[2], around.radii.shape[0] == 0)
     covered[:] = 0
     for onward in (True, False):
         side = right if onward else left
-        _occlude_side(covered, picture, rays, at, side, seam, onward, spread, dither, radii, parallel)
-    hits = (leaves_hit(picture, at, right), leaves_hit(picture, at, left))
-    fill_groups(groups, terms, cut, sky, seam, hits)
+        _occlude_side(covered, scratch.spread, around, at, side, left.whole, onward, dice[3])
+    fill_groups(scratch.groups, around, at, cut, right, left)
     for s in range(covered.shape[0]):
-        add_slice(sums[s], groups, cut, covered[s])
+        add_slice(sums[s], scratch.groups, cut, covered[s])
 
 
 @kernel.scalar
-def _plane(picture, tap, parallel):
+def _plane(around, tap):
     """See `ssgi._plane`."""
-    i, j = tap.seen
-    x, y = (tap.x, tap.y) if parallel else (tap.x * tap.z, tap.y * tap.z)
-    return Plane(x, y, tap.z, picture[j, i, NORMAL], picture[j, i, NORMAL + 1], picture[j, i, NORMAL + 2])
+    x, y = (tap.x, tap.y) if around.parallel else (tap.x * tap.z, tap.y * tap.z)
+    seen = around.picture[tap.j, tap.i]
+    return Plane(x, y, tap.z, seen[NORMAL], seen[NORMAL + 1], seen[NORMAL + 2])
 
 
 @kernel.scalar
@@ -194,7 +194,8 @@ def _facing(plane, at):
 @kernel.scalar
 def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
     """Shares of a side between which a tap blocks, see `bitmask.blocked`."""
-    first, high = arc_measure(tap.front_rise, tap.front_run, side), arc_measure(tap.back_rise, tap.back_run, side)
+    first = arc_measure(tap.front_rise, tap.front_run, side)
+    high = arc_measure(tap.back_rise, tap.back_run, side)
     if crossing:
         first = _front_at_the_radius(tap, before, side, radii, distance)
     if not joined:
@@ -207,16 +208,17 @@ def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
 
 
 @kernel.scalar
-def _gather_side(light, covered, picture, rays, at, side, seam, right, spread, dither, radii, parallel):
+def _gather_side(light, covered, spread, around, at, side, seam, right, dither):
     """The sectors that are covered after one side; the light that its taps bring is added to ``light``."""
+    radii = around.radii
     limited = radii.shape[0] > 0
     widest = radii[0] if limited else ZERO
     reach = min(side.frame, widest * side.length) if limited else side.frame
-    before, plane = _start(picture, at, side), Plane(at.x, at.y, at.z, at.nx, at.ny, at.nz)
+    before, plane = _start(around, at, side), Plane(at.x, at.y, at.z, at.nx, at.ny, at.nz)
     whole = _bits(ZERO, side.whole, seam, right, dither)
     for i in range(spread.shape[0]):
-        tap = look(picture, rays, at, side, FIRST + reach * spread[i], parallel)
-        next_plane = _plane(picture, tap, parallel)
+        tap = look(around, at, side, FIRST + reach * spread[i])
+        next_plane = _plane(around, tap)
         distance = _distance(tap) if limited else ONE
         if not _below(tap, before, side):
             overlaps = _overlap(tap, before) > ZERO
@@ -233,7 +235,7 @@ def _gather_side(light, covered, picture, rays, at, side, seam, right, spread, d
                         lit = LEDGE
                     lit *= share(fresh)
                     for c in range(3):
-                        light[c] += lit * picture[tap.seen[1], tap.seen[0], LIGHT + c]
+                        light[c] += lit * around.picture[tap.j, tap.i, LIGHT + c]
                     if whole & ~covered == 0:
                         break
         before, plane = _next_front(tap, side, distance), next_plane
@@ -241,21 +243,16 @@ def _gather_side(light, covered, picture, rays, at, side, seam, right, spread, d
 
 
 @kernel.scalar
-def gather(sums, light, groups, spread, picture, rays, at, random, radii, sky, terms, margin, parallel):
+def gather(sums, scratch, around, at, dice):
     """See `ssgi._slice`: add a slice to the sums."""
-    cut = cut_slice(at, random[0], random[1])
-    right, left = side_of(cut, ONE, picture, margin, at), side_of(cut, -ONE, picture, margin, at)
-    seam, dither = left.whole, random[3]
-    _fill_spread(spread, random[2], True)
+    covered, light, cut = np.int32(0), scratch.light, cut_slice(at, dice[0], dice[1])
+    right, left = side_of(around, at, cut, ONE), side_of(around, at, cut, -ONE)
+    _fill_spread(scratch.spread, dice[2], True)
     light[:] = ZERO
-    covered = np.int32(0)
     for onward in (True, False):
         side = right if onward else left
-        covered = _gather_side(
-            light, covered, picture, rays, at, side, seam, onward, spread, dither, radii, parallel
-        )
-    hits = (leaves_hit(picture, at, right), leaves_hit(picture, at, left))
-    fill_groups(groups, terms, cut, sky, seam, hits)
-    add_slice(sums, groups, cut, covered)
+        covered = _gather_side(light, covered, scratch.spread, around, at, side, left.whole, onward, dice[3])
+    fill_groups(scratch.groups, around, at, cut, right, left)
+    add_slice(sums[0], scratch.groups, cut, covered)
     for c in range(3):
-        sums[8 + c] += light[c] * cut.weight
+        sums[0, 8 + c] += light[c] * cut.weight

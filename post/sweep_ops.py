@@ -1,4 +1,4 @@
-"""The compiled sweeps as CPU operators: what `post.bitmask` and `post.ssgi` run where no gradient is wanted."""
+"""The compiled sweeps as a CPU operator: what `post.bitmask` and `post.ssgi` run where no gradient is wanted."""
 
 from __future__ import annotations
 
@@ -12,52 +12,58 @@ from torch import Tensor
 from gbufrt import kernel
 from post import horizon, sectors, slices, sweep_kernel
 from post.open_sky import Sky
+from post.slice_kernel import Around
 from post.slices import Receivers, Scene
+from post.sweep_kernel import Scratch
 
-SUMS = 8  # of `horizon.finish`
+SUMS, LIGHT = 8, 3  # of `horizon.finish`; channels of light that follow
 
 
 @kernel.scalar
-def _receiver(planes, b, y, x, aspect):
+def _receiver(planes, aspect, b, y, x):
+    one = planes[:, b, y, x]
     return Receivers(
-        planes[0, b, y, x],
-        planes[1, b, y, x],
-        planes[2, b, y, x],
-        planes[3, b, y, x],
-        planes[4, b, y, x],
-        planes[5, b, y, x],
-        planes[6, b, y, x],
-        planes[7, b, y, x],
-        planes[8, b, y, x],
-        planes[9, b, y, x],
-        planes[10, b, y, x],
-        planes[11, b, y, x],
-        aspect,
+        one[0], one[1], one[2], one[3], one[4], one[5], one[6], one[7], one[8], one[9], one[10], one[11], aspect
     )
 
 
-def _compiled(sources: int) -> tuple[Any, ...]:
-    """The drivers, compiled anew when ``sources`` change; see `gbufrt.kernel`."""
+@kernel.scalar
+def _dice(random, which, y, x):
+    """See `slices.slice_noise`."""
+    return random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
+
+
+@kernel.scalar
+def _scratch(radii, groups, steps):
+    """What one thread works in."""
+    covered, light = np.empty(max(radii.shape[0], 1), np.int32), np.empty(LIGHT, np.float32)
+    return Scratch(covered, light, np.empty((groups, 3), np.float32), np.empty(steps, np.float32))
+
+
+@kernel.scalar
+def _start(sums, hit):
+    """Zero, or what becomes an open sky where nothing was hit."""
+    sums[:] = 0
+    sums[:, 0] = not hit
+
+
+def _compiled(sources: int) -> tuple[Any, Any]:
+    """The drivers, compiled anew when ``sources`` change; see `gbufrt.kernel`. They differ in the body alone."""
 
     @kernel.driver
     def occlude_all(out, picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, threads):
         _, batch, height, width = planes.shape
         for thread in prange(threads):
-            sums, groups = np.empty(out.shape[:2], np.float32), np.empty((terms.shape[1] // 2, 3), np.float32)
-            covered, spread = np.empty(out.shape[0], np.int32), np.empty(steps, np.float32)
+            sums, scratch = np.empty(out.shape[:2], np.float32), _scratch(radii, terms.shape[1] // 2, steps)
             for row in range(thread, batch * height, threads):
                 b, y = row // height, row % height
-                seen, ray, beyond = picture[b], rays[b], sky[b]
+                around = Around(picture[b], rays[b], radii, sky[b], terms, margin, parallel)
                 for x in range(width):
-                    sums[:] = 0
-                    sums[:, 0] = not hit[b, y, x]
+                    _start(sums, hit[b, y, x])
                     if hit[b, y, x]:
-                        at = _receiver(planes, b, y, x, ray[4])
+                        at = _receiver(planes, rays[b, 4], b, y, x)
                         for which in range(random.shape[0]):
-                            dice = random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
-                            sweep_kernel.occlude(
-                                sums, covered, groups, spread, seen, ray, at, dice, radii, beyond, terms, margin, parallel
-                            )
+                            sweep_kernel.occlude(sums, scratch, around, at, _dice(random, which, y, x))
                     out[:, :, b, y, x] = sums
         return sources
 
@@ -65,22 +71,17 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     def gather_all(out, picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, threads):
         _, batch, height, width = planes.shape
         for thread in prange(threads):
-            sums, groups = np.empty(out.shape[0], np.float32), np.empty((terms.shape[1] // 2, 3), np.float32)
-            light, spread = np.empty(3, np.float32), np.empty(steps, np.float32)
+            sums, scratch = np.empty(out.shape[:2], np.float32), _scratch(radii, terms.shape[1] // 2, steps)
             for row in range(thread, batch * height, threads):
                 b, y = row // height, row % height
-                seen, ray, beyond = picture[b], rays[b], sky[b]
+                around = Around(picture[b], rays[b], radii, sky[b], terms, margin, parallel)
                 for x in range(width):
-                    sums[:] = 0
-                    sums[0] = not hit[b, y, x]
+                    _start(sums, hit[b, y, x])
                     if hit[b, y, x]:
-                        at = _receiver(planes, b, y, x, ray[4])
+                        at = _receiver(planes, rays[b, 4], b, y, x)
                         for which in range(random.shape[0]):
-                            dice = random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
-                            sweep_kernel.gather(
-                                sums, light, groups, spread, seen, ray, at, dice, radii, beyond, terms, margin, parallel
-                            )
-                    out[:, b, y, x] = sums
+                            sweep_kernel.gather(sums, scratch, around, at, _dice(random, which, y, x))
+                    out[:, :, b, y, x] = sums
         return sources
 
     return occlude_all, gather_all
@@ -89,8 +90,8 @@ def _compiled(sources: int) -> tuple[Any, ...]:
 _occlude_all, _gather_all = _compiled(sweep_kernel.SOURCES)
 
 
-@torch.library.custom_op("gbufrt::occlude", mutates_args=())
-def occlude_cpu(
+@torch.library.custom_op("gbufrt::sweep", mutates_args=())
+def sweep_cpu(
     picture: Tensor,
     rays: Tensor,
     planes: Tensor,
@@ -102,43 +103,22 @@ def occlude_cpu(
     margin: int,
     steps: int,
     parallel: bool,
+    gathers: bool,
 ) -> Tensor:
-    """``(radii or 1, 8, B, h, w)``: the sums of `horizon.finish`. Inputs as `laid_out` gives them."""
-    out = np.empty((max(len(radii), 1), SUMS, *planes.shape[1:]), dtype=np.float32)
+    """``(radii or 1, 8, B, h, w)``: the sums of `horizon.finish`; 11 with the light, where that is gathered.
+
+    Inputs as `laid_out` gives them.
+    """
+    run, channels = (_gather_all, SUMS + LIGHT) if gathers else (_occlude_all, SUMS)
+    out = np.empty((max(len(radii), 1), channels, *planes.shape[1:]), dtype=np.float32)
     inputs = [kernel.array(t) for t in (picture, rays, planes, hit, random, radii, sky, terms)]
-    _occlude_all(out, *inputs, margin, steps, parallel, kernel.threads())
+    run(out, *inputs, margin, steps, parallel, kernel.threads())
     return torch.from_numpy(out)
 
 
-@occlude_cpu.register_fake
-def _(picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel):
-    return planes.new_empty((max(len(radii), 1), SUMS, *planes.shape[1:]))
-
-
-@torch.library.custom_op("gbufrt::gather_light", mutates_args=())
-def gather_light_cpu(
-    picture: Tensor,
-    rays: Tensor,
-    planes: Tensor,
-    hit: Tensor,
-    random: Tensor,
-    radii: Tensor,
-    sky: Tensor,
-    terms: Tensor,
-    margin: int,
-    steps: int,
-    parallel: bool,
-) -> Tensor:
-    """``(11, B, h, w)``: the sums of `horizon.finish`, and the light. Inputs as `laid_out` gives them."""
-    out = np.empty((SUMS + 3, *planes.shape[1:]), dtype=np.float32)
-    inputs = [kernel.array(t) for t in (picture, rays, planes, hit, random, radii, sky, terms)]
-    _gather_all(out, *inputs, margin, steps, parallel, kernel.threads())
-    return torch.from_numpy(out)
-
-
-@gather_light_cpu.register_fake
-def _(picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel):
-    return planes.new_empty((SUMS + 3, *planes.shape[1:]))
+@sweep_cpu.register_fake
+def _(picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, gathers):
+    return planes.new_empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]))
 
 
 def laid_out(
@@ -150,7 +130,7 @@ def laid_out(
     sky: Sky | None,
     directions: int,
 ) -> tuple[Tensor, ...]:
-    """What the operators read, as arrays.
+    """What the operator reads, as arrays.
 
     Args:
         around: what taps read.

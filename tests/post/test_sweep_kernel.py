@@ -110,17 +110,16 @@ def test_light_that_wants_a_gradient_gets_it() -> None:
     assert float(light.grad.abs().max()) > 0
 
 
-def test_operators_are_registered_properly() -> None:
+def test_operator_is_registered_properly() -> None:
     from post import sweep_ops
 
     g = boxes.frame(boxes.camera((6, 8))).gbuffer
     at, sky = slices.receivers(g.camera, g.depth, g.normal), open_sky.sky_beyond(g.camera, g.hit, g.normal)
     around = slices.scene(g.camera, g.depth, g.normal, g.hit, torch.ones_like(g.depth), light=g.normal)
     given = sweep_ops.laid_out(around, at, g.hit, torch.rand(3, 6, 8), (torch.tensor(1.0),), sky, 2)
-    for operator in (sweep_ops.occlude_cpu, sweep_ops.gather_light_cpu):
-        torch.library.opcheck(
-            operator, (*given, around.margin, 4, False), test_utils=("test_schema", "test_faketensor")
-        )
+    for gathers in (True, False):
+        arguments = (*given, around.margin, 4, False, gathers)
+        torch.library.opcheck(sweep_ops.sweep_cpu, arguments, test_utils=("test_schema", "test_faketensor"))
     assert horizon.mean_directions(at.z, 6)[0].shape[0] == given[-1].shape[1] // 2
 
 
