@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -111,15 +111,15 @@ def bitmask_ao(
         )
     sky = None if radii else sky_beyond(camera, hit, normal)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
     if compiled is None:
         compiled = not soft and scalar_form_fits(around.picture, around.origin_x, at.x, at.nx, reach)
     if compiled:
-        from post.sweep_ops import laid_out, sweep_cpu
+        from post.sweep_ops import sweep
 
-        given = laid_out(around, at, hit, noise, radii, sky, directions)
-        every = sweep_cpu(*given, around.margin, steps, camera.orthographic, False)
+        every = sweep(around, at, hit, noise, radii, sky, **sizes)
     else:
-        every = _sweep(around, at, noise, radii, sky, directions, steps, camera.orthographic, soft)
+        every = _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
     found = [horizon.finish(at, camera, hit, sums, normal) for sums in every]
     return horizon.mean_of_scales(found, hit, normal)
 
@@ -130,6 +130,7 @@ def _sweep(
     noise: Tensor,
     radii: tuple[Tensor, ...],
     sky: Sky | None,
+    *,
     directions: int,
     steps: int,
     parallel: bool,

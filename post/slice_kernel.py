@@ -1,8 +1,8 @@
-"""Scalar forms of what the compiled sweeps share: one receiver, one slice, one tap. See `post.sweep_kernel`.
+"""Scalar forms of what the compiled sweeps share: one slice of a receiver, its sides and taps. See `post.sweep_kernel`.
 
-Every name and step is that of the torch reference in `post.slices`, `post.horizon`, `post.sectors` and `post.open_sky`,
-which is the definition; branches stand where the reference multiplies by 0 or 1. All numbers are float32, as there:
-whole numbers and Python's own would turn them into doubles, which round to other pixels and sectors.
+Every name and step is that of the torch reference in `post.slices` and `post.horizon`, which is the definition, with
+branches where the reference multiplies by 0 or 1. All numbers are float32, as there: Python's own would turn them into
+doubles, which round to other pixels and sectors.
 """
 
 from __future__ import annotations
@@ -15,19 +15,16 @@ from typing import Any
 import numpy as np
 
 from gbufrt import kernel
-from post import horizon, open_sky, sectors, slices
+from post import horizon, slices
 from post.horizon import Side
-from post.sectors import FIRST_BITS, PER_GROUP
 from post.slices import Slice
 
 BIAS, FIRST = np.float32(slices.BIAS), np.float32(slices.FIRST)
-SNAP, FREE = np.float32(horizon.SNAP), np.float32(open_sky.FREE)
-SECTORS, GROUPS = np.float32(sectors.SECTORS), np.float32(sectors.GROUPS)
+SNAP = np.float32(horizon.SNAP)
 ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
 QUARTER, HALF_TURN = np.float32(math.pi / 2), np.float32(math.pi)
 FOLD = np.float32(math.tan(math.pi / 8))
-FIELD = (1 << PER_GROUP) - 1
-SOURCES = kernel.checksum(slices, horizon, open_sky, sectors, kernel, sys.modules[__name__])
+SOURCES = kernel.checksum(slices, horizon, kernel, sys.modules[__name__])
 
 Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
 """What is the same for all receivers of a picture, see `sweep_ops.laid_out`."""
@@ -172,86 +169,15 @@ def arc_measure(rise, run, side):
 
 
 @kernel.scalar
-def bits_between(low, high, dither):
-    """The sectors between two shares of the arc, see `sectors.cover`."""
-    first = np.int32(low * SECTORS + dither)
-    last = max(np.int32(high * SECTORS + dither), first)
-    return np.int32((1 << last) - (1 << first))
+def fill_spread(spread, jitter, beyond):
+    """Shares of its reach at which a side's taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
+    for i in range(spread.shape[0]):
+        t = np.float64((np.float32(i) + jitter) / np.float32(spread.shape[0]))
+        spread[i] = t * t * math.sqrt(t) if beyond else t * math.sqrt(t)
 
 
 @kernel.scalar
-def group_counts(bits):
-    """How many sectors of each group are set, in a field of bits each; see `sectors.group_shares`."""
-    counts = bits & FIRST_BITS
-    for bit in range(1, PER_GROUP):
-        counts += (bits >> bit) & FIRST_BITS
-    return counts
-
-
-@kernel.scalar
-def share(bits):
-    """See `sectors.share`."""
-    counts, total = group_counts(bits), 0
-    for group in range(sectors.GROUPS):
-        total += (counts >> (PER_GROUP * group)) & FIELD
-    return np.float32(total) / SECTORS
-
-
-@kernel.scalar
-def mean_direction(terms, sin_n, which):
-    """See `horizon.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
-    value = terms[terms.shape[0] - 1, which]
-    for power in range(terms.shape[0] - 2, -1, -1):
-        value = value * sin_n + terms[power, which]
-    return value
-
-
-@kernel.scalar
-def _leaves_hit(around, at, side):
+def leaves_hit(around, at, side):
     """See `open_sky.leaves_hit`."""
     _, _, i, j = _pixel(around, at, side, side.frame)
     return ONE if around.picture[j, i, 1] > ZERO else ZERO
-
-
-@kernel.scalar
-def _open_share(sky, cut, group, rise, run, seam, hits):
-    """See `open_sky.open_share`: of one group."""
-    lift = cut.hx * sky[2] + cut.hy * sky[3] + cut.hz * sky[4]
-    slide = cut.tx * sky[2] + cut.ty * sky[3] + cut.tz * sky[4]
-    elevation = (rise * lift + run * slide) / math.sqrt(rise * rise + run * run + np.float32(1e-12))
-    right = min(max(np.float32(group) + HALF - seam * GROUPS + HALF, ZERO), ONE)
-    unknown = (right * hits[0] + (ONE - right) * hits[1]) * sky[1]
-    return ONE - unknown * (ONE - sky[0] * min(max(elevation / FREE, ZERO), ONE))
-
-
-@kernel.scalar
-def fill_groups(groups, around, at, cut, right, left):
-    """What a slice's masks share: of each group, its mean direction (2) and how far it is open where not covered."""
-    sky, terms = around.sky, around.terms
-    hits = (_leaves_hit(around, at, right), _leaves_hit(around, at, left))
-    for group in range(sectors.GROUPS):
-        rise = mean_direction(terms, cut.sin_n, group)
-        run = mean_direction(terms, cut.sin_n, sectors.GROUPS + group)
-        groups[group, 0], groups[group, 1] = rise, run
-        groups[group, 2] = _open_share(sky, cut, group, rise, run, left.whole, hits) if sky.shape[0] > 0 else ONE
-
-
-@kernel.scalar
-def add_slice(sums, groups, cut, bits):
-    """See `sectors.slice_sums`."""
-    counts = group_counts(bits)
-    opened, open_rise, open_run, whole_rise, whole_run = ZERO, ZERO, ZERO, ZERO, ZERO
-    for group in range(sectors.GROUPS):
-        rise, run = groups[group, 0], groups[group, 1]
-        covered = np.float32((counts >> (PER_GROUP * group)) & FIELD) / np.float32(PER_GROUP)
-        part = (ONE - covered) * groups[group, 2]
-        opened += part
-        open_rise, open_run = open_rise + part * rise, open_run + part * run
-        whole_rise, whole_run = whole_rise + rise, whole_run + run
-    weight = cut.weight / GROUPS
-    sums[0] += cut.weight
-    sums[1] += opened * weight
-    for first, rise, run in ((2, open_rise * weight, open_run * weight), (5, whole_rise * weight, whole_run * weight)):
-        sums[first] += rise * cut.hx + run * cut.tx
-        sums[first + 1] += rise * cut.hy + run * cut.ty
-        sums[first + 2] += rise * cut.hz + run * cut.tz

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -93,17 +94,17 @@ def ssgi(
     at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)[part]
     sky = sky_beyond(camera, hit, normal) if distance is None else None
-    reach = None if distance is None else depth.new_tensor(distance)
+    radii = () if distance is None else (depth.new_tensor(distance),)
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
     if compiled is None:
         compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
     if compiled:
-        from post.sweep_ops import laid_out, sweep_cpu
+        from post.sweep_ops import sweep
 
-        seen = hit[part] if resolution == 1 else torch.ones_like(hit[part])  # what is coarse reaches across the sky
-        given = laid_out(around, at, seen, noise, () if reach is None else (reach,), sky, directions)
-        sums = sweep_cpu(*given, around.margin, steps, camera.orthographic, True)[0]
+        asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
+        sums = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]
     else:
-        sums = _sweep(around, at, noise, sky, directions, steps, reach, camera.orthographic)
+        sums = _sweep(around, at, noise, radii, sky, **sizes)
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
@@ -122,10 +123,11 @@ def _sweep(
     around: Scene,
     at: Receivers,
     noise: Tensor,
+    radii: tuple[Tensor, ...],
     sky: Sky | None,
+    *,
     directions: int,
     steps: int,
-    distance: Tensor | None,
     parallel: bool,
 ) -> Tensor:
     """``(11, B, h, w)``: the sums of `horizon.finish`, and the light of all slices."""
@@ -135,7 +137,7 @@ def _sweep(
         sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, distance, sky, steps, parallel, soft)
+            sums = sums + _slice(around, band, *random, radii, sky, steps, parallel, soft)
         rows.append(sums)
     return torch.cat(rows, dim=2)
 
@@ -148,7 +150,7 @@ def _slice(
     sin_psi: Tensor,
     jitter: Tensor,
     dither: Tensor,
-    distance: Tensor | None,
+    radii: tuple[Tensor, ...],
     sky: Sky | None,
     steps: int,
     parallel: bool,
@@ -159,9 +161,8 @@ def _slice(
     covered, own = no_cover(at.z, soft), own_solid(around, at)
     gathered = at.z.new_zeros(3, *at.z.shape)
     right, left = horizon.sides(around, at, cut)
-    radii = () if distance is None else (distance,)
     for side in (right, left):
-        farthest = side.frame if distance is None else torch.minimum(side.frame, distance * side.length)
+        farthest = torch.minimum(side.frame, radii[0] * side.length) if radii else side.frame
         before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
         for i in range(steps):
             px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)

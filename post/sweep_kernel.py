@@ -13,20 +13,18 @@ from collections import namedtuple
 import numpy as np
 
 from gbufrt import kernel
-from post import bitmask, slice_kernel
+from post import bitmask, sector_kernel, slice_kernel
+from post.sector_kernel import add_slice, bits_between, fill_groups, share
 from post.slice_kernel import (
     FIRST,
     HALF,
     ONE,
     TINY,
     ZERO,
-    add_slice,
     arc_measure,
-    bits_between,
     cut_slice,
-    fill_groups,
+    fill_spread,
     look,
-    share,
     side_of,
 )
 
@@ -35,19 +33,11 @@ EDGE, LEDGE = np.float32(bitmask.EDGE), np.float32(_GATHER.LEDGE)
 ALIKE, FLATNESS = np.float32(_GATHER.ALIKE), np.float32(_GATHER.FLATNESS)
 UNKNOWN = np.float32(-1)
 LIGHT, NORMAL = 2, 5  # first channels of the scene's picture
-SOURCES = slice_kernel.SOURCES ^ kernel.checksum(bitmask, _GATHER, sys.modules[__name__])
+SOURCES = slice_kernel.SOURCES ^ sector_kernel.SOURCES ^ kernel.checksum(bitmask, _GATHER, sys.modules[__name__])
 
 Front = namedtuple("Front", "share rise run distance z back_z")
 Scratch = namedtuple("Scratch", "covered light groups spread")
 Plane = namedtuple("Plane", "x y z nx ny nz")
-
-
-@kernel.scalar
-def _fill_spread(spread, jitter, beyond):
-    """Shares of its reach at which a side's taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
-    for i in range(spread.shape[0]):
-        t = np.float64((np.float32(i) + jitter) / np.float32(spread.shape[0]))
-        spread[i] = t * t * math.sqrt(t) if beyond else t * math.sqrt(t)
 
 
 @kernel.scalar
@@ -144,7 +134,7 @@ def occlude(sums, scratch, around, at, dice):
     """See `bitmask._slice`: add a slice to the sums of each radius."""
     covered, cut = scratch.covered, cut_slice(at, dice[0], dice[1])
     right, left = side_of(around, at, cut, ONE), side_of(around, at, cut, -ONE)
-    _fill_spread(scratch.spread, dice[2], around.radii.shape[0] == 0)
+    fill_spread(scratch.spread, dice[2], around.radii.shape[0] == 0)
     covered[:] = 0
     for onward in (True, False):
         side = right if onward else left
@@ -247,7 +237,7 @@ def gather(sums, scratch, around, at, dice):
     """See `ssgi._slice`: add a slice to the sums."""
     covered, light, cut = np.int32(0), scratch.light, cut_slice(at, dice[0], dice[1])
     right, left = side_of(around, at, cut, ONE), side_of(around, at, cut, -ONE)
-    _fill_spread(scratch.spread, dice[2], True)
+    fill_spread(scratch.spread, dice[2], True)
     light[:] = ZERO
     for onward in (True, False):
         side = right if onward else left

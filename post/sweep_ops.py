@@ -42,7 +42,7 @@ def _scratch(radii, groups, steps):
 
 @kernel.scalar
 def _start(sums, hit):
-    """Zero, or what becomes an open sky where nothing was hit."""
+    """Zero; where nothing was hit, a weight by which what comes after can divide."""
     sums[:] = 0
     sums[:, 0] = not hit
 
@@ -107,7 +107,19 @@ def sweep_cpu(
 ) -> Tensor:
     """``(radii or 1, 8, B, h, w)``: the sums of `horizon.finish`; 11 with the light, where that is gathered.
 
-    Inputs as `laid_out` gives them.
+    Args:
+        picture: ``(B, H', W', C)``: that of `slices.Scene`, channels last.
+        rays: ``(B, 5)``: its origins and pitches, and the aspect of `slices.Receivers`.
+        planes: ``(12, B, h, w)``: the other planes of the receivers.
+        hit: ``(B, h, w)`` bool.
+        random: ``(directions, h, w, 4)``: see `slices.slice_noise`.
+        radii: ``(R,)``, from the smallest to the largest.
+        sky: ``(B, 5)``, see `open_sky.Sky`, or ``(B, 0)``.
+        terms: see `horizon.direction_polynomials`.
+        margin: of the scene, pixels.
+        steps: taps on each side of a slice.
+        parallel: whether the camera is orthographic.
+        gathers: whether light is gathered.
     """
     run, channels = (_gather_all, SUMS + LIGHT) if gathers else (_occlude_all, SUMS)
     out = np.empty((max(len(radii), 1), channels, *planes.shape[1:]), dtype=np.float32)
@@ -121,40 +133,47 @@ def _(picture, rays, planes, hit, random, radii, sky, terms, margin, steps, para
     return planes.new_empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]))
 
 
-def laid_out(
+def sweep(
     around: Scene,
     at: Receivers,
     hit: Tensor,
     noise: Tensor,
     radii: tuple[Tensor, ...],
     sky: Sky | None,
+    *,
     directions: int,
-) -> tuple[Tensor, ...]:
-    """What the operator reads, as arrays.
+    steps: int,
+    parallel: bool,
+    gathers: bool = False,
+) -> Tensor:
+    """What `post.bitmask` and, where light is gathered, `post.ssgi` sum over their slices; see `sweep_cpu`.
 
     Args:
         around: what taps read.
         at: the pixels that look around them.
-        hit: ``(B, 1, h, w)`` bool: where False, the sums are those of one slice that sees nothing at all.
+        hit: ``(B, 1, h, w)`` bool: where False, nothing is swept and the sums are those of a black hemisphere.
         noise: ``(3, h, w)`` in [0, 1).
         radii: from the smallest to the largest; none for no limit.
         sky: beyond the border, or None where what is not covered is open.
         directions: number of slices.
-
-    Returns:
-        picture ``(B, H', W', C)``, rays ``(B, 5)``, planes ``(12, B, h, w)``, hit ``(B, h, w)``, random
-        ``(directions, h, w, 4)``, radii ``(R,)``, sky ``(B, 5)`` or ``(B, 0)``, terms of the mean directions.
+        steps: taps on each side of a slice.
+        parallel: whether the camera is orthographic.
+        gathers: whether light is gathered.
     """
-    batch = at.z.shape[0]
+    batch, empty = at.z.shape[0], at.z.new_empty(at.z.shape[0], 0)
     rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, at.aspect)
     dice = [torch.stack(slices.slice_noise(noise, which, directions), dim=-1) for which in range(directions)]
-    return (
+    return sweep_cpu(
         around.picture.movedim(1, -1),
         torch.cat([t.expand(batch, 1, 1).flatten(1) for t in rays], dim=1),
         torch.stack(at[:-1]),
         hit[:, 0],
         torch.stack(dice),
         torch.stack(radii) if radii else at.z.new_empty(0),
-        at.z.new_empty(batch, 0) if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
+        empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
         torch.tensor(horizon.direction_polynomials(sectors.GROUPS), dtype=at.z.dtype),
+        around.margin,
+        steps,
+        parallel,
+        gathers,
     )
