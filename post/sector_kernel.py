@@ -79,6 +79,13 @@ def fill_groups(groups, around, at, cut, right, left):
 
 
 @kernel.scalar
+def _add_direction(sums, cut, rise, run):
+    sums[0] += rise * cut.hx + run * cut.tx
+    sums[1] += rise * cut.hy + run * cut.ty
+    sums[2] += rise * cut.hz + run * cut.tz
+
+
+@kernel.scalar
 def add_slice(sums, groups, cut, bits):
     """See `sectors.slice_sums`."""
     counts = group_counts(bits)
@@ -90,10 +97,8 @@ def add_slice(sums, groups, cut, bits):
         opened += part
         open_rise, open_run = open_rise + part * rise, open_run + part * run
         whole_rise, whole_run = whole_rise + rise, whole_run + run
-    weight = cut.weight / GROUPS
-    sums[0] += cut.weight
-    sums[1] += opened * weight
-    for first, rise, run in ((2, open_rise * weight, open_run * weight), (5, whole_rise * weight, whole_run * weight)):
-        sums[first] += rise * cut.hx + run * cut.tx
-        sums[first + 1] += rise * cut.hy + run * cut.ty
-        sums[first + 2] += rise * cut.hz + run * cut.tz
+    weight = cut.weight
+    sums[0] += weight
+    sums[1] += opened / GROUPS * weight
+    _add_direction(sums[2:5], cut, open_rise / GROUPS * weight, open_run / GROUPS * weight)
+    _add_direction(sums[5:8], cut, whole_rise / GROUPS * weight, whole_run / GROUPS * weight)
