@@ -1,4 +1,4 @@
-"""The switch that turns fixed-tap functions from eager torch into `torch.compile`d ones."""
+"""The switch that turns fixed-tap functions from eager torch into compiled ones."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar
 
 import torch
+from torch import Tensor
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -25,6 +26,13 @@ def fused_kernels() -> Iterator[None]:
         yield
     finally:
         _fusing.reset(token)
+
+
+def scalar_form_fits(*tensors: Tensor | None) -> bool:
+    """Whether a compiled CPU kernel may take these: float32 on the CPU, no gradient wanted, not in `fused_kernels`."""
+    given = [t for t in tensors if t is not None]
+    wanted = torch.is_grad_enabled() and any(t.requires_grad for t in given)
+    return not (wanted or _fusing.get()) and all(t.device.type == "cpu" and t.dtype == torch.float32 for t in given)
 
 
 def fusible(function: Callable[P, R]) -> Callable[P, R]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.fusion import fusible
+from gbufrt.fusion import fusible, scalar_form_fits
 from gbufrt.noise import blue_noise
 from gbufrt.sampling import gather
 from post import horizon, slices
@@ -58,6 +58,7 @@ def bitmask_ao(
     soft: bool | None = None,
     index: int = 0,
     seed: int = 0,
+    compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Ambient visibility within a radius, and the mean open direction.
 
@@ -82,6 +83,8 @@ def bitmask_ao(
             default where gradients are wanted. Otherwise edges are dithered.
         index: frame number, for the noise.
         seed: another seed, another noise.
+        compiled: use the compiled kernel; by default for float32 on the CPU, where edges are dithered, no gradient is
+            wanted and fusion is off.
 
     Returns:
         ao ``(B, 1, H, W)``, 1 open (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit
@@ -108,15 +111,40 @@ def bitmask_ao(
         )
     sky = None if radii else sky_beyond(camera, hit, normal)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
+    if compiled is None:
+        compiled = not soft and scalar_form_fits(around.picture, around.origin_x, at.x, at.nx, reach)
+    if compiled:
+        from post.sweep_ops import sweep
+
+        every = sweep(around, at, hit, noise, radii, sky, **sizes)
+    else:
+        every = _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
+    found = [horizon.finish(at, camera, hit, sums, normal) for sums in every]
+    return horizon.mean_of_scales(found, hit, normal)
+
+
+def _sweep(
+    around: Scene,
+    at: Receivers,
+    noise: Tensor,
+    radii: tuple[Tensor, ...],
+    sky: Sky | None,
+    *,
+    directions: int,
+    steps: int,
+    parallel: bool,
+    soft: bool,
+) -> Tensor:
+    """``(radii or 1, 8, B, h, w)``: the sums of `horizon.finish`, for each radius."""
     rows = []
     for cut, band in slices.bands(at):
-        sums = torch.zeros(max(len(radii), 1), 8, *band.z.shape, dtype=depth.dtype, device=depth.device)
+        sums = torch.zeros(max(len(radii), 1), 8, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, radii, sky, steps, camera.orthographic, soft)
+            sums = sums + _slice(around, band, *random, radii, sky, steps, parallel, soft)
         rows.append(sums)
-    found = [horizon.finish(at, camera, hit, sums, normal) for sums in torch.cat(rows, dim=3)]
-    return horizon.mean_of_scales(found, hit, normal)
+    return torch.cat(rows, dim=3)
 
 
 @fusible

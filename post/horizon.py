@@ -176,7 +176,7 @@ def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
 
     Both ``(groups, B, h, w)``.
     """
-    terms = torch.tensor(_direction_polynomials(groups), dtype=sin_n.dtype, device=sin_n.device)[..., None, None, None]
+    terms = torch.tensor(direction_polynomials(groups), dtype=sin_n.dtype, device=sin_n.device)[..., None, None, None]
     value = terms[-1].expand(-1, *sin_n.shape)
     for term in reversed(terms[:-1].unbind(0)):
         value = value * sin_n + term
@@ -184,7 +184,7 @@ def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
 
 
 @cache
-def _direction_polynomials(groups: int) -> list[list[float]]:
+def direction_polynomials(groups: int) -> list[list[float]]:
     """Polynomials in sin(n), lowest power first, fitted to the parts' mean cos(alpha) and sin(alpha)."""
     grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
     alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2

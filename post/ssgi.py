@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
-from gbufrt.fusion import fusible
+from gbufrt.fusion import fusible, scalar_form_fits
 from gbufrt.noise import blue_noise
 from post import horizon, slices
 from post.bitmask import blocked, overlap, own_solid, start
@@ -43,6 +44,7 @@ def ssgi(
     resolution: int = 1,
     index: int = 0,
     seed: int = 0,
+    compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """One bounce of light between the surfaces in the picture, and the sky that each surface sees past them.
 
@@ -67,6 +69,7 @@ def ssgi(
         resolution: 1, or 2 to sweep at every second pixel both ways and bring the result to all along surfaces.
         index: frame number, for the noise.
         seed: another seed, another noise.
+        compiled: use the compiled kernel; by default as `post.bitmask_ao` does.
 
     Returns:
         gi ``(B, 3, H, W)``, outgoing linear radiance with albedo included; sky_visibility ``(B, 1, H, W)``, 1 open
@@ -91,7 +94,17 @@ def ssgi(
     at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)[part]
     sky = sky_beyond(camera, hit, normal) if distance is None else None
-    sums = _sweep(around, at, noise, sky, directions, steps, distance, camera.orthographic)
+    radii = () if distance is None else (depth.new_tensor(distance),)
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
+    if compiled is None:
+        compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
+    if compiled:
+        from post.sweep_ops import sweep
+
+        asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
+        sums = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]
+    else:
+        sums = _sweep(around, at, noise, radii, sky, **sizes)
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
@@ -110,21 +123,21 @@ def _sweep(
     around: Scene,
     at: Receivers,
     noise: Tensor,
+    radii: tuple[Tensor, ...],
     sky: Sky | None,
+    *,
     directions: int,
     steps: int,
-    distance: float | None,
     parallel: bool,
 ) -> Tensor:
     """``(11, B, h, w)``: the sums of `horizon.finish`, and the light of all slices."""
-    reach = None if distance is None else at.z.new_tensor(distance)
     soft = torch.is_grad_enabled() and (around.picture[:, :2].requires_grad or at.nx.requires_grad)
     rows = []
     for cut, band in slices.bands(at):
         sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
         for which in range(directions):
             random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, reach, sky, steps, parallel, soft)
+            sums = sums + _slice(around, band, *random, radii, sky, steps, parallel, soft)
         rows.append(sums)
     return torch.cat(rows, dim=2)
 
@@ -137,7 +150,7 @@ def _slice(
     sin_psi: Tensor,
     jitter: Tensor,
     dither: Tensor,
-    distance: Tensor | None,
+    radii: tuple[Tensor, ...],
     sky: Sky | None,
     steps: int,
     parallel: bool,
@@ -148,9 +161,8 @@ def _slice(
     covered, own = no_cover(at.z, soft), own_solid(around, at)
     gathered = at.z.new_zeros(3, *at.z.shape)
     right, left = horizon.sides(around, at, cut)
-    radii = () if distance is None else (distance,)
     for side in (right, left):
-        farthest = side.frame if distance is None else torch.minimum(side.frame, distance * side.length)
+        farthest = torch.minimum(side.frame, radii[0] * side.length) if radii else side.frame
         before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
         for i in range(steps):
             px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)
