@@ -91,7 +91,7 @@ def bitmask_ao(
         length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps, scales or radius are not positive.
+        ValueError: directions, steps, scales or radius are not positive, or soft edges are to be compiled.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
@@ -114,6 +114,8 @@ def bitmask_ao(
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
     if compiled is None:
         compiled = not soft and scalar_form_fits(around.picture, around.origin_x, at.x, at.nx, reach)
+    if compiled and soft:
+        raise ValueError("soft edges have no compiled form; leave compiled at None or False")
     if compiled:
         from post.sweep_ops import sweep
 

@@ -72,7 +72,7 @@ def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths
         f.displayed((pair[0], pair[1]), exposure)
         for pair in ([one.last.read("color") for one in found], sources, truths)
     )
-    changed = f.truly_changed(sharp, wanted)
+    changed = f.truly_changed(sharp, wanted) & hit
     result.figures[f"{name}.gain"] = f.gain(blurred, sharp, wanted, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
     result.figures[f"{name}.kept"] = float(f.rms_error(blurred, wanted, ~changed).mean())
