@@ -101,6 +101,18 @@ def test_stages_change_the_picture():
         assert (part - whole).abs().mean() > 1e-3, path
 
 
+def test_five_hundred_frames_do_not_drift():
+    """Light that feeds on the frame before stays where it settles: the mean of many frames, early as late."""
+    frame, means = boxes.frame(boxes.camera((18, 24))), []
+    light = Pipeline(gi=me1("medium").without("gi.denoise").stages["gi"])  # the branch whose bounces come back to it
+    with torch.no_grad():
+        for out in light.stream(frame.replace(index=step) for step in range(500)):
+            means.append(out.read("gi")[frame.gbuffer.hit.expand(-1, 3, -1, -1)].mean())
+    early, late = torch.stack(means[40:90]), torch.stack(means[450:])
+    assert float(late.mean()) == pytest.approx(float(early.mean()), rel=2e-3)
+    assert float(late.std()) < 5e-3 * float(late.mean())
+
+
 def test_a_long_path_leaves_no_trails():
     """32 frames of a sideways move: what the frame shows at the end is what a fresh start shows, noise aside."""
     size, pipeline, state = (54, 72), me1("low").without("motion_blur", "depth_of_field", "exposure"), None

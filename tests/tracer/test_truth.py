@@ -226,6 +226,24 @@ def test_pictures_of_sky_alone_and_of_one_pixel(call):
             assert (value[~g.hit.expand_as(value)] == clear).all()
 
 
+def test_it_stops_at_a_noise_level_and_tells_how_far_it_is():
+    scene, told = corner(), []
+    g = gbuffer(scene, above(WALL - 2.0, 48.0))
+
+    def progress(done: int, of: int) -> None:
+        told.append((done, of))
+
+    whole = ambient_occlusion(scene, g, samples=256, progress=progress)
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert told[-1] == (256, 256) == (whole.samples, told[0][1])
+    level = 2 * float(whole.error["ao"][g.hit].mean())
+    early = ambient_occlusion(scene, g, samples=256, noise=level)
+    assert 16 <= early.samples < whole.samples
+    assert float(early.error["ao"][g.hit].mean()) <= level
+    assert rmse(early["ao"], whole["ao"]) < 3 * level
+    assert ambient_occlusion(scene, g, samples=256, noise=level / 100).samples == 256
+
+
 def test_wrong_arguments_are_named():
     scene = corner()
     g = gbuffer(scene, above(WALL - 2.0, 48.0))
