@@ -103,11 +103,12 @@ def test_stages_change_the_picture():
 
 def test_five_hundred_frames_do_not_drift():
     """Light that feeds on the frame before stays where it settles: the mean of many frames, early as late."""
-    frame, means = boxes.frame(boxes.camera((18, 24))), []
+    frame = boxes.frame(boxes.camera((18, 24)))
+    hit = frame.gbuffer.hit.expand(-1, 3, -1, -1)
     light = Pipeline(gi=me1("medium").without("gi.denoise").stages["gi"])  # the branch whose bounces come back to it
     with torch.no_grad():
-        for out in light.stream(frame.replace(index=step) for step in range(500)):
-            means.append(out.read("gi")[frame.gbuffer.hit.expand(-1, 3, -1, -1)].mean())
+        frames = light.stream(frame.replace(index=step) for step in range(500))
+        means = [out.read("gi")[hit].mean() for out in frames]
     early, late = torch.stack(means[40:90]), torch.stack(means[450:])
     assert float(late.mean()) == pytest.approx(float(early.mean()), rel=2e-3)
     assert float(late.std()) < 5e-3 * float(late.mean())
