@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Camera, Frame, Pipeline
-from post import me1
+from post import SSGI, Temporal, me1
 from post.presets import QUALITIES
 
 
@@ -105,7 +105,7 @@ def test_five_hundred_frames_do_not_drift():
     """Light that feeds on the frame before stays where it settles: the mean of many frames, early as late."""
     frame = boxes.frame(boxes.camera((18, 24)))
     hit = frame.gbuffer.hit.expand(-1, 3, -1, -1)
-    light = Pipeline(gi=me1("medium").without("gi.denoise").stages["gi"])  # the branch whose bounces come back to it
+    light = Pipeline(estimate=SSGI(directions=2), accumulate=Temporal(signal=("gi", "sky_visibility"), blend=0.97))
     with torch.no_grad():
         frames = light.stream(frame.replace(index=step) for step in range(500))
         means = [out.read("gi")[hit].mean() for out in frames]
