@@ -50,7 +50,8 @@ def show(results: Results) -> None:
     for name in ("found", "must reach"):
         table.add_column(name, justify="right")
     for row in results.rows:
-        trivial = ", ".join(f"{label} {number(value)}" for label, value in row.trivial.items())
+        known = {label: value for label, value in row.trivial.items() if value is not None}
+        trivial = ", ".join(f"{label} {number(value)}" for label, value in known.items())
         found = "–" if row.value is None else number(row.value)
         mark = "" if row.met is None else " ✓" if row.met else " ✗"
         bound = f"{'≤' if row.better == 'lower' else '≥'} {row.bound:g}"
