@@ -27,7 +27,7 @@ FOLD = np.float32(math.tan(math.pi / 8))
 SOURCES = kernel.checksum(slices, horizon, kernel, sys.modules[__name__])
 
 Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
-"""What is the same for all receivers of a picture, see `sweep_ops.laid_out`."""
+"""What is the same for all receivers of a picture, see `sweep_ops.sweep_cpu`."""
 Tap = namedtuple("Tap", "front_rise front_run back_rise back_run z back_z x y i j")
 """See `horizon.Tap`; column and row in the picture in place of what else is seen there."""
 

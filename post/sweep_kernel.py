@@ -1,7 +1,7 @@
 """The compiled form of the sweeps of `post.bitmask` and `post.ssgi`: one slice of one receiver as a scalar body.
 
 Every name and step is that of the torch references there, which are the definition, in the form without gradients. What
-can change nothing is left out: the angles of taps that block nothing. `post.sweep_ops` holds the drivers.
+can change nothing is left out: the angles of taps that block nothing. `post.sweep_ops` holds the driver.
 """
 
 from __future__ import annotations

@@ -47,11 +47,13 @@ def _start(sums, hit):
     sums[:, 0] = not hit
 
 
-def _compiled(sources: int) -> tuple[Any, Any]:
-    """The drivers, compiled anew when ``sources`` change; see `gbufrt.kernel`. They differ in the body alone."""
+def _compiled(sources: int) -> Any:
+    """The driver, compiled anew when ``sources`` change; see `gbufrt.kernel`."""
 
     @kernel.driver
-    def occlude_all(out, picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, threads):
+    def sweep_all(
+        out, picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, gathers, threads
+    ):
         _, batch, height, width = planes.shape
         for thread in prange(threads):
             sums, scratch = np.empty(out.shape[:2], np.float32), _scratch(radii, terms.shape[1] // 2, steps)
@@ -63,31 +65,18 @@ def _compiled(sources: int) -> tuple[Any, Any]:
                     if hit[b, y, x]:
                         at = _receiver(planes, rays[b, 4], b, y, x)
                         for which in range(random.shape[0]):
-                            sweep_kernel.occlude(sums, scratch, around, at, _dice(random, which, y, x))
+                            dice = _dice(random, which, y, x)
+                            if gathers:
+                                sweep_kernel.gather(sums, scratch, around, at, dice)
+                            else:
+                                sweep_kernel.occlude(sums, scratch, around, at, dice)
                     out[:, :, b, y, x] = sums
         return sources
 
-    @kernel.driver
-    def gather_all(out, picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, threads):
-        _, batch, height, width = planes.shape
-        for thread in prange(threads):
-            sums, scratch = np.empty(out.shape[:2], np.float32), _scratch(radii, terms.shape[1] // 2, steps)
-            for row in range(thread, batch * height, threads):
-                b, y = row // height, row % height
-                around = Around(picture[b], rays[b], radii, sky[b], terms, margin, parallel)
-                for x in range(width):
-                    _start(sums, hit[b, y, x])
-                    if hit[b, y, x]:
-                        at = _receiver(planes, rays[b, 4], b, y, x)
-                        for which in range(random.shape[0]):
-                            sweep_kernel.gather(sums, scratch, around, at, _dice(random, which, y, x))
-                    out[:, :, b, y, x] = sums
-        return sources
-
-    return occlude_all, gather_all
+    return sweep_all
 
 
-_occlude_all, _gather_all = _compiled(sweep_kernel.SOURCES)
+_sweep_all = _compiled(sweep_kernel.SOURCES)
 
 
 @torch.library.custom_op("gbufrt::sweep", mutates_args=())
@@ -121,10 +110,9 @@ def sweep_cpu(
         parallel: whether the camera is orthographic.
         gathers: whether light is gathered.
     """
-    run, channels = (_gather_all, SUMS + LIGHT) if gathers else (_occlude_all, SUMS)
-    out = np.empty((max(len(radii), 1), channels, *planes.shape[1:]), dtype=np.float32)
+    out = np.empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]), dtype=np.float32)
     inputs = [kernel.array(t) for t in (picture, rays, planes, hit, random, radii, sky, terms)]
-    run(out, *inputs, margin, steps, parallel, kernel.threads())
+    _sweep_all(out, *inputs, margin, steps, parallel, gathers, kernel.threads())
     return torch.from_numpy(out)
 
 
