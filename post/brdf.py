@@ -7,7 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-DIELECTRIC_F0 = 0.04  # reflectance at normal incidence for a refractive index of 1.5
+from gbufrt import GBuffer
+from gbufrt.specular import DIELECTRIC_F0, mirrored_share
 
 
 def specular_f0(albedo: Tensor, metallic: Tensor) -> Tensor:
@@ -43,6 +44,22 @@ def grazing(cosine: Tensor) -> Tensor:
     left = 1 - cosine.clamp(0, 1)
     squared = left * left
     return squared * squared * left
+
+
+def mirrored_by(gbuffer: GBuffer) -> Tensor:
+    """The share of light that surfaces mirror toward the eye if they are dielectrics, 0 where nothing was hit.
+
+    Args:
+        gbuffer: surfaces; those without roughness are taken to be perfectly rough.
+
+    Returns:
+        ``(B, 1, H, W)`` in [0, 1].
+    """
+    g = gbuffer
+    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
+    cosine = (eye * g.normal).sum(1, keepdim=True).clamp(0.0, 1.0)
+    roughness = torch.ones_like(cosine) if g.roughness is None else g.roughness
+    return torch.where(g.hit, mirrored_share(cosine, roughness), 0.0)
 
 
 def ggx_distribution(cos_half: Tensor, alpha: Tensor) -> Tensor:

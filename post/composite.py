@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from post.brdf import mirrored_by
 
 Mode = Literal["physical", "me1"]
 
@@ -20,6 +21,8 @@ def composite(
     visibility: Tensor | None = None,
     gi: Tensor | None = None,
     reflection: Tensor | None = None,
+    behind: Tensor | None = None,
+    mirrored: Tensor | None = None,
     mode: Mode = "physical",
     ao_intensity: float = 1.0,
     gi_intensity: float = 1.0,
@@ -27,11 +30,12 @@ def composite(
 ) -> Tensor:
     """Add up a surface's light. Absent parts count as zero, an absent visibility as 1.
 
-    ``physical``: radiance + ambient x visibility + gi + reflection. Exact when visibility and gi come from one sweep of
-    unlimited radius: what is not blocked sees the sky, what is blocked sends light.
+    ``physical``: (1 - mirrored) x (radiance - emission + ambient x visibility + gi + behind) + emission + reflection.
+    Exact when visibility and gi come from one sweep of unlimited radius: what is not blocked sees the sky, what is
+    blocked sends light. What the surface mirrors never gets under it: so no more leaves than arrives.
 
-    ``me1``: visibility x (radiance + ambient - emission) + emission + gi + reflection, the seed's formula with a
-    radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps stay lamps.
+    ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the seed's formula with
+    a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps stay lamps.
 
     Args:
         radiance: ``(B, 3, H, W)`` direct light and emission, outgoing linear radiance.
@@ -40,6 +44,9 @@ def composite(
         visibility: ``(B, 1, H, W)`` sky visibility (physical) or ambient occlusion (me1), 1 open.
         gi: ``(B, 3, H, W)`` indirect diffuse, outgoing linear radiance.
         reflection: ``(B, 3, H, W)`` specular light with Fresnel, linear radiance.
+        behind: ``(B, 3, H, W)`` light that comes through the surface, linear radiance.
+        mirrored: ``(B, 1, H, W)`` share of light that a dielectric mirrors, see `post.brdf.mirrored_by`; counts only
+            where there is a reflection to take its place.
         mode: which formula.
         ao_intensity: exponent on the visibility; 0 switches it off, above 1 exaggerates.
         gi_intensity: factor on ``gi``.
@@ -61,22 +68,29 @@ def composite(
         lit = lit + radiance - own
     if visibility is not None:
         lit = lit * visibility.clamp(0, 1) ** ao_intensity
-    result = lit + (radiance if mode == "physical" else own)
+    if mode == "physical":
+        lit = lit + radiance - own
     if gi is not None:
-        result = result + gi_intensity * gi
-    if reflection is not None:
-        result = result + reflection_intensity * reflection
-    return result
+        lit = lit + gi_intensity * gi
+    if behind is not None:
+        lit = lit + behind
+    if reflection is None:
+        return lit + own
+    if mirrored is not None and mode == "physical":
+        lit = lit * (1 - min(reflection_intensity, 1.0) * mirrored)
+    return lit + own + reflection_intensity * reflection
 
 
 class Composite(Pass):
-    """See `composite`. Also adds transmittance x the composite of ``frame.behind``.
+    """See `composite`. What is behind is transmittance x the composite of ``frame.behind``.
 
     ``physical`` reads ``sky_visibility`` and falls back to ``ao``; ``me1`` reads ``ao``.
     """
 
     reads = frozenset({"radiance"})
-    optional = frozenset({"ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance"})
+    optional = frozenset(
+        {"ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance", "roughness"}
+    )
     writes = frozenset({"composite", "color"})
 
     def __init__(
@@ -94,12 +108,13 @@ class Composite(Pass):
         self.reflection_intensity = reflection_intensity
 
     def forward(self, frame: Frame) -> Frame:
-        result = self._surface(frame)
+        behind = None
         if frame.behind is not None and frame.gbuffer.transmittance is not None:
-            result = result + frame.gbuffer.transmittance * self._surface(frame.behind)
+            behind = frame.gbuffer.transmittance * self._surface(frame.behind)
+        result = self._surface(frame, behind)
         return frame.replace(composite=result, color=result)
 
-    def _surface(self, frame: Frame) -> Tensor:
+    def _surface(self, frame: Frame, behind: Tensor | None = None) -> Tensor:
         fitting = (frame.sky_visibility, frame.ao) if self.mode == "physical" else (frame.ao,)
         return composite(
             frame.read("radiance"),
@@ -108,5 +123,7 @@ class Composite(Pass):
             visibility=next((v for v in fitting if v is not None), None),
             gi=frame.gi,
             reflection=frame.reflection,
+            behind=behind,
+            mirrored=None if frame.reflection is None else mirrored_by(frame.gbuffer),
             **self.tunables(),
         )

@@ -8,14 +8,13 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from post.antilag import into_shadow
 from post.atrous import atrous
-from post.brdf import fresnel_schlick
+from post.brdf import mirrored_by
 from post.edges import surface
 from post.reproject import history_for
 from post.signals import MIN_ALBEDO
 from post.temporal import temporal
 
 CLEAR = 0.05  # transmittance from which what lies behind a surface is what is seen there
-CLEAR_F0 = 0.04  # of water and glass, head on
 MIRRORS = 0.1  # share of mirrored light from which its image is looked for in the history
 FAR = 1000.0  # world units: where the mirrored thing is not known, farther than most
 SEEN = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
@@ -103,32 +102,25 @@ def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, T
     albedo = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
     if behind is not None and g.transmittance is not None:
-        mirrored = _mirrored(g)
+        mirrored = mirrored_by(g)
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
         far_emission = none if behind.emission is None else behind.emission
         through = g.transmittance * far_albedo
         clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
-        albedo = torch.where(clear, mirrored + own * albedo + through, albedo)
-        emission = torch.where(clear, emission + g.transmittance * far_emission, emission)
+        albedo = torch.where(clear, mirrored + (1 - mirrored) * (own * albedo + through), albedo)
+        emission = torch.where(clear, emission + (1 - mirrored) * g.transmittance * far_emission, emission)
         pairs = {name: (getattr(behind, name), getattr(g, name)) for name in SEEN}
         both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
         g = g.replace(**{name: torch.where(clear, far, near) for name, (far, near) in both.items()})
     return g, torch.where(g.hit, albedo.clamp_min(MIN_ALBEDO), 1.0), emission
 
 
-def _mirrored(g: GBuffer) -> Tensor:
-    """``(B, 1, H, W)`` share of the light that a clear surface mirrors."""
-    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
-    cosine = (eye * g.normal).sum(1, keepdim=True).clamp(0.0, 1.0)
-    return fresnel_schlick(cosine, torch.full_like(cosine, CLEAR_F0))
-
-
 def _image_distance(g: GBuffer) -> Tensor | None:
     """How far away what clear surfaces mirror is taken to be, zero where they mirror little: its history moves so."""
     if g.transmittance is None:
         return None
-    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (_mirrored(g) > MIRRORS)
+    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (mirrored_by(g) > MIRRORS)
     return torch.where(g.hit & mirrors, FAR, 0.0).to(g.depth)
 
 

@@ -11,7 +11,8 @@ from gbufrt import Camera, Frame, Pass
 from gbufrt.environment import lookup_environment
 from gbufrt.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.sampling import gather, pixel_centers, sample
-from post.brdf import DIELECTRIC_F0, specular_f0
+from gbufrt.specular import DIELECTRIC_F0
+from post.brdf import specular_f0
 from post.march import Hits, depth_hierarchy, march_rays
 from post.reflection_rays import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
 from post.signals import luminance

@@ -11,7 +11,7 @@ import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt import noise
+from gbufrt import noise, specular
 from gbufrt.kernel import array, checksum, driver, threads
 from tracer import direct, direct_kernel, grids, scatter_kernel, scene, shadows, walk_kernel
 from tracer.direct_kernel import Shining
@@ -66,7 +66,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     return sun_all, lamp_all, choose_all
 
 
-SOURCES = checksum(direct_kernel, walk_kernel, scatter_kernel, direct, shadows, grids, scene, noise)
+SOURCES = checksum(direct_kernel, walk_kernel, scatter_kernel, specular, direct, shadows, grids, scene, noise)
 sun_all, lamp_all, choose_all = _compiled(SOURCES)
 
 

@@ -13,6 +13,7 @@ from tracer.light_samples import NEAR
 from tracer.scatter_kernel import along, combined, cross, disc, dot, frame, scaled
 from tracer.shadows import SHORT
 from tracer.sky import GRADIENT, HAZE
+from tracer.sky_table import CELLS
 from tracer.spherical_rectangle import FLATTEST
 from tracer.walk_kernel import triple
 
@@ -34,6 +35,8 @@ class Lit(NamedTuple):
         slots: ``(C, SLOTS)`` int32; see `tracer.lamp_table.LampTable`.
         counts: ``(C, SLOTS)`` int16.
         cells: ``(7,)`` float64: low corner, side and shape of the grid of cells.
+        sky_upto: ``(D,)`` float32; see `tracer.sky_table.SkyTable`. No rows where it is not sampled.
+        sky_density: ``(D,)`` float32.
     """
 
     sky: np.ndarray
@@ -42,6 +45,8 @@ class Lit(NamedTuple):
     slots: np.ndarray
     counts: np.ndarray
     cells: np.ndarray
+    sky_upto: np.ndarray
+    sky_density: np.ndarray
 
 
 @scalar
@@ -73,6 +78,30 @@ def sky(lit, direction):
         share, g = lit.sky[k, 0], lit.sky[k, 1]
         lobes += share * (1 - g * g) / (1 + g * g - 2 * g * cosine) ** 1.5
     return along(light, triple(lit.sky, IRRADIANCE, 0), lobes * (1 - below))
+
+
+@scalar
+def sky_sample(lit, a, b):
+    """A direction to the sky, and its density."""
+    place = a * lit.sky_upto[-1]
+    cell = min(_lower(lit.sky_upto, place), len(lit.sky_upto) - 1)
+    before = np.float64(lit.sky_upto[cell - 1]) if cell > 0 else 0.0
+    within = min(max((place - before) / max(lit.sky_upto[cell] - before, 1e-12), 0.0), 1.0)
+    row, column = cell // CELLS[1], cell % CELLS[1]
+    top, bottom = math.cos(row * (math.pi / CELLS[0])), math.cos((row + 1) * (math.pi / CELLS[0]))
+    y = top + (bottom - top) * within
+    across = math.sqrt(max(1 - y * y, 0.0))
+    azimuth = (column + b) * (2 * math.pi / CELLS[1]) - math.pi
+    return (across * math.sin(azimuth), y, -across * math.cos(azimuth)), np.float64(lit.sky_density[cell])
+
+
+@scalar
+def sky_density(lit, direction):
+    """Density with which `sky_sample` finds a direction."""
+    row = int(math.acos(min(max(direction[1], -1.0), 1.0)) * (CELLS[0] / math.pi))
+    column = int((math.atan2(direction[0], -direction[2]) / (2 * math.pi) + 0.5) * CELLS[1])
+    cell = min(row, CELLS[0] - 1) * CELLS[1] + min(max(column, 0), CELLS[1] - 1)
+    return np.float64(lit.sky_density[cell])
 
 
 @scalar

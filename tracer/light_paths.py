@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -12,16 +12,19 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.environment import lookup_environment
+from gbufrt.tree import map_tensors
 from tracer.light_samples import DIMS, Lights, LightSample
 from tracer.paths import FINE, Vertices, direct, meet
 from tracer.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
 from tracer.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
+from tracer.seen import Picture
 from tracer.sky import sky_radiance, sun_radiance
+from tracer.sky_table import SkyTable
 from tracer.traversal import transmission
 
 SHARP_LAMP = 0.3  # roughness below which lamps are found by mirrored rays, above it by rays to the lamps
 EVEN = DIMS + 3  # numbers that a bounce takes where all is scattered evenly
-MORE = DIMS + 5  # numbers that a bounce takes
+MORE = DIMS + 7  # numbers that a bounce takes
 RARELY = 0.1  # least share of rays that a surface mirrors, and that it scatters evenly, if it does both
 LEAST_ALPHA = 1e-4  # GGX width below which rays to lights take the surface for slightly rough
 SURVIVAL = 0.1  # least chance of a path to go on
@@ -76,11 +79,15 @@ def radiance(
     detail: Tensor | float = FINE,
     spreads: bool = False,
     next_event: bool = True,
-) -> Tensor:
+    picture: Picture | None = None,
+) -> tuple[Tensor, Tensor]:
     """All light that comes along rays from the eye.
 
-    At each surface one ray goes to the sun and one to a lamp, and the path goes on evenly or mirrored. Sky is found by
-    the path itself, and so are sun and lamps where a surface mirrors too sharply for rays to them to count.
+    At each surface one ray goes to the sun, one to a lamp and one to the sky, and the path goes on evenly or mirrored.
+    Where it goes on evenly and finds the sky, it and the ray to the sky share what they found by how likely each was to
+    find it. What is mirrored finds the sky itself; and sun and lamps, where it is too sharp for rays to them to count.
+
+    A dielectric scatters, and lets through, what it does not mirror toward the eye: it sends no more than it receives.
 
     Args:
         scene: what is there.
@@ -95,41 +102,106 @@ def radiance(
         detail: of the colours of what they meet.
         spreads: whether that falls with the distance.
         next_event: False leaves all light to the path, which is the same in the mean and noisier.
+        picture: what a camera sees.
 
     Returns:
-        ``(N, 3)`` linear radiance.
+        ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface but those that the
+        ``picture`` shows, 0 without one.
 
-    Source: Kajiya 1986; Arvo and Kirk 1990 for ending paths at random.
+    Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for ending paths at random.
     """
-    total, rows = torch.zeros_like(directions), torch.arange(len(directions), device=directions.device)
-    through, sees_sun = torch.ones_like(directions), torch.ones_like(rows, dtype=torch.bool)
-    sees_lamps = sees_sun
+    paths = _Paths.begin(directions, known=picture is not None)
+    total, seen = torch.zeros_like(directions), torch.zeros_like(directions)
+
+    def add(paths: _Paths, light: Tensor) -> None:
+        total[paths.rows] += paths.through * light
+        seen[paths.rows] += paths.through * light * paths.known[:, None]
+
     first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
     met, u = meet(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first), u[1:]
     for bounce in range(bounces + 2):
-        through = through * met.weight
-        away = ~met.hit
-        total[rows[away]] += through[away] * _beyond(scene, directions[away], sees_sun[away])
-        at, rows, through, u = met.surface, rows[met.rows], through[met.rows], u[:, met.rows]
-        total[rows] += through * at.emission * sees_lamps[met.rows, None]
-        if bounce > bounces or not len(rows):
+        paths = replace(paths, through=paths.through * met.weight)
+        away = paths[~met.hit]
+        add(away, _beyond(scene, directions[~met.hit], away.sees_sun, _share(lights.sky, directions[~met.hit], away)))
+        at, paths, u = met.surface, paths[met.rows], u[:, met.rows]
+        if bounce and picture is not None:
+            paths = replace(paths, known=paths.known & picture.sees(at.points, at.normals))
+        add(paths, at.emission * paths.sees_lamps[:, None])
+        if bounce > bounces or not len(paths.rows):
             break
         numbers, u = u[:MORE], u[MORE:]
         sharp_sun, sharp_lamp = _sharp(scene, at)
         if next_event:
             respond = partial(_response, at, sharp_sun, sharp_lamp)
             for _, light in direct(scene, lights, at, numbers[:DIMS], respond, poses=poses):
-                total[rows] += through * light
-        directions, factor, mirrors = _scattered(at, numbers[DIMS : DIMS + 3])
-        sees_sun, sees_lamps = ((mirrors & sharp) | (not next_event) for sharp in (sharp_sun, sharp_lamp))
-        through = through * factor
+                add(paths, light)
+            if lights.sky is not None:
+                add(paths, _from_sky(scene, lights.sky, at, numbers[DIMS + 5 :], poses))
+        directions, factor, density = _scattered(at, numbers[DIMS : DIMS + 3])
+        through, mirrors = paths.through * factor, density == 0
         chance = through.amax(dim=1).clamp(SURVIVAL, 1.0) if bounce else torch.ones_like(through[:, 0])
         lives = ((through.amax(dim=1) > 0) & (numbers[DIMS + 3] < chance)).nonzero()[:, 0]
-        through = through[lives] / chance[lives, None]
-        rows, directions, u, at = rows[lives], directions[lives], u[:, lives], at[lives]
-        sees_sun, sees_lamps = sees_sun[lives], sees_lamps[lives]
+        paths = replace(
+            paths,
+            through=through / chance[:, None],
+            sees_sun=(mirrors & sharp_sun) | (not next_event),
+            sees_lamps=(mirrors & sharp_lamp) | (not next_event),
+            density=density * next_event,
+        )
+        paths, directions, u, at = paths[lives], directions[lives], u[:, lives], at[lives]
         met = meet(scene, at.points, directions, numbers[DIMS + 4, lives], poses=poses, inside=at.inside)
-    return total
+    return total, seen
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Paths:
+    """N paths on their way.
+
+    Args:
+        rows: ``(N,)`` their numbers.
+        through: ``(N, 3)`` factor on the light that they find.
+        sees_sun: ``(N,)`` bool: no ray to the sun has found it already.
+        sees_lamps: ``(N,)`` bool, likewise.
+        density: ``(N,)`` of having gone on this way, where a ray to the sky might have found the same; else 0.
+        known: ``(N,)`` bool: the picture shows every surface so far.
+    """
+
+    rows: Tensor
+    through: Tensor
+    sees_sun: Tensor
+    sees_lamps: Tensor
+    density: Tensor
+    known: Tensor
+
+    @staticmethod
+    def begin(directions: Tensor, *, known: bool) -> _Paths:
+        rows = torch.arange(len(directions), device=directions.device)
+        yes, none = torch.ones_like(rows, dtype=torch.bool), torch.zeros_like(directions[:, 0])
+        through = torch.ones_like(directions)
+        return _Paths(rows=rows, through=through, sees_sun=yes, sees_lamps=yes, density=none, known=yes & known)
+
+    def __getitem__(self, rows: Tensor) -> _Paths:
+        return map_tensors(lambda x: x[rows], self)
+
+
+def _share(table: SkyTable | None, directions: Tensor, paths: _Paths) -> Tensor:
+    """``(N,)`` share of the sky that counts where paths have found it, the rest being that of rays to it."""
+    if table is None:
+        return torch.ones_like(paths.density)
+    return torch.where(paths.density > 0, paths.density / (paths.density + table.density_of(directions)), 1.0)
+
+
+def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
+    """``(N, 3)`` light of the sky that surfaces scatter evenly, by one ray each; from numbers ``(2, N)``."""
+    directions, density = table.sample(u)
+    even = _density(at, directions)
+    share = even / (1 - _mirrors(at)).clamp_min(1e-9) / (density + even)
+    value = at.diffuse * at.enters * share[:, None]
+    rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
+    way = directions[rows]
+    passed = transmission(scene, at.points[rows], way, poses=poses, mask=MASK_SECONDARY)
+    value[rows] *= passed * sky(scene, way)
+    return value
 
 
 def unblocked(
@@ -151,7 +223,7 @@ def unblocked(
         ``(N, 3)`` linear radiance, which has no noise but that of ``u``.
     """
     met = meet(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
-    at, total = met.surface, _beyond(scene, directions, torch.ones_like(met.hit))
+    at, total = met.surface, _beyond(scene, directions, torch.ones_like(met.hit), torch.ones_like(met.distance))
     arriving = lookup_environment(irradiance, at.normals.T[None, :, None])[0, :, 0].T
     if scene.sun is not None:
         toward = F.normalize(at.normals.new_tensor(scene.sun.direction), dim=0)
@@ -186,8 +258,9 @@ def sky(scene: Scene, directions: Tensor) -> Tensor:
     return sky_radiance(scene, directions.T[None])[0].T
 
 
-def _beyond(scene: Scene, directions: Tensor, sees_sun: Tensor) -> Tensor:
-    light = sky(scene, directions)
+def _beyond(scene: Scene, directions: Tensor, sees_sun: Tensor, share: Tensor) -> Tensor:
+    """A ``share`` ``(N,)`` of the sky, and the sun where it is seen."""
+    light = sky(scene, directions) * share[:, None]
     if scene.sun is not None:
         light = light + sun_radiance(scene.sun, directions.T[None])[0].T * sees_sun[:, None]
     return light
@@ -200,7 +273,7 @@ def _even(at: Vertices, sample: LightSample) -> Tensor:
 
 def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
     """Response of surfaces, without the mirrored share where it is sharp."""
-    value = at.diffuse * _even(at, sample)
+    value = at.diffuse * at.enters * _even(at, sample)
     rows = (~(sharp_sun if sample.facing is None else sharp_lamp)).nonzero()[:, 0]
     value[rows] += glossy(at[rows], sample.direction[rows])
     return value
@@ -217,17 +290,28 @@ def _sharp(scene: Scene, at: Vertices) -> tuple[Tensor, Tensor]:
     return at.alpha < disc, at.roughness < SHARP_LAMP
 
 
-def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Where paths go on: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and ``(N,)`` bool whether
-    they were mirrored rather than scattered evenly; from numbers ``(3, N)``."""
-    even = at.diffuse.mean(dim=1)
+def _mirrors(at: Vertices) -> Tensor:
+    """``(N,)`` how often paths go on mirrored rather than scattered evenly."""
+    even = (at.diffuse * at.enters).mean(dim=1)
     bright = fresnel(at.f0, dot(at.normals, at.toward)).mean(dim=1)
-    chance = torch.where(even > 0, (bright / (bright + even).clamp_min(1e-9)).clamp(RARELY, 1 - RARELY), 1.0)
+    return torch.where(even > 0, (bright / (bright + even).clamp_min(1e-9)).clamp(RARELY, 1 - RARELY), 1.0)
+
+
+def _density(at: Vertices, directions: Tensor) -> Tensor:
+    """``(N,)`` per steradian, with which paths are scattered evenly in ``directions``."""
+    return (1 - _mirrors(at)) * dot(at.normals, directions).clamp_min(0) / math.pi
+
+
+def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Where paths go on: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and the density ``(N,)`` of
+    those that are scattered evenly, 0 of those that are mirrored; from numbers ``(3, N)``."""
+    chance = _mirrors(at)
     mirrors = u[0] < chance
     directions = cosine_direction(at.normals, u[1:])
-    factors = at.diffuse / (1 - chance).clamp_min(1e-9)[:, None]
+    factors = at.diffuse * at.enters / (1 - chance).clamp_min(1e-9)[:, None]
+    density = torch.where(mirrors, 0.0, _density(at, directions).clamp_min(1e-12))
     rows = mirrors.nonzero()[:, 0]
     some = at[rows]
     directions[rows], weight, cosine = mirrored(some.normals, some.toward, some.alpha, u[1:, rows])
     factors[rows] = fresnel(some.f0, cosine) * (weight / chance[rows])[:, None]
-    return directions, factors, mirrors
+    return directions, factors, density

@@ -1,4 +1,6 @@
-"""Next-event estimation: where light may come from, one direction to the sun and one to a lamp for each point."""
+"""Next-event estimation: where light may come from, one direction to the sun and one to a lamp for each point.
+
+That to the sky is `tracer.sky_table`'s."""
 
 from __future__ import annotations
 
@@ -15,6 +17,7 @@ from tracer.scatter import dot, frame
 from tracer.scene import Scene, Sun
 from tracer.sequence import disc
 from tracer.shadows import SHORT
+from tracer.sky_table import SkyTable
 from tracer.spherical_rectangle import rectangle_points
 
 NEAR = 0.02  # of its squared distance: rectangles of a larger area are sampled as they are seen
@@ -40,28 +43,31 @@ class LightSample:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Lights:
-    """What is sampled as direct light: the sun's disc and the lamps. The sky is not: rays find it.
+    """What is sampled as direct light: the sun's disc, the lamps, and the sky.
 
     Args:
         sun: or None.
         lamps: or None where nothing shines.
+        sky: or None where it is black.
     """
 
     sun: Sun | None
     lamps: LampTable | None
+    sky: SkyTable | None = None
 
     @staticmethod
     def of(scene: Scene, poses: Tensor) -> Lights:
         """The lights of a scene whose instances are at ``poses`` ``(I, 4, 4)``."""
         lamps = lamps_of(scene, poses)
-        return Lights(sun=scene.sun, lamps=LampTable.of(lamps, *scene.world.bounds()) if len(lamps) else None)
+        table = LampTable.of(lamps, *scene.world.bounds()) if len(lamps) else None
+        return Lights(sun=scene.sun, lamps=table, sky=SkyTable.of(scene))
 
     def at(self, scene: Scene, poses: Tensor) -> Lights:
         """The same lights with the instances at other ``poses``; how often each is chosen stays as it was."""
         return self if self.lamps is None else replace(self, lamps=self.lamps.moved(lamps_of(scene, poses)))
 
     def sample(self, points: Tensor, normals: Tensor, u: Tensor) -> list[LightSample]:
-        """A sample of every kind of light there is, for surfaces ``(N, 3)`` from numbers ``(6, N)`` in [0, 1)."""
+        """A sample of sun and lamps, where there are any, for surfaces ``(N, 3)`` from numbers ``(6, N)`` in [0, 1)."""
         samples = []
         if self.sun is not None:
             samples.append(sun_sample(self.sun, u[:2]))

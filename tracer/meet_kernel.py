@@ -14,6 +14,7 @@ from tracer.paths import LAYERS, MAX_RUN
 from tracer.scatter_kernel import (
     along,
     dot,
+    enters,
     scaled,
     times,
 )
@@ -71,8 +72,9 @@ class Met(NamedTuple):
 @scalar
 def assembled(arrays):
     """`Tables` of their arrays in a row: numba hands no nested tuples to its threads."""
-    transforms, bricks, index, entries, media, materials, scales, sky, lamps, upto, slots, counts, cells = arrays
-    lit = Lit(sky, lamps, upto, slots, counts, cells)
+    transforms, bricks, index, entries, media, materials, scales = arrays[:7]
+    sky, lamps, upto, slots, counts, cells, sky_upto, sky_density = arrays[7:]
+    lit = Lit(sky, lamps, upto, slots, counts, cells, sky_upto, sky_density)
     return Tables(transforms, (bricks, index, entries, media), materials, scales, lit)
 
 
@@ -115,6 +117,14 @@ def _run(tables, origin, direction, hit):
 
 
 @scalar
+def _normal(tables, hit):
+    """Of the surface that was hit, facing where the ray came from."""
+    row, face = tables.transforms[hit[1], hit[3] // 2], hit[3]
+    size = math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
+    return scaled((row[0], row[1], row[2]), (1 if face % 2 else -1) / size)
+
+
+@scalar
 def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detail, spreads):
     """See `tracer.paths.meet`."""
     t_end = min(t_end, FARTHEST)
@@ -127,8 +137,8 @@ def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detai
         if entry < 0 or tables.materials[material, OPACITY] >= 1:
             break
         run = _run(tables, origin, direction, hit)
-        passed = _passing(tables, material, run)
-        share = min((passed[0] + passed[1] + passed[2]) / 3, most)
+        passed, enters_here = _passing(tables, material, run), enters(-dot(_normal(tables, hit), direction))
+        share = min(enters_here * (passed[0] + passed[1] + passed[2]) / 3, most)
         if u >= share:
             weight = scaled(weight, 1 / (1 - share))
             break
@@ -136,7 +146,7 @@ def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detai
         left = (entry, material, voxel)
         hit = nearest(tables.transforms, tables.grids, origin, direction, max(t_begin, t), t_end, left, mask)
         run = run if back else min(run, hit[0] - t)
-        weight = scaled(times(weight, _passing(tables, material, run)), 1 / share)
+        weight = scaled(times(weight, _passing(tables, material, run)), enters_here / share)
         inside = not back and run >= hit[0] - t - SHORT
     return Met(hit[0], weight, _surface(tables, origin, direction, hit, inside, detail, spreads))
 
@@ -146,9 +156,7 @@ def _surface(tables, origin, direction, hit, inside, detail, spreads):
     t, entry, material, face, _, voxel, place = hit
     if entry < 0:
         return Surface(origin, NOTHING, NOTHING, NOTHING, 0.0, 0.0, 0.0, NOTHING, False)
-    row = tables.transforms[entry, face // 2]
-    size = math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
-    normal = scaled((row[0], row[1], row[2]), (1 if face % 2 else -1) / size)
+    normal = _normal(tables, hit)
     if spreads:
         detail = detail / max(t, 1e-9)
     facing = math.sqrt(max(abs(dot(normal, direction)), 1e-3))

@@ -16,6 +16,7 @@ from tracer.paths import MOST_PASS, Vertices
 from tracer.progressive import Values
 from tracer.receivers import Receivers
 from tracer.scene import MASK_PRIMARY, Scene
+from tracer.seen import Picture
 from tracer.walk_kernel import triple
 
 ROWS = 64  # rays handed out at a time
@@ -25,7 +26,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     """The drivers, compiled anew when ``sources`` change; see `gbufrt.kernel`."""
 
     @driver
-    def radiance_all(arrays, rays, u, bounces, spreads, next_event, lanes, light):
+    def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
         origins, directions, spans = rays
         for lane in prange(lanes):
             tables = meet_kernel.assembled(arrays)
@@ -36,8 +37,11 @@ def _compiled(sources: int) -> tuple[Any, ...]:
                     met = meet_kernel.meet(
                         tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
                     )
-                    found = path_kernel.radiance(tables, met, direction, u, i, 1, bounces, next_event)
-                    light[i, 0], light[i, 1], light[i, 2] = found
+                    light, seen = path_kernel.radiance(
+                        tables, camera, picture, met, direction, u, i, 1, bounces, next_event
+                    )
+                    out[i, 0], out[i, 1], out[i, 2] = light
+                    out[i, 3], out[i, 4], out[i, 5] = seen
         return sources
 
     @driver
@@ -99,14 +103,16 @@ def radiance(
     detail: Tensor | float,
     spreads: bool,
     next_event: bool,
-) -> Tensor:
+    picture: Picture | None,
+) -> tuple[Tensor, Tensor]:
     """See `tracer.light_paths.radiance`."""
-    light = torch.empty(len(origins), 3)
+    out = torch.empty(len(origins), 6)
     spans = [torch.as_tensor(x, dtype=torch.float32).expand(len(origins)) for x in (t_min, t_max, detail)]
     rays = tuple(array(x.float()) for x in (origins, directions, torch.stack(spans, dim=1)))
+    sees = camera_of(None if picture is None else picture.camera), picture_of(picture)
     arrays = arrays_of(scene, poses, lights)
-    radiance_all(arrays, rays, array(u), bounces, spreads, next_event, threads(), array(light))
-    return light
+    radiance_all(arrays, *sees, rays, array(u), bounces, spreads, next_event, threads(), array(out))
+    return out[:, :3], out[:, 3:]
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:

@@ -7,11 +7,12 @@ import math
 import numpy as np
 
 from gbufrt.kernel import scalar
-from tracer.light_kernel import DISC, NOTHING, lamp_sample, shines, sky, sun, sun_sample
+from gbufrt.specular import DIELECTRIC_F0
+from tracer.light_kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
 from tracer.light_paths import EVEN, LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
 from tracer.light_samples import DIMS
 from tracer.meet_kernel import WHITE, meet, transmit
-from tracer.paths import DIELECTRIC_F0, FINE, MOST_PASS
+from tracer.paths import FINE, MOST_PASS
 from tracer.scatter_kernel import (
     added,
     along,
@@ -19,11 +20,13 @@ from tracer.scatter_kernel import (
     dot,
     fresnel,
     mirrored,
+    mirrored_share,
     scaled,
     specular_response,
     times,
 )
 from tracer.scene import MASK_SECONDARY, MASK_SHADOW
+from tracer.seen_kernel import sees
 from tracer.traversal import FARTHEST
 
 
@@ -110,30 +113,40 @@ def _go_on(tables, at, direction, number):
 
 
 @scalar
-def radiance(tables, met, direction, u, i, first, bounces, next_event):
-    """See `tracer.light_paths.radiance`."""
+def radiance(tables, camera, picture, met, direction, u, i, first, bounces, next_event):
+    """See `tracer.light_paths.radiance`; a picture without rows is none."""
     lit = tables.lit
-    total, through, sees_sun, sees_lamps = NOTHING, WHITE, True, True
+    total, seen, through, sees_sun, sees_lamps, density = NOTHING, NOTHING, WHITE, True, True, 0.0
+    known = 1.0 if len(picture) else 0.0
     sharp = lit.sky[DISC, 0]
     for bounce in range(bounces + 2):
         through = times(through, met.weight)
         if met.t == np.inf:
-            light = sky(lit, direction)
+            share = 1.0
+            if density > 0 and len(lit.sky_upto):
+                share = density / (density + sky_density(lit, direction))
+            light = scaled(sky(lit, direction), share)
             if sees_sun and shines(lit):
                 light = added(light, sun(lit, direction))
-            return added(total, times(through, light))
+            light = times(through, light)
+            return added(total, light), along(seen, light, known)
         at = met.surface
-        if sees_lamps:
-            total = added(total, times(through, at.emission))
+        if bounce and known > 0 and not sees(camera, picture, at.point, at.normal):
+            known = 0.0
+        light = at.emission if sees_lamps else NOTHING
+        sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
+        if next_event and bounce <= bounces:
+            light = added(light, _direct(tables, at, u, i, first, _matt(at), not sharp_sun, not sharp_lamp))
+            if len(lit.sky_upto):
+                light = added(light, _from_sky(tables, at, u[first + DIMS + 5, i], u[first + DIMS + 6, i]))
+        light = times(through, light)
+        total, seen = added(total, light), along(seen, light, known)
         if bounce > bounces:
             break
-        sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
-        if next_event:
-            light = _direct(tables, at, u, i, first, diffuse_of(at), not sharp_sun, not sharp_lamp)
-            total = added(total, times(through, light))
-        direction, factor, mirrors = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
-        sees_sun = (mirrors and sharp_sun) or not next_event
-        sees_lamps = (mirrors and sharp_lamp) or not next_event
+        direction, factor, density = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
+        sees_sun = (density == 0 and sharp_sun) or not next_event
+        sees_lamps = (density == 0 and sharp_lamp) or not next_event
+        density = density if next_event else 0.0
         through = times(through, factor)
         most = max(through)
         chance = min(max(most, SURVIVAL), 1.0) if bounce else 1.0
@@ -142,18 +155,47 @@ def radiance(tables, met, direction, u, i, first, bounces, next_event):
         through = scaled(through, 1 / chance)
         met = _go_on(tables, at, direction, u[first + DIMS + 4, i])
         first += MORE
-    return total
+    return total, seen
+
+
+@scalar
+def _matt(at):
+    """Share of light that is scattered evenly toward the eye."""
+    return scaled(diffuse_of(at), 1 - mirrored_share(dot(at.normal, at.toward), at.roughness))
+
+
+@scalar
+def _from_sky(tables, at, a, b):
+    """Light of the sky that is scattered evenly, by one ray."""
+    matt = _matt(at)
+    direction, density = sky_sample(tables.lit, a, b)
+    even = max(dot(at.normal, direction), 0.0) / math.pi
+    if not (even > 0 and max(matt) > 0):
+        return NOTHING
+    passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
+    if not max(passed) > 0:
+        return NOTHING
+    share = even / (density + (1 - _mirrors(at)) * even)
+    return times(scaled(matt, share), times(passed, sky(tables.lit, direction)))
+
+
+@scalar
+def _mirrors(at):
+    """How often a path goes on mirrored rather than scattered evenly."""
+    matt = _matt(at)
+    even = (matt[0] + matt[1] + matt[2]) / 3
+    bright = fresnel(f0_of(at), dot(at.normal, at.toward))
+    some = (bright[0] + bright[1] + bright[2]) / 3
+    return min(max(some / max(some + even, 1e-9), RARELY), 1 - RARELY) if even > 0 else 1.0
 
 
 @scalar
 def _scattered(at, a, b, c):
-    """Where a path goes on, the factor on the light from there, and whether that was mirrored."""
-    diffuse, f0 = diffuse_of(at), f0_of(at)
-    even = (diffuse[0] + diffuse[1] + diffuse[2]) / 3
-    bright = fresnel(f0, dot(at.normal, at.toward))
-    some = (bright[0] + bright[1] + bright[2]) / 3
-    chance = min(max(some / max(some + even, 1e-9), RARELY), 1 - RARELY) if even > 0 else 1.0
+    """Where a path goes on, the factor on the light from there, and the density of that, 0 if it is mirrored."""
+    chance = _mirrors(at)
     if a >= chance:
-        return cosine_direction(at.normal, b, c), scaled(diffuse, 1 / max(1 - chance, 1e-9)), False
+        direction = cosine_direction(at.normal, b, c)
+        density = (1 - chance) * max(dot(at.normal, direction), 0.0) / math.pi
+        return direction, scaled(_matt(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
     direction, weight, cosine = mirrored(at.normal, at.toward, at.roughness * at.roughness, b, c)
-    return direction, scaled(fresnel(f0, cosine), weight / chance), True
+    return direction, scaled(fresnel(f0_of(at), cosine), weight / chance), 0.0

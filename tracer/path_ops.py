@@ -12,6 +12,7 @@ from tracer.paths import FINE, Vertices
 from tracer.progressive import Values
 from tracer.receivers import Receivers
 from tracer.scene import Scene
+from tracer.seen import Picture
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
@@ -43,10 +44,11 @@ def radiance(
     detail: Tensor | float = FINE,
     spreads: bool = False,
     next_event: bool = True,
-) -> Tensor:
+    picture: Picture | None = None,
+) -> tuple[Tensor, Tensor]:
     """See `tracer.light_paths.radiance`."""
     first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
-    given = {"bounces": bounces, "poses": poses, "next_event": next_event, **first}
+    given = {"bounces": bounces, "poses": poses, "next_event": next_event, "picture": picture, **first}
     return _form(u, light_paths).radiance(scene, lights, origins, directions, u, **given)
 
 

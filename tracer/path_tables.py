@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gbufrt import specular
 from gbufrt.camera import Camera
 from gbufrt.kernel import array, checksum
 from tracer import (
@@ -21,9 +22,11 @@ from tracer import (
     scatter_kernel,
     scene,
     seen,
+    seen_kernel,
     shadows,
     shot_kernel,
     sky,
+    sky_table,
     spherical_rectangle,
     texture,
     walk_kernel,
@@ -34,11 +37,13 @@ from tracer.light_samples import Lights
 from tracer.paths import Vertices
 from tracer.scene import Scene
 from tracer.seen import Picture
+from tracer.sky_table import SkyTable
 from tracer.traversal import grid_from_world
 
-KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, path_kernel, shot_kernel)
-CONSTANTS = (grids, lamp_table, light_paths, light_samples, lighting, paths, scene, seen, shadows, sky, texture)
-SOURCES = checksum(*KERNELS, *CONSTANTS, spherical_rectangle)
+KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, seen_kernel, path_kernel, shot_kernel)
+LIGHTS = (lamp_table, light_paths, light_samples, lighting, sky, sky_table, spherical_rectangle)
+CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture)
+SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
 """Changes with everything that is compiled into paths."""
 COLUMNS = {
     "points": 3,
@@ -65,6 +70,7 @@ def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tupl
         np.array([1.0, *(i.scale for i in scene.instances)]),
         _sky(scene),
         *_lamps(None if lights is None else lights.lamps),
+        *_sky_table(None if lights is None else lights.sky),
     )
 
 
@@ -74,8 +80,10 @@ def surfaces_of(vertices: Vertices) -> np.ndarray:
     return array(torch.cat(columns, dim=1))
 
 
-def camera_of(camera: Camera) -> np.ndarray:
-    """What `tracer.shot_kernel.sees` reads, of one camera."""
+def camera_of(camera: Camera | None) -> np.ndarray:
+    """What `tracer.seen_kernel.sees` reads, of one camera or none."""
+    if camera is None:
+        return np.zeros(0)
     k, jitter = camera.intrinsics[0].double(), camera.jitter
     still = torch.zeros(2, dtype=torch.float64)
     numbers = [
@@ -90,8 +98,10 @@ def camera_of(camera: Camera) -> np.ndarray:
     return array(torch.cat(numbers))
 
 
-def picture_of(picture: Picture) -> np.ndarray:
-    """``(H * W, 7)`` float32: depth, normal and point of each pixel."""
+def picture_of(picture: Picture | None) -> np.ndarray:
+    """``(H * W, 7)`` float32: depth, normal and point of each pixel; no rows for none."""
+    if picture is None:
+        return np.zeros((0, 7), np.float32)
     return array(torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1))
 
 
@@ -117,3 +127,8 @@ def _lamps(lamps: LampTable | None) -> tuple[np.ndarray, ...]:
     cells = np.array([*lamps.low.tolist(), lamps.cell, *lamps.shape], np.float64)
     tables = torch.cat(columns, dim=1), lamps.power.cumsum(0), lamps.slots, lamps.counts
     return *(array(t) for t in tables), cells
+
+
+def _sky_table(table: SkyTable | None) -> tuple[np.ndarray, np.ndarray]:
+    none = torch.zeros(0)
+    return (array(none), array(none)) if table is None else (array(table.upto), array(table.density))

@@ -11,12 +11,13 @@ from torch import Tensor
 
 from gbufrt import Camera
 from tracer import lens
-from tracer.gbuffer import seconds
+from tracer.gbuffer import gbuffer, seconds
 from tracer.light_paths import MORE, unblocked
 from tracer.light_samples import Lights
 from tracer.path_ops import radiance
-from tracer.progressive import WIDE, Progress, Truth, converge
+from tracer.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.scene import Scene
+from tracer.seen import Picture
 from tracer.sequence import Sequence as Numbers
 from tracer.sky import irradiance_table
 
@@ -41,10 +42,11 @@ def path_trace(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Truth:
-    """All light that reaches the camera, by paths with next-event estimation to sun and lamps.
+    """All light that reaches the camera, by paths with next-event estimation to sun, lamps and sky.
 
-    Surfaces are as the passes take them: scattered evenly albedo x (1 - metallic) x opacity, mirrored by GGX with
-    Fresnel, and straight through what transmits. Nothing is clamped: the mean over seeds is the answer.
+    Surfaces are as the passes take them: they mirror by GGX with Fresnel; of the rest they scatter evenly
+    albedo x (1 - metallic) x opacity, and let through, straight on, what transmits. Nothing is clamped: the mean over
+    seeds is the answer.
 
     Args:
         scene: what is there, and its lights.
@@ -65,7 +67,8 @@ def path_trace(
         progress: called with samples done and their number.
 
     Returns:
-        ``radiance`` ``(B, 3, H, W)``, linear.
+        ``radiance`` ``(B, 3, H, W)``, linear. Of a pinhole without a shutter also ``radiance_seen``, the part of it
+        that came by no surface, after the first, but those that the camera sees; lights need not be seen.
 
     Raises:
         ValueError: no voxels, or a number out of its range.
@@ -78,6 +81,8 @@ def path_trace(
     times = seconds(time, cameras.batch)
     focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
     sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
+    still = shutter == 0 and aperture_radius == 0 and not unblocked
+    sharp = gbuffer(scene, cameras, time=times) if still else None
     shots = [
         _Shot(
             scene=scene,
@@ -91,12 +96,18 @@ def path_trace(
             antialias=antialias,
             size=cameras.size,
             sequence=sequence,
+            picture=None if sharp is None else Picture.of(sharp, b),
         )
         for b in range(cameras.batch)
     ]
     count = cameras.height * cameras.width
+
+    def estimate(numbers: range) -> Values:
+        both = torch.stack([shot.sums(numbers) for shot in shots])
+        return {"radiance": both[:, :3]} | ({"radiance_seen": both[:, 3:]} if still else {})
+
     return converge(
-        lambda numbers: {"radiance": torch.stack([shot.sums(numbers) for shot in shots])},
+        estimate,
         samples=samples,
         noise=noise,
         pixels=WIDE if shutter > 0 else count,  # so that an open shutter gets one sample at a time
@@ -120,11 +131,12 @@ class _Shot:
     antialias: bool
     size: tuple[int, int]
     sequence: Numbers
+    picture: Picture | None
 
     def sums(self, numbers: range) -> Tensor:
-        """``(3, H, W)`` sum over samples."""
+        """``(6, H, W)`` sums over samples: radiance, and what of it the picture knows."""
         first = float(self.sequence.points[numbers.start, 0])
-        total = torch.zeros(self.sequence.rotation.shape[1], 3, device=self.sequence.rotation.device)
+        total = torch.zeros(self.sequence.rotation.shape[1], 6, device=self.sequence.rotation.device)
         for number, pixels in enumerate(self._groups):
             now = self.begin + self.shutter * ((first + number / MOMENTS) % 1)
             camera = self.camera(now)
@@ -132,7 +144,7 @@ class _Shot:
             lights = self._lights.at(self.scene, poses) if self.shutter > 0 else self._lights
             for part in pixels.split(max(1, WIDE // len(numbers))):
                 total[part] = self._light(numbers, part, camera, poses, lights)
-        return total.T.reshape(3, *self.size)
+        return total.T.reshape(6, *self.size)
 
     @cached_property
     def _lights(self) -> Lights:
@@ -150,7 +162,7 @@ class _Shot:
         return [order[i::MOMENTS].sort().values for i in range(MOMENTS)] if self.shutter > 0 else [order.sort().values]
 
     def _light(self, numbers: range, pixels: Tensor, camera: Camera, poses: Tensor, lights: Lights) -> Tensor:
-        """``(n, 3)`` sum over samples."""
+        """``(n, 6)`` sums over samples."""
         u = self.sequence.draw(numbers, pixels)
         px = camera.pixel_centers(jittered=not self.antialias, dtype=torch.float32)[0].flatten(1)[:, pixels]
         px = px.repeat(1, len(numbers)) + (u[1:3] - 0.5 if self.antialias else 0.0)
@@ -167,9 +179,11 @@ class _Shot:
         }
         if self.unblocked:
             light = unblocked(self.scene, self._irradiance, origins, directions, u[FIRST], **given)
+            both = light, torch.zeros_like(light)
         else:
-            light = radiance(self.scene, lights, origins, directions, u[FIRST:], bounces=self.bounces, **given)
-        return light.view(len(numbers), len(pixels), 3).sum(dim=0)
+            given |= {"bounces": self.bounces, "picture": self.picture}
+            both = radiance(self.scene, lights, origins, directions, u[FIRST:], **given)
+        return torch.cat(both, dim=1).view(len(numbers), len(pixels), 6).sum(dim=0)
 
 
 def _focus(

@@ -8,10 +8,11 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
+from gbufrt.specular import DIELECTRIC_F0, mirrored_share
 from gbufrt.tree import map_tensors
 from tracer.light_samples import Lights, LightSample
 from tracer.lighting import LIFT, LIFT_RELATIVE
-from tracer.scatter import dot
+from tracer.scatter import dot, schlick
 from tracer.scene import MASK_SECONDARY, MASK_SHADOW, Scene
 from tracer.shadows import SHORT
 from tracer.texture import variation
@@ -20,7 +21,6 @@ from tracer.traversal import Hits, run_lengths, trace, transmission
 LAYERS = 16  # transmissive surfaces that a ray goes through at most
 MOST_PASS = 0.95  # so that a transmissive surface shows itself to at least one ray in twenty
 MAX_RUN = 64.0  # world units of one transmissive material beyond which it dims no further
-DIELECTRIC_F0 = 0.04  # of a refractive index of 1.5
 FINE = 1e9  # pixels a voxel: all detail of the colour
 
 
@@ -75,6 +75,11 @@ class Vertices:
         """``(N, 3)`` share of light that is scattered evenly; see `tracer.lighting.light`."""
         return self.albedo * ((1 - self.metallic) * self.opacity)[:, None]
 
+    @property
+    def enters(self) -> Tensor:
+        """``(N, 1)`` share that shows of what is under a dielectric surface, which mirrors the rest toward the eye."""
+        return 1 - mirrored_share(dot(self.normals, self.toward), self.roughness)[:, None]
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Met:
@@ -113,7 +118,8 @@ def meet(
     """Follow each ray to the one surface, or the sky, that it shows.
 
     A transmissive surface is gone through, straight on, as often as it lets light through, and otherwise shows its own
-    share: a ray stays one ray, and the mean over rays is transmittance x what is behind + what the surface sends.
+    share: a ray stays one ray, and the mean over rays is transmittance x what is behind + what the surface sends. What
+    the surface mirrors does not come through.
 
     Args:
         scene: what is there.
@@ -171,17 +177,19 @@ def _go_through(
         which, poses = first.material.long(), given["poses"]
         run = run_lengths(scene, *way, first, poses=poses, cap=MAX_RUN)[1]
         run = torch.where(first.back_face, first.t, run)
-        share = _passing(scene, which, run).mean(dim=1).clamp_max(most)
+        enters = 1 - schlick(dot(first.normal, way[1]).abs(), DIELECTRIC_F0)
+        share = (enters * _passing(scene, which, run).mean(dim=1)).clamp_max(most)
         goes = u[rows] < share
         u[rows] = torch.where(goes, u[rows] / share.clamp_min(1e-12), (u[rows] - share) / (1 - share).clamp_min(1e-12))
         weight[rows[~goes]] /= (1 - share[~goes])[:, None]
-        rows, first, which, run, share = rows[goes], _at(first, goes), which[goes], run[goes], share[goes]
+        rows, first, which, run = rows[goes], _at(first, goes), which[goes], run[goes]
+        factor = (enters[goes] / share[goes])[:, None]
         ends = given["t_max"] if not isinstance(given["t_max"], Tensor) else given["t_max"][rows]
         behind = trace(
             scene, origins[rows], directions[rows], poses=poses, mask=given["mask"], t_max=ends, beyond=first
         )
         run = torch.where(first.back_face, run, torch.minimum(run, behind.t - first.t))
-        weight[rows] *= _passing(scene, which, run) / share[:, None]
+        weight[rows] *= _passing(scene, which, run) * factor
         inside[rows] = ~first.back_face & (run >= behind.t - first.t - SHORT)
         for field in fields(Hits):
             getattr(hits, field.name)[rows] = getattr(behind, field.name)

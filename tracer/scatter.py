@@ -69,11 +69,13 @@ def mirrored(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple
 
 
 def fresnel(f0: Tensor, cosine: Tensor) -> Tensor:
-    """``(N, 3)`` share that is reflected, from reflectance ``(N, 3)`` at normal incidence and cosine ``(N,)``.
+    """``(N, 3)`` share that is reflected, from reflectance ``(N, 3)`` at normal incidence and cosine ``(N,)``."""
+    return schlick(cosine[:, None], f0)
 
-    Source: Schlick 1994, eq. 15.
-    """
-    return f0 + (1 - f0) * ((1 - cosine.clamp(0, 1)) ** 5)[:, None]
+
+def schlick(cosine: Tensor, f0: Tensor | float) -> Tensor:
+    """Reflectance at a cosine from that at normal incidence. Source: Schlick 1994, eq. 15."""
+    return f0 + (1 - f0) * (1 - cosine.clamp(0, 1)) ** 5
 
 
 def smith_lambda(cosine: Tensor, alpha: Tensor) -> Tensor:

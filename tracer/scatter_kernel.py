@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 
 from gbufrt.kernel import scalar
+from gbufrt.specular import CELLS, DIELECTRIC_F0, mirrored_table
+
+MIRRORED = mirrored_table().numpy()
 
 
 @scalar
@@ -83,6 +86,23 @@ def smith_lambda(cosine, alpha):
 def fresnel(f0, cosine):
     rest = (1 - min(max(cosine, 0.0), 1.0)) ** 5
     return f0[0] + (1 - f0[0]) * rest, f0[1] + (1 - f0[1]) * rest, f0[2] + (1 - f0[2]) * rest
+
+
+@scalar
+def mirrored_share(cosine, roughness):
+    """See `gbufrt.specular.mirrored_share`."""
+    r, c = min(max(roughness, 0.0), 1.0) * CELLS[0], min(max(cosine, 0.0), 1.0) * CELLS[1]
+    row, column = min(int(r), CELLS[0] - 1), min(int(c), CELLS[1] - 1)
+    s, t = r - row, c - column
+    first = MIRRORED[row, column] * (1 - t) + MIRRORED[row, column + 1] * t
+    second = MIRRORED[row + 1, column] * (1 - t) + MIRRORED[row + 1, column + 1] * t
+    return first * (1 - s) + second * s
+
+
+@scalar
+def enters(cosine):
+    """Share of light that a smooth dielectric does not mirror."""
+    return (1 - DIELECTRIC_F0) * (1 - (1 - min(max(cosine, 0.0), 1.0)) ** 5)
 
 
 @scalar

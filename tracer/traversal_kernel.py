@@ -10,9 +10,10 @@ import torch
 from numba import prange
 from torch import Tensor
 
+from gbufrt import specular
 from gbufrt.kernel import array, checksum, driver, scalar, threads
 from tracer import grids as layout
-from tracer import walk_kernel
+from tracer import scatter_kernel, walk_kernel
 from tracer.walk_kernel import nearest, run_length, transmitted, triple
 
 ROWS = 64  # rays handed out at a time
@@ -79,7 +80,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     return surface_all, transmit_all, runs_all
 
 
-surface_all, transmit_all, runs_all = _compiled(checksum(walk_kernel, layout))
+surface_all, transmit_all, runs_all = _compiled(checksum(walk_kernel, scatter_kernel, specular, layout))
 
 
 def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:

@@ -15,8 +15,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gbufrt.specular import DIELECTRIC_F0
 from gbufrt.tree import map_tensors
 from tracer.grids import BRICK, HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
+from tracer.scatter import schlick
 
 SOLID = -1
 """Stands for the medium of a ray that is inside something opaque and has not come out yet."""
@@ -94,7 +96,8 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
     for entry in _seen(grids, mask):
         voxels = Voxels(grids, entry)
         walk = _enter(voxels, rays, *rays[2].double().unbind(1))
-        walk = replace(walk, medium=torch.zeros_like(walk.medium))
+        within = walk.medium != 0  # begins in what it is about to leave, by a face that is still to come
+        walk = replace(walk, medium=torch.where(within, walk.medium, 0))
         began = walk.t.clone()
         while walk.ray.numel():
             value, empty = voxels.look(walk.cell)
@@ -102,13 +105,15 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
             changed = value != walk.medium
             length = walk.t - began
             _attenuate(voxels, passed, walk[changed], length[changed])
-            began = torch.where(changed, walk.t, began)
+            _enter_face(passed, walk[changed & ((value > 0) | within)])
+            began, within = torch.where(changed, walk.t, began), within & ~changed
             walk, inside = _step(voxels, replace(walk, medium=value), empty)
             over = ~inside | (walk.t >= walk.t_end)
             length = torch.minimum(walk.t, walk.t_end) - began
             _attenuate(voxels, passed, walk[over], length[over])
+            _enter_face(passed, walk[within & ~inside & (walk.t < walk.t_end)])
             going = ~over & (passed[walk.ray].amax(1) > 0)
-            walk, began = walk[going], began[going]
+            walk, began, within = walk[going], began[going], within[going]
     return passed
 
 
@@ -220,3 +225,9 @@ def _attenuate(voxels: Voxels, passed: Tensor, walk: Walk, length: Tensor) -> No
     row = voxels.media[(walk.medium + voxels.row[MATERIAL]).clamp_min(0)].double()
     factor = (1 - row[:, :1]) * row[:, 1:] ** length.clamp_min(0)[:, None]
     passed[walk.ray] *= torch.where(walk.medium[:, None] > 0, factor, 1.0).float()
+
+
+def _enter_face(passed: Tensor, walk: Walk) -> None:
+    """Multiply the light of rays by what the dielectric face that they go through does not mirror."""
+    along = walk.direction.gather(1, walk.axis[:, None])[:, 0].abs() / walk.direction.norm(dim=1)
+    passed[walk.ray] *= (1 - schlick(along, DIELECTRIC_F0))[:, None].float()

@@ -13,6 +13,7 @@ import numpy as np
 
 from gbufrt.kernel import scalar
 from tracer.grids import HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
+from tracer.scatter_kernel import dot, enters, scaled
 
 SOLID = -1
 TINY = 1e-30
@@ -214,9 +215,10 @@ def _dim(light, row, length):
 
 
 @scalar
-def _through(bricks, index, media, box, o, d, inv, t, t_end, light):
-    """Light after the whole grid between ``t`` and ``t_end``."""
-    c, medium, began = _start(o, d, t, box), 0, t
+def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
+    """Light after the whole grid between ``t``, where it comes by the face across ``axis`` (-1 if it begins within),
+    and ``t_end``."""
+    c, medium, began, within = _start(o, d, t, box), 0, t, False
     while True:
         value, low, size = _look(bricks, index, box, c)
         if value != medium:
@@ -224,10 +226,21 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, light):
                 light = _dim(light, media[medium + box[MATERIAL]], t - began)
             if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
                 return (0.0, 0.0, 0.0)
-            medium, began = value, t
-        t, _, c = _step(o, d, inv, low, size)
-        if not (t < t_end and _inside(c, box)):
-            return _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began) if medium > 0 else light
+            if (value > 0 or within) and axis >= 0:
+                light = scaled(light, _enters(d, axis))
+            medium, began, within = value, t, value > 0 and axis < 0
+        t, axis, c = _step(o, d, inv, low, size)
+        leaves = not _inside(c, box)
+        if leaves or not t < t_end:
+            if medium > 0:
+                light = _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began)
+            return scaled(light, _enters(d, axis)) if within and leaves and t < t_end else light
+
+
+@scalar
+def _enters(d, axis):
+    """See `tracer.scatter_kernel.enters`, for a face across an axis."""
+    return enters(abs(d[axis]) / math.sqrt(dot(d, d)))
 
 
 @scalar
@@ -239,10 +252,11 @@ def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
         box = entries[entry]
         if box[MASK] & mask:
             o, d, inv = _ray(transforms[entry], origin, direction)
-            enter, leave, _ = _slabs(o, inv, box)
+            enter, leave, axis = _slabs(o, inv, box)
             t = max(enter, t_begin)
             if t < leave and t < t_end and math.isfinite(leave):
-                light = _through(bricks, index, media, box, o, d, inv, t, t_end, light)
+                axis = axis if enter > t_begin else -1
+                light = _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light)
                 if max(light) <= 0.0:
                     break
     return light

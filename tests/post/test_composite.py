@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Pipeline
+from post.brdf import mirrored_by
 from post.composite import Composite, composite
 
 
@@ -102,3 +103,42 @@ def test_module_reads_the_visibility_that_fits_its_mode():
 def test_unknown_mode():
     with pytest.raises(ValueError, match="mode must be"):
         composite(torch.ones(1, 3, 2, 2), mode="both")  # pyright: ignore[reportArgumentType]
+
+
+def test_what_a_surface_mirrors_does_not_get_under_it():
+    """White walls that mirror a part of an even light, and let a part through, still send just that light."""
+    mirrored, visibility = torch.rand(2, 2, 1, 4, 5, generator=torch.Generator().manual_seed(0)).unbind(0)
+    (light,) = planes(1.0)
+    matt, behind = 0.7 * light, 0.3 * light
+    got = composite(
+        torch.zeros_like(light), ambient=matt, visibility=visibility, gi=matt * (1 - visibility), behind=behind,
+        reflection=mirrored * light, mirrored=mirrored,
+    )  # fmt: skip
+    torch.testing.assert_close(got, light)
+
+
+def test_lamps_shine_through_what_they_mirror():
+    emission, reflection = planes(2.0, 0.25)
+    (mirrored,) = planes(0.5, channels=1)
+    got = composite(emission, emission=emission, reflection=reflection, mirrored=mirrored)
+    assert got.unique().tolist() == [2.25]
+
+
+def test_without_a_reflection_nothing_is_taken_away():
+    radiance, reflection = planes(1.0, 0.5)
+    (mirrored,) = planes(0.5, channels=1)
+    assert torch.equal(composite(radiance, mirrored=mirrored), radiance)
+    off = composite(radiance, reflection=reflection, mirrored=mirrored, reflection_intensity=0.0)
+    assert torch.equal(off, radiance)
+    assert torch.equal(composite(radiance, reflection=reflection, mirrored=mirrored, mode="me1"), radiance + reflection)
+
+
+def test_module_takes_what_the_surfaces_mirror():
+    frame = boxes.frame()
+    plain = Composite()(frame).read("color")
+    black = Composite()(frame.replace(reflection=torch.zeros_like(plain))).read("color")
+    g = frame.gbuffer
+    own = plain - (torch.zeros_like(plain) if g.emission is None else g.emission)
+    torch.testing.assert_close(plain - black, mirrored_by(g) * own)
+    assert (plain - black)[g.hit.expand_as(plain)].max() > 0.01
+    assert torch.equal(plain[~g.hit.expand_as(plain)], black[~g.hit.expand_as(plain)])

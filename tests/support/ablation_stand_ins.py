@@ -115,7 +115,8 @@ def path_trace(scene: Scene, camera: Any, *, time: float, **_: Any) -> Truth:
     calls["truth picture"] += 1
     camera = camera(time) if callable(camera) else camera
     frame = boxes.frame(camera)
-    return truth_of(radiance=1.5 * frame.read("radiance") + frame.read("ambient"))
+    light = 1.5 * frame.read("radiance") + frame.read("ambient")
+    return truth_of(radiance=light, radiance_seen=0.9 * light)
 
 
 def fake_load(name: str) -> Scene:

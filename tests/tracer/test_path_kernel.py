@@ -17,6 +17,7 @@ from tracer.light_samples import Lights
 from tracer.paths import Vertices
 from tracer.receivers import Receivers, receivers_of
 from tracer.scene import Scene
+from tracer.seen import Picture
 
 BOUNCES = 3
 
@@ -68,9 +69,15 @@ def test_paths_bring_the_same_light(next_event: bool, spreads: bool) -> None:
     scene, poses, lights, origins, directions, u = case(3)
     given: dict[str, Any] = {"bounces": BOUNCES, "poses": poses, "t_min": 0.05, "t_max": 100.0}
     given |= {"detail": 200.0 if spreads else 20.0, "spreads": spreads, "next_event": next_event}
-    got, want = (f.radiance(scene, lights, origins, directions, u, **given) for f in (path_ops, light_paths))
-    same(got, want)
-    assert (got.mean(0) / want.mean(0) - 1).abs().max() < 0.01
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41))
+    given |= {"picture": Picture.of(gbuffer(scene, camera, time=0.3), 0)}
+    found = [f.radiance(scene, lights, origins, directions, u, **given) for f in (path_ops, light_paths)]
+    for got, want in zip(*found, strict=True):
+        same(got, want)
+        assert (got.mean(0) / want.mean(0) - 1).abs().max() < 0.01
+    light, seen = found[0]
+    assert ((seen > 0) & (seen < 0.99 * light)).float().mean() > 0.02
+    assert (seen <= light).all()
 
 
 def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky() -> None:
@@ -81,7 +88,7 @@ def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky() -> None:
     u = torch.rand(1 + 2 * light_paths.MORE, 500, generator=torch.Generator().manual_seed(1))
     lights = Lights.of(scene, poses)
     got, want = (
-        f.radiance(scene, lights, origins, directions, u, bounces=1, poses=poses) for f in (path_ops, light_paths)
+        f.radiance(scene, lights, origins, directions, u, bounces=1, poses=poses)[0] for f in (path_ops, light_paths)
     )
     same(got, want)
     assert got.mean() > 0.1

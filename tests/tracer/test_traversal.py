@@ -102,9 +102,15 @@ def test_transmission_multiplies_runs() -> None:
     tint, opacity = voxels.TABLE.tint, voxels.TABLE.opacity
     through_water = (1 - opacity[water]) * tint[water] ** (3 * slant)
     through_glass = (1 - opacity[glass]) * tint[glass] ** slant
-    torch.testing.assert_close(transmission(scene, *rays), through_water * through_glass)
-    torch.testing.assert_close(transmission(scene, *rays, t_max=10 * slant), through_water)
-    half = (1 - opacity[water]) * tint[water] ** (1.5 * slant)
+    enters = 0.96 * (1 - (1 - 1 / slant) ** 5)  # what the two faces do not mirror
+    torch.testing.assert_close(transmission(scene, *rays), through_water * through_glass * enters**2)
+    inside = ray((4.3, 2.2, 4.0), (0.0, 0.0, 1.0))
+    want = (1 - opacity[water]) * tint[water] ** 2 * (1 - opacity[glass]) * tint[glass] * 0.96**2
+    torch.testing.assert_close(transmission(scene, *inside), want)  # out of the water, and through the glass
+    want = (1 - opacity[water]) * tint[water]
+    torch.testing.assert_close(transmission(scene, *inside, t_max=1.0), want)  # by no face at all
+    torch.testing.assert_close(transmission(scene, *rays, t_max=10 * slant), through_water * enters)
+    half = (1 - opacity[water]) * tint[water] ** (1.5 * slant) * enters
     torch.testing.assert_close(transmission(scene, *rays, t_max=7.5 * slant), half)
     torch.testing.assert_close(transmission(scene, *rays, t_min=7.5 * slant, t_max=10 * slant), half)
 

@@ -176,10 +176,14 @@ def picture_figures(color: Tensor, truth: Tensor | Pair, hit: Tensor, exposure: 
     return {**result, "flip": _one(flip(shown, wanted, hit))} if available() else result
 
 
-def untouched_figures(frame: Frame, truths: Pair, exposure: float) -> Figures:
-    """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked."""
+def untouched_figures(frame: Frame, truths: Pair, seen: Pair, exposure: float) -> Figures:
+    """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked.
+
+    And what the true light scores that came by surfaces on screen alone: the limit of what knows of no others.
+    """
     hit, wanted = frame.gbuffer.hit, displayed(truths, exposure)
     return {
+        "psnr_limit": psnr_over(displayed(seen, exposure), wanted, hit),
         "psnr_if_direct": psnr_over(display(frame.read("radiance"), exposure), wanted, hit),
         "psnr_if_ambient": psnr_over(display(untouched(frame), exposure), wanted, hit),
     }

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from tracer.scene import Scene
 
-TRACED_BY = ("tracer", "gbufrt.camera", "gbufrt.environment", "gbufrt.noise", "gbufrt.sampling")  # what shapes truth
+TRACED_BY = ("tracer", *(f"gbufrt.{name}" for name in ("camera", "environment", "noise", "sampling", "specular")))
+"""What shapes the truth."""
 SHARES = {"ambient_occlusion": 4, "indirect_diffuse": 4, "reflection": 6}  # of --samples, for what is cheaper to trace
 
 Truth = Mapping[str, Tensor]
@@ -136,16 +137,27 @@ class Place:
         return self.cache.tensors(stem, make)
 
     def pictures(
-        self, settings: Settings = NONE, *, time: float | None = None, seeds: tuple[int, int] = (1, 2)
+        self,
+        settings: Settings = NONE,
+        *,
+        time: float | None = None,
+        seeds: tuple[int, int] = (1, 2),
+        name: str = "radiance",
     ) -> tuple[Tensor, Tensor]:
         """Two independent halves of a `picture`, by half of the paths each."""
-        first, second = (
-            self.picture({**settings, "seed": seed}, time=time, samples=max(self.samples // 2, 1)) for seed in seeds
-        )
+        given: dict[str, Any] = {"time": time, "samples": max(self.samples // 2, 1), "name": name}
+        first, second = (self.picture({**settings, "seed": seed}, **given) for seed in seeds)
         return first, second
 
-    def picture(self, settings: Settings = NONE, *, time: float | None = None, samples: int | None = None) -> Tensor:
-        """``(1, 3, H, W)`` radiance of the path-traced frame; while a ``shutter`` is open the camera moves."""
+    def picture(
+        self,
+        settings: Settings = NONE,
+        *,
+        time: float | None = None,
+        samples: int | None = None,
+        name: str = "radiance",
+    ) -> Tensor:
+        """``(1, 3, H, W)`` of the path-traced frame; while a ``shutter`` is open the camera moves."""
         from tracer import truth
 
         seconds = self.time if time is None else time
@@ -161,7 +173,7 @@ class Place:
             return _flat(found)
 
         stem = self._stem("path_trace", [self.camera(t) for t in ends], ends, count, settings)
-        return self.cache.tensors(stem, make)["radiance"]
+        return self.cache.tensors(stem, make)[name]
 
     def _counted(self, integrator: str) -> Callable[[int, int], None]:
         what = integrator.replace("_", " ")

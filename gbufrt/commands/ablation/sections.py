@@ -58,7 +58,10 @@ SECTIONS = (
         title="Whole frame",
         subject="frame",
         picture="frame",
-        figures=("psnr", "ssim", "flip", "rmse", "loss", "changed", "flicker", "psnr_if_ambient", "psnr_if_direct"),
+        figures=(
+            "psnr", "ssim", "flip", "rmse", "loss", "changed", "flicker", "psnr_seen", "psnr_limit", "psnr_if_ambient",
+            "psnr_if_direct",
+        ),
         names={
             "psnr": "PSNR, dB",
             "ssim": "SSIM",
@@ -67,10 +70,13 @@ SECTIONS = (
             "loss": "dB lost on changed pixels",
             "changed": "share changed",
             "flicker": "flicker",
+            "psnr_seen": "PSNR to the on-screen part",
+            "psnr_limit": "PSNR of that part",
             "psnr_if_ambient": "PSNR of direct light + open sky",
             "psnr_if_direct": "PSNR of direct light alone",
         },
-        text="The composite, before lens and display, against the path-traced frame with one sample place a pixel. "
+        text="The composite, before lens and display, against the path-traced frame with one sample place a pixel. The "
+        "on-screen part of that frame is the light that came, after the surface that is seen, by none that is not. "
         "Flicker is the RMS change of displayed static surfaces between the last two frames.",
     ),
     Section(

@@ -91,13 +91,15 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         frames: how many static frames.
         full: the displayed composite of the full pipeline, to tell which pixels the variant changes.
     """
-    frame, truths = place.still(), replace(place, samples=place.samples * WHOLE).pictures(SHARP)
+    traced = replace(place, samples=place.samples * WHOLE)
+    frame, truths, seen = place.still(), traced.pictures(SHARP), traced.pictures(SHARP, name="radiance_seen")
     truth = (truths[0] + truths[1]) / 2
     hit, tick = frame.gbuffer.hit, _said(place, "static frame", frames)
     found = run(up_to_composite(pipeline), repeated(frame, frames), keep=2, tick=tick)
     exposure = f.exposure_of(truth, hit)
     shown, wanted = f.display(found.last.read("composite"), exposure), f.display(truth, exposure)
     result = Outcome(figures=f.picture_figures(found.last.read("composite"), truths, hit, exposure))
+    result.figures["psnr_seen"] = f.psnr_over(shown, f.displayed(seen, exposure), hit)
     result.passes, result.pictures = found.passes, _compared("frame", shown, wanted, frame)
     result.figures["ms"] = found.ms
     if frames > 1:
@@ -109,7 +111,7 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         loss = f.gain(full, shown, f.displayed(truths, exposure), changed)
         result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # what changes next to nothing earns nothing
     else:
-        result.figures.update(f.untouched_figures(frame, truths, exposure))
+        result.figures.update(f.untouched_figures(frame, truths, seen, exposure))
     return result
 
 
