@@ -6,13 +6,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from post.edges import Surface, edge_weight, offsets, padded, windows
+from post.edges import HIT, Surface, edge_weight, offsets, padded, windows
 from post.signals import luminance
 
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: before, variance comes from the neighbours
-ALIKE = 3.0  # nine neighbours count as three samples: their noise may be alike
+ALIKE = 3.0  # neighbours count as one sample: their noise may be alike
 NOISE, BLOCKED = 0.3, 0.6  # of the mean: less light may be noise; more means that something blocks it
 SAME = 0.3  # edge weight from which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
@@ -22,6 +22,27 @@ def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
     """Mean over a square of the pixels in ``mask``."""
     total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
     return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(1e-6)
+
+
+def alike(geometry: Surface) -> Tensor:
+    """``(B, 9, H, W)`` bool: which of the 3x3 pixels around show the same surface, or the sky as well."""
+    guides = windows(padded(geometry.guide, 1), 1)
+    away = windows(padded(1 - geometry.guide[:, HIT : HIT + 1], 1), 1)
+    same = []
+    for (dy, dx), guide, sky in zip(offsets(1), guides, away, strict=True):
+        weight = edge_weight(
+            geometry.guide, guide, geometry.plane, dx, dy,
+            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=32.0,
+        )  # fmt: skip
+        same.append((weight > SAME) | ((sky * away[len(away) // 2])[:, 0] > 0))
+    return torch.stack(same, dim=1)
+
+
+def _pooled_alike(value: Tensor, same: Tensor) -> Tensor:
+    """Mean over those of the 3x3 pixels around that ``same`` ``(B, 9, H, W)`` counts, 0 where it counts none."""
+    taps, views = same.split(1, dim=1), windows(padded(value, 1), 1)
+    total = sum((tap * view for tap, view in zip(taps, views, strict=True)), torch.zeros_like(value))
+    return total / same.sum(1, keepdim=True).clamp_min(1.0)
 
 
 def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
@@ -53,9 +74,20 @@ def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor
 
 
 def follow_light(
-    sample: Tensor, old: Tensor, fast: Tensor, moments: Tensor, variance: Tensor, age: Tensor, lead: int, clamp: float
+    sample: Tensor,
+    old: Tensor,
+    fast: Tensor,
+    moments: Tensor,
+    variance: Tensor,
+    age: Tensor,
+    same: Tensor,
+    lead: int,
+    clamp: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it.
+
+    Noise is averaged over the pixels around that show the same surface: light that changes beside an edge leaves what
+    lies across it alone.
 
     Args:
         sample: ``(B, C, H, W)`` this frame.
@@ -64,6 +96,7 @@ def follow_light(
         moments: ``(B, 2, H, W)`` mean and mean square of luminance, which move with the fast history.
         variance: ``(B, 1, H, W)`` of one frame's luminance.
         age: ``(B, 1, H, W)`` frames behind each pixel.
+        same: see `alike`.
         lead: how many channels are looked at.
         clamp: standard deviations that count as noise.
 
@@ -73,10 +106,12 @@ def follow_light(
     mask = (age > 0).to(age.dtype)
     few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
     floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
+    same = torch.cat(windows(padded(mask, 1), 1), dim=1) * same * mask
+    samples = (same.sum(1, keepdim=True) / ALIKE).clamp_min(1.0)
 
     def change(difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
-        noise = (variance * frames / ALIKE).add(1e-12).sqrt()
-        difference = pooled(difference, mask) * mask
+        noise = (variance * frames / samples).add(1e-12).sqrt()
+        difference = _pooled_alike(difference, same)
         allowed = clamp * noise + floor
         explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
         return difference * (1 - explained), explained
@@ -105,14 +140,9 @@ def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
         ``(B, 3, H, W)``.
     """
     light, own = luminance(mean), luminance(sample)
-    views, guides = windows(padded(light, 1), 1), windows(padded(geometry.guide, 1), 1)
     darkest = light
-    for (dy, dx), view, guide in zip(offsets(1), views, guides, strict=True):
-        same = edge_weight(
-            geometry.guide, guide, geometry.plane, dx, dy,
-            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=32.0,
-        )  # fmt: skip
-        darkest = torch.where(same[:, None] > SAME, torch.minimum(darkest, view), darkest)
+    for view, same in zip(windows(padded(light, 1), 1), alike(geometry).split(1, dim=1), strict=True):
+        darkest = torch.where(same, torch.minimum(darkest, view), darkest)
     missing = 1 - own / light.clamp_min(1e-6)
     blocked = ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
     darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)

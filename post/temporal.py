@@ -12,6 +12,7 @@ from post.antilag import (
     FAST_BLEND,
     MOMENTS_BLEND,
     YOUNG,
+    alike,
     follow_light,
     pooled,
     sample_variance,
@@ -88,7 +89,8 @@ def temporal(
     noise = typical_variance(moments, age)
     sample = without_fireflies(signal, old, noise, age, lead, firefly)
     if clamp > 0:
-        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, lead, clamp)
+        same = alike(surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera))
+        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, same, lead, clamp)
         share, age = share * age / younger.clamp_min(1e-6), younger
     motion, _ = motion_of(gbuffer, history.gbuffer.camera)
     longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)

@@ -96,7 +96,7 @@ def test_denoiser(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(denoising, "FRAMES", 12)
     spot = place(folder, "turning", fps=48.0)
     found = denoising.denoise(spot, me1("high")).figures
-    assert found["denoise.first_over_kornia"] > 0
+    assert found["denoise.least_over_kornia"] > 0
     assert found["denoise.last_over_kornia"] > LATER
     blind = Pipeline(given={"gi"}, denoise=Denoise(signal="gi", blend=0.0))
     monkeypatch.setattr(denoising, "denoiser", lambda: blind)

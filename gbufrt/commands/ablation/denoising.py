@@ -17,6 +17,7 @@ from gbufrt.pipeline import Pipeline
 from gbufrt.temporal_metrics import frames_seen
 
 FRAMES = 32
+CHECKED = {"first": 0.0, "third": 1 / 3, "two_thirds": 2 / 3, "last": 1.0}  # of the path
 MORE = 4  # the curve of the display is not straight: what little noise is left must not bend it
 TRUTH_SEEDS = (FRAMES, FRAMES + 1)  # after those of the frames
 MIN_ALBEDO = 1e-2
@@ -32,7 +33,7 @@ def denoiser() -> Pipeline:
 
 
 def denoise(place: Place, _: Pipeline) -> Outcome:
-    """PSNR on the first and on the last frame of a path, where nothing was uncovered on the way."""
+    """PSNR on four frames of a path, from the first to the last; on that where nothing was uncovered on the way."""
     finely = replace(place, samples=place.samples * MORE)
     frames = [noisy(place, number) for number in range(FRAMES)]
     told = iter(range(1, FRAMES + 1))
@@ -41,7 +42,8 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
     )
     result = Outcome(passes=found.passes)
     steady = frames_seen([frame.gbuffer for frame in frames]) >= FRAMES
-    for which, number in (("first", 0), ("last", FRAMES - 1)):
+    for which, share in CHECKED.items():
+        number = round(share * (FRAMES - 1))
         source = frames[number]
         halves = finely.pictures(SHARP, time=place.at(number), seeds=TRUTH_SEEDS)
         truth = (halves[0] + halves[1]) / 2
@@ -62,6 +64,9 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
             result.pictures |= {"denoise": shown["ours"], "denoise truth": wanted}
             result.pictures["denoise error"] = f.error_picture(shown["ours"], wanted, source.gbuffer.hit)
             result.figures["denoise.steady"] = float(mask.sum()) / max(float(source.gbuffer.hit.sum()), 1.0)
+    for what in ("", "input_"):
+        gains = [result.figures[f"denoise.{which}_{what}over_kornia"] for which in CHECKED]
+        result.figures[f"denoise.least_{what}over_kornia"] = min(gains)
     return result
 
 
