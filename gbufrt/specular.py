@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -11,6 +12,30 @@ from torch import Tensor
 DIELECTRIC_F0 = 0.04  # reflectance at normal incidence, for a refractive index of 1.5
 CELLS = (16, 64)  # of the table: from a mirror to the roughest, and from grazing to head on
 STRATA = 32  # along each of the two numbers that a direction takes
+
+
+def schlick(cosine: Tensor, f0: Tensor | float) -> Tensor:
+    """Reflectance at a cosine from that at normal incidence.
+
+    Source: Schlick 1994, eq. 15.
+    """
+    return f0 + (1 - f0) * (1 - cosine.clamp(0, 1)) ** 5
+
+
+def smith_lambda(cosine: Tensor, alpha: Tensor | float) -> Tensor:
+    """Smith's Lambda of GGX: hidden over visible microfacet area. Masking G1 = 1 / (1 + Lambda).
+
+    Args:
+        cosine: between the normal and the direction.
+        alpha: perceptual roughness squared.
+
+    Returns:
+        As the arguments.
+
+    Source: Heitz 2014, eq. 72.
+    """
+    c2 = (cosine * cosine).clamp(1e-8, 1.0)
+    return 0.5 * ((1 + alpha * alpha * (1 - c2) / c2).sqrt() - 1)
 
 
 @cache
@@ -21,9 +46,10 @@ def mirrored_table() -> Tensor:
     Source: Walter et al. 2007 (GGX); Schlick 1994; Heitz 2014, eq. 99 for the masking; Dupuy and Benyoub 2023 for the
     normals that the eye sees.
     """
-    roughness, cosine = (torch.linspace(0, 1, n + 1, dtype=torch.float64) for n in CELLS)
+    double: dict[str, Any] = {"dtype": torch.float64, "device": "cpu"}
+    roughness, cosine = (torch.linspace(0, 1, n + 1, **double) for n in CELLS)
     z = cosine.clamp_min(1e-4)[None, :, None]
-    a, b = ((torch.arange(STRATA, dtype=torch.float64) + 0.5) / STRATA).expand(2, -1)
+    a, b = ((torch.arange(STRATA, **double) + 0.5) / STRATA).expand(2, -1)
     a, azimuth = a.repeat(STRATA), 2 * math.pi * b.repeat_interleave(STRATA)
     rows = []
     for alpha in (roughness * roughness).tolist():
@@ -34,15 +60,10 @@ def mirrored_table() -> Tensor:
         half = (hx * hx + hy * hy + hz * hz).sqrt()
         across = ((1 - z * z).sqrt() * hx + z * hz) / half  # cosine between the eye and the microfacet
         out = 2 * across * hz / half - z
-        seen, lit = 1 + _hidden(z, alpha), _hidden(out, alpha)
-        fresnel = DIELECTRIC_F0 + (1 - DIELECTRIC_F0) * (1 - across.clamp(0, 1)) ** 5
-        rows.append(torch.where(out > 0, fresnel * seen / (seen + lit), 0.0).mean(dim=-1)[0])
+        seen = 1 + smith_lambda(z, alpha)
+        share = schlick(across, DIELECTRIC_F0) * seen / (seen + smith_lambda(out, alpha))
+        rows.append(torch.where(out > 0, share, 0.0).mean(dim=-1)[0])
     return torch.stack(rows).float()
-
-
-def _hidden(cosine: Tensor, alpha: float) -> Tensor:
-    square = (cosine * cosine).clamp(1e-8, 1.0)
-    return 0.5 * ((1 + alpha * alpha * (1 - square) / square).sqrt() - 1)
 
 
 def mirrored_share(cosine: Tensor, roughness: Tensor) -> Tensor:
@@ -57,7 +78,7 @@ def mirrored_share(cosine: Tensor, roughness: Tensor) -> Tensor:
     """
     table = mirrored_table().to(cosine)
     r, c = roughness.clamp(0, 1) * CELLS[0], cosine.clamp(0, 1) * CELLS[1]
-    row, column = r.detach().long().clamp_max(CELLS[0] - 1), c.detach().long().clamp_max(CELLS[1] - 1)
+    row, column = (x.detach().long().clamp(0, n - 1) for x, n in zip((r, c), CELLS, strict=True))
     s, t = r - row, c - column
     first, second = (torch.lerp(table[row + i, column], table[row + i, column + 1], t) for i in (0, 1))
     return torch.lerp(first, second, s)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
-from gbufrt.specular import DIELECTRIC_F0, mirrored_share
+from gbufrt.specular import DIELECTRIC_F0, mirrored_share, smith_lambda
 
 
 def specular_f0(albedo: Tensor, metallic: Tensor) -> Tensor:
@@ -50,7 +50,7 @@ def mirrored_by(gbuffer: GBuffer) -> Tensor:
     """The share of light that surfaces mirror toward the eye if they are dielectrics, 0 where nothing was hit.
 
     Args:
-        gbuffer: surfaces; those without roughness are taken to be perfectly rough.
+        gbuffer: surfaces; without ``roughness`` they are taken to be smooth.
 
     Returns:
         ``(B, 1, H, W)`` in [0, 1].
@@ -58,7 +58,7 @@ def mirrored_by(gbuffer: GBuffer) -> Tensor:
     g = gbuffer
     eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
     cosine = (eye * g.normal).sum(1, keepdim=True).clamp(0.0, 1.0)
-    roughness = torch.ones_like(cosine) if g.roughness is None else g.roughness
+    roughness = torch.zeros_like(cosine) if g.roughness is None else g.roughness
     return torch.where(g.hit, mirrored_share(cosine, roughness), 0.0)
 
 
@@ -76,22 +76,6 @@ def ggx_distribution(cos_half: Tensor, alpha: Tensor) -> Tensor:
     """
     a2 = alpha * alpha
     return a2 / (math.pi * (cos_half * cos_half * (a2 - 1) + 1) ** 2)
-
-
-def smith_lambda(cosine: Tensor, alpha: Tensor) -> Tensor:
-    """Smith's Lambda of GGX: hidden over visible microfacet area. Masking G1 = 1 / (1 + Lambda).
-
-    Args:
-        cosine: between the normal and the direction.
-        alpha: perceptual roughness squared.
-
-    Returns:
-        As the arguments.
-
-    Source: Heitz 2014, eq. 72.
-    """
-    c2 = (cosine * cosine).clamp(1e-8, 1.0)
-    return 0.5 * ((1 + alpha * alpha * (1 - c2) / c2).sqrt() - 1)
 
 
 def masking_ratio(cos_view: Tensor, cos_light: Tensor, alpha: Tensor) -> Tensor:

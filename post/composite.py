@@ -32,7 +32,7 @@ def composite(
 
     ``physical``: (1 - mirrored) x (radiance - emission + ambient x visibility + gi + behind) + emission + reflection.
     Exact when visibility and gi come from one sweep of unlimited radius: what is not blocked sees the sky, what is
-    blocked sends light. What the surface mirrors never gets under it: so no more leaves than arrives.
+    blocked sends light. What the surface mirrors never gets under it: in an even light it shows no more than arrives.
 
     ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the seed's formula with
     a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps stay lamps.
@@ -89,7 +89,10 @@ class Composite(Pass):
 
     reads = frozenset({"radiance"})
     optional = frozenset(
-        {"ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance", "roughness"}
+        {
+            *("ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance"),
+            *("depth", "normal", "hit", "roughness"),  # to tell what is mirrored, where there is a reflection
+        }
     )
     writes = frozenset({"composite", "color"})
 

@@ -157,7 +157,10 @@ class Denoise(TemporalPass):
         self.shadows = shadows
         self.reads = frozenset({"depth", "normal", "hit", signal})
         self.optional = frozenset(
-            {"motion", "motion_z", "normal_geo", "object_id", "albedo", "emission", "opacity", "transmittance"}
+            {
+                *("motion", "motion_z", "normal_geo", "object_id"),
+                *("albedo", "roughness", "emission", "opacity", "transmittance"),
+            }
         )
         self.writes = frozenset({signal, f"{signal}_history"})
 

@@ -47,10 +47,10 @@ def temporal(
     """Average a signal over time along the motion of surfaces.
 
     The mean is plain (1/N) until ``blend`` limits it, and starts anew where no pixel of the frame before shows the same
-    surface. A fast history tells when the light itself has changed: where the 3x3 mean of its difference from the slow
-    one exceeds what noise explains, the slow one is drawn after it and becomes young again; the fast one is held to the
-    present frame in the same way. Differences cancel what stands still, so detail is not clamped away, and noise
-    loosens the clamp by itself.
+    surface. A fast history tells when the light itself has changed: where its difference from the slow one, averaged
+    over those of the 3x3 pixels around that show the same surface, exceeds what noise explains, the slow one is drawn
+    after it and becomes young again; the fast one is held to the present frame in the same way. Differences cancel what
+    stands still, so detail is not clamped away, and noise loosens the clamp by itself.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame, any unit; several signals stacked share one set of weights.

@@ -87,7 +87,8 @@ def radiance(
     Where it goes on evenly and finds the sky, it and the ray to the sky share what they found by how likely each was to
     find it. What is mirrored finds the sky itself; and sun and lamps, where it is too sharp for rays to them to count.
 
-    A dielectric scatters, and lets through, what it does not mirror toward the eye: it sends no more than it receives.
+    A dielectric scatters what it does not mirror toward the eye, and lets through what it would not if it were smooth:
+    in an even light it shows no more than it receives.
 
     Args:
         scene: what is there.
@@ -105,8 +106,8 @@ def radiance(
         picture: what a camera sees.
 
     Returns:
-        ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface but those that the
-        ``picture`` shows, 0 without one.
+        ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface, after the first, but those
+        that the ``picture`` shows, 0 without one.
 
     Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for ending paths at random.
     """
@@ -195,7 +196,7 @@ def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Ten
     """``(N, 3)`` light of the sky that surfaces scatter evenly, by one ray each; from numbers ``(2, N)``."""
     directions, density = table.sample(u)
     even = _density(at, directions)
-    share = even / (1 - _mirrors(at)).clamp_min(1e-9) / (density + even)
+    share = even / (1 - _mirrors(at)).clamp_min(1e-9) / (density + even).clamp_min(1e-12)
     value = at.diffuse * at.enters * share[:, None]
     rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
     way = directions[rows]

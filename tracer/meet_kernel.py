@@ -14,7 +14,7 @@ from tracer.paths import LAYERS, MAX_RUN
 from tracer.scatter_kernel import (
     along,
     dot,
-    enters,
+    enters_smooth,
     scaled,
     times,
 )
@@ -137,7 +137,7 @@ def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detai
         if entry < 0 or tables.materials[material, OPACITY] >= 1:
             break
         run = _run(tables, origin, direction, hit)
-        passed, enters_here = _passing(tables, material, run), enters(-dot(_normal(tables, hit), direction))
+        passed, enters_here = _passing(tables, material, run), enters_smooth(-dot(_normal(tables, hit), direction))
         share = min(enters_here * (passed[0] + passed[1] + passed[2]) / 3, most)
         if u >= share:
             weight = scaled(weight, 1 / (1 - share))

@@ -67,8 +67,9 @@ def path_trace(
         progress: called with samples done and their number.
 
     Returns:
-        ``radiance`` ``(B, 3, H, W)``, linear. Of a pinhole without a shutter also ``radiance_seen``, the part of it
-        that came by no surface, after the first, but those that the camera sees; lights need not be seen.
+        ``radiance`` ``(B, 3, H, W)``, linear. Of a pinhole without a shutter, unless ``unblocked``, also
+        ``radiance_seen``: the part of it that came by no surface, after the first, but those that are first in a pixel
+        of the picture. Lights that rays were sent to need not be in sight, lamps that show in mirrors must be.
 
     Raises:
         ValueError: no voxels, or a number out of its range.
@@ -82,7 +83,10 @@ def path_trace(
     focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
     sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
     still = shutter == 0 and aperture_radius == 0 and not unblocked
-    sharp = gbuffer(scene, cameras, time=times) if still else None
+
+    def picture(begin: float, number: int) -> Picture:
+        return Picture.of(gbuffer(scene, lens.one_of(at_time(begin), number), time=begin), 0)
+
     shots = [
         _Shot(
             scene=scene,
@@ -96,7 +100,7 @@ def path_trace(
             antialias=antialias,
             size=cameras.size,
             sequence=sequence,
-            picture=None if sharp is None else Picture.of(sharp, b),
+            picture=picture(times[b] + shutter_offset, b) if still else None,
         )
         for b in range(cameras.batch)
     ]

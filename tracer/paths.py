@@ -8,11 +8,11 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
-from gbufrt.specular import DIELECTRIC_F0, mirrored_share
+from gbufrt.specular import DIELECTRIC_F0, mirrored_share, schlick
 from gbufrt.tree import map_tensors
 from tracer.light_samples import Lights, LightSample
 from tracer.lighting import LIFT, LIFT_RELATIVE
-from tracer.scatter import dot, schlick
+from tracer.scatter import dot
 from tracer.scene import MASK_SECONDARY, MASK_SHADOW, Scene
 from tracer.shadows import SHORT
 from tracer.texture import variation
@@ -119,7 +119,7 @@ def meet(
 
     A transmissive surface is gone through, straight on, as often as it lets light through, and otherwise shows its own
     share: a ray stays one ray, and the mean over rays is transmittance x what is behind + what the surface sends. What
-    the surface mirrors does not come through.
+    comes through is less what a smooth surface mirrors.
 
     Args:
         scene: what is there.

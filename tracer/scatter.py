@@ -7,6 +7,8 @@ import math
 import torch
 from torch import Tensor
 
+from gbufrt.specular import schlick, smith_lambda
+
 
 def dot(a: Tensor, b: Tensor) -> Tensor:
     """Inner product ``(N,)`` of rows ``(N, 3)``."""
@@ -71,17 +73,6 @@ def mirrored(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple
 def fresnel(f0: Tensor, cosine: Tensor) -> Tensor:
     """``(N, 3)`` share that is reflected, from reflectance ``(N, 3)`` at normal incidence and cosine ``(N,)``."""
     return schlick(cosine[:, None], f0)
-
-
-def schlick(cosine: Tensor, f0: Tensor | float) -> Tensor:
-    """Reflectance at a cosine from that at normal incidence. Source: Schlick 1994, eq. 15."""
-    return f0 + (1 - f0) * (1 - cosine.clamp(0, 1)) ** 5
-
-
-def smith_lambda(cosine: Tensor, alpha: Tensor) -> Tensor:
-    """Hidden over visible area of GGX microfacets. Source: Heitz 2014, eq. 72."""
-    square = (cosine * cosine).clamp(1e-8, 1.0)
-    return 0.5 * ((1 + alpha * alpha * (1 - square) / square).sqrt() - 1)
 
 
 def specular_response(normals: Tensor, toward: Tensor, alpha: Tensor, f0: Tensor, directions: Tensor) -> Tensor:

@@ -100,7 +100,7 @@ def mirrored_share(cosine, roughness):
 
 
 @scalar
-def enters(cosine):
+def enters_smooth(cosine):
     """Share of light that a smooth dielectric does not mirror."""
     return (1 - DIELECTRIC_F0) * (1 - (1 - min(max(cosine, 0.0), 1.0)) ** 5)
 

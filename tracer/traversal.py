@@ -121,8 +121,8 @@ def transmission(
     """How much light comes through between the ends of each ray.
 
     Anything opaque stops it, also where the ray begins inside. Each run through one transmissive material multiplies
-    it by ``(1 - opacity) * tint ** length`` and by what the face is not to mirror that it comes in by, or, if the ray
-    begins inside, goes out by.
+    it by ``(1 - opacity) * tint ** length``, and by what is left after the mirroring of the face by which it comes in,
+    or, if it begins inside, goes out; faces are taken to be smooth.
 
     Args:
         scene: what is there.

@@ -15,10 +15,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gbufrt.specular import DIELECTRIC_F0
+from gbufrt.specular import DIELECTRIC_F0, schlick
 from gbufrt.tree import map_tensors
 from tracer.grids import BRICK, HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
-from tracer.scatter import schlick
 
 SOLID = -1
 """Stands for the medium of a ray that is inside something opaque and has not come out yet."""

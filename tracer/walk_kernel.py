@@ -13,7 +13,7 @@ import numpy as np
 
 from gbufrt.kernel import scalar
 from tracer.grids import HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
-from tracer.scatter_kernel import dot, enters, scaled
+from tracer.scatter_kernel import dot, enters_smooth, scaled
 
 SOLID = -1
 TINY = 1e-30
@@ -239,8 +239,8 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
 
 @scalar
 def _enters(d, axis):
-    """See `tracer.scatter_kernel.enters`, for a face across an axis."""
-    return enters(abs(d[axis]) / math.sqrt(dot(d, d)))
+    """See `tracer.scatter_kernel.enters_smooth`, for a face across an axis."""
+    return enters_smooth(abs(d[axis]) / math.sqrt(dot(d, d)))
 
 
 @scalar

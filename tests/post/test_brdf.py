@@ -8,10 +8,12 @@ import pytest
 import torch
 from torch import Tensor
 
+from gbufrt import Camera, GBuffer
 from post.brdf import (
     fresnel_schlick,
     ggx_distribution,
     masking_ratio,
+    mirrored_by,
     reflection_pdf,
     sample_visible_normal,
     smith_lambda,
@@ -115,3 +117,20 @@ def test_tangent_frames_are_right_handed():
     tangent, bitangent = tangent_frame(normal)
     assert torch.allclose(torch.linalg.cross(tangent, bitangent, dim=1), normal, atol=1e-5)
     assert torch.allclose(tangent.norm(dim=1), torch.ones(1, 502), atol=1e-5)
+
+
+def test_what_a_floor_mirrors_toward_the_eye():
+    """Schlick at the angle that the camera sees it at, where it is smooth; less where it is rough."""
+    camera = Camera.look_at((0.0, 2.0, 0.0), (0.0, 0.0, 3.0), size=(9, 9), fov_y=40.0)
+    down = -camera.rays()[1][..., 1][:, None]
+    g = GBuffer(
+        camera=camera,
+        depth=(2.0 / down) * (camera.rays()[1] * camera.forward[:, None, None]).sum(-1)[:, None],
+        hit=torch.ones(1, 1, 9, 9, dtype=torch.bool),
+        normal=torch.tensor([0.0, 1.0, 0.0]).view(1, 3, 1, 1).expand(1, 3, 9, 9),
+    )
+    want = 0.04 + 0.96 * (1 - down) ** 5
+    torch.testing.assert_close(mirrored_by(g), want, atol=1e-3, rtol=0.0)
+    rough = mirrored_by(g.replace(roughness=torch.full_like(g.depth, 0.8)))
+    assert (rough < 0.7 * want).all()
+    assert mirrored_by(g.replace(hit=torch.zeros_like(g.hit))).max() == 0

@@ -142,3 +142,13 @@ def test_module_takes_what_the_surfaces_mirror():
     torch.testing.assert_close(plain - black, mirrored_by(g) * own)
     assert (plain - black)[g.hit.expand_as(plain)].max() > 0.01
     assert torch.equal(plain[~g.hit.expand_as(plain)], black[~g.hit.expand_as(plain)])
+
+
+def test_mirrors_darken_what_is_behind_them_too():
+    front = boxes.frame()
+    half = torch.where(front.gbuffer.object_id == 1, 0.5, 0.0).expand(-1, 3, -1, -1)
+    black, behind = torch.zeros_like(front.read("radiance")), boxes.frame(boxes=boxes.ROOM[:2])
+    front = front.replace(gbuffer=front.gbuffer.replace(transmittance=half), reflection=black)
+    got = Composite()(front.replace(behind=behind)).read("composite") - Composite()(front).read("composite")
+    back = half * Composite()(behind).read("composite")
+    torch.testing.assert_close(got, (1 - mirrored_by(front.gbuffer)) * back)

@@ -395,3 +395,14 @@ def test_the_part_that_came_by_surfaces_in_sight():
     assert int(near.sum()) > 20
     assert (found["radiance_seen"] * near).sum() > 0.985 * (found["radiance"] * near).sum()
     assert "radiance_seen" not in path_trace(scene, both, samples=1, aperture_radius=0.1).values
+
+
+def test_what_is_in_sight_is_that_of_each_picture_at_its_time():
+    scene = random_scene(2)
+    at_time = lambda t: Camera.look_at([(25.0 - 9 * t, 18.0, 22.0), (-25.0, 12.0 + t, 8.0)], (0, 4, 0), size=(9, 12))
+    both = path_trace(scene, at_time, time=[0.0, 1.0], shutter_offset=0.5, samples=16)
+    for b, time in enumerate((0.5, 1.5)):
+        eye = [(25.0 - 9 * time, 18.0, 22.0), (-25.0, 12.0 + time, 8.0)][b]
+        one = path_trace(scene, Camera.look_at(eye, (0, 4, 0), size=(9, 12)), time=time, samples=16)
+        for name in ("radiance", "radiance_seen"):
+            assert torch.allclose(both[name][b : b + 1], one[name], rtol=1e-3, atol=1e-4)
