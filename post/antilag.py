@@ -12,7 +12,7 @@ from post.signals import luminance
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: before, variance comes from the neighbours
-ALIKE = 3.0  # pixels count as one sample: the noise of neighbours may be alike
+ALIKE = 3.0  # so many pixels count as one sample: the noise of neighbours may be alike
 NOISE, BLOCKED = 0.3, 0.6  # of the mean: less light may be noise; more means that something blocks it
 SAME = 0.3  # edge weight from which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light

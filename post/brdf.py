@@ -53,7 +53,9 @@ def mirrored_by(gbuffer: GBuffer) -> Tensor:
         gbuffer: surfaces; without ``roughness`` they are taken to be smooth.
 
     Returns:
-        ``(B, 1, H, W)`` in [0, 1].
+        ``(B, 1, H, W)`` in [0, 1]; differentiable.
+
+    Source: see `gbufrt.specular.mirrored_table`.
     """
     g = gbuffer
     eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))

@@ -195,8 +195,8 @@ def _share(table: SkyTable | None, directions: Tensor, paths: _Paths) -> Tensor:
 def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
     """``(N, 3)`` light of the sky that surfaces scatter evenly, by one ray each; from numbers ``(2, N)``."""
     directions, density = table.sample(u)
-    even = _density(at, directions)
-    share = even / (1 - _mirrors(at)).clamp_min(1e-9) / (density + even).clamp_min(1e-12)
+    cosine = dot(at.normals, directions).clamp_min(0) / math.pi
+    share = cosine / (density + (1 - _mirrors(at)) * cosine).clamp_min(1e-12)
     value = at.diffuse * at.enters * share[:, None]
     rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
     way = directions[rows]
@@ -298,11 +298,6 @@ def _mirrors(at: Vertices) -> Tensor:
     return torch.where(even > 0, (bright / (bright + even).clamp_min(1e-9)).clamp(RARELY, 1 - RARELY), 1.0)
 
 
-def _density(at: Vertices, directions: Tensor) -> Tensor:
-    """``(N,)`` per steradian, with which paths are scattered evenly in ``directions``."""
-    return (1 - _mirrors(at)) * dot(at.normals, directions).clamp_min(0) / math.pi
-
-
 def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Where paths go on: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and the density ``(N,)`` of
     those that are scattered evenly, 0 of those that are mirrored; from numbers ``(3, N)``."""
@@ -310,7 +305,8 @@ def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     mirrors = u[0] < chance
     directions = cosine_direction(at.normals, u[1:])
     factors = at.diffuse * at.enters / (1 - chance).clamp_min(1e-9)[:, None]
-    density = torch.where(mirrors, 0.0, _density(at, directions).clamp_min(1e-12))
+    density = (1 - chance) * dot(at.normals, directions) / math.pi
+    density = torch.where(mirrors, 0.0, density.clamp_min(1e-12))
     rows = mirrors.nonzero()[:, 0]
     some = at[rows]
     directions[rows], weight, cosine = mirrored(some.normals, some.toward, some.alpha, u[1:, rows])
