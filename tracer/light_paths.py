@@ -5,64 +5,26 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
 from tracer.light_samples import DIMS, Lights, LightSample
+from tracer.matt_paths import even_response
 from tracer.paths import FINE, Vertices, direct, meet
 from tracer.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
 from tracer.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.seen import Picture
-from tracer.sky import sky_radiance, sun_radiance
+from tracer.sky import beyond, sky_along
 from tracer.sky_table import SkyTable
 from tracer.traversal import transmission
 
 SHARP_LAMP = 0.3  # roughness below which lamps are found by mirrored rays, above it by rays to the lamps
-EVEN = DIMS + 3  # numbers that a bounce takes where all is scattered evenly
 MORE = DIMS + 7  # numbers that a bounce takes
 RARELY = 0.1  # least share of rays that a surface mirrors, and that it scatters evenly, if it does both
 LEAST_ALPHA = 1e-4  # GGX width below which rays to lights take the surface for slightly rough
 SURVIVAL = 0.1  # least chance of a path to go on
-
-
-def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: int, poses: Tensor) -> Tensor:
-    """What surfaces send of the light of sun, lamps and sky, after at most ``bounces`` of even scattering.
-
-    Args:
-        scene: what is there.
-        lights: of the scene.
-        start: N surfaces.
-        u: ``(EVEN * bounces, N)`` in [0, 1).
-        bounces: 1 for what reaches the surfaces themselves.
-        poses: ``(I, 4, 4)``.
-
-    Returns:
-        ``(N, 3)`` outgoing linear radiance.
-    """
-    total, rows, at = torch.zeros_like(start.points), torch.arange(len(start), device=u.device), start
-    through = torch.ones_like(total)
-    for bounce in range(bounces):
-        numbers, u = u[:EVEN], u[EVEN:]
-        through = through * at.diffuse
-
-        for _, light in direct(scene, lights, at, numbers[:DIMS], partial(_even, at), poses=poses):
-            total[rows] += through * light
-        directions = cosine_direction(at.normals, numbers[DIMS : DIMS + 2])
-        if bounce == bounces - 1:
-            passed = transmission(scene, at.points, directions, poses=poses, mask=MASK_SECONDARY)
-            total[rows] += through * passed * sky(scene, directions)
-            break
-        met = meet(scene, at.points, directions, numbers[DIMS + 2], poses=poses, inside=at.inside)
-        through = through * met.weight
-        away = ~met.hit
-        total[rows[away]] += through[away] * sky(scene, directions[away])
-        rows, through, u, at = rows[met.rows], through[met.rows], u[:, met.rows], met.surface
-    return total
 
 
 def radiance(
@@ -123,7 +85,7 @@ def radiance(
     for bounce in range(bounces + 2):
         paths = replace(paths, through=paths.through * met.weight)
         away = paths[~met.hit]
-        add(away, _beyond(scene, directions[~met.hit], away.sees_sun, _share(lights.sky, directions[~met.hit], away)))
+        add(away, beyond(scene, directions[~met.hit], away.sees_sun, _share(lights.sky, directions[~met.hit], away)))
         at, paths, u = met.surface, paths[met.rows], u[:, met.rows]
         if bounce and picture is not None:
             paths = replace(paths, known=paths.known & picture.sees(at.points, at.normals))
@@ -201,36 +163,8 @@ def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Ten
     rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
     way = directions[rows]
     passed = transmission(scene, at.points[rows], way, poses=poses, mask=MASK_SECONDARY)
-    value[rows] *= passed * sky(scene, way)
+    value[rows] *= passed * sky_along(scene, way)
     return value
-
-
-def unblocked(
-    scene: Scene, irradiance: Tensor, origins: Tensor, directions: Tensor, u: Tensor, *, poses: Tensor, **first: Any
-) -> Tensor:
-    """What rays from the eye show in light that nothing blocks: the sky, and surfaces with the light of the whole sky
-    and the sun. All are matt, and lamps light nothing but themselves.
-
-    Args:
-        scene: what is there.
-        irradiance: of the sky, see `tracer.sky.irradiance_table`.
-        origins: ``(N, 3)`` of the rays, world space.
-        directions: ``(N, 3)``, unit length.
-        u: ``(N,)`` in [0, 1), whether to go through what transmits.
-        poses: ``(I, 4, 4)``.
-        first: ``t_min``, ``t_max``, ``detail`` and ``spreads`` as for `tracer.paths.meet`.
-
-    Returns:
-        ``(N, 3)`` linear radiance, which has no noise but that of ``u``.
-    """
-    met = meet(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
-    at, total = met.surface, _beyond(scene, directions, torch.ones_like(met.hit), torch.ones_like(met.distance))
-    arriving = lookup_environment(irradiance, at.normals.T[None, :, None])[0, :, 0].T
-    if scene.sun is not None:
-        toward = F.normalize(at.normals.new_tensor(scene.sun.direction), dim=0)
-        arriving = arriving + (at.normals @ toward).clamp_min(0)[:, None] * toward.new_tensor(scene.sun.irradiance)
-    total[met.rows] = at.emission + at.albedo * at.opacity[:, None] * arriving / math.pi
-    return met.weight * total
 
 
 def mirrored_lamps(
@@ -254,27 +188,9 @@ def mirrored_lamps(
     return light, at.points + sample.direction * sample.distance[:, None], facing
 
 
-def sky(scene: Scene, directions: Tensor) -> Tensor:
-    """``(N, 3)`` radiance of the sky, without the sun's disc, in ``directions`` ``(N, 3)``."""
-    return sky_radiance(scene, directions.T[None])[0].T
-
-
-def _beyond(scene: Scene, directions: Tensor, sees_sun: Tensor, share: Tensor) -> Tensor:
-    """A ``share`` ``(N,)`` of the sky, and the sun where it is seen."""
-    light = sky(scene, directions) * share[:, None]
-    if scene.sun is not None:
-        light = light + sun_radiance(scene.sun, directions.T[None])[0].T * sees_sun[:, None]
-    return light
-
-
-def _even(at: Vertices, sample: LightSample) -> Tensor:
-    """Response of a surface that scatters evenly and all."""
-    return (dot(at.normals, sample.direction).clamp_min(0) / math.pi)[:, None].expand(-1, 3)
-
-
 def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
     """Response of surfaces, without the mirrored share where it is sharp."""
-    value = at.diffuse * at.enters * _even(at, sample)
+    value = at.diffuse * at.enters * even_response(at, sample)
     rows = (~(sharp_sun if sample.facing is None else sharp_lamp)).nonzero()[:, 0]
     value[rows] += glossy(at[rows], sample.direction[rows])
     return value

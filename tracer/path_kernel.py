@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.light_paths`: a path at a time."""
+"""The compiled form of `tracer.light_paths` and `tracer.matt_paths`: a path at a time."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from gbufrt.kernel import scalar
 from gbufrt.specular import DIELECTRIC_F0
 from tracer.light_kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
-from tracer.light_paths import EVEN, LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
+from tracer.light_paths import LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
 from tracer.light_samples import DIMS
+from tracer.matt_paths import EVEN
 from tracer.meet_kernel import WHITE, meet, transmit
 from tracer.paths import FINE, MOST_PASS
 from tracer.scatter_kernel import (
@@ -84,7 +85,7 @@ def from_lamp(tables, at, u, i, first, even, mirrors):
 
 @scalar
 def gathered(tables, at, u, i, first, bounces):
-    """See `tracer.light_paths.gathered`."""
+    """See `tracer.matt_paths.gathered`."""
     total, through = NOTHING, WHITE
     for bounce in range(bounces):
         through = times(through, diffuse_of(at))

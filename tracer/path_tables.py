@@ -16,6 +16,7 @@ from tracer import (
     light_paths,
     light_samples,
     lighting,
+    matt_paths,
     meet_kernel,
     path_kernel,
     paths,
@@ -41,7 +42,7 @@ from tracer.sky_table import SkyTable
 from tracer.traversal import grid_from_world
 
 KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, seen_kernel, path_kernel, shot_kernel)
-LIGHTS = (lamp_table, light_paths, light_samples, lighting, sky, sky_table, spherical_rectangle)
+LIGHTS = (lamp_table, light_paths, light_samples, lighting, matt_paths, sky, sky_table, spherical_rectangle)
 CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture)
 SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
 """Changes with everything that is compiled into paths."""

@@ -12,8 +12,9 @@ from torch import Tensor
 from gbufrt import Camera
 from tracer import lens
 from tracer.gbuffer import gbuffer, seconds
-from tracer.light_paths import MORE, unblocked
+from tracer.light_paths import MORE
 from tracer.light_samples import Lights
+from tracer.matt_paths import unblocked
 from tracer.path_ops import radiance
 from tracer.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.scene import Scene
@@ -58,7 +59,7 @@ def path_trace(
         focus_distance: planar depth of the focal plane, world units, a number or ``(B,)``; by default what
             `tracer.lens.focus_distance` finds.
         bounces: surfaces between what is seen and a light at most; 0 for direct light and sky alone.
-        unblocked: end paths where they begin, in light that nothing blocks, see `tracer.light_paths.unblocked`: no
+        unblocked: end paths where they begin, in light that nothing blocks, see `tracer.matt_paths.unblocked`: no
             noise then but that of lens, shutter and pixel.
         samples: at most so many paths a pixel.
         antialias: spread rays over the pixel's square; otherwise all go where the camera's jitter says.

@@ -8,13 +8,15 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tracer.light_paths import EVEN, gathered, mirrored_lamps, sky
+from tracer.light_paths import mirrored_lamps
 from tracer.light_samples import DIMS
+from tracer.matt_paths import EVEN, gathered
 from tracer.paths import Vertices, meet
 from tracer.progressive import Values
 from tracer.receivers import Receivers
 from tracer.scatter import cosine_direction, fresnel, mirrored
 from tracer.scene import Scene
+from tracer.sky import sky_along
 
 OCCLUSION_DIMS = 3
 REFLECTION_DIMS = 3 + DIMS + EVEN
@@ -58,7 +60,7 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: i
     gi, seen, above = (torch.zeros_like(weight) for _ in range(3))
     gi[met.rows] = weight[met.rows] * sent
     seen[met.rows] = gi[met.rows] * at.picture.sees(met.surface.points, met.surface.normals)[:, None]
-    above[~met.hit] = weight[~met.hit] * sky(scene, directions[~met.hit])
+    above[~met.hit] = weight[~met.hit] * sky_along(scene, directions[~met.hit])
     open_ = met.weight.mean(dim=1, keepdim=True) * ~met.hit[:, None]
     return {"gi": gi, "gi_seen": seen, "sky": above, "sky_visibility": open_}
 
@@ -88,7 +90,7 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     light[rows] += sent
     seen[rows] += sent * shows[:, None]
     away = flies & ~met.hit
-    light[away] += factor[away] * sky(scene, directions[away])
+    light[away] += factor[away] * sky_along(scene, directions[away])
     ways, known = torch.zeros_like(weight), torch.zeros_like(weight)
     ways[rows], known[rows] = met.distance[rows], shows.to(known)
     counts = {"seen": known, "distance": ways, "flies": flies.to(ways), "ends": met.hit.to(ways)}

@@ -68,6 +68,19 @@ def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
     return torch.where(seen, _color(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
 
 
+def sky_along(scene: Scene, directions: Tensor) -> Tensor:
+    """``(N, 3)`` radiance of the sky, without the sun's disc, in ``directions`` ``(N, 3)``."""
+    return sky_radiance(scene, directions.T[None])[0].T
+
+
+def beyond(scene: Scene, directions: Tensor, sees_sun: Tensor, share: Tensor) -> Tensor:
+    """A ``share`` ``(N,)`` of the sky, and the sun where it is seen."""
+    light = sky_along(scene, directions) * share[:, None]
+    if scene.sun is not None:
+        light = light + sun_radiance(scene.sun, directions.T[None])[0].T * sees_sun[:, None]
+    return light
+
+
 def environment(scene: Scene, *, size: tuple[int, int] = (64, 128)) -> Tensor:
     """A lat-long picture of the sky, oriented as `gbufrt.environment` says.
 
