@@ -42,6 +42,7 @@ def radiance(
     spreads: bool = False,
     next_event: bool = True,
     picture: Picture | None = None,
+    known: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """All light that comes along rays from the eye.
 
@@ -66,14 +67,15 @@ def radiance(
         spreads: whether that falls with the distance.
         next_event: False leaves all light to the path, which is the same in the mean and noisier.
         picture: what a camera sees.
+        known: ``(N,)`` bool, which rays come first to what the picture shows; by default all.
 
     Returns:
         ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface, after the first, but those
-        that the ``picture`` shows, 0 without one.
+        that the ``picture`` shows, 0 without one and where the first is not ``known`` from it.
 
     Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for ending paths at random.
     """
-    paths = _Paths.begin(directions, known=picture is not None)
+    paths = _Paths.begin(directions, picture is not None if known is None else known)
     total, seen = torch.zeros_like(directions), torch.zeros_like(directions)
 
     def add(paths: _Paths, light: Tensor) -> None:
@@ -88,7 +90,8 @@ def radiance(
         add(away, beyond(scene, directions[~met.hit], away.sees_sun, _share(lights.sky, directions[~met.hit], away)))
         at, paths, u = met.surface, paths[met.rows], u[:, met.rows]
         if bounce and picture is not None:
-            paths = replace(paths, known=paths.known & picture.sees(at.points, at.normals))
+            shows = picture.sees(*picture.put_back(at.points, at.normals, at.instances))
+            paths = replace(paths, known=paths.known & shows)
         add(paths, at.emission * paths.sees_lamps[:, None])
         if bounce > bounces or not len(paths.rows):
             break
@@ -137,7 +140,7 @@ class _Paths:
     known: Tensor
 
     @staticmethod
-    def begin(directions: Tensor, *, known: bool) -> _Paths:
+    def begin(directions: Tensor, known: Tensor | bool) -> _Paths:
         rows = torch.arange(len(directions), device=directions.device)
         yes, none = torch.ones_like(rows, dtype=torch.bool), torch.zeros_like(directions[:, 0])
         through = torch.ones_like(directions)

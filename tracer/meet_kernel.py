@@ -59,6 +59,7 @@ class Surface(NamedTuple):
     opacity: float
     emission: tuple[float, float, float]
     inside: bool
+    instance: int
 
 
 class Met(NamedTuple):
@@ -91,6 +92,7 @@ def surface_of(rows, i):
         np.float64(rows[i, 14]),
         triple(rows, i, 15),
         rows[i, 18] > 0,
+        int(rows[i, 19]),
     )
 
 
@@ -155,7 +157,7 @@ def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detai
 def _surface(tables, origin, direction, hit, inside, detail, spreads):
     t, entry, material, face, _, voxel, place = hit
     if entry < 0:
-        return Surface(origin, NOTHING, NOTHING, NOTHING, 0.0, 0.0, 0.0, NOTHING, False)
+        return Surface(origin, NOTHING, NOTHING, NOTHING, 0.0, 0.0, 0.0, NOTHING, False, 0)
     normal = _normal(tables, hit)
     if spreads:
         detail = detail / max(t, 1e-9)
@@ -173,6 +175,7 @@ def _surface(tables, origin, direction, hit, inside, detail, spreads):
         np.float64(tables.materials[material, OPACITY]),
         triple(tables.materials, material, EMISSION),
         inside,
+        entry,
     )
 
 

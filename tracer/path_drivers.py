@@ -27,7 +27,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
 
     @driver
     def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
-        origins, directions, spans = rays
+        origins, directions, spans, known = rays
         for lane in prange(lanes):
             tables = meet_kernel.assembled(arrays)
             for begin in range(lane * ROWS, len(origins), lanes * ROWS):
@@ -38,7 +38,7 @@ def _compiled(sources: int) -> tuple[Any, ...]:
                         tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
                     )
                     light, seen = path_kernel.radiance(
-                        tables, camera, picture, met, direction, u, i, 1, bounces, next_event
+                        tables, camera, picture, met, known[i], direction, u, i, 1, bounces, next_event
                     )
                     out[i, 0], out[i, 1], out[i, 2] = light
                     out[i, 3], out[i, 4], out[i, 5] = seen
@@ -104,12 +104,14 @@ def radiance(
     spreads: bool,
     next_event: bool,
     picture: Picture | None,
+    known: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
     """See `tracer.light_paths.radiance`."""
     out = torch.empty(len(origins), 6)
     spans = [torch.as_tensor(x, dtype=torch.float32).expand(len(origins)) for x in (t_min, t_max, detail)]
-    rays = tuple(array(x.float()) for x in (origins, directions, torch.stack(spans, dim=1)))
-    sees = camera_of(None if picture is None else picture.camera), picture_of(picture)
+    begin = torch.full((len(origins),), picture is not None) if known is None else known
+    rays = tuple(array(x.float()) for x in (origins, directions, torch.stack(spans, dim=1), begin))
+    sees = camera_of(picture), picture_of(picture)
     arrays = arrays_of(scene, poses, lights)
     radiance_all(arrays, *sees, rays, array(u), bounces, spreads, next_event, threads(), array(out))
     return out[:, :3], out[:, 3:]
@@ -139,4 +141,4 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
 
 def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:
     picture = at.picture
-    return arrays_of(scene, at.poses, at.lights), camera_of(picture.camera), picture_of(picture), surfaces_of(start)
+    return arrays_of(scene, at.poses, at.lights), camera_of(picture), picture_of(picture), surfaces_of(start)

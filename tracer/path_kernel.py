@@ -27,7 +27,7 @@ from tracer.scatter_kernel import (
     times,
 )
 from tracer.scene import MASK_SECONDARY, MASK_SHADOW
-from tracer.seen_kernel import sees
+from tracer.seen_kernel import put_back, sees
 from tracer.traversal import FARTHEST
 
 
@@ -114,11 +114,10 @@ def _go_on(tables, at, direction, number):
 
 
 @scalar
-def radiance(tables, camera, picture, met, direction, u, i, first, bounces, next_event):
-    """See `tracer.light_paths.radiance`; a picture without rows is none."""
+def radiance(tables, camera, picture, met, known, direction, u, i, first, bounces, next_event):
+    """See `tracer.light_paths.radiance`; ``known`` is 1 where what was met shows in the picture, else 0."""
     lit = tables.lit
     total, seen, through, sees_sun, sees_lamps, density = NOTHING, NOTHING, WHITE, True, True, 0.0
-    known = 1.0 if len(picture) else 0.0
     sharp = lit.sky[DISC, 0]
     for bounce in range(bounces + 2):
         through = times(through, met.weight)
@@ -132,8 +131,9 @@ def radiance(tables, camera, picture, met, direction, u, i, first, bounces, next
             light = times(through, light)
             return added(total, light), along(seen, light, known)
         at = met.surface
-        if bounce and known > 0 and not sees(camera, picture, at.point, at.normal):
-            known = 0.0
+        if bounce and known > 0:
+            point, normal = put_back(camera, at.point, at.normal, at.instance)
+            known = 1.0 if sees(camera, picture, point, normal) else 0.0
         light = at.emission if sees_lamps else NOTHING
         sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
         if next_event and bounce <= bounces:

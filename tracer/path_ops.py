@@ -45,11 +45,12 @@ def radiance(
     spreads: bool = False,
     next_event: bool = True,
     picture: Picture | None = None,
+    known: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """See `tracer.light_paths.radiance`."""
     first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
-    given = {"bounces": bounces, "poses": poses, "next_event": next_event, "picture": picture, **first}
-    return _form(u, light_paths).radiance(scene, lights, origins, directions, u, **given)
+    given = {"bounces": bounces, "poses": poses, "next_event": next_event, "picture": picture, "known": known}
+    return _form(u, light_paths).radiance(scene, lights, origins, directions, u, **given, **first)
 
 
 def _form(like: Tensor, reference: Any) -> Any:

@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 
 from gbufrt import specular
-from gbufrt.camera import Camera
 from gbufrt.kernel import array, checksum
 from tracer import (
     grids,
@@ -56,6 +55,7 @@ COLUMNS = {
     "opacity": 1,
     "emission": 3,
     "inside": 1,
+    "instances": 1,
 }
 """Of `Vertices`, side by side, as `tracer.meet_kernel.surface_of` reads them."""
 
@@ -76,15 +76,16 @@ def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tupl
 
 
 def surfaces_of(vertices: Vertices) -> np.ndarray:
-    """``(N, 19)`` float32."""
+    """``(N, 20)`` float32."""
     columns = [getattr(vertices, name).reshape(-1, width).float() for name, width in COLUMNS.items()]
     return array(torch.cat(columns, dim=1))
 
 
-def camera_of(camera: Camera | None) -> np.ndarray:
-    """What `tracer.seen_kernel.sees` reads, of one camera or none."""
-    if camera is None:
+def camera_of(picture: Picture | None) -> np.ndarray:
+    """What `tracer.seen_kernel.sees` reads of the camera of a picture or of none, and how to put instances back."""
+    if picture is None:
         return np.zeros(0)
+    camera = picture.camera
     k, jitter = camera.intrinsics[0].double(), camera.jitter
     still = torch.zeros(2, dtype=torch.float64)
     numbers = [
@@ -96,6 +97,8 @@ def camera_of(camera: Camera | None) -> np.ndarray:
         camera.forward[0].double(),
         torch.tensor([camera.orthographic, *camera.size], dtype=torch.float64),
     ]
+    if picture.back is not None:
+        numbers.append(picture.back[1:, :3].double().flatten())
     return array(torch.cat(numbers))
 
 

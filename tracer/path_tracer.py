@@ -18,7 +18,7 @@ from tracer.matt_paths import unblocked
 from tracer.path_ops import radiance
 from tracer.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.scene import Scene
-from tracer.seen import Picture
+from tracer.seen import Picture, begins_in_sight
 from tracer.sequence import Sequence as Numbers
 from tracer.sky import irradiance_table
 
@@ -68,9 +68,10 @@ def path_trace(
         progress: called with samples done and their number.
 
     Returns:
-        ``radiance`` ``(B, 3, H, W)``, linear. Of a pinhole without a shutter, unless ``unblocked``, also
-        ``radiance_seen``: the part of it that came by no surface, after the first, but those that are first in a pixel
-        of the picture. Lights that rays were sent to need not be in sight, lamps that show in mirrors must be.
+        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_seen``, the part of it that came by no surface but those
+        that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself); what
+        moves is looked for where it was then. Sky that comes straight through lens or shutter must show there as well.
+        Lights that rays were sent to need not be in sight, lamps that show in mirrors must be.
 
     Raises:
         ValueError: no voxels, or a number out of its range.
@@ -83,11 +84,8 @@ def path_trace(
     times = seconds(time, cameras.batch)
     focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
     sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
-    still = shutter == 0 and aperture_radius == 0 and not unblocked
-
-    def picture(begin: float, number: int) -> Picture:
-        return Picture.of(gbuffer(scene, lens.one_of(at_time(begin), number), time=begin), 0)
-
+    # without a shutter the picture is of the very instant
+    shown = times if shutter > 0 else [t + shutter_offset for t in times]
     shots = [
         _Shot(
             scene=scene,
@@ -101,7 +99,8 @@ def path_trace(
             antialias=antialias,
             size=cameras.size,
             sequence=sequence,
-            picture=picture(times[b] + shutter_offset, b) if still else None,
+            picture=Picture.of(gbuffer(scene, lens.one_of(at_time(shown[b]), b), time=shown[b]), 0),
+            shown=shown[b],
         )
         for b in range(cameras.batch)
     ]
@@ -109,7 +108,7 @@ def path_trace(
 
     def estimate(numbers: range) -> Values:
         both = torch.stack([shot.sums(numbers) for shot in shots])
-        return {"radiance": both[:, :3]} | ({"radiance_seen": both[:, 3:]} if still else {})
+        return {"radiance": both[:, :3], "radiance_seen": both[:, 3:]}
 
     return converge(
         estimate,
@@ -122,8 +121,19 @@ def path_trace(
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class _Moment:
+    """Where all is while rays are sent, and the picture that they are held against."""
+
+    camera: Camera
+    poses: Tensor
+    lights: Lights
+    picture: Picture
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class _Shot:
-    """One picture of the batch: the arguments of `path_trace`, with ``begin`` the time at which the shutter opens."""
+    """One picture of the batch: the arguments of `path_trace`, with ``begin`` the time at which the shutter opens, and
+    the pinhole's ``picture`` as it was when ``shown``."""
 
     scene: Scene
     camera: Callable[[float], Camera]
@@ -136,20 +146,24 @@ class _Shot:
     antialias: bool
     size: tuple[int, int]
     sequence: Numbers
-    picture: Picture | None
+    picture: Picture
+    shown: float
 
     def sums(self, numbers: range) -> Tensor:
         """``(6, H, W)`` sums over samples: radiance, and what of it the picture knows."""
         first = float(self.sequence.points[numbers.start, 0])
         total = torch.zeros(self.sequence.rotation.shape[1], 6, device=self.sequence.rotation.device)
         for number, pixels in enumerate(self._groups):
-            now = self.begin + self.shutter * ((first + number / MOMENTS) % 1)
-            camera = self.camera(now)
-            poses = self.scene.poses([now])[0].to(camera.device)
-            lights = self._lights.at(self.scene, poses) if self.shutter > 0 else self._lights
+            now = self._moment(self.begin + self.shutter * ((first + number / MOMENTS) % 1))
             for part in pixels.split(max(1, WIDE // len(numbers))):
-                total[part] = self._light(numbers, part, camera, poses, lights)
+                total[part] = self._light(numbers, part, now)
         return total.T.reshape(6, *self.size)
+
+    def _moment(self, time: float) -> _Moment:
+        camera = self.camera(time)
+        poses, shown = self.scene.poses([time, self.shown]).to(camera.device)
+        lights = self._lights.at(self.scene, poses) if self.shutter > 0 else self._lights
+        return _Moment(camera=camera, poses=poses, lights=lights, picture=self.picture.when(shown, poses))
 
     @cached_property
     def _lights(self) -> Lights:
@@ -166,28 +180,30 @@ class _Shot:
         order = self.sequence.rotation[0].argsort()
         return [order[i::MOMENTS].sort().values for i in range(MOMENTS)] if self.shutter > 0 else [order.sort().values]
 
-    def _light(self, numbers: range, pixels: Tensor, camera: Camera, poses: Tensor, lights: Lights) -> Tensor:
+    def _light(self, numbers: range, pixels: Tensor, now: _Moment) -> Tensor:
         """``(n, 6)`` sums over samples."""
-        u = self.sequence.draw(numbers, pixels)
+        u, camera = self.sequence.draw(numbers, pixels), now.camera
         px = camera.pixel_centers(jittered=not self.antialias, dtype=torch.float32)[0].flatten(1)[:, pixels]
         px = px.repeat(1, len(numbers)) + (u[1:3] - 0.5 if self.antialias else 0.0)
         origins, directions, along = lens.lens_rays(
             camera, px, u[3:5], aperture_radius=self.aperture_radius, focus_distance=self.focus_distance
         )
         focal = camera.intrinsics[0, 1, 1]
+        spans = {"poses": now.poses, "t_min": camera.near / along, "t_max": camera.far / along}
+        known = torch.ones_like(along, dtype=torch.bool)
+        if self.aperture_radius > 0 or self.shutter > 0:  # else it is the picture itself, in finer detail
+            known = begins_in_sight(self.scene, now.picture, origins, directions, **spans)
         given = {
-            "poses": poses,
-            "t_min": camera.near / along,
-            "t_max": camera.far / along,
+            **spans,
             "detail": focal if camera.orthographic else focal / along,
             "spreads": not camera.orthographic,
         }
         if self.unblocked:
             light = unblocked(self.scene, self._irradiance, origins, directions, u[FIRST], **given)
-            both = light, torch.zeros_like(light)
+            both = light, light * known[:, None]
         else:
-            given |= {"bounces": self.bounces, "picture": self.picture}
-            both = radiance(self.scene, lights, origins, directions, u[FIRST:], **given)
+            given |= {"bounces": self.bounces, "picture": now.picture, "known": known}
+            both = radiance(self.scene, now.lights, origins, directions, u[FIRST:], **given)
         return torch.cat(both, dim=1).view(len(numbers), len(pixels), 6).sum(dim=0)
 
 

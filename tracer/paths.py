@@ -38,6 +38,7 @@ class Vertices:
         opacity: ``(N,)``.
         emission: ``(N, 3)``.
         inside: ``(N,)`` bool: the place lies within a transmissive material.
+        instances: ``(N,)`` which they are on, 0 for the world.
     """
 
     points: Tensor
@@ -49,6 +50,7 @@ class Vertices:
     opacity: Tensor
     emission: Tensor
     inside: Tensor
+    instances: Tensor
 
     def __len__(self) -> int:
         return len(self.points)
@@ -225,6 +227,7 @@ def _vertices(
         opacity=table.opacity[which],
         emission=table.emission[which],
         inside=inside,
+        instances=hits.instance,
     )
 
 

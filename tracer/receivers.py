@@ -66,12 +66,13 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
         "roughness": one if gbuffer.roughness is None else gbuffer.roughness,
         "metallic": none if gbuffer.metallic is None else gbuffer.metallic,
         "opacity": one if gbuffer.opacity is None else gbuffer.opacity,
+        "instances": none if gbuffer.object_id is None else gbuffer.object_id,
     }
     found = []
     for b in range(gbuffer.batch):
         pixels = gbuffer.hit[b].flatten().nonzero()[:, 0]
         rows = {name: plane[b].flatten(1)[:, pixels].T.contiguous().float() for name, plane in planes.items()}
-        for name in ("roughness", "metallic", "opacity"):
+        for name in ("roughness", "metallic", "opacity", "instances"):
             rows[name] = rows[name][:, 0]
         inside = _inside(scene, rows["points"], rows["normals"], poses[b])
         found.append(

@@ -9,18 +9,29 @@ from tracer.scatter_kernel import along, dot, scaled
 from tracer.seen import EDGE_ON, NEIGHBORS, SLACK
 from tracer.walk_kernel import triple
 
-VIEW, FOCAL, CENTER, JITTER, POSITION, FORWARD, ORTHOGRAPHIC, SIZE = 0, 12, 14, 16, 18, 21, 24, 25
-"""Where in the flat numbers of a camera they begin: view from world, row by row, and so on."""
+VIEW, FOCAL, CENTER, JITTER, POSITION, FORWARD, ORTHOGRAPHIC, SIZE, BACK = 0, 12, 14, 16, 18, 21, 24, 25, 27
+"""Where in the flat numbers of a camera they begin: view from world, row by row, and so on; last, 12 an instance."""
 DEPTH, NORMAL, POINT = 0, 1, 4
 """Columns of a picture."""
 
 
 @scalar
-def _view(camera, point, w):
-    x = camera[0] * point[0] + camera[1] * point[1] + camera[2] * point[2] + camera[3] * w
-    y = camera[4] * point[0] + camera[5] * point[1] + camera[6] * point[2] + camera[7] * w
-    z = camera[8] * point[0] + camera[9] * point[1] + camera[10] * point[2] + camera[11] * w
+def _carried(camera, first, point, w):
+    """A point, or for ``w`` 0 a direction, by the matrix that begins there."""
+    row = camera[first : first + 12]
+    x = row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3] * w
+    y = row[4] * point[0] + row[5] * point[1] + row[6] * point[2] + row[7] * w
+    z = row[8] * point[0] + row[9] * point[1] + row[10] * point[2] + row[11] * w
     return x, y, z
+
+
+@scalar
+def put_back(camera, point, normal, instance):
+    """See `tracer.seen.Picture.put_back`."""
+    first = BACK + 12 * (instance - 1)
+    if instance < 1 or len(camera) <= first:
+        return point, normal
+    return _carried(camera, first, point, 1.0), _carried(camera, first, normal, 0.0)
 
 
 @scalar
@@ -31,7 +42,7 @@ def sees(camera, picture, point, normal):
     toward = along(point, place, -1.0)
     if flat:
         toward = (camera[FORWARD], camera[FORWARD + 1], camera[FORWARD + 2])
-    at = _view(camera, point, 1.0)
+    at = _carried(camera, VIEW, point, 1.0)
     if dot(toward, normal) >= 0 or at[2] <= 0:
         return False
     z = 1.0 if flat else max(at[2], 1e-9)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import torch
+from voxels import DARK
 
 from gbufrt import Camera, Frame, Pipeline
 from post.presets import me1
 from tracer.gbuffer import gbuffer
 from tracer.material import Material, MaterialTable
 from tracer.render import render
-from tracer.scene import Scene, Sky
+from tracer.scene import Scene
 from tracer.truth import reflection
 from tracer.world import World
-
-DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
 
 
 def posts_on_a_mirror() -> Scene:

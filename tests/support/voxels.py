@@ -7,8 +7,9 @@ import math
 import torch
 from torch import Tensor
 
+from gbufrt import Camera
 from tracer.material import Material, MaterialTable
-from tracer.scene import MASK_ALL, Instance, Scene, Sun
+from tracer.scene import MASK_ALL, Instance, Scene, Sky, Sun
 from tracer.world import World
 
 TABLE = MaterialTable.of(
@@ -20,6 +21,7 @@ TABLE = MaterialTable.of(
     ]
 )
 STONE, GLASS, WATER, LAMP = 1, 2, 3, 4
+DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
 
 
 def world(size: tuple[int, int, int], *boxes: tuple[int, tuple[int, int, int], tuple[int, int, int]], **kw) -> World:
@@ -28,6 +30,11 @@ def world(size: tuple[int, int, int], *boxes: tuple[int, tuple[int, int, int], t
     for voxel, low, high in boxes:
         voxels[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = voxel
     return World.from_dense(voxels, TABLE, **kw)
+
+
+def above(*, size: tuple[int, int] = (8, 8), span: float = 4.0, height: float = 30.0) -> Camera:
+    """Looks straight down on the middle of 48x48 voxels; picture right is +x."""
+    return Camera.look_at((24, height, 24), (24, 0, 24), size=size, up=(0.0, 0.0, -1.0), orthographic_height=span)
 
 
 def random_world(seed: int, size: tuple[int, int, int] = (37, 22, 41), *, share: float = 0.03, **kw) -> World:

@@ -11,13 +11,15 @@ import voxels
 from torch import Tensor
 
 from gbufrt import Camera
-from tracer import light_paths, path_ops, shots
+from tracer import light_paths, path_ops, seen_kernel, shots
 from tracer.gbuffer import gbuffer
 from tracer.light_samples import Lights
+from tracer.path_tables import camera_of, picture_of
 from tracer.paths import Vertices
 from tracer.receivers import Receivers, receivers_of
 from tracer.scene import Scene
 from tracer.seen import Picture
+from tracer.traversal import trace
 
 BOUNCES = 3
 
@@ -65,19 +67,46 @@ def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> Non
 
 @pytest.mark.parametrize("next_event", [True, False])
 @pytest.mark.parametrize("spreads", [True, False])
-def test_paths_bring_the_same_light(next_event: bool, spreads: bool) -> None:
+@pytest.mark.parametrize("moved", [True, False])
+def test_paths_bring_the_same_light(next_event: bool, spreads: bool, moved: bool) -> None:
     scene, poses, lights, origins, directions, u = case(3)
     given: dict[str, Any] = {"bounces": BOUNCES, "poses": poses, "t_min": 0.05, "t_max": 100.0}
     given |= {"detail": 200.0 if spreads else 20.0, "spreads": spreads, "next_event": next_event}
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41))
-    given |= {"picture": Picture.of(gbuffer(scene, camera, time=0.3), 0)}
+    when = 0.9 if moved else 0.3
+    picture = Picture.of(gbuffer(scene, camera, time=when), 0).when(scene.poses([when])[0], poses)
+    given |= {"picture": picture, "known": u[1] < 0.9 if moved else None}
     found = [f.radiance(scene, lights, origins, directions, u, **given) for f in (path_ops, light_paths)]
     for got, want in zip(*found, strict=True):
         same(got, want)
         assert (got.mean(0) / want.mean(0) - 1).abs().max() < 0.01
     light, seen = found[0]
-    assert ((seen > 0) & (seen < 0.99 * light)).float().mean() > 0.02
+    assert ((seen > 0) & (seen < 0.99 * light)).float().mean() > 0.01
     assert (seen <= light).all()
+    if moved:
+        assert (seen[u[1] >= 0.9] == 0).all()
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_what_has_moved_is_looked_for_where_it_was(orthographic: bool) -> None:
+    scene, (poses, then) = voxels.polished_scene(3), voxels.polished_scene(3).poses([0.3, 2.3])
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(99, 123), orthographic_height=30.0 if orthographic else None)
+    g = gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=2.3)
+    picture = Picture.of(g, 0).when(then, poses)
+    _, directions = voxels.random_rays(1, 4000)
+    origins = torch.tensor([-2.7, 4.0, 2.0]) - 12 * directions  # round the first of the movers
+    hits = trace(scene, origins, directions, poses=poses)
+    on = (hits.instance > 0) & hits.hit
+    points, normals = (origins + directions * hits.t[:, None])[on], hits.normal[on]
+    want = picture.sees(*picture.put_back(points, normals, hits.instance[on]))
+    numbers, flat = camera_of(picture), picture_of(picture)
+    got = [
+        seen_kernel.sees(numbers, flat, *seen_kernel.put_back(numbers, tuple(p), tuple(n), i))
+        for p, n, i in zip(points.tolist(), normals.tolist(), hits.instance[on].tolist(), strict=True)
+    ]
+    assert (torch.tensor(got) != want).float().mean() < 0.01
+    assert (picture.sees(points, normals) != want).float().mean() > 0.05
+    assert 0.02 < want.float().mean() < 0.9
 
 
 def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky() -> None:

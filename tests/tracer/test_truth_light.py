@@ -6,14 +6,13 @@ from typing import Any
 
 import pytest
 import torch
-from voxels import LAMP, STONE, TABLE, WATER, pose, random_scene, random_world, world
+from voxels import DARK, LAMP, STONE, TABLE, WATER, above, pose, random_scene, random_world, world
 
 from gbufrt import Camera
 from tracer.emitters import lamps_of
 from tracer.form_factor import rectangle_irradiance
 from tracer.gbuffer import gbuffer
 from tracer.lamp_table import LampTable
-from tracer.lens import focus_distance, lens_rays
 from tracer.light_samples import lamp_sample
 from tracer.lighting import light
 from tracer.material import Material, MaterialTable
@@ -25,7 +24,6 @@ from tracer.truth import path_trace, reflection
 from tracer.world import World
 
 EVEN = Sky(zenith=(0.5, 0.6, 0.7), horizon=(0.5, 0.6, 0.7), ground=(0.5, 0.6, 0.7))
-DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
 SKY = torch.tensor(EVEN.zenith).view(1, 3, 1, 1)
 
 
@@ -35,10 +33,6 @@ def floor(height: int = 2, **material) -> World:
     voxels = torch.zeros(48, height, 48, dtype=torch.int16)
     voxels[:, 0] = 1
     return World.from_dense(voxels, table)
-
-
-def above(*, size: tuple[int, int] = (8, 8), span: float = 4.0, height: float = 30.0) -> Camera:
-    return Camera.look_at((24, height, 24), (24, 0, 24), size=size, up=(0.0, 0.0, -1.0), orthographic_height=span)
 
 
 def test_a_matte_floor_under_an_even_sky_has_the_closed_form():
@@ -256,76 +250,6 @@ def test_light_from_behind_water_is_dimmed_as_the_gbuffer_says():
     assert (got["radiance"].mean(dim=(0, 2, 3)) / want.mean(dim=(0, 2, 3)) - 1).abs().max() < 0.02
 
 
-def test_rays_through_a_lens_meet_on_the_focal_plane():
-    camera = Camera.look_at((1, 2, 3), (4, 1, 9), size=(9, 16), fov_y=50.0)
-    u = torch.rand(2, 500, generator=torch.Generator().manual_seed(0))
-    px = torch.tensor([[3.7], [6.1]]).expand(2, 500)
-    origins, directions, along = lens_rays(camera, px, u, aperture_radius=0.5, focus_distance=7.0)
-    ends = camera.to_view((origins + directions * (7.0 / along)[:, None]).T[None])[0]
-    assert torch.allclose(ends[2], torch.tensor(7.0), atol=1e-4)
-    assert (camera.project(ends[None])[0] - px).abs().max() < 1e-3
-    off = (origins - camera.position).norm(dim=1)
-    assert 0.45 < off.max() <= 0.5 + 1e-6
-    assert abs(float(off.square().mean()) - 0.125) < 0.01  # even over the disc
-
-
-def test_a_lens_spreads_a_lamp_out_of_focus_over_a_disc():
-    scene = Scene(world=world((3, 3, 3), (LAMP, (1, 1, 1), (2, 2, 2))), sun=None, sky=DARK)
-    camera = Camera.look_at((1.5, 1.5, -18.0), (1.5, 1.5, 0.0), size=(48, 48), fov_y=30.0)
-    sharp = path_trace(scene, camera, bounces=0, samples=16)["radiance"]
-    blurred = path_trace(scene, camera, bounces=0, samples=64, aperture_radius=1.0, focus_distance=9.5)["radiance"]
-    assert abs(float(blurred.sum() / sharp.sum()) - 1) < 0.03
-    focal = float(camera.intrinsics[0, 0, 0])
-    radius = focal * abs(1 / 9.5 - 1 / 19) + 0.5 * focal / 19
-    y, x = torch.meshgrid(torch.arange(48) - 23.5, torch.arange(48) - 23.5, indexing="ij")
-    far = (x * x + y * y).sqrt()
-    assert blurred[0, 0][far > radius * 1.2 + 1].max() == 0
-    assert blurred[0, 0][far < radius * 0.5].min() > 0
-    focused = path_trace(scene, camera, bounces=0, samples=16, aperture_radius=1.0, focus_distance=19.0)["radiance"]
-    assert (focused - sharp).abs().mean() < 0.05 * sharp.mean() + 0.01
-
-
-def test_focus_goes_to_the_middle_of_the_picture_by_and_by():
-    scene = Scene(world=world((48, 48, 4), (STONE, (0, 0, 2), (48, 48, 3))), sun=None)
-    camera = Camera.look_at((24, 24, -10), (24, 24, 0), size=(9, 16))
-    assert torch.allclose(focus_distance(scene, camera), torch.tensor([12.0]))
-    distance = torch.tensor([2.0])
-    for _ in range(3):
-        distance = focus_distance(scene, camera, previous=distance, rate=0.5)
-    assert torch.allclose(distance, torch.tensor([2.0 + 10 * 0.875]))
-    away = Camera.look_at((24, 24, -10), (24, 24, -20), size=(9, 16))
-    assert float(focus_distance(scene, away)) == away.far
-
-
-def test_an_open_shutter_shows_a_mover_for_as_long_as_it_is_there():
-    lamp = Instance(
-        model=world((2, 2, 2), (LAMP, (0, 0, 0), (2, 2, 2))), pose=lambda t: pose((10.0 + 8 * t, 3.0, 23.0))
-    )
-    scene = Scene(world=world((48, 2, 48), (STONE, (0, 0, 0), (1, 1, 1))), instances=(lamp,), sun=None, sky=DARK)
-    camera = above(size=(8, 48), span=8.0)
-    given = {"bounces": 0, "samples": 64, "shutter": 1.0}
-    trail = path_trace(scene, camera, **given, time=0.0)["radiance"][0, 0, 3:5].mean(dim=0) / 4
-    x = torch.arange(48) + 0.5
-    want = ((x - 10).clamp(0, 2) - (x - 18).clamp(0, 2)) / 8  # the share of the time that the lamp covers it
-    assert (trail - want).abs().max() < 0.04
-    centred = path_trace(scene, camera, **given, time=0.5, shutter_offset=-0.5)["radiance"][0, 0, 3:5].mean(dim=0) / 4
-    assert torch.allclose(centred, trail)
-
-
-def test_a_moving_camera_blurs_what_stands_still():
-    scene = Scene(world=world((48, 3, 48), (LAMP, (23, 1, 23), (25, 3, 25))), sun=None, sky=DARK)
-
-    def camera(t: float) -> Camera:
-        return Camera.look_at(
-            (24 + 4 * t, 30, 24), (24 + 4 * t, 0, 24), size=(8, 16), up=(0.0, 0.0, -1.0), orthographic_height=8.0
-        )
-
-    still = path_trace(scene, camera, bounces=0, samples=64)["radiance"]
-    moved = path_trace(scene, camera, bounces=0, samples=64, shutter=1.0)["radiance"]
-    assert abs(float(moved.sum() / still.sum()) - 1) < 0.02
-    assert (moved > 0.01).sum() > 2 * (still > 0.01).sum()
-
-
 def test_pictures_of_a_batch_do_not_influence_each_other():
     scene = random_scene(2)
     eyes, times = [(25.0, 18.0, 22.0), (-25.0, 12.0, 8.0)], [0.0, 1.0]
@@ -368,41 +292,3 @@ def test_wrong_arguments_are_named():
         path_trace(scene, camera, aperture_radius=1.0, focus_distance=0.0)
     with pytest.raises(ValueError, match="no voxels"):
         path_trace(Scene(world=World.from_dense(torch.zeros(1, 1, 1, dtype=torch.int16), TABLE)), camera)
-
-
-def test_the_part_that_came_by_surfaces_in_sight():
-    """A floor before a white wall. Seen with the wall, all of its light came by what is seen; alone, the sky's and the
-    sun's, and what the wall sends is left out."""
-    table = MaterialTable.of(
-        [Material(name="floor", albedo=(0.5, 0.5, 0.5), variation=0.0), Material(name="wall", albedo=(0.9, 0.5, 0.2))]
-    )
-    voxels = torch.zeros(48, 24, 48, dtype=torch.int16)
-    voxels[:, 0], voxels[:, :, 20] = 1, 2
-    scene = Scene(world=World.from_dense(voxels, table), sun=Sun(direction=(0.2, 0.8, 0.6)))
-    given = {"size": (9, 12), "fov_y": 20.0}
-    floor_alone = Camera.look_at((24, 10, 44), (24, 1, 32), **given)
-    found = path_trace(scene, floor_alone, bounces=1, samples=256, antialias=False)
-    straight = path_trace(scene, floor_alone, bounces=0, samples=256, antialias=False)
-    light, seen = found["radiance"], found["radiance_seen"]
-    lost = (light - seen).mean(dim=(0, 2, 3))
-    assert (lost / light.mean(dim=(0, 2, 3)) > 0.03).all()
-    assert lost[0] > 2 * lost[2] * (light.mean(dim=(0, 2, 3)) / light.mean())[2]  # of the wall's colour
-    assert abs(float(seen.mean() / straight["radiance"].mean()) - 1) < 0.02
-    both = Camera.look_at((24, 12, 47), (24, 9, 20), size=(27, 36), fov_y=80.0)
-    found = path_trace(scene, both, bounces=1, samples=64, antialias=False)
-    g = gbuffer(scene, both)
-    near = g.hit & (g.normal[:, 1:2] > 0.9) & ((both.to_world(g.points_view())[:, :1] - 24).abs() < 6)
-    assert int(near.sum()) > 20
-    assert (found["radiance_seen"] * near).sum() > 0.985 * (found["radiance"] * near).sum()
-    assert "radiance_seen" not in path_trace(scene, both, samples=1, aperture_radius=0.1).values
-
-
-def test_what_is_in_sight_is_that_of_each_picture_at_its_time():
-    scene = random_scene(2)
-    at_time = lambda t: Camera.look_at([(25.0 - 9 * t, 18.0, 22.0), (-25.0, 12.0 + t, 8.0)], (0, 4, 0), size=(9, 12))
-    both = path_trace(scene, at_time, time=[0.0, 1.0], shutter_offset=0.5, samples=16)
-    for b, time in enumerate((0.5, 1.5)):
-        eye = [(25.0 - 9 * time, 18.0, 22.0), (-25.0, 12.0 + time, 8.0)][b]
-        one = path_trace(scene, Camera.look_at(eye, (0, 4, 0), size=(9, 12)), time=time, samples=16)
-        for name in ("radiance", "radiance_seen"):
-            assert torch.allclose(both[name][b : b + 1], one[name], rtol=1e-3, atol=1e-4)
