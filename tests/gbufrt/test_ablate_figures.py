@@ -59,6 +59,23 @@ def test_gain_counts_the_changed_pixels_alone():
     assert math.isnan(f.gain(better, worse, truth, changed & False))
 
 
+def test_the_error_where_not_all_light_is_from_points_in_sight_is_told_apart():
+    truth = torch.full((1, 3, 20, 20), 0.5)
+    seen = truth.clone()
+    seen[..., :5] *= 0.98
+    seen[..., 5:10] *= 0.995  # too little for the split
+    sees = f.in_sight((seen, seen), (truth, truth))
+    assert int(sees.sum()) == 300
+    assert not bool(sees[..., :5].any())
+    picture = truth.clone()
+    picture[..., :5] += 0.3
+    picture[..., 5:] += 0.1
+    everywhere = sees | ~sees
+    assert f.share(~sees, everywhere) == 0.25
+    assert f.share_of_error(picture, (truth, truth), ~sees, everywhere) == pytest.approx(0.75, rel=1e-4)
+    assert math.isnan(f.share_of_error(picture, (truth, truth), ~sees, everywhere & False))
+
+
 def test_display_is_fixed_by_the_truth():
     truth = torch.full((1, 3, 8, 8), 0.36)
     hit = torch.ones(1, 1, 8, 8, dtype=torch.bool)

@@ -127,6 +127,8 @@ def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     focused = lens.depth_of_field(place(folder), me1("high")).figures
     assert focused["depth_of_field.small.gain"] >= 10.0
     assert focused["depth_of_field.large.gain"] >= 10.0
+    assert focused["depth_of_field.large.gain_seen"] > 12.0
+    assert 0.2 < focused["depth_of_field.large.unseen"] < focused["depth_of_field.large.unseen_error"] < 0.7
     broken = Pipeline(given={"color"}, motion_blur=Across(), depth_of_field=Elsewhere())
     assert lens.motion_blur(place(folder, "turning", time=-1.0), broken).figures["motion_blur.centred.gain"] < 4.0
     assert lens.depth_of_field(place(folder), broken).figures["depth_of_field.small.gain"] < 10.0

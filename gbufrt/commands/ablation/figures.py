@@ -25,7 +25,7 @@ Pair = tuple[Tensor, Tensor]
 
 MIDDLE_GREY = 0.18
 MIRROR_ROUGHNESS = 0.1  # below it a surface counts as a mirror
-ON_SCREEN = 0.99  # share of a pixel's rays that must end on what the camera sees
+ON_SCREEN = 0.99  # share of a pixel's rays that must end on, or of its light that must come by, what the camera sees
 OCCLUDED = 0.9  # bent normals count where true visibility is less
 CHANGED = 2.0 / 255  # difference of a displayed pixel from which an effect has changed it
 TRACED = 8.0 / 255  # the same between two traced pictures, which have noise
@@ -148,7 +148,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None
     result = {
         "reflection.mirror": _one(rms_error(found, both, mirror) / mean),
         "reflection.exact": _one(rms_error(exact, both, mirror) / mean),
-        "reflection.mirror_share": float(mirror.sum()) / max(float(g.hit.sum()), 1.0),
+        "reflection.mirror_share": share(mirror, g.hit),
         "reflection.if_black": _one(rms_error(torch.zeros_like(true), both, mirror) / mean),
         "reflection.if_constant": _one(rms_error(constant_per_object(true, g, mirror), both, mirror) / mean),
         "reflection.whole": relative_energy(found, both, g.hit),
@@ -199,6 +199,23 @@ def psnr_over(picture: Tensor | Pair, truths: Pair, mask: Tensor) -> float:
     """PSNR of a displayed picture against two halves of a displayed truth, decibels."""
     error = _one(rms_error(picture, truths, mask))
     return error if math.isnan(error) else -20 * math.log10(max(error, LEAST))
+
+
+def share(part: Tensor, whole: Tensor) -> float:
+    """How many of the pixels of ``whole`` are in a ``part`` of them."""
+    return float(part.sum()) / max(float(whole.sum()), 1.0)
+
+
+def share_of_error(picture: Tensor | Pair, truths: Pair, part: Tensor, whole: Tensor) -> float:
+    """How much of the squared error of a displayed picture on the pixels of ``whole`` lies in a ``part`` of them."""
+    some, all_ = (rms_error(picture, truths, mask).square() * mask.sum() for mask in (part, _enough(whole)))
+    return _one(some / all_)
+
+
+def in_sight(seen: Pair, truths: Pair) -> Tensor:
+    """``(B, 1, H, W)`` bool: which pixels' light came all, but for what does not show, by points on screen."""
+    some, all_ = ((a + b).mean(1, keepdim=True) for a, b in (seen, truths))
+    return some >= ON_SCREEN * all_
 
 
 def changed_pixels(a: Tensor, b: Tensor, *, level: float = CHANGED) -> Tensor:

@@ -22,6 +22,7 @@ from gbufrt.pipeline import Pipeline
 LIGHT = {"unblocked": True}  # what light did before it came to the lens does not matter: here it has no noise
 MORE = 2  # blurred highlights take many rays
 SHARP_SEEDS = (3, 4)  # other paths than those of the truth
+LIGHTS = ("radiance", "radiance_seen")
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
 MOVING_FRAME = 2  # number of the frame that is blurred: a second into the scene
@@ -40,9 +41,9 @@ def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:
     result = Outcome()
     for kind, position in SHUTTERS.items():
         offset = -open_for / 2 if position == "center" else -open_for
-        truth = place.pictures({**LIGHT, "shutter": open_for, "shutter_offset": offset}, time=now)
-        tuned = stage.tuned(position=position)
-        _judge(result, f"motion_blur.{kind}", tuned, frames, truth)
+        given = {**LIGHT, "shutter": open_for, "shutter_offset": offset}
+        truths = [place.pictures(given, time=now, name=name) for name in LIGHTS]
+        _judge(result, f"motion_blur.{kind}", stage.tuned(position=position), frames, *truths)
     return result
 
 
@@ -57,13 +58,14 @@ def depth_of_field(place: Place, pipeline: Pipeline) -> Outcome:
     frames = [Frame(gbuffer=g, radiance=light, color=light) for light in sharp]
     result = Outcome()
     for kind, aperture in APERTURES.items():
-        truth = place.pictures({**LIGHT, "aperture_radius": aperture, "focus_distance": focus})
-        tuned = stage.tuned(aperture_radius=aperture, focus_distance=focus)
-        _judge(result, f"depth_of_field.{kind}", tuned, frames, truth)
+        lens = {"aperture_radius": aperture, "focus_distance": focus}
+        truths = [place.pictures({**LIGHT, **lens}, name=name) for name in LIGHTS]
+        _judge(result, f"depth_of_field.{kind}", stage.tuned(**lens), frames, *truths)
     return result
 
 
-def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair) -> None:
+def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair, seen: f.Pair) -> None:
+    """Adds the figures and pictures of one kind of lens; ``seen`` is the part of the truth by points in sight."""
     lens = Pipeline(given={"color"}, **{name.replace(".", "_"): stage})  # pyright: ignore[reportArgumentType]
     found = [run(lens, [frame] * 4) for frame in frames]
     hit, sources = frames[0].gbuffer.hit, [frame.read("radiance") for frame in frames]
@@ -74,6 +76,10 @@ def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths
     )
     changed = f.truly_changed(sharp, wanted) & hit
     result.figures[f"{name}.gain"] = f.gain(blurred, sharp, wanted, changed)
+    known = changed & f.in_sight(seen, truths)
+    result.figures[f"{name}.gain_seen"] = f.gain(blurred, sharp, wanted, known)
+    result.figures[f"{name}.unseen_error"] = f.share_of_error(blurred, wanted, changed & ~known, changed)
+    result.figures[f"{name}.unseen"] = f.share(changed & ~known, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
     result.figures[f"{name}.kept"] = float(f.rms_error(blurred, wanted, ~changed).mean())
     result.passes.update(found[0].passes)

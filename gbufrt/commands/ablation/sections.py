@@ -42,14 +42,22 @@ class Section:
 
 def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
     key = f"{subject}.{kind}"
-    names = {"gain": "dB gained where the picture changes", "changed": "share of pixels", "kept": "error elsewhere"}
+    names = {
+        "gain": "dB gained where the picture changes",
+        "changed": "share of pixels",
+        "gain_seen": "dB gained where all light is from points in sight",
+        "unseen": "share of changed pixels where it is not",
+        "unseen_error": "share of the squared error there",
+        "kept": "error where nothing changes",
+    }
     return Section(
         title=title,
         subject=subject,
         picture=key,
         figures=tuple(f"{key}.{name}" for name in names),
         names={f"{key}.{name}": words for name, words in names.items()},
-        text=f"The path-traced sharp frame, blurred by the pass, against {truth}.",
+        text=f"The path-traced sharp frame, blurred by the pass, against {truth}. Points in sight are those that the "
+        "sharp frame shows: the rest is beyond its border, or behind what hides it.",
     )
 
 

@@ -107,7 +107,7 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         result.figures["flicker"] = float(flicker(pair, [frame.gbuffer] * 2))
     if full is not None:
         changed = hit & f.changed_pixels(full, shown)
-        result.figures["changed"] = float(changed.sum()) / max(float(hit.sum()), 1.0)
+        result.figures["changed"] = f.share(changed, hit)
         loss = f.gain(full, shown, f.displayed(truths, exposure), changed)
         result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # what changes next to nothing earns nothing
     else:
