@@ -44,7 +44,7 @@ def lens_rays(
     if camera.orthographic:
         origins = camera.to_world(camera.unproject(torch.zeros_like(depth), px[None, :, None]))[0, :, 0].T
     else:
-        origins = camera.position.expand_as(target)
+        origins = camera.position.to(px.dtype).expand_as(target)
     if aperture_radius > 0:
         axes = camera.world_from_view[0, :3, :2].to(px.dtype)
         origins = origins + (axes @ (disc(u) * aperture_radius)).T

@@ -71,11 +71,12 @@ def radiance(
 
     Returns:
         ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface, after the first, but those
-        that the ``picture`` shows, 0 without one and where the first is not ``known`` from it.
+        that the ``picture`` shows; 0 without one, and where what comes first is not ``known``.
 
     Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for ending paths at random.
     """
-    paths = _Paths.begin(directions, picture is not None if known is None else known)
+    paths = _Paths.begin(directions, known=picture is not None)
+    paths = paths if known is None else replace(paths, known=paths.known & known)
     total, seen = torch.zeros_like(directions), torch.zeros_like(directions)
 
     def add(paths: _Paths, light: Tensor) -> None:
@@ -140,7 +141,7 @@ class _Paths:
     known: Tensor
 
     @staticmethod
-    def begin(directions: Tensor, known: Tensor | bool) -> _Paths:
+    def begin(directions: Tensor, *, known: bool) -> _Paths:
         rows = torch.arange(len(directions), device=directions.device)
         yes, none = torch.ones_like(rows, dtype=torch.bool), torch.zeros_like(directions[:, 0])
         through = torch.ones_like(directions)

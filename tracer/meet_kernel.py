@@ -81,7 +81,7 @@ def assembled(arrays):
 
 @scalar
 def surface_of(rows, i):
-    """A row of what `tracer.path_drivers` packs side by side."""
+    """A row of what `tracer.path_tables` packs side by side."""
     return Surface(
         triple(rows, i, 0),
         triple(rows, i, 3),

@@ -109,7 +109,8 @@ def radiance(
     """See `tracer.light_paths.radiance`."""
     out = torch.empty(len(origins), 6)
     spans = [torch.as_tensor(x, dtype=torch.float32).expand(len(origins)) for x in (t_min, t_max, detail)]
-    begin = torch.full((len(origins),), picture is not None) if known is None else known
+    begin = torch.ones(len(origins)) if known is None else known
+    begin = torch.zeros(len(origins)) if picture is None else begin
     rays = tuple(array(x.float()) for x in (origins, directions, torch.stack(spans, dim=1), begin))
     sees = camera_of(picture), picture_of(picture)
     arrays = arrays_of(scene, poses, lights)

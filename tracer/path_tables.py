@@ -29,6 +29,7 @@ from tracer import (
     sky_table,
     spherical_rectangle,
     texture,
+    traversal,
     walk_kernel,
 )
 from tracer.lamp_table import LampTable
@@ -42,7 +43,7 @@ from tracer.traversal import grid_from_world
 
 KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, seen_kernel, path_kernel, shot_kernel)
 LIGHTS = (lamp_table, light_paths, light_samples, lighting, matt_paths, sky, sky_table, spherical_rectangle)
-CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture)
+CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture, traversal)
 SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
 """Changes with everything that is compiled into paths."""
 COLUMNS = {
@@ -82,7 +83,8 @@ def surfaces_of(vertices: Vertices) -> np.ndarray:
 
 
 def camera_of(picture: Picture | None) -> np.ndarray:
-    """What `tracer.seen_kernel.sees` reads of the camera of a picture or of none, and how to put instances back."""
+    """``(27,)`` float64 that `tracer.seen_kernel.sees` reads of a picture's camera, empty for none; and 12 more of each
+    instance that has moved since, as `tracer.seen_kernel.put_back` does."""
     if picture is None:
         return np.zeros(0)
     camera = picture.camera

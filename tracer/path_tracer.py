@@ -69,9 +69,10 @@ def path_trace(
 
     Returns:
         ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_seen``, the part of it that came by no surface but those
-        that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself); what
-        moves is looked for where it was then. Sky that comes straight through lens or shutter must show there as well.
-        Lights that rays were sent to need not be in sight, lamps that show in mirrors must be.
+        that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself). What
+        moves is looked for where it was then; through a lens or a shutter the sky must show there as well, and what is
+        behind glass counts with the glass. What a pinhole without a shutter comes to first always counts. Lights that
+        rays were sent to need not be in sight, nor the sky after a bounce; lamps that show in mirrors must be.
 
     Raises:
         ValueError: no voxels, or a number out of its range.
@@ -163,7 +164,7 @@ class _Shot:
         camera = self.camera(time)
         poses, shown = self.scene.poses([time, self.shown]).to(camera.device)
         lights = self._lights.at(self.scene, poses) if self.shutter > 0 else self._lights
-        return _Moment(camera=camera, poses=poses, lights=lights, picture=self.picture.when(shown, poses))
+        return _Moment(camera=camera, poses=poses, lights=lights, picture=self.picture.moved(shown, poses))
 
     @cached_property
     def _lights(self) -> Lights:

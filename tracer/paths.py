@@ -38,7 +38,7 @@ class Vertices:
         opacity: ``(N,)``.
         emission: ``(N, 3)``.
         inside: ``(N,)`` bool: the place lies within a transmissive material.
-        instances: ``(N,)`` which they are on, 0 for the world.
+        instances: ``(N,)`` integers, which they are on, 0 for the world.
     """
 
     points: Tensor

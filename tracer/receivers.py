@@ -74,6 +74,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
         rows = {name: plane[b].flatten(1)[:, pixels].T.contiguous().float() for name, plane in planes.items()}
         for name in ("roughness", "metallic", "opacity", "instances"):
             rows[name] = rows[name][:, 0]
+        rows["instances"] = rows["instances"].int()
         inside = _inside(scene, rows["points"], rows["normals"], poses[b])
         found.append(
             Receivers(

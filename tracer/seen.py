@@ -57,11 +57,11 @@ class Picture:
             point=gbuffer.points_view()[number].flatten(1).T.contiguous().float(),
         )
 
-    def when(self, poses: Tensor, now: Tensor) -> Picture:
-        """The same picture, taken with instances at ``poses`` ``(I, 4, 4)``, for points on them as they are ``now``."""
-        if torch.equal(poses, now):
+    def moved(self, then: Tensor, now: Tensor) -> Picture:
+        """The same picture of instances with poses ``(I, 4, 4)``, for points on them as they are ``now``."""
+        if torch.equal(then, now):
             return replace(self, back=None)
-        back = poses.double() @ torch.linalg.inv(now.double())
+        back = then.double() @ torch.linalg.inv(now.double())
         return replace(self, back=torch.cat([torch.eye(4).to(back)[None], back]).float())
 
     def put_back(self, points: Tensor, normals: Tensor, instances: Tensor) -> tuple[Tensor, Tensor]:
@@ -105,7 +105,8 @@ class Picture:
     def shows_sky(self, directions: Tensor) -> Tensor:
         """Whether the sky shows in ``directions`` ``(N, 3)``, world space: ``(N,)`` bool.
 
-        In a pixel there or in one of its four neighbours. All pixels of an orthographic picture show the same of it.
+        In a pixel there or in one of its four neighbours. An orthographic picture shows one point of it, if any: that
+        is taken for all.
         """
         camera = self.camera
         if camera.orthographic:

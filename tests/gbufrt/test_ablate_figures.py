@@ -73,6 +73,7 @@ def test_the_error_where_not_all_light_is_from_points_in_sight_is_told_apart():
     everywhere = sees | ~sees
     assert f.share(~sees, everywhere) == 0.25
     assert f.share_of_error(picture, (truth, truth), ~sees, everywhere) == pytest.approx(0.75, rel=1e-4)
+    assert f.share_of_error(picture, (truth, truth), sees & False, everywhere) == 0.0
     assert math.isnan(f.share_of_error(picture, (truth, truth), ~sees, everywhere & False))
 
 

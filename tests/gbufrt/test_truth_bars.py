@@ -124,6 +124,8 @@ def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blurred = lens.motion_blur(place(folder, "turning", time=-1.0), me1("high")).figures
     assert blurred["motion_blur.centred.gain"] >= 4.0
     assert blurred["motion_blur.trailing.gain"] >= 3.0
+    assert blurred["motion_blur.trailing.gain_seen"] > 6.0
+    assert 0.05 < blurred["motion_blur.trailing.unseen"] < blurred["motion_blur.trailing.unseen_error"] < 0.5
     focused = lens.depth_of_field(place(folder), me1("high")).figures
     assert focused["depth_of_field.small.gain"] >= 10.0
     assert focused["depth_of_field.large.gain"] >= 10.0

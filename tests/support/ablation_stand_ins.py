@@ -116,7 +116,9 @@ def path_trace(scene: Scene, camera: Any, *, time: float, **_: Any) -> Truth:
     camera = camera(time) if callable(camera) else camera
     frame = boxes.frame(camera)
     light = 1.5 * frame.read("radiance") + frame.read("ambient")
-    return truth_of(radiance=light, radiance_seen=0.9 * light)
+    seen = light.clone()
+    seen[..., ::2] *= 0.9
+    return truth_of(radiance=light, radiance_seen=seen)
 
 
 def fake_load(name: str) -> Scene:

@@ -165,3 +165,9 @@ def test_a_lens_and_a_shutter_next_to_none_leave_the_pinholes_picture():
         got = path_trace(scene, camera, **given, **least)
         for name in ("radiance", "radiance_seen"):
             assert ((got[name] - want[name]).abs() > 0.02 + 0.02 * want[name]).float().mean() < 0.02
+    lost = []
+    for size in ((36, 48), (144, 192)):  # no more than on edges finer than the picture
+        camera = Camera.look_at((25.0, 18.0, 22.0), (0, 4, 0), size=size)
+        fine = path_trace(scene, camera, time=0.3, samples=4, unblocked=True, aperture_radius=1e-5)
+        lost.append(float(1 - (fine["radiance_seen"] / fine["radiance"]).mean()))
+    assert lost[1] < 0.5 * lost[0] < 0.05

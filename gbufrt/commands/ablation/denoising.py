@@ -63,7 +63,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
             result.pictures = {f"denoise {name}": picture for name, picture in shown.items()}
             result.pictures |= {"denoise": shown["ours"], "denoise truth": wanted}
             result.pictures["denoise error"] = f.error_picture(shown["ours"], wanted, source.gbuffer.hit)
-            result.figures["denoise.steady"] = float(mask.sum()) / max(float(source.gbuffer.hit.sum()), 1.0)
+            result.figures["denoise.steady"] = f.share(mask, source.gbuffer.hit)
     for what in ("", "input_"):
         gains = [result.figures[f"denoise.{which}_{what}over_kornia"] for which in CHECKED]
         result.figures[f"denoise.least_{what}over_kornia"] = min(gains)

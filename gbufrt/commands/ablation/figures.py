@@ -64,9 +64,13 @@ def halves(truth: Truth, name: str) -> Pair:
 
 def rms_error(estimate: Tensor | Pair, truths: Pair, mask: Tensor) -> Tensor:
     """``(B,)`` RMSE against two halves of the truth; an estimate from something noisy comes in halves as well."""
+    return masked_mean(_squares(estimate, truths), mask).clamp_min(0.0).sqrt()
+
+
+def _squares(estimate: Tensor | Pair, truths: Pair) -> Tensor:
+    """``(B, 1, H, W)`` squared errors, see `rms_error`; noise may make some negative."""
     a, b = _pair(estimate)
-    square = ((a - truths[0]) * (b - truths[1])).mean(1, keepdim=True)
-    return masked_mean(square, mask).clamp_min(0.0).sqrt()
+    return ((a - truths[0]) * (b - truths[1])).mean(1, keepdim=True)
 
 
 def _pair(value: Tensor | Pair) -> Pair:
@@ -208,12 +212,13 @@ def share(part: Tensor, whole: Tensor) -> float:
 
 def share_of_error(picture: Tensor | Pair, truths: Pair, part: Tensor, whole: Tensor) -> float:
     """How much of the squared error of a displayed picture on the pixels of ``whole`` lies in a ``part`` of them."""
-    some, all_ = (rms_error(picture, truths, mask).square() * mask.sum() for mask in (part, _enough(whole)))
-    return _one(some / all_)
+    square = _squares(picture, truths)
+    every = float(square[_enough(whole)].sum())
+    return min(max(float(square[part].sum()) / every, 0.0), 1.0) if every > 0 else float("nan")
 
 
 def in_sight(seen: Pair, truths: Pair) -> Tensor:
-    """``(B, 1, H, W)`` bool: which pixels' light came all, but for what does not show, by points on screen."""
+    """``(B, 1, H, W)`` bool: which pixels' light came by points on screen, to within a hundredth."""
     some, all_ = ((a + b).mean(1, keepdim=True) for a, b in (seen, truths))
     return some >= ON_SCREEN * all_
 

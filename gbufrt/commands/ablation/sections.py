@@ -46,8 +46,8 @@ def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
         "gain": "dB gained where the picture changes",
         "changed": "share of pixels",
         "gain_seen": "dB gained where all light is from points in sight",
-        "unseen": "share of changed pixels where it is not",
-        "unseen_error": "share of the squared error there",
+        "unseen": "share of changed pixels with light from elsewhere",
+        "unseen_error": "share of the squared error on those",
         "kept": "error where nothing changes",
     }
     return Section(
@@ -57,7 +57,8 @@ def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
         figures=tuple(f"{key}.{name}" for name in names),
         names={f"{key}.{name}": words for name, words in names.items()},
         text=f"The path-traced sharp frame, blurred by the pass, against {truth}. Points in sight are those that the "
-        "sharp frame shows: the rest is beyond its border, or behind what hides it.",
+        "sharp frame shows: the rest is beyond its border, behind what hides it or, in a pixel of a hundred, on edges "
+        "finer than a pixel.",
     )
 
 

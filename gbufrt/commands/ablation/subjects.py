@@ -156,7 +156,7 @@ def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     result = Outcome(passes=after.passes, pictures=_compared("taa", shown[0], shown[3], frame))
     result.figures = {
         "taa.gain": f.gain(shown[0], shown[1], shown[3], edges),
-        "taa.edges": float(edges.sum()) / max(float(frame.gbuffer.hit.sum()), 1.0),
+        "taa.edges": f.share(edges, frame.gbuffer.hit),
         **f.picture_figures(after.last.read("color"), truth, frame.gbuffer.hit, exposure),
     }
     return result
