@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.camera import Camera
+from tracer.lens import one_of
 from tracer.scene import MASK_PRIMARY, Scene
 from tracer.traversal import trace
 
@@ -41,17 +42,8 @@ class Picture:
     def of(gbuffer: GBuffer, number: int) -> Picture:
         """Picture ``number`` of the batch."""
         camera, normal = gbuffer.camera, gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo
-        only = Camera(
-            intrinsics=camera.intrinsics[number : number + 1],
-            world_from_view=camera.world_from_view[number : number + 1],
-            size=camera.size,
-            near=camera.near,
-            far=camera.far,
-            orthographic=camera.orthographic,
-            jitter=None if camera.jitter is None else camera.jitter[number : number + 1],
-        )
         return Picture(
-            camera=only,
+            camera=one_of(camera, number),
             depth=torch.where(gbuffer.hit, gbuffer.depth, torch.inf)[number].flatten().float(),
             normal=camera.rotate_to_view(normal)[number].flatten(1).T.contiguous().float(),
             point=gbuffer.points_view()[number].flatten(1).T.contiguous().float(),
