@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 from torch import nn
 
+from gbufrt.compute.fusion import fused_kernels
 from gbufrt.frame import LIGHT, Frame
-from gbufrt.fusion import fused_kernels
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.passes import Pass, Stage, TemporalPass

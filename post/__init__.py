@@ -1,31 +1,31 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
-from post.atrous import Atrous, atrous
-from post.bilateral import Bilateral, bilateral
-from post.bitmask import bitmask_ao
-from post.composite import Composite, composite
-from post.denoise import Denoise, denoise
-from post.depth_of_field import DepthOfField, depth_of_field
-from post.estimate import (
+from post.passes.atrous import Atrous, atrous
+from post.passes.bilateral import Bilateral, bilateral
+from post.passes.composite import Composite, composite
+from post.passes.denoise import Denoise, denoise
+from post.passes.depth_of_field import DepthOfField, depth_of_field
+from post.passes.estimate import (
     EstimateMissing,
     metallic_from_color,
     motion_from_depth,
     normals_from_depth,
     roughness_from_color,
 )
-from post.exposure import Exposure, exposure
-from post.fxaa import FXAA, fxaa
-from post.gtao import GTAO, gtao
-from post.march_gi import MarchGI, march_gi
-from post.motion_blur import MotionBlur, motion_blur
+from post.passes.exposure import Exposure, exposure
+from post.passes.fxaa import FXAA, fxaa
+from post.passes.gtao import GTAO, gtao
+from post.passes.march_gi import MarchGI, march_gi
+from post.passes.motion_blur import MotionBlur, motion_blur
+from post.passes.ssgi import SSGI, ssgi
+from post.passes.ssr import SSR, ssr
+from post.passes.taa import TAA, taa
+from post.passes.temporal import Temporal, temporal
+from post.passes.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
+from post.passes.vignette import Vignette, vignette
 from post.presets import me1
-from post.ssgi import SSGI, ssgi
-from post.ssr import SSR, ssr
-from post.taa import TAA, taa
-from post.temporal import Temporal, temporal
-from post.thin_lens import autofocus, circle_of_confusion
-from post.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
-from post.vignette import Vignette, vignette
+from post.shading.thin_lens import autofocus, circle_of_confusion
+from post.sweep.bitmask import bitmask_ao
 
 __all__ = [
     "FXAA",

@@ -8,20 +8,20 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from gbufrt import Pipeline
-from post.atrous import Atrous
-from post.bilateral import Bilateral
-from post.composite import Composite, Mode
-from post.depth_of_field import DepthOfField
-from post.exposure import Exposure
-from post.fxaa import FXAA
-from post.gtao import GTAO
-from post.motion_blur import MotionBlur
-from post.ssgi import SSGI
-from post.ssr import SSR
-from post.taa import TAA
-from post.temporal import Temporal
-from post.tone_map import DisplayEncode, ToneMap
-from post.vignette import Vignette
+from post.passes.atrous import Atrous
+from post.passes.bilateral import Bilateral
+from post.passes.composite import Composite, Mode
+from post.passes.depth_of_field import DepthOfField
+from post.passes.exposure import Exposure
+from post.passes.fxaa import FXAA
+from post.passes.gtao import GTAO
+from post.passes.motion_blur import MotionBlur
+from post.passes.ssgi import SSGI
+from post.passes.ssr import SSR
+from post.passes.taa import TAA
+from post.passes.temporal import Temporal
+from post.passes.tone_map import DisplayEncode, ToneMap
+from post.passes.vignette import Vignette
 
 Preset = Literal["low", "medium", "high", "ultra"]
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import torch
 
 import tracer
-from gbufrt.metrics import psnr
-from gbufrt.picture import write_png
+from gbufrt.files.png import write_png
+from gbufrt.metrics.image import psnr
 from post import me1
 
 out = Path("out")

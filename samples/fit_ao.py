@@ -14,7 +14,7 @@ import tracer
 from gbufrt import Frame
 from post import GTAO
 from tracer.gbuffer import gbuffer
-from tracer.truth import ambient_occlusion
+from tracer.truth.truth import ambient_occlusion
 
 RADIUS, SCALES = 2.0, 2
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import tracer
-from gbufrt.exr import read_exr, write_exr
-from gbufrt.picture import write_png
-from gbufrt.views import debug_view
+from gbufrt.files.exr import read_exr, write_exr
+from gbufrt.files.png import write_png
+from gbufrt.files.views import debug_view
 
 out = Path("out")
 scene = tracer.load("valley")

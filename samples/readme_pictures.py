@@ -7,8 +7,8 @@ import torch
 
 import tracer
 from gbufrt import Camera, Frame, Pipeline
-from gbufrt.noise import halton_jitter
-from gbufrt.picture import to_pil
+from gbufrt.files.png import to_pil
+from gbufrt.noise.noise import halton_jitter
 from post import me1
 
 SIZE, FPS = (288, 512), 24

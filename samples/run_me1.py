@@ -5,8 +5,8 @@ from pathlib import Path
 import torch
 
 import tracer
-from gbufrt.noise import halton_jitter
-from gbufrt.picture import write_png
+from gbufrt.files.png import write_png
+from gbufrt.noise.noise import halton_jitter
 from post import me1
 
 out, size, fps = Path("out"), (270, 480), 24

@@ -7,7 +7,7 @@ from torch import Tensor
 
 import tracer
 from gbufrt import Camera, Frame, Pass
-from gbufrt.picture import write_png
+from gbufrt.files.png import write_png
 from post import me1
 
 

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
-from tracer.scene import MASK_PRIMARY, Scene
+from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import variation
-from tracer.traversal import Hits, run_lengths, trace
+from tracer.traversal.rays import Hits, run_lengths, trace
 
 MAX_THICKNESS = 64.0
 """World units after which a solid is taken to be thick without end."""

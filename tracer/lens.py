@@ -7,9 +7,9 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.tree import map_tensors
-from tracer.scene import MASK_PRIMARY, Scene
-from tracer.sequence import disc
-from tracer.traversal import trace
+from tracer.sampling.sequence import disc
+from tracer.scene.scene import MASK_PRIMARY, Scene
+from tracer.traversal.rays import trace
 
 CENTRAL = ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))  # times `region`, of half the picture
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gbufrt import Camera, Frame, GBuffer
+from tracer.direct.lighting import light
 from tracer.gbuffer import layers, seconds
-from tracer.lighting import light
-from tracer.scene import Scene
-from tracer.sky import environment
+from tracer.lights.sky import environment
+from tracer.scene.scene import Scene
 
 
 def render(

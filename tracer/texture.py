@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from tracer.traversal import Hits
+from tracer.traversal.rays import Hits
 
 OCTAVES = ((8, 0.55), (2, 0.2), (1, 0.45))
 """Cells along a face's side and their amplitude: the texels, coarse blotches, and the whole face."""

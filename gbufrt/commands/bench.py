@@ -42,7 +42,7 @@ def bench(
     """
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Recipe, open_device
-    from gbufrt.output import write_text
+    from gbufrt.files.output import write_text
 
     shape = parse_size(size)
     at_least("--repeats", repeats, 1)
@@ -85,7 +85,7 @@ def machine() -> str:
 
 def time_rays(repeats: int, device: str = "cpu", size: tuple[int, int] = TRACE_SIZE) -> dict[str, float]:
     """Primary rays through 256x128x256 voxels of terrain, looking along it to the horizon."""
-    from tracer.traversal import trace
+    from tracer.traversal.rays import trace
     from tracer.worlds import terrain
 
     scene = terrain()
@@ -106,7 +106,7 @@ def time_passes(path: Path, preset: str, repeats: int, device: str) -> dict[str,
     import torch
 
     from gbufrt.commands.session import Recipe, bare
-    from gbufrt.exr import read_exr
+    from gbufrt.files.exr import read_exr
 
     pipeline, frame = Recipe(preset=preset).build(), bare(read_exr(path)).to(device)
     spent: dict[str, list[float]] = defaultdict(list)
@@ -146,7 +146,7 @@ def peak_memory() -> float | None:
 
 def make_frame(folder: Path, size: tuple[int, int], device: str) -> Path:
     """One frame of the built-in world as an EXR file."""
-    from gbufrt.exr import write_exr
+    from gbufrt.files.exr import write_exr
     from tracer.render import render
     from tracer.worlds import builtin
 

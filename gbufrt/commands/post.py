@@ -24,7 +24,7 @@ def post(*files: Path, out: Path, options: PassOptions | None = None) -> None:
     """
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Runner, bare, check_folder, open_device, save
-    from gbufrt.exr import read_exr
+    from gbufrt.files.exr import read_exr
 
     options = options or PassOptions()
     device = open_device(options.device)
@@ -75,7 +75,7 @@ def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path
         ValueError: a file cannot be read, or they were rendered with different pipelines and no preset is given.
     """
     from gbufrt.commands.session import Recipe
-    from gbufrt.exr import read_notes
+    from gbufrt.files.exr import read_notes
 
     notes = {path: read_notes(path) for path in paths}
     recipes = [Recipe.of_notes(note) for note in notes.values()]

@@ -13,7 +13,7 @@ from gbufrt.commands.options import Flag, PassOptions, at_least, parse_size
 if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
     from gbufrt.frame import Frame
-    from tracer.scene import Scene
+    from tracer.scene.scene import Scene
 
 
 def render(
@@ -140,7 +140,7 @@ class Shot:
 
     def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
         """G-buffer and light of one frame."""
-        from gbufrt.noise import halton_jitter
+        from gbufrt.noise.noise import halton_jitter
         from tracer.render import render as trace_frame
 
         view = scene.views[self.view or next(iter(scene.views))]
@@ -179,7 +179,7 @@ def finished(out: Path, frames: int, notes: dict[str, Any]) -> int:
     Raises:
         ValueError: they come from other options, so that the rest would not fit them.
     """
-    from gbufrt.exr import read_notes
+    from gbufrt.files.exr import read_notes
 
     for index in range(frames):
         path = out / f"{stem(index)}.exr"
@@ -198,6 +198,6 @@ def finished(out: Path, frames: int, notes: dict[str, Any]) -> int:
 
 
 def _read(out: Path, index: int) -> Frame:
-    from gbufrt.exr import read_exr
+    from gbufrt.files.exr import read_exr
 
     return read_exr(out / f"{stem(index)}.exr")

@@ -12,12 +12,12 @@ import torch
 from gbufrt.camera import Camera
 from gbufrt.commands.options import PassOptions, at_least, fitted, parse_names, parse_settings
 from gbufrt.commands.progress import Tick
-from gbufrt.exr import best_picture, write_exr
+from gbufrt.files.exr import best_picture, write_exr
+from gbufrt.files.png import to_pil, write_png
+from gbufrt.files.views import debug_names, debug_view, sheet_of, to_srgb
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.history import PipelineState
-from gbufrt.picture import to_pil, write_png
 from gbufrt.pipeline import Pipeline
-from gbufrt.views import debug_names, debug_view, sheet_of, to_srgb
 
 INDEX_PERIOD = (
     4096  # a multiple of every noise's period: the warm-up counts down to a frame's index without going below 0

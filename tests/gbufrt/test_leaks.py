@@ -8,11 +8,11 @@ from voxels import DARK
 from gbufrt import Camera, Frame, Pipeline
 from post.presets import me1
 from tracer.gbuffer import gbuffer
-from tracer.material import Material, MaterialTable
 from tracer.render import render
-from tracer.scene import Scene
-from tracer.truth import reflection
-from tracer.world import World
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import Scene
+from tracer.scene.world import World
+from tracer.truth.truth import reflection
 
 
 def posts_on_a_mirror() -> Scene:

@@ -204,7 +204,7 @@ def test_stages_must_be_passes():
 
 
 def test_compile_falls_back_to_eager(monkeypatch):
-    from gbufrt.fusion import fused_kernels, fusible
+    from gbufrt.compute.fusion import fused_kernels, fusible
 
     def broken(function, **_):
         def fail(*_):

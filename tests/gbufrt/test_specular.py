@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from gbufrt.specular import DIELECTRIC_F0, mirrored_share
-from post.brdf import fresnel_schlick, masking_ratio, sample_visible_normal
+from post.shading.ggx import fresnel_schlick, masking_ratio, sample_visible_normal
 
 
 @pytest.mark.parametrize("roughness", [0.0, 0.13, 0.4, 0.72, 1.0])

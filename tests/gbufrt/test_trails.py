@@ -15,8 +15,8 @@ from gbufrt import Frame, GBuffer, Pipeline
 from gbufrt.passes import Stage
 from post import TAA, Denoise, Temporal
 from tracer.gbuffer import gbuffer
-from tracer.scene import Instance, Scene
-from tracer.world import World
+from tracer.scene.scene import Instance, Scene
+from tracer.scene.world import World
 
 BLOCK, WALL = 1.0, 0.1
 STEP = 0.6  # world units a frame

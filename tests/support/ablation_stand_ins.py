@@ -13,10 +13,10 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, Pass, Pipeline
 from post import TAA, Composite, DepthOfField, MotionBlur
-from tracer.material import Material, MaterialTable
-from tracer.progressive import Truth
-from tracer.scene import Scene, View
-from tracer.world import World
+from tracer.sampling.progressive import Truth
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import Scene, View
+from tracer.scene.world import World
 
 calls: Counter[str] = Counter()
 OPEN = 0.6  # what the true AO is
@@ -145,7 +145,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gbufrt.commands.ablation.denoising.FRAMES", 3)
     monkeypatch.setattr("gbufrt.commands.ablation.subjects.PATH_FRAMES", 6)
     for integrator in (ambient_occlusion, indirect_diffuse, reflection, path_trace):
-        monkeypatch.setattr(import_module("tracer.truth"), integrator.__name__, integrator)
+        monkeypatch.setattr(import_module("tracer.truth.truth"), integrator.__name__, integrator)
 
 
 __all__ = ["OPEN", "calls", "install"]

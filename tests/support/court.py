@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import torch
 
-from tracer.material import Material, MaterialTable
-from tracer.scene import Scene, Sun, View
-from tracer.world import World
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import Scene, Sun, View
+from tracer.scene.world import World
 
 TABLE = MaterialTable.of(
     [

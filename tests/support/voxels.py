@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from tracer.material import Material, MaterialTable
-from tracer.scene import MASK_ALL, Instance, Scene, Sky, Sun
-from tracer.world import World
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import MASK_ALL, Instance, Scene, Sky, Sun
+from tracer.scene.world import World
 
 TABLE = MaterialTable.of(
     [

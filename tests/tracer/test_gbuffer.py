@@ -11,10 +11,10 @@ from voxels import GLASS, LAMP, STONE, WATER
 from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
 from tracer.gbuffer import gbuffer, layers
-from tracer.material import Material, MaterialTable
-from tracer.scene import MASK_ALL, MASK_PRIMARY, Instance, Scene
-from tracer.traversal import trace
-from tracer.world import World
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, Instance, Scene
+from tracer.scene.world import World
+from tracer.traversal.rays import trace
 
 SIZE = (36, 48)
 

@@ -7,8 +7,8 @@ from voxels import DARK, LAMP, STONE, above, pose, world
 
 from gbufrt import Camera
 from tracer.lens import focus_distance, lens_rays
-from tracer.scene import Instance, Scene
-from tracer.truth import path_trace
+from tracer.scene.scene import Instance, Scene
+from tracer.truth.truth import path_trace
 
 
 def test_rays_through_a_lens_meet_on_the_focal_plane():

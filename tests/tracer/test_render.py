@@ -9,8 +9,8 @@ from voxels import GLASS, LAMP, STONE
 
 from gbufrt import Camera
 from tracer.render import render
-from tracer.scene import Instance, Scene
-from tracer.world import World
+from tracer.scene.scene import Instance, Scene
+from tracer.scene.world import World
 
 SIZE = (9, 12)
 

@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from tracer import worlds
-from tracer.cells import cells_of_world, world_of_cells
-from tracer.scene import Instance, Scene
-from tracer.traversal import trace
+from tracer.scene.cells import cells_of_world, world_of_cells
+from tracer.scene.scene import Instance, Scene
+from tracer.traversal.rays import trace
 
 TIMES = [0.0, 0.7, 2.5, 4.9, 7.3, 10.0]
 MAY_TOUCH = {"water", "reed", "leaf", "leaf_light", "blossom_light"}

@@ -7,7 +7,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from types import MappingProxyType
 
-from tracer.scene import Scene
+from tracer.scene.scene import Scene
 from tracer.worlds.terrain import terrain
 from tracer.worlds.valley import valley
 
@@ -42,6 +42,6 @@ def load(name_or_path: str | PathLike[str]) -> Scene:
     if not path.is_file():
         known = ", ".join(["builtin", *WORLDS])
         raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {known}")
-    from tracer.vox import load_vox_scene
+    from tracer.formats.vox.scene_graph import load_vox_scene
 
     return load_vox_scene(path)

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tracer.material import MaterialTable
-from tracer.world import World
+from tracer.scene.material import MaterialTable
+from tracer.scene.world import World
 from tracer.worlds.palette import palette
 
 Int3 = tuple[int, int, int]

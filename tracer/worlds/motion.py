@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from tracer.scene import Instance
+from tracer.scene.scene import Instance
 from tracer.worlds import movers
 from tracer.worlds.land import VILLAGE, WATER
 from tracer.worlds.outskirts import HUB

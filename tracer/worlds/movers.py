@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracer.world import World
+from tracer.scene.world import World
 from tracer.worlds.canvas import Canvas
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from tracer.material import RGB, Material, MaterialTable
+from tracer.scene.material import RGB, Material, MaterialTable
 
 MATTE: dict[str, RGB] = {
     "grass": (0.155, 0.235, 0.058),

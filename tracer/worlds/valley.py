@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tracer.scene import Scene, Sky, Sun
+from tracer.scene.scene import Scene, Sky, Sun
 from tracer.worlds import flora, land
 from tracer.worlds.canvas import Canvas
 from tracer.worlds.cave import cave

@@ -16,8 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gbufrt.files.output import atomic
 from gbufrt.frame import Frame
-from gbufrt.output import atomic
 
 SKIPPED = frozenset({"views", "pose", "name"})  # of a scene: they change nothing about what is traced at a given time
 
@@ -81,7 +81,7 @@ class Cache:
 
     def frame(self, stem: str, make: Callable[[], Frame]) -> Frame:
         """A frame, likewise."""
-        from gbufrt.exr import read_exr, write_exr
+        from gbufrt.files.exr import read_exr, write_exr
 
         path = self.folder / f"{stem}.exr"
         if path.exists():

@@ -13,8 +13,8 @@ from gbufrt.commands.ablation.measure import run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import SHARP, Outcome
 from gbufrt.frame import Frame
+from gbufrt.metrics.temporal import frames_seen
 from gbufrt.pipeline import Pipeline
-from gbufrt.temporal_metrics import frames_seen
 
 FRAMES = 32
 CHECKED = {"first": 0.0, "third": 1 / 3, "two_thirds": 2 / 3, "last": 1.0}  # of the path
@@ -85,7 +85,7 @@ def noisy(place: Place, number: int) -> Frame:
 
 def rivals(frame: Frame) -> dict[str, Tensor]:
     """The same frame by the other denoisers that are installed, each given albedo and normal as ours sees them."""
-    from post.denoise import seen_through
+    from post.passes.denoise import seen_through
 
     g, albedo, _ = seen_through(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
     frame = frame.replace(gbuffer=g.replace(albedo=torch.where(g.hit, albedo, 0.0)))

@@ -14,9 +14,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.commands.ablation.trivial import constant_per_object, mirrored_sky, untouched
+from gbufrt.files.views import to_srgb, viridis
 from gbufrt.frame import Frame
-from gbufrt.metrics import masked_mean, rmse, ssim
-from gbufrt.views import to_srgb, viridis
+from gbufrt.metrics.image import masked_mean, rmse, ssim
 
 Figures = dict[str, float]
 Truth = Mapping[str, Tensor]
@@ -168,7 +168,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None
 
 def picture_figures(color: Tensor, truth: Tensor | Pair, hit: Tensor, exposure: float) -> Figures:
     """Of a whole picture: RMSE of the light, the rest as displayed; see `display`."""
-    from gbufrt.flip import available, flip
+    from gbufrt.metrics.flip import available, flip
 
     truths = _pair(truth)
     shown, wanted = display(color, exposure), display((truths[0] + truths[1]) / 2, exposure)

@@ -25,10 +25,10 @@ none."""
 
 def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     """``gi`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
-    from post.sent_light import sent_light
-    from tracer.paths import meet
-    from tracer.receivers import receivers_of
-    from tracer.scatter import cosine_direction
+    from post.shading.sent_light import sent_light
+    from tracer.paths.meet import meet
+    from tracer.paths.receivers import receivers_of
+    from tracer.sampling.scatter import cosine_direction
 
     g, poses = frame.gbuffer, place.scene.poses([place.time])
     at = receivers_of(place.scene, g, poses)[0]
@@ -49,10 +49,10 @@ def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
 
 def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     """``reflection`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
-    from post.ssr import outgoing_light
-    from tracer.paths import meet
-    from tracer.receivers import receivers_of
-    from tracer.scatter import fresnel, mirrored
+    from post.passes.ssr import outgoing_light
+    from tracer.paths.meet import meet
+    from tracer.paths.receivers import receivers_of
+    from tracer.sampling.scatter import fresnel, mirrored
 
     poses = place.scene.poses([place.time])
     at = receivers_of(place.scene, frame.gbuffer, poses)[0]
@@ -72,7 +72,7 @@ def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
 
 def _reader(frame: Frame, light: Tensor, sees: Callable[[Tensor, Tensor], Tensor]) -> Reads:
     """Reads between pixels, but no pixel whose surface is not the one that is met."""
-    from tracer.seen import SLACK
+    from tracer.paths.seen import SLACK
 
     g = frame.gbuffer
     camera, (height, width) = g.camera, g.camera.size

@@ -17,7 +17,7 @@ from gbufrt.gbuffer import GBuffer
 
 if TYPE_CHECKING:
     from gbufrt.camera import Camera
-    from tracer.scene import Scene
+    from tracer.scene.scene import Scene
 
 TRACED_BY = ("tracer", *(f"gbufrt.{name}" for name in ("camera", "environment", "noise", "sampling", "specular")))
 """What shapes the truth."""
@@ -72,7 +72,7 @@ class Place:
 
     def still(self, jitter: int | None = None) -> Frame:
         """The frame at `time`, as if nothing ever moved; ``jitter`` chooses a step of the sequence that TAA wants."""
-        from gbufrt.noise import halton_jitter
+        from gbufrt.noise.noise import halton_jitter
         from tracer.render import render
 
         camera = self.camera().with_jitter(None if jitter is None else halton_jitter(jitter))
@@ -110,11 +110,11 @@ class Place:
         )
 
     def truth_of(self, integrator: str, gbuffer: GBuffer, settings: Settings = NONE) -> Truth:
-        """What an integrator of `tracer.truth` finds at the pixels of a G-buffer.
+        """What an integrator of `tracer.truth.truth` finds at the pixels of a G-buffer.
 
         Two independent halves of the paths, ``<name>_first`` and ``<name>_second``, and their mean ``<name>``.
         """
-        from tracer import truth
+        from tracer.truth import truth
 
         samples, poses = self.samples * SHARES[integrator], self.scene.poses([self.time])
 
@@ -158,7 +158,7 @@ class Place:
         name: str = "radiance",
     ) -> Tensor:
         """``(1, 3, H, W)`` of the path-traced frame; while a ``shutter`` is open the camera moves."""
-        from tracer import truth
+        from tracer.truth import truth
 
         seconds = self.time if time is None else time
         count = self.samples if samples is None else samples

@@ -13,7 +13,7 @@ from gbufrt.commands.options import at_least
 from gbufrt.commands.session import Recipe
 
 if TYPE_CHECKING:
-    from tracer.scene import Scene
+    from tracer.scene.scene import Scene
 
 SUBJECTS = (*SIGNALS, "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise")
 STILL = ("frame", "taa", "depth_of_field")

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.commands.ablation.subjects import Outcome
-from gbufrt.output import write_text
-from gbufrt.picture import write_png
+from gbufrt.files.output import write_text
+from gbufrt.files.png import write_png
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.sections import SECTIONS, Section
 from gbufrt.commands.ablation.sweep import Results
 from gbufrt.commands.ablation.variants import FULL
-from gbufrt.output import write_text
+from gbufrt.files.output import write_text
 
 JPEG_QUALITY = 88
 MAIN = ("rmse", "psnr", "ssim", "flip", "loss", "flicker", "ghosting", "ao.rmse", "gi.error", "reflection.mirror")

@@ -17,9 +17,9 @@ from gbufrt.commands.ablation.trivial import untouched
 from gbufrt.commands.progress import Tick
 from gbufrt.commands.session import standing_still
 from gbufrt.frame import Frame
+from gbufrt.metrics.temporal import flicker, ghosting
 from gbufrt.passes import Pass
 from gbufrt.pipeline import Pipeline
-from gbufrt.temporal_metrics import flicker, ghosting
 
 SIGNALS = ("ao", "gi", "reflection")
 SHARP = {"antialias": False}  # the composite has one sample a pixel, and so has its truth

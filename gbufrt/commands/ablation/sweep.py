@@ -19,7 +19,7 @@ from gbufrt.commands.ablation.records import Record, Store, to_csv
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.variants import FULL, Variant
 from gbufrt.commands.progress import progress
-from gbufrt.output import write_text
+from gbufrt.files.output import write_text
 
 
 @dataclass(frozen=True, kw_only=True)

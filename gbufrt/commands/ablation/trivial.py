@@ -35,7 +35,7 @@ def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = N
 def mirrored_sky(frame: Frame) -> Tensor:
     """What each surface would mirror if there were only sky."""
     from gbufrt.environment import lookup_environment
-    from post.brdf import fresnel_schlick, specular_f0
+    from post.shading.ggx import fresnel_schlick, specular_f0
 
     g = frame.gbuffer
     eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))

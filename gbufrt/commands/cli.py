@@ -1,0 +1,70 @@
+"""The `gbufrt` command: one line on stderr and exit code 2 for what the user can mend, 130 when interrupted."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from cyclopts import App, CycloptsError
+from cyclopts.config import Dict
+
+from gbufrt import __version__
+from gbufrt.commands.ablate import ablate
+from gbufrt.commands.bench import bench
+from gbufrt.commands.options import load_config
+from gbufrt.commands.passes import passes
+from gbufrt.commands.post import post
+from gbufrt.commands.render import render
+
+HELP = """From a voxel world to a finished frame: traced G-buffers, and screen-space passes over them.
+
+Start with `gbufrt render --out out`, which writes out/frame_0000.png and an EXR with everything in it.
+"""
+
+
+def build() -> App:
+    """The command with its subcommands."""
+    app = App(name="gbufrt", help=HELP, version=__version__, suppress_keyboard_interrupt=False)
+    for command in (render, post, passes, bench, ablate):
+        app.command(command)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Entry point; ``arguments`` default to those of the process."""
+    tokens = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        app = build()
+        config = _config(tokens)
+        if config is not None:
+            app.config = (Dict(load_config(config), source=str(config), use_commands_as_keys=False),)
+        app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+    except KeyboardInterrupt:
+        _fail("interrupted; every file that is there is whole (render and ablate go on with --resume)", 130)
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        sys.stderr.close()
+        sys.exit(0)
+    except (CycloptsError, ValueError, TypeError, OSError, MemoryError) as error:
+        _fail(" ".join(str(error).split()) or type(error).__name__, 2)
+    except RuntimeError as error:
+        if "memory" not in str(error):  # torch has no type of its own for this on the CPU
+            raise
+        _fail("out of memory; try a smaller --size or preset", 2)
+    sys.exit(0)
+
+
+def _config(tokens: list[str]) -> Path | None:
+    """The value of --config, which must be known before the rest is parsed."""
+    for place, token in enumerate(tokens):
+        if token.startswith("--config="):
+            return Path(token.partition("=")[2])
+        if token == "--config" and place + 1 < len(tokens):
+            return Path(tokens[place + 1])
+    return None
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    print(f"gbufrt: {message}", file=sys.stderr)
+    sys.exit(code)

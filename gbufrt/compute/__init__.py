@@ -1,0 +1,1 @@
+"""How a scalar body becomes an operator, and how tensor code is fused."""

@@ -1,0 +1,1 @@
+"""What is read and written: EXR behind its guard, PNG, debug views."""

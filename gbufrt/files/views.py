@@ -1,0 +1,197 @@
+"""Debug views: any channel or signal of a frame as a picture that a person can read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import torch
+from PIL import Image, ImageDraw, ImageOps
+from torch import Tensor
+
+from gbufrt.files.exr import best_picture
+from gbufrt.files.png import to_pil
+from gbufrt.frame import Frame
+from gbufrt.noise.noise import GOLDEN
+
+# Viridis (Smith and van der Walt 2015, CC0) as a polynomial of degree six, lowest first (Zucker's fit, CC0).
+VIRIDIS = (
+    (0.2777273, 0.0054073, 0.3340998),
+    (0.1050930, 1.4046135, 1.3845902),
+    (-0.3308618, 0.2148476, 0.0950952),
+    (-4.6342305, -5.7991010, -19.3324410),
+    (6.2282699, 14.1799334, 56.6905526),
+    (4.7763850, -13.7451454, -65.3530326),
+    (-5.4354559, 4.6458526, 26.3124352),
+)
+MOTION_SCALE = 16.0  # pixels a frame that are shown at full brightness
+LENGTH_SCALE = 32.0  # frames of history at the end of the colour map
+MIDDLE_GREY = 0.18
+NEAR_POWER = 1.5  # steeper than the plain reciprocal, which leaves the ends of the colour map unused
+LIGHTS = {"emission", "radiance", "ambient", "environment", "gi", "reflection", "composite", "color"}
+DIRECTIONS = {"normal", "normal_geo", "bent_normal"}
+SHARES = {"hit", "roughness", "metallic", "opacity", "ao", "sky_visibility", "reflection_confidence"}
+COLOURS = {"albedo", "transmittance", "image"}
+
+
+def debug_names(frame: Frame) -> tuple[str, ...]:
+    """What `debug_view` can show of this frame, ``behind`` last."""
+    names = tuple(name for name in frame.present if name != "exposure" and frame.read(name).ndim == 4)
+    return names if frame.behind is None else (*names, "behind")
+
+
+def debug_view(frame: Frame, name: str, *, motion_scale: float = MOTION_SCALE) -> Tensor:
+    """One channel or signal as a picture.
+
+    Light is exposed alike in all views of a frame and passed through a simple tone curve; distances go from near
+    (bright) to far (dark), ids get colours of their own, motion shows direction as hue and length as brightness.
+
+    Args:
+        frame: whose channel or signal.
+        name: one of `debug_names`, or ``behind.<name>``.
+        motion_scale: pixels a frame at which motion is fully bright.
+
+    Returns:
+        ``(B, 3, H, W)`` display-referred, in [0, 1].
+
+    Raises:
+        ValueError: the frame has no such thing; the message lists what it has.
+    """
+    head, _, rest = name.partition(".")
+    if head == "behind" and frame.behind is not None and name not in frame.extra:
+        return debug_view(frame.behind, rest, motion_scale=motion_scale) if rest else _behind(frame, frame.behind)
+    known = debug_names(frame)
+    if name not in known:
+        raise ValueError(f"the frame has no view {name!r}; it has {', '.join(known)}")
+    tensor = frame.read(name).detach()
+    tensor = tensor if tensor.is_floating_point() else tensor.to(torch.int64)
+    return _shower(name, tensor, motion_scale)(frame, tensor).nan_to_num(0.0).float().clamp(0, 1)
+
+
+def contact_sheet(frame: Frame, *, columns: int = 5, width: int = 320, names: tuple[str, ...] = ()) -> Image.Image:
+    """All views of the first frame of a batch on one page, each with its name.
+
+    Args:
+        frame: what to show.
+        columns: how many views stand side by side.
+        width: of one view in pixels.
+        names: which views; by default all of them.
+    """
+    pictures = {name: to_pil(debug_view(frame, name)[:1]) for name in names or debug_names(frame)}
+    return sheet_of(pictures, columns=columns, width=width)
+
+
+def sheet_of(pictures: Mapping[str, Image.Image], *, columns: int = 5, width: int = 320) -> Image.Image:
+    """Pictures on one page, each with its name; the first one's shape is that of a cell."""
+    first, label = next(iter(pictures.values())), 18
+    height, columns = max(1, round(width * first.height / first.width)), min(columns, len(pictures))
+    page = Image.new("RGB", (columns * width, math.ceil(len(pictures) / columns) * (height + label)), (24, 24, 24))
+    pen = ImageDraw.Draw(page)
+    for place, (name, picture) in enumerate(pictures.items()):
+        x, y = place % columns * width, place // columns * (height + label)
+        page.paste(ImageOps.contain(picture, (width, height)), (x, y + label))
+        pen.text((x + 4, y + 3), name, fill=(235, 235, 235))
+    return page
+
+
+def viridis(value: Tensor) -> Tensor:
+    """The colour map: ``(B, 1, H, W)`` in [0, 1] to display-referred ``(B, 3, H, W)``."""
+    value = value.clamp(0, 1)
+    result = value.new_zeros(value.shape[0], 3, *value.shape[2:])
+    for row in reversed(VIRIDIS):
+        result = result * value + value.new_tensor(row)[None, :, None, None]
+    return result.clamp(0, 1)
+
+
+def to_srgb(linear: Tensor) -> Tensor:
+    """Linear light in [0, 1] to display-referred sRGB (IEC 61966-2-1)."""
+    linear = linear.clamp(0, 1)
+    return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, Tensor], Tensor]:
+    """How to show a channel: by its name where we know it, by its form where we do not."""
+    components = tensor.shape[1]
+    whole = not tensor.is_floating_point() and name not in SHARES
+    if name == "image":
+        return lambda frame, t: t
+    if name in COLOURS:
+        return lambda frame, t: to_srgb(t)
+    if name in LIGHTS or (components == 3 and name not in DIRECTIONS):
+        return _light
+    if name in DIRECTIONS:
+        return lambda frame, t: torch.where(t.square().sum(1, keepdim=True) > 0, t * 0.5 + 0.5, 0.0)
+    if components == 2:
+        return lambda frame, t: _motion(t / motion_scale)
+    if name in SHARES:
+        return lambda frame, t: t.to(torch.float32).expand(-1, 3, -1, -1)
+    if whole:
+        return lambda frame, t: _ids(t)
+    if name.endswith("motion_z"):
+        return lambda frame, t: _signed(t)
+    if name.endswith(("history", "length")):
+        return lambda frame, t: viridis(t / LENGTH_SCALE)
+    if name in ("depth", "reflection_distance", "thickness"):
+        return _near
+    return _ramp
+
+
+def _near(frame: Frame, distance: Tensor) -> Tensor:
+    """Half way along the colour map at the median distance: even steps look even, and no far plane is needed."""
+    hit = frame.gbuffer.hit & (distance > 0) & torch.isfinite(distance)
+    pictures = []
+    for some, valid in zip(distance, hit, strict=True):
+        middle = some[valid].median() if bool(valid.any()) else some.new_ones(())
+        pictures.append(torch.where(valid, 1 / (1 + (some.abs() / middle) ** NEAR_POWER), 0.0))
+    return torch.where(hit, viridis(torch.stack(pictures)), 0.0)
+
+
+def _ramp(frame: Frame, value: Tensor) -> Tensor:
+    """Unknown numbers: from zero to their 99th percentile, the first component alone."""
+    value = value[:, :1].to(torch.float32).nan_to_num(0.0, 0.0, 0.0).abs()
+    top = torch.quantile(value.flatten(1)[:, :: max(1, value[0].numel() // 100_000)], 0.99, dim=1)
+    return viridis(value / top.clamp_min(1e-12)[:, None, None, None])
+
+
+def _light(frame: Frame, radiance: Tensor) -> Tensor:
+    """Reinhard's curve after one exposure for all light of the frame, so that views can be compared."""
+    exposed = radiance.nan_to_num(0.0).clamp_min(0) * _exposure(frame)
+    return to_srgb(exposed / (1 + exposed))
+
+
+def _exposure(frame: Frame) -> Tensor | float:
+    if frame.exposure is not None:
+        return frame.exposure
+    picture = frame.composite if frame.composite is not None else best_picture(frame.replace(color=None))
+    grey = picture.detach().mean(1).flatten(1).clamp_min(1e-4).nan_to_num(1e-4).log().mean(1).exp()
+    return (MIDDLE_GREY / grey)[:, None, None, None]
+
+
+def _behind(frame: Frame, behind: Frame) -> Tensor:
+    """What arrives from behind the first surface."""
+    through = frame.gbuffer.transmittance
+    return _light(frame, best_picture(behind) * (1.0 if through is None else through))
+
+
+def _motion(motion: Tensor) -> Tensor:
+    """Hue from the direction, brightness from the root of the length, so that slow movement shows."""
+    hue = torch.atan2(motion[:, 1:2], motion[:, :1]) / (2 * math.pi)
+    return _hue(hue) * motion.norm(dim=1, keepdim=True).clamp(0, 1).sqrt()
+
+
+def _ids(ids: Tensor) -> Tensor:
+    """Neighbouring numbers far apart in hue; 0 is dark grey."""
+    value = 0.65 + 0.35 * (ids * GOLDEN * 7 % 1)
+    return torch.where(ids == 0, 0.15, _hue(ids * GOLDEN % 1) * value)
+
+
+def _signed(value: Tensor) -> Tensor:
+    """Blue below zero, red above, black at zero."""
+    share = (value / (1 + value.abs())).clamp(-1, 1)
+    return torch.cat([share.clamp_min(0), share.abs() * 0.25, (-share).clamp_min(0)], dim=1)
+
+
+def _hue(turn: Tensor) -> Tensor:
+    """Smooth colours round a circle; ``turn`` counts full turns."""
+    shift = turn.new_tensor([0.0, 1 / 3, 2 / 3]).to(torch.float32)[None, :, None, None]
+    return 0.5 + 0.5 * torch.cos(2 * math.pi * (turn.to(torch.float32) - shift))

@@ -1,0 +1,1 @@
+"""How far pictures and sequences of them are from others."""

@@ -1,0 +1,1 @@
+"""Blue noise and low-discrepancy sequences: the only source of randomness."""

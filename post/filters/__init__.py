@@ -1,0 +1,1 @@
+"""What filters share: edges, signals, upsampling."""

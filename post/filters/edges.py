@@ -1,0 +1,189 @@
+"""What lets one pixel of a filter listen to another: the same surface, told by plane distance and normal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.compute.fusion import fusible
+from post.filters.signals import luminance
+
+GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
+DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)
+ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
+MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Geometry as the taps of a filter need it.
+
+    Args:
+        guide: ``(B, 5 or 6, H, W)``: depth, world normal, hit and, where given, roughness.
+        plane: ``(B, 4, H, W)``: normal . ray, its change per pixel in x and in y, and pixels per world unit. Because
+            normal . ray is affine in the pixel, the distance of a tap from the centre's plane costs one product.
+        perspective: whether rays fan out.
+    """
+
+    guide: Tensor
+    plane: Tensor
+    perspective: bool
+
+    def scaled(self, x: int, y: int) -> Tensor:
+        """``plane`` for taps that lie x and y pixels apart."""
+        factors = self.plane.new_tensor([1.0, x, y, 1.0])
+        return self.plane * factors[None, :, None, None]
+
+
+def surface(depth: Tensor, normal: Tensor, hit: Tensor, camera: Camera, roughness: Tensor | None = None) -> Surface:
+    """Prepare a G-buffer for `edge_weight`; shapes and spaces as in `gbufrt.GBuffer`.
+
+    Raises:
+        ValueError: sizes disagree with the camera's.
+    """
+    for name, tensor in (("depth", depth), ("normal", normal), ("hit", hit)):
+        if tensor.shape[0] != camera.batch or tensor.shape[-2:] != camera.size:
+            raise ValueError(
+                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
+                f"got {tuple(tensor.shape)}"
+            )
+    dtype = depth.dtype
+    facing = camera.rotate_to_view(normal.to(dtype))
+    focal = camera.intrinsics.to(dtype)[:, (0, 1), (0, 1)][..., None, None]
+    ray = camera.unproject(torch.ones_like(depth))
+    along = facing[:, 2:] if camera.orthographic else (facing * ray).sum(1, keepdim=True)
+    plane = torch.cat([along, facing[:, :2] / focal, camera.pixels_per_unit(depth)], dim=1)
+    guide = [depth, normal.to(dtype), hit.to(dtype)] + ([] if roughness is None else [roughness.to(dtype)])
+    return Surface(torch.cat(guide, dim=1), plane, not camera.orthographic)
+
+
+def padded(planes: Tensor, margin: int) -> Tensor:
+    """``planes`` with a margin of zeros, where nothing was hit."""
+    return F.pad(planes, (margin, margin, margin, margin))
+
+
+def windows(planes: Tensor, radius: int, step: int = 1, margin: int | None = None) -> list[Tensor]:
+    """Views of planes padded by ``margin`` (by default just enough) from each tap of a (2 radius + 1) square.
+
+    Padding happens outside compiled functions and slicing inside, so that a kernel reads one tensor. A margin common
+    to several steps gives their views common strides.
+    """
+    margin = radius * step if margin is None else margin
+    height, width = planes.shape[-2] - 2 * margin, planes.shape[-1] - 2 * margin
+    views = []
+    for dy, dx in offsets(radius):
+        y, x = margin + dy * step, margin + dx * step
+        views.append(planes[..., y : y + height, x : x + width])
+    return views
+
+
+def offsets(radius: int) -> list[tuple[int, int]]:
+    """(dy, dx) of the taps of a (2 radius + 1) square, row by row."""
+    reach = range(-radius, radius + 1)
+    return [(dy, dx) for dy in reach for dx in reach]
+
+
+def edge_weight(
+    center: Tensor,
+    tap: Tensor,
+    plane: Tensor,
+    dx: int,
+    dy: int,
+    *,
+    perspective: bool,
+    depth_sensitivity: float,
+    normal_power: float,
+) -> Tensor:
+    """How far a tap lies on the surface of the centre, 0 to 1.
+
+    exp(-s d) of the tap's distance d from the centre's tangent plane in pixel footprints, times the cosine between
+    normals to a power, times whether the tap hit anything; and where the guide has roughness, its likeness.
+
+    Args:
+        center: ``(B, K, H, W)`` guide of the centre.
+        tap: the same seen from the tap.
+        plane: `Surface.plane`, scaled to the tap spacing.
+        dx, dy: place of the tap in tap spacings.
+        perspective: `Surface.perspective`.
+        depth_sensitivity: s, per pixel footprint.
+        normal_power: exponent of the cosine.
+
+    Returns:
+        ``(B, H, W)``.
+    """
+    slope = plane[:, 1] * dx + plane[:, 2] * dy
+    if perspective:
+        distance = tap[:, DEPTH] * (plane[:, 0] + slope) - center[:, DEPTH] * plane[:, 0]
+    else:
+        distance = plane[:, 0] * (tap[:, DEPTH] - center[:, DEPTH]) + slope
+    cosine = center[:, NX] * tap[:, NX] + center[:, NY] * tap[:, NY] + center[:, NZ] * tap[:, NZ]
+    weight = torch.exp(-depth_sensitivity * distance.abs() * plane[:, 3])
+    weight = tap[:, HIT] * weight * cosine.clamp(0.0, 1.0) ** normal_power
+    if center.shape[1] > ROUGHNESS:
+        weight = weight * torch.exp((center[:, ROUGHNESS] - tap[:, ROUGHNESS]).abs() / -ROUGHNESS_SCALE)
+    return weight
+
+
+def spatial_moments(
+    signal: Tensor, geometry: Surface, *, radius: int = 1, lead: int | None = None, depth_sensitivity: float = 1.0
+) -> tuple[Tensor, Tensor]:
+    """Mean and variance of a signal's luminance over the pixels around that lie on the same surface.
+
+    Args:
+        signal: ``(B, C, H, W)``.
+        geometry: of the same size.
+        radius: 1 for 3x3, 2 for 5x5, 3 for SVGF's 7x7.
+        lead: how many channels make the luminance.
+        depth_sensitivity: see `edge_weight`.
+
+    Returns:
+        Two ``(B, 1, H, W)``; a pixel alone on its surface has variance zero.
+    """
+    light, guide = padded(luminance(signal, lead), radius), padded(geometry.guide, radius)
+    return _moments(light, guide, geometry.plane, radius, geometry.perspective, depth_sensitivity)
+
+
+def blurred(variance: Tensor) -> Tensor:
+    """3x3 Gaussian: a single pixel's variance is too noisy to steer by."""
+    planes = windows(padded(variance, 1), 1)
+    weights = [GAUSSIAN[dy + 1] * GAUSSIAN[dx + 1] for dy, dx in offsets(1)]
+    total = windows(padded(torch.ones_like(variance[:1]), 1), 1)
+    norm = sum(w * t for w, t in zip(weights, total, strict=True))
+    return sum((w * p for w, p in zip(weights, planes, strict=True)), torch.zeros_like(variance)) / norm
+
+
+@fusible
+def _moments(
+    light: Tensor,
+    guide: Tensor,
+    plane: Tensor,
+    radius: int,
+    perspective: bool,
+    depth_sensitivity: float,
+) -> tuple[Tensor, Tensor]:
+    values, guides = windows(light, radius), windows(guide, radius)
+    center = guides[len(guides) // 2]
+    pivot = values[len(values) // 2][:, 0]  # moments about the centre's value keep their digits
+    total, first, second = torch.zeros_like(pivot), torch.zeros_like(pivot), torch.zeros_like(pivot)
+    for (dy, dx), value, tap in zip(offsets(radius), values, guides, strict=True):
+        weight = edge_weight(
+            center,
+            tap,
+            plane,
+            dx,
+            dy,
+            perspective=perspective,
+            depth_sensitivity=depth_sensitivity,
+            normal_power=32.0,
+        )
+        away = value[:, 0] - pivot
+        total, first, second = total + weight, first + weight * away, second + weight * away * away
+    total = total.clamp_min(1e-6)
+    mean = first / total
+    unbiased = total / (total - 1.0).clamp_min(1.0)
+    variance = (second / total - mean * mean).clamp_min(0.0) * unbiased
+    return (mean + pivot)[:, None], variance[:, None]

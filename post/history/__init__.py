@@ -1,0 +1,1 @@
+"""What passes know of the frame before: reprojection, antilag, Catmull-Rom taps."""

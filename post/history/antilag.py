@@ -1,0 +1,149 @@
+"""Telling a change of light from noise, so that histories follow the one and average the other."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from post.filters.edges import HIT, Surface, edge_weight, offsets, padded, windows
+from post.filters.signals import luminance
+
+FAST_BLEND = 0.8
+MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
+YOUNG = 4  # frames: before, variance comes from the neighbours
+ALIKE = 3.0  # so many pixels count as one sample: the noise of neighbours may be alike
+NOISE, BLOCKED = 0.3, 0.6  # of the mean: less light may be noise; more means that something blocks it
+SAME = 0.3  # edge weight from which a neighbour shows the same surface
+RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
+
+
+def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
+    """Mean over a square of the pixels in ``mask``."""
+    total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
+    return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(1e-6)
+
+
+def alike(geometry: Surface) -> Tensor:
+    """``(B, 9, H, W)`` bool: which of the 3x3 pixels around show the same surface, or the sky as well."""
+    guides = windows(padded(geometry.guide, 1), 1)
+    away = windows(padded(1 - geometry.guide[:, HIT : HIT + 1], 1), 1)
+    same = []
+    for (dy, dx), guide, sky in zip(offsets(1), guides, away, strict=True):
+        weight = edge_weight(
+            geometry.guide, guide, geometry.plane, dx, dy,
+            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=32.0,
+        )  # fmt: skip
+        same.append((weight > SAME) | ((sky * away[len(away) // 2])[:, 0] > 0))
+    return torch.stack(same, dim=1)
+
+
+def _pooled_alike(value: Tensor, same: Tensor) -> Tensor:
+    """Mean over those of the 3x3 pixels around that ``same`` ``(B, 9, H, W)`` counts, 0 where it counts none."""
+    taps, views = same.split(1, dim=1), windows(padded(value, 1), 1)
+    total = sum((tap * view for tap, view in zip(taps, views, strict=True)), torch.zeros_like(value))
+    return total / same.sum(1, keepdim=True).clamp_min(1.0)
+
+
+def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
+    """Variance of one frame's luminance, unbiased for the few frames that the moments hold."""
+    count = age.clamp(2.0, (1 + MOMENTS_BLEND) / (1 - MOMENTS_BLEND))
+    return (moments[:, 1:] - moments[:, :1] ** 2).clamp_min(0.0) * count / (count - 1)
+
+
+def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
+    """Variance as 7x7 pixels know it: rare bright samples have not yet come to every one of them."""
+    own, mature = sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
+    typical = torch.maximum(own, pooled(own, mature, 7))
+    seen = (age > 0).to(age.dtype)
+    around = pooled(moments[:, 1:], seen, 7) - pooled(moments[:, :1], seen, 7) ** 2
+    return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
+
+
+def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor, lead: int, firefly: float) -> Tensor:
+    """Scale down samples that stand far above both their own history and the 3x3 pixels around them."""
+    if firefly <= 0:
+        return signal
+    light, ones = luminance(signal, lead), torch.ones_like(age)
+    around = (9 * pooled(light, ones) - light) / 8
+    spread = ((9 * pooled(light * light, ones) - light * light) / 8 - around**2).clamp_min(0.0)
+    own = luminance(old, lead) + firefly * variance.add(1e-12).sqrt()
+    limit = torch.maximum(own, around + firefly * spread.add(1e-12).sqrt())
+    scale = torch.where((age >= YOUNG) & (light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
+    return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
+
+
+def follow_light(
+    sample: Tensor,
+    old: Tensor,
+    fast: Tensor,
+    moments: Tensor,
+    variance: Tensor,
+    age: Tensor,
+    same: Tensor,
+    lead: int,
+    clamp: float,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it.
+
+    Noise is averaged over the pixels around that show the same surface: light that changes beside an edge leaves what
+    lies across it alone.
+
+    Args:
+        sample: ``(B, C, H, W)`` this frame.
+        old: as ``sample``, slow history.
+        fast: ``(B, lead, H, W)`` fast history.
+        moments: ``(B, 2, H, W)`` mean and mean square of luminance, which move with the fast history.
+        variance: ``(B, 1, H, W)`` of one frame's luminance.
+        age: ``(B, 1, H, W)`` frames behind each pixel.
+        same: see `alike`.
+        lead: how many channels are looked at.
+        clamp: standard deviations that count as noise.
+
+    Returns:
+        ``old``, ``fast``, ``moments`` and ``age`` after the change.
+    """
+    mask = (age > 0).to(age.dtype)
+    few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
+    floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
+    same = torch.cat(windows(padded(mask, 1), 1), dim=1) * same * mask
+    samples = (same.sum(1, keepdim=True) / ALIKE).clamp_min(1.0)
+
+    def change(difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
+        noise = (variance * frames / samples).add(1e-12).sqrt()
+        difference = _pooled_alike(difference, same)
+        allowed = clamp * noise + floor
+        explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
+        return difference * (1 - explained), explained
+
+    shift, _ = change(sample[:, :lead] - fast, 1 + 1 / few)
+    fast, light = fast + shift, luminance(shift, lead)
+    moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
+    shift, explained = change(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
+    old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
+    return old, fast, moments, torch.where(age > 1, 1 + (age - 1) * explained, age)
+
+
+def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
+    """Darken the mean where this frame's own sample is too dark for it, as far as a neighbour's mean is as dark.
+
+    History blurs the borders of shadows, and what has just come out from behind something borrows light from beside
+    it. A bright sample proves little, since noise has a long bright tail; but a path to a lit surface hardly ever
+    brings less than its direct light, so a sample far below the mean tells that the light is blocked.
+
+    Args:
+        mean: ``(B, 3, H, W)`` accumulated light without albedo.
+        sample: as ``mean``, this frame's.
+        geometry: of this frame; the neighbours asked are those of the 3x3 pixels around that lie on the same surface.
+
+    Returns:
+        ``(B, 3, H, W)``.
+    """
+    light, own = luminance(mean), luminance(sample)
+    darkest = light
+    for view, same in zip(windows(padded(light, 1), 1), alike(geometry).split(1, dim=1), strict=True):
+        darkest = torch.where(same, torch.minimum(darkest, view), darkest)
+    missing = 1 - own / light.clamp_min(1e-6)
+    blocked = ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
+    darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
+    return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)

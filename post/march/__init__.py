@@ -1,0 +1,1 @@
+"""Screen-space rays through a depth pyramid."""

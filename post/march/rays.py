@@ -1,0 +1,170 @@
+"""Screen-space rays: where a ray in view space meets what the camera saw.
+
+Each pixel is a piece of the plane through its point with its normal, and a solid behind it of known or assumed
+thickness. Over such a plane, and along a ray, nearness ``q`` (1 / z, or -z for an orthographic camera) is linear in the
+picture: a ray crosses a pixel's plane at the root of a linear equation, to a fraction of a pixel and without a search,
+and a ray that leaves a flat surface cannot hit that surface again. A pyramid of the nearest front and the farthest back
+lets rays skip what they pass in front of or behind. What a ray saw before it went behind something is taken to go on
+there, so that the sky does not shine through what is hidden.
+
+Source: McGuire and Mara 2014 (rays linear in the picture, thickness); Stachowiak 2015 and AMD FidelityFX SSSR
+(traversal of a min-z pyramid).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Camera
+from post.march.reference import BLOCKED, HIT, SPENT, march_rays_reference
+
+TOP_LEVEL = 7  # cells of 128 pixels
+NOTHING = 1e30  # nearness of a back that no ray is in front of; its negative: of a front that no ray is behind
+STEEPEST = 0.02  # cosine below which a surface seen on edge is taken for a steeper one
+
+
+class Hierarchy(NamedTuple):
+    """What `march_rays` marches through; made by `depth_hierarchy`."""
+
+    planes: Tensor
+    """``(B, H, W, 4)`` float32: q at the pixel centre, its change per pixel in x and y, q of the back."""
+    pyramid: Tensor
+    """``(B, N, 2)`` float32: greatest front q and smallest back q of each cell, levels from 1 up."""
+    table: Tensor
+    """``(levels + 1, 2)`` int64: where a level begins in ``pyramid``, and its width."""
+
+
+class Hits(NamedTuple):
+    """How each ray ended. Positions carry no gradient: shade what is read at ``px``."""
+
+    px: Tensor
+    """``(B, 2, h, w)`` where to read pictures: bilinear reads there stay on the surface that was hit. Of a ray that met
+    nothing, the centre of the pixel that it was last in front of, before it left or went behind something for good."""
+    hit: Tensor
+    """``(B, 1, h, w)`` bool: the ray met a surface that the camera sees, from its front."""
+    blocked: Tensor
+    """``(B, 1, h, w)`` bool: the ray ended at what the camera does not see, a side or where a surface seems to go on
+    behind what hides it; ``px`` is the pixel that comes nearest to it."""
+    spent: Tensor
+    """``(B, 1, h, w)`` bool: the ray travelled the whole distance inside the picture."""
+    distance: Tensor
+    """``(B, 1, h, w)`` world units travelled."""
+    agreement: Tensor
+    """``(B, 1, h, w)`` in [0, 1]: how well depth supports the hit; for rays that sides block, how near the front."""
+
+
+@torch.no_grad()
+def depth_hierarchy(
+    depth: Tensor, hit: Tensor, normal: Tensor, camera: Camera, *, thickness: Tensor | float = 0.5
+) -> Hierarchy:
+    """Prepare a depth picture for `march_rays`.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool; where False the sky is seen, which stops no ray.
+        normal: ``(B, 3, H, W)`` world space, unit; the geometric one where there is a choice.
+        camera: the camera that saw them.
+        thickness: how far solids reach behind their fronts: ``(B, 1, H, W)`` along the view ray as the G-buffer holds
+            it, or one assumed length for all. World units.
+
+    Returns:
+        The hierarchy.
+
+    Raises:
+        ValueError: a shape does not fit the camera.
+    """
+    for name, tensor, channels in (("depth", depth, 1), ("hit", hit, 1), ("normal", normal, 3)):
+        if tensor.shape != (camera.batch, channels, *camera.size):
+            expected = f"({camera.batch},{channels},{camera.height},{camera.width})"
+            raise ValueError(f"{name} must be {expected}, as the camera says, got {tuple(tensor.shape)}")
+    ray = camera.unproject(torch.ones_like(depth))
+    facing = camera.rotate_to_view(normal)
+    focal = torch.stack([camera.intrinsics[:, 0, 0], camera.intrinsics[:, 1, 1]], dim=1).to(depth.dtype)[
+        ..., None, None
+    ]
+    if camera.orthographic:
+        slope = facing[:, :2] / (focal * facing[:, 2:].clamp_max(-STEEPEST))
+        q, pixel = -depth, 1 / focal[:, 1:]
+        back = q - thickness
+    else:
+        length = (ray * ray).sum(1, keepdim=True).sqrt()
+        q = 1 / depth.clamp_min(1e-9)
+        pixel = q / focal[:, 1:]
+        slope = facing[:, :2] * (q / (focal * torch.minimum((facing * ray).sum(1, keepdim=True), -1e-3 * length)))
+        slope = slope * (q / slope.abs().sum(1, keepdim=True).clamp_min(1e-30)).clamp_max(1.0)  # none reaches behind us
+        back = 1 / (depth + (thickness / length if isinstance(thickness, Tensor) else thickness)).clamp_min(1e-9)
+    reach = slope.abs().sum(1, keepdim=True)
+    back = torch.minimum(back, q - reach - pixel)  # nothing is thinner than what `crack` lets rays fall through
+    front = torch.where(hit, q, -NOTHING)
+    back = torch.where(hit, back, NOTHING)
+    planes = torch.cat([front, torch.where(hit, slope, 0.0), back], dim=1).float()
+    nearest = torch.where(hit, q + 0.5 * reach, -NOTHING).float()
+    return Hierarchy(planes.permute(0, 2, 3, 1).contiguous(), *_pyramid(nearest, back.float()))
+
+
+def _pyramid(front: Tensor, back: Tensor) -> tuple[Tensor, Tensor]:
+    levels, table, start = [], [[0, front.shape[-1]]], 0
+    while max(front.shape[-2:]) > 1 and len(levels) < TOP_LEVEL:
+        front = F.max_pool2d(front, 2, ceil_mode=True)
+        back = -F.max_pool2d(-back, 2, ceil_mode=True)
+        table.append([start, front.shape[-1]])
+        levels.append(torch.cat([front, back], dim=1).flatten(2))
+        start += levels[-1].shape[-1]
+    cells = torch.cat(levels, dim=2) if levels else front.new_zeros(front.shape[0], 2, 1)
+    return cells.transpose(1, 2).contiguous(), torch.tensor(table, device=front.device)
+
+
+@torch.no_grad()
+def march_rays(
+    hierarchy: Hierarchy,
+    origins: Tensor,
+    directions: Tensor,
+    camera: Camera,
+    *,
+    steps: int = 64,
+    distance: float = 60.0,
+    compiled: bool | None = None,
+) -> Hits:
+    """Follow rays until they meet a surface, pass behind the eye, leave the picture, or spend their steps or distance.
+
+    Args:
+        hierarchy: see `depth_hierarchy`.
+        origins: ``(B, 3, h, w)`` view space, world units; the pixel that a ray starts in is left out.
+        directions: ``(B, 3, h, w)`` view space, unit; a zero vector sends no ray.
+        camera: the camera of the hierarchy.
+        steps: with how many pixels a ray may be compared one by one; what it skips in the pyramid does not count.
+        distance: how far it may go, world units.
+        compiled: use the compiled kernel; by default on the CPU. The reference runs elsewhere.
+
+    Returns:
+        See `Hits`.
+
+    Raises:
+        ValueError: steps or distance is not positive.
+    """
+    if steps < 1 or not distance > 0:
+        raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")
+    k = camera.intrinsics.double()
+    lens = torch.stack([k[:, 0, 0], k[:, 1, 1], k[:, 0, 2], k[:, 1, 2]], dim=1)
+    if camera.jitter is not None:  # positions in the picture that was sampled, as camera.project(jittered=True) gives
+        lens[:, 2:] -= camera.jitter.double()
+    if compiled if compiled is not None else origins.device.type == "cpu":
+        from post.march.kernel import march_rays_cpu as run
+    else:
+        run = march_rays_reference
+    out = run(
+        *hierarchy,
+        lens,
+        origins.float(),
+        directions.float(),
+        float(camera.near),
+        camera.orthographic,
+        float(distance),
+        int(steps),
+    ).to(origins.dtype)
+    status = out[:, 4:5]
+    return Hits(out[:, :2], status == HIT, status == BLOCKED, status == SPENT, out[:, 2:3], out[:, 3:4])

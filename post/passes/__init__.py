@@ -1,0 +1,1 @@
+"""All passes: one file a pass, and nothing else."""

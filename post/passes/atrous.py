@@ -1,0 +1,181 @@
+"""Edge-avoiding wavelets guided by variance: the spatial half of SVGF."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame, Pass
+from gbufrt.compute.fusion import fusible
+from post.filters.edges import blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
+from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
+from post.passes.bilateral import MIRROR
+
+B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
+REACH = 16.0  # pixels: widest blur of a reflection
+FLOOR = 1e-3  # of the local luminance: noise below this is not worth an edge
+
+
+def atrous(
+    signal: Tensor,
+    depth: Tensor,
+    normal: Tensor,
+    *,
+    hit: Tensor,
+    camera: Camera,
+    iterations: int = 5,
+    phi_color: float = 4.0,
+    phi_normal: float = 128.0,
+    phi_depth: float = 1.0,
+    variance: Tensor | None = None,
+    roughness: Tensor | None = None,
+    confidence: Tensor | None = None,
+    lead: int | None = None,
+) -> tuple[Tensor, Tensor]:
+    """Denoise by repeated 5x5 B-spline kernels with holes, each twice as wide as the one before.
+
+    A tap counts by its normal, its distance from the pixel's tangent plane, and its difference in luminance measured
+    in standard deviations of the noise: noise is averaged, edges of light are kept. Unlike in SVGF the luminances
+    compared are 3x3 means over the surface: a lone pixel is too noisy to tell an edge by, and phi_color can be smaller.
+
+    Args:
+        signal: ``(B, C, H, W)``, any unit; several signals stacked share one set of weights.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space, unit length.
+        hit: ``(B, 1, H, W)`` bool; pixels that hit nothing keep their value and give none away.
+        camera: the camera of depth.
+        iterations: how many kernels; the last has taps 2^(iterations - 1) pixels apart.
+        phi_color: difference between 3x3 means of luminance, in their standard deviations, at which a tap counts 1/e.
+        phi_normal: exponent of the cosine between normals.
+        phi_depth: sensitivity to plane distance, per pixel footprint.
+        variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 5x5 neighbours where absent.
+        roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
+        confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
+        lead: how many of the first channels make the luminance; all by default.
+
+    Returns:
+        The signal ``(B, C, H, W)`` and the variance that is left in it ``(B, 1, H, W)``.
+
+    Raises:
+        ValueError: iterations lies outside 1 to 8, or sizes disagree.
+
+    Source: Dammertz et al. 2010; Schied et al. 2017 (SVGF), section 4.3 and 4.4.
+    """
+    if not 1 <= iterations <= 8:
+        raise ValueError(f"iterations must lie in 1 to 8, got {iterations}")
+    geometry = surface(depth, normal, hit, camera, roughness)
+    if variance is None:
+        _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
+    light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
+    reach = _reach(depth, roughness, confidence)
+    filtered, left, margin = torch.cat([signal, light], dim=1), variance, 2**iterations
+    guide = padded(geometry.guide, margin)
+    for iteration in range(iterations):
+        step = 2**iteration
+        noise_of_mean = blurred(left).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
+        tolerance = phi_color * noise_of_mean + FLOOR * filtered[:, -1:].abs()
+        filtered, left = _wavelet(
+            windows(padded(torch.cat([filtered, left], dim=1), margin), 2, step, margin),
+            windows(guide, 2, step, margin),
+            geometry.scaled(step, step),
+            tolerance,
+            reach * step**2,
+            geometry.perspective,
+            phi_depth,
+            phi_normal,
+        )
+    return torch.where(hit, filtered[:, :-1], signal), torch.where(hit, left, variance)
+
+
+def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
+    """1 / (2 sigma^2) of the widest allowed blur in pixels: zero, hence no limit, for all but reflections."""
+    if roughness is None:
+        return torch.zeros_like(depth)
+    sigma = REACH * (roughness / MIRROR).clamp(1e-3, 1.0)
+    if confidence is not None:
+        sigma = sigma * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
+    return 0.5 / (sigma * sigma)
+
+
+@fusible
+def _wavelet(
+    values: Sequence[Tensor],
+    surroundings: Sequence[Tensor],
+    plane: Tensor,
+    tolerance: Tensor,
+    reach: Tensor,
+    perspective: bool,
+    phi_depth: float,
+    phi_normal: float,
+) -> tuple[Tensor, Tensor]:
+    middle = len(values) // 2
+    here, center = values[middle], surroundings[middle]
+    channels = here.shape[1] - 1
+    light = here[:, channels - 1]
+    total, sums = torch.zeros_like(light), [torch.zeros_like(light) for _ in range(channels)]
+    spread = torch.zeros_like(light)
+    for (dy, dx), value, guide in zip(offsets(2), values, surroundings, strict=True):
+        weight = torch.full_like(light, B3[dy + 2] * B3[dx + 2])
+        if dy or dx:
+            edge = edge_weight(
+                center,
+                guide,
+                plane,
+                dx,
+                dy,
+                perspective=perspective,
+                depth_sensitivity=phi_depth,
+                normal_power=phi_normal,
+            )
+            away = (value[:, channels - 1] - light).abs() / tolerance[:, 0] + reach[:, 0] * (dx * dx + dy * dy)
+            weight = weight * edge * torch.exp(-away)
+        total = total + weight
+        sums = [s + weight * value[:, c] for c, s in enumerate(sums)]
+        spread = spread + weight * weight * value[:, channels]
+    return torch.stack(sums, dim=1) / total[:, None], (spread / (total * total))[:, None]
+
+
+class Atrous(Pass):
+    """Denoise one signal, or several with one set of weights. See `atrous`.
+
+    Reads ``<signal>_variance``, which `post.Temporal` leaves, and writes what is left of it.
+
+    Args:
+        signal: name of a signal, or several; the first leads.
+        iterations: see `atrous`, as the rest.
+        demodulate: divide albedo out first; by default for ``gi``.
+    """
+
+    def __init__(
+        self,
+        *,
+        signal: str | tuple[str, ...] = "gi",
+        iterations: int = 5,
+        phi_color: float = 4.0,
+        phi_normal: float = 128.0,
+        phi_depth: float = 1.0,
+        demodulate: bool | None = None,
+    ) -> None:
+        super().__init__()
+        self.signal = signal
+        self.iterations = iterations
+        self.phi_color = phi_color
+        self.phi_normal = phi_normal
+        self.phi_depth = phi_depth
+        self.demodulate = demodulate
+        names = signal_names(signal)
+        self.reads = frozenset({"depth", "normal", "hit", names[0]})
+        self.optional = frozenset({*names[1:], f"{names[0]}_variance", "albedo", "roughness"})
+        self.writes = frozenset({*names, f"{names[0]}_variance"})
+
+    def forward(self, frame: Frame) -> Frame:
+        g, names = frame.gbuffer, signal_names(self.signal)
+        divide = wants_albedo(names, self.demodulate)
+        filtered, left = atrous(
+            stack(frame, names, demodulate=divide), g.depth, g.normal, hit=g.hit, camera=g.camera,
+            iterations=self.iterations, phi_color=self.phi_color, phi_normal=self.phi_normal,
+            phi_depth=self.phi_depth, **guides(frame, names),
+        )  # fmt: skip
+        return unstack(frame, names, filtered, demodulate=divide).write(f"{names[0]}_variance", left)

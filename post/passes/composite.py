@@ -1,0 +1,132 @@
+"""All light together: what the renderer knew, plus what the screen-space passes found."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, Pass
+from post.shading.ggx import mirrored_by
+
+Mode = Literal["physical", "me1"]
+
+
+def composite(
+    radiance: Tensor,
+    *,
+    ambient: Tensor | None = None,
+    emission: Tensor | None = None,
+    visibility: Tensor | None = None,
+    gi: Tensor | None = None,
+    reflection: Tensor | None = None,
+    behind: Tensor | None = None,
+    mirrored: Tensor | None = None,
+    mode: Mode = "physical",
+    ao_intensity: float = 1.0,
+    gi_intensity: float = 1.0,
+    reflection_intensity: float = 1.0,
+) -> Tensor:
+    """Add up a surface's light. Absent parts count as zero, an absent visibility as 1.
+
+    ``physical``: (1 - mirrored) x (radiance - emission + ambient x visibility + gi + behind) + emission + reflection.
+    Exact when visibility and gi come from one sweep of unlimited radius: what is not blocked sees the sky, what is
+    blocked sends light. What the surface mirrors never gets under it: in an even light it shows no more than arrives.
+
+    ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the seed's formula with
+    a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps stay lamps.
+
+    Args:
+        radiance: ``(B, 3, H, W)`` direct light and emission, outgoing linear radiance.
+        ambient: ``(B, 3, H, W)`` sky light as if nothing blocked it, outgoing linear radiance.
+        emission: ``(B, 3, H, W)`` the part of ``radiance`` that the surface sends by itself.
+        visibility: ``(B, 1, H, W)`` sky visibility (physical) or ambient occlusion (me1), 1 open.
+        gi: ``(B, 3, H, W)`` indirect diffuse, outgoing linear radiance.
+        reflection: ``(B, 3, H, W)`` specular light with Fresnel, linear radiance.
+        behind: ``(B, 3, H, W)`` light that comes through the surface, linear radiance.
+        mirrored: ``(B, 1, H, W)`` share of light that a dielectric mirrors, see `post.shading.ggx.mirrored_by`; counts
+            only where there is a reflection to take its place.
+        mode: which formula.
+        ao_intensity: exponent on the visibility; 0 switches it off, above 1 exaggerates.
+        gi_intensity: factor on ``gi``.
+        reflection_intensity: factor on ``reflection``.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance.
+
+    Raises:
+        ValueError: unknown mode.
+
+    Source: ME1 Path Tracing technical overview, pass 10, for ``me1``.
+    """
+    if mode not in ("physical", "me1"):
+        raise ValueError(f'mode must be "physical" or "me1", got {mode!r}')
+    lit = torch.zeros_like(radiance) if ambient is None else ambient
+    own = torch.zeros_like(radiance) if emission is None else emission
+    if mode == "me1":
+        lit = lit + radiance - own
+    if visibility is not None:
+        lit = lit * visibility.clamp(0, 1) ** ao_intensity
+    if mode == "physical":
+        lit = lit + radiance - own
+    if gi is not None:
+        lit = lit + gi_intensity * gi
+    if behind is not None:
+        lit = lit + behind
+    if reflection is None:
+        return lit + own
+    if mirrored is not None and mode == "physical":
+        lit = lit * (1 - min(reflection_intensity, 1.0) * mirrored)
+    return lit + own + reflection_intensity * reflection
+
+
+class Composite(Pass):
+    """See `composite`. What is behind is transmittance x the composite of ``frame.behind``.
+
+    ``physical`` reads ``sky_visibility`` and falls back to ``ao``; ``me1`` reads ``ao``.
+    """
+
+    reads = frozenset({"radiance"})
+    optional = frozenset(
+        {
+            *("ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance"),
+            *("depth", "normal", "hit", "roughness"),  # to tell what is mirrored, where there is a reflection
+        }
+    )
+    writes = frozenset({"composite", "color"})
+
+    def __init__(
+        self,
+        *,
+        mode: Mode = "physical",
+        ao_intensity: float = 1.0,
+        gi_intensity: float = 1.0,
+        reflection_intensity: float = 1.0,
+    ) -> None:
+        super().__init__()
+        self.mode: Mode = mode
+        self.ao_intensity = ao_intensity
+        self.gi_intensity = gi_intensity
+        self.reflection_intensity = reflection_intensity
+
+    def forward(self, frame: Frame) -> Frame:
+        behind = None
+        if frame.behind is not None and frame.gbuffer.transmittance is not None:
+            behind = frame.gbuffer.transmittance * self._surface(frame.behind)
+        result = self._surface(frame, behind)
+        return frame.replace(composite=result, color=result)
+
+    def _surface(self, frame: Frame, behind: Tensor | None = None) -> Tensor:
+        fitting = (frame.sky_visibility, frame.ao) if self.mode == "physical" else (frame.ao,)
+        return composite(
+            frame.read("radiance"),
+            ambient=frame.ambient,
+            emission=frame.gbuffer.emission,
+            visibility=next((v for v in fitting if v is not None), None),
+            gi=frame.gi,
+            reflection=frame.reflection,
+            behind=behind,
+            mirrored=None if frame.reflection is None else mirrored_by(frame.gbuffer),
+            **self.tunables(),
+        )

@@ -1,0 +1,121 @@
+"""Automatic exposure: how bright the scene is, as an eye that adapts would judge."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, History, TemporalPass
+from post.filters.signals import luminance
+
+BINS = 256
+DARKEST, BRIGHTEST = -24.0, 24.0  # log2 of luminance that the histogram tells apart
+UNTIMED = 1 / 30  # seconds between frames that carry no time
+
+
+def exposure(
+    color: Tensor,
+    previous: Tensor | None = None,
+    *,
+    elapsed: float | Tensor = UNTIMED,
+    key: float = 0.18,
+    low: float = 0.5,
+    high: float = 0.95,
+    min_ev: float = -8.0,
+    max_ev: float = 8.0,
+    speed_up: float = 3.0,
+    speed_down: float = 1.0,
+) -> tuple[Tensor, Tensor]:
+    """The factor that brings a picture's typical luminance to ``key``.
+
+    The typical luminance is the geometric mean of the pixels between two percentiles, taken from a histogram of log
+    luminance; so a few lamps or a dark corner do not decide. Its gradient is that of the mean of those pixels.
+
+    Args:
+        color: ``(B, 3, H, W)`` linear.
+        previous: ``(B,)`` log2 luminance that the eye was adapted to; NaN or None adapts at once.
+        elapsed: seconds since then, a float or ``(B,)``.
+        key: where the typical luminance is to land; 0.18 is middle grey.
+        low: darkest share of pixels to leave out.
+        high: share of pixels above which the brightest are left out.
+        min_ev: least gain, in stops.
+        max_ev: largest gain, in stops.
+        speed_up: rate per second of adapting to a brighter scene.
+        speed_down: rate per second of adapting to a darker one, which eyes do more slowly.
+
+    Returns:
+        The factor ``(B, 1, 1, 1)`` and the log2 luminance ``(B,)`` to pass on as ``previous``.
+
+    Raises:
+        ValueError: a number is out of range.
+
+    Source: Reinhard et al. 2002 (log average and key); percentile window and two speeds as common in engines.
+    """
+    if not 0 <= low < high <= 1:
+        raise ValueError(f"low and high must satisfy 0 <= low < high <= 1, got {low} and {high}")
+    if key <= 0:
+        raise ValueError(f"key must be positive, got {key}")
+    if min_ev > max_ev:
+        raise ValueError(f"min_ev must not exceed max_ev, got {min_ev} and {max_ev}")
+    found = _typical(luminance(color, 3), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
+    if previous is not None:
+        before = torch.where(previous.isnan(), found, previous)
+        seconds = torch.as_tensor(elapsed, dtype=found.dtype, device=found.device)
+        rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)
+        found = before + (found - before) * (1 - torch.exp(-rate * seconds))
+    return (key * torch.exp2(-found)).reshape(-1, 1, 1, 1), found
+
+
+def _typical(luminance: Tensor, low: float, high: float) -> Tensor:
+    """``(B,)``: mean log2 luminance of the pixels between two percentiles, bins at the ends counting in part."""
+    stops = luminance.flatten(1).clamp(2.0**DARKEST, 2.0**BRIGHTEST).log2()
+    place = ((stops.detach() - DARKEST) * (BINS / (BRIGHTEST - DARKEST))).long().clamp(0, BINS - 1)
+    empty = stops.new_zeros(stops.shape[0], BINS)
+    count = empty.scatter_add(1, place, torch.ones_like(stops))
+    total = empty.scatter_add(1, place, stops)
+    last = count.cumsum(1)
+    pixels = stops.shape[1]
+    inside = (last.clamp(max=high * pixels) - (last - count).clamp(min=low * pixels)).clamp_min(0)
+    return (total * inside / count.clamp_min(1)).sum(1) / inside.sum(1)
+
+
+class Exposure(TemporalPass):
+    """See `exposure`. Its state is what the eye is adapted to, and when; frames without time count as 1/30 s apart."""
+
+    reads = frozenset({"color"})
+    writes = frozenset({"exposure"})
+
+    def __init__(
+        self,
+        *,
+        key: float = 0.18,
+        low: float = 0.5,
+        high: float = 0.95,
+        min_ev: float = -8.0,
+        max_ev: float = 8.0,
+        speed_up: float = 3.0,
+        speed_down: float = 1.0,
+    ) -> None:
+        super().__init__()
+        self.key, self.low, self.high = key, low, high
+        self.min_ev, self.max_ev = min_ev, max_ev
+        self.speed_up, self.speed_down = speed_up, speed_down
+
+    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
+        previous, elapsed = _remembered(frame, state)
+        factor, adapted = exposure(frame.read("color"), previous, elapsed=elapsed, **self.tunables())
+        value = adapted.detach().reshape(-1, 1, 1, 1)
+        now = torch.full_like(value, frame.time, dtype=torch.float64)
+        after = History(length=torch.ones_like(value), signals={"log_luminance": value, "time": now})
+        return frame.replace(exposure=factor), after
+
+
+def _remembered(frame: Frame, state: History | None) -> tuple[Tensor | None, Tensor | float]:
+    if state is None:
+        return None, UNTIMED
+    known = state.length.flatten() > 0
+    elapsed = frame.time - state.signals["time"].flatten()
+    elapsed = torch.where(elapsed > 0, elapsed, UNTIMED)
+    return torch.where(known, state.signals["log_luminance"].flatten(), torch.nan), elapsed

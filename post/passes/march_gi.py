@@ -1,0 +1,189 @@
+"""Indirect diffuse light by marching rays over the screen: the second method beside the bitmask gather."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame, Pass
+from gbufrt.noise.noise import PLASTIC, blue_noise
+from gbufrt.sampling import sample
+from post.history.reproject import reproject
+from post.march.rays import depth_hierarchy, march_rays
+from post.shading.ggx import tangent_frame
+from post.shading.lobes import dot, unit
+
+PLAIN = 4  # every so many-th ray goes about the normal itself, so that no direction is left out
+TYPICAL_REFLECTANCE = 0.3  # of a scene, for how much of endless feedback belongs to a number of bounces
+
+
+def march_gi(
+    depth: Tensor,
+    hit: Tensor,
+    normal: Tensor,
+    light: Tensor,
+    albedo: Tensor,
+    camera: Camera,
+    bent_normal: Tensor | None = None,
+    normal_geo: Tensor | None = None,
+    thickness: Tensor | None = None,
+    index: int = 0,
+    *,
+    rays: int = 8,
+    steps: int = 48,
+    distance: float = 50.0,
+    assumed_thickness: float = 0.5,
+    seed: int = 0,
+) -> tuple[Tensor, Tensor]:
+    """Light that surfaces get from what the screen shows of their surroundings, and how much sky they see.
+
+    Three rays of four go about the normal half way between ``normal`` and ``bent_normal``, cosine-distributed, the
+    fourth about ``normal``; each is weighted by the true cosine over the density of the mixture, so that the estimate
+    is unbiased. A ray that ends at a side that the camera does not see brings nothing and sees no sky. Differentiable
+    in ``light`` and ``albedo``.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        normal: ``(B, 3, H, W)`` world space, unit.
+        light: ``(B, 3, H, W)`` linear radiance that each pixel's surface sends; see `bounce_light`.
+        albedo: ``(B, 3, H, W)`` of the diffuse part.
+        camera: the camera that saw them.
+        bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
+        normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
+        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units.
+        index: frame number, for the noise.
+        rays: rays a pixel.
+        steps: see `post.march.rays.march_rays`.
+        distance: how far rays go, world units.
+        assumed_thickness: used where ``thickness`` is absent, world units.
+        seed: another seed, another noise.
+
+    Returns:
+        ``gi`` ``(B, 3, H, W)`` outgoing linear radiance, albedo included, and ``sky_visibility`` ``(B, 1, H, W)``, the
+        cosine-weighted share of rays that met nothing.
+
+    Raises:
+        ValueError: rays is below 1.
+
+    Source: ME1 Path Tracing technical overview (GI); Veach 1997, section 9.2 (the mixture's weights).
+    """
+    if rays < 1:
+        raise ValueError(f"rays must be at least 1, got {rays}")
+    with torch.no_grad():
+        points, facing = camera.unproject(depth), camera.rotate_to_view(normal)
+        facing = torch.where(hit, facing, camera.to_eye(points))
+        flat, solid = (
+            normal if normal_geo is None else normal_geo,
+            assumed_thickness if thickness is None else thickness,
+        )
+        hierarchy = depth_hierarchy(depth, hit, flat, camera, thickness=solid)
+        axis = facing if bent_normal is None else unit(facing + camera.rotate_to_view(bent_normal))
+        axis = torch.where(dot(axis, facing) > 0.1, axis, facing)
+        upward = facing if normal_geo is None else camera.rotate_to_view(normal_geo)
+        noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)[None]
+    gathered, open_sky = torch.zeros_like(light), torch.zeros_like(depth)
+    for i in range(rays):
+        with torch.no_grad():
+            place = index * rays + i
+            direction = _cosine_ray(facing if place % PLAIN == PLAIN - 1 else axis, noise, place)
+            cosine, about = dot(direction, facing).clamp_min(0.0), dot(direction, axis).clamp_min(0.0)
+            weight = cosine / ((1 - 1 / PLAIN) * about + cosine / PLAIN).clamp_min(1e-6)
+            weight = torch.where(hit & (dot(direction, upward) > 0), weight, 0.0)
+            flying = torch.where(weight > 0, direction, 0.0)
+            hits = march_rays(hierarchy, points, flying, camera, steps=steps, distance=distance)
+            lit = weight * hits.hit * hits.agreement
+            open_sky = open_sky + weight * ~(hits.hit | hits.blocked)
+        gathered = gathered + lit * sample(light, hits.px)
+    sky = torch.where(hit, (open_sky / rays).clamp(0.0, 1.0), 1.0)
+    return albedo * gathered / rays, sky
+
+
+def _cosine_ray(axis: Tensor, noise: Tensor, place: int) -> Tensor:
+    """Directions about ``axis``, cosine-distributed: the sequence's point number ``place``, shifted by blue noise."""
+    shift = noise.new_tensor([(place + 1) / PLASTIC % 1.0, (place + 1) / PLASTIC**2 % 1.0])
+    u = (noise + shift[None, :, None, None]) % 1.0
+    tangent, bitangent = tangent_frame(axis)
+    sine, azimuth = u[:, 0:1].sqrt(), 2 * math.pi * u[:, 1:2]
+    return tangent * (sine * azimuth.cos()) + bitangent * (sine * azimuth.sin()) + axis * (1 - u[:, 0:1]).sqrt()
+
+
+def feedback_gain(bounces: int) -> float:
+    """How much of the last frame's bounced light surfaces send on, so that endless feedback sums to ``bounces``.
+
+    Args:
+        bounces: 1 or more; exact where surfaces reflect `TYPICAL_REFLECTANCE` of what they get.
+
+    Returns:
+        0 for one bounce, toward 1 for many.
+
+    Raises:
+        ValueError: bounces is below 1.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces must be at least 1, got {bounces}")
+    total = (1 - TYPICAL_REFLECTANCE**bounces) / (1 - TYPICAL_REFLECTANCE)
+    return (1 - 1 / total) / TYPICAL_REFLECTANCE
+
+
+def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
+    """What each surface sends to others: direct light, visible sky light, and last frame's bounced light.
+
+    Lamps that the renderer has sampled as direct light (``frame.emitters_sampled``) do not count again.
+
+    Args:
+        frame: ``radiance`` must be there; ``emission``, ``ambient``, ``ao`` and ``previous.gi`` count where they are.
+        bounces: 1 leaves last frame's light out; see `feedback_gain`.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance.
+    """
+    light, gain = frame.read("radiance"), feedback_gain(bounces)
+    if frame.emitters_sampled and frame.gbuffer.emission is not None:
+        light = light - frame.gbuffer.emission
+    visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
+    if frame.ambient is not None:
+        light = light + (frame.ambient if visibility is None else frame.ambient * visibility)
+    previous = frame.previous
+    if gain > 0 and previous is not None and previous.gi is not None:
+        light = light + gain * reproject(frame.gbuffer, previous.gbuffer).fetch(previous.gi).to(light)
+    return light
+
+
+class MarchGI(Pass):
+    """See `march_gi`; the light that surfaces send is `bounce_light`. Metals have no diffuse part."""
+
+    reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})
+    optional = frozenset(
+        {"metallic", "emission", "normal_geo", "thickness", "ambient", "ao", "sky_visibility", "bent_normal"}
+        | {"motion", "motion_z", "object_id"}
+    )
+    writes = frozenset({"gi", "sky_visibility"})
+
+    def __init__(
+        self,
+        *,
+        rays: int = 8,
+        bounces: int = 2,
+        steps: int = 48,
+        distance: float = 50.0,
+        assumed_thickness: float = 0.5,
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        self.rays = rays
+        self.bounces = bounces
+        self.steps = steps
+        self.distance = distance
+        self.assumed_thickness = assumed_thickness
+        self.seed = seed
+
+    def forward(self, frame: Frame) -> Frame:
+        g, tunables = frame.gbuffer, self.tunables()
+        light = bounce_light(frame, bounces=tunables.pop("bounces"))
+        albedo = frame.read("albedo") if g.metallic is None else frame.read("albedo") * (1 - g.metallic)
+        shape = (g.depth, g.hit, g.normal, light, albedo, g.camera, frame.bent_normal, g.normal_geo, g.thickness)
+        gi, sky_visibility = march_gi(*shape, frame.index, **tunables)
+        return frame.replace(gi=gi, sky_visibility=sky_visibility)

@@ -1,0 +1,247 @@
+"""Motion blur: what the open shutter would have seen, rebuilt from one picture and its motion."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Frame, Pass
+from gbufrt.compute.fusion import fusible
+from gbufrt.noise.noise import blue_noise
+from gbufrt.sampling import inside, pixel_centers, sample
+
+Position = Literal["center", "trailing"]
+Weights = Literal["reconstruction", "similarity"]
+
+LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it is meant to cover, and
+LANDING_RELATIVE = 0.1  # of the way it went, because neighbours of one surface do not move quite alike
+STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
+OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
+
+
+def motion_blur(
+    color: Tensor,
+    depth: Tensor,
+    motion: Tensor,
+    *,
+    shutter: float | Tensor = 0.5,
+    position: Position = "center",
+    samples: int = 16,
+    tile: int = 32,
+    weights: Weights = "reconstruction",
+    softness: float = 0.02,
+    index: int = 0,
+    seed: int = 0,
+) -> Tensor:
+    """Blur moving things along their way while the shutter is open.
+
+    Each sample is a moment of the exposure. At that moment a pixel is covered by a point of its own surface or by one
+    that moves as the fastest thing nearby does (maximum of the tiles around, their borders jittered); a candidate
+    counts if its own motion really brings it here, and the nearer one hides the other. What a mover uncovers is
+    filled with the surface behind it.
+
+    Args:
+        color: ``(B, C, H, W)`` linear.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        motion: ``(B, 2, H, W)`` previous minus current, pixels.
+        shutter: share of the frame interval during which the shutter is open; a float or ``(B,)``.
+        position: ``"center"`` exposes half before and half after the frame, ``"trailing"`` ends with it.
+        samples: moments of the exposure a pixel.
+        tile: pixels; also the farthest that anything is blurred to either side.
+        weights: ``"reconstruction"``, or ``"similarity"``: the weights saturate(m_s . m_0 / m_0 . m_0) along the
+            pixel's own motion, with which movers do not spill over what stands still.
+        softness: relative difference in depth over which in front turns into behind.
+        index: frame number, for the jitter.
+        seed: another seed, another jitter.
+
+    Returns:
+        ``(B, C, H, W)``.
+
+    Raises:
+        ValueError: shapes disagree, a choice is unknown, or a number is out of range.
+
+    Source: McGuire et al. 2012 and Guertin et al. 2014 (tiles, two directions, soft depth); Rosado 2007, GPU Gems 3
+    chapter 27, and BetterRTX for ``similarity``.
+    """
+    _check(color, depth, motion, samples, tile, softness)
+    if weights not in ("reconstruction", "similarity"):
+        raise ValueError(f"weights must be 'reconstruction' or 'similarity', got {weights!r}")
+    if position not in ("center", "trailing"):
+        raise ValueError(f"position must be 'center' or 'trailing', got {position!r}")
+    first, last = (-0.5, 0.5) if position == "center" else (0.0, 1.0)
+    share = torch.as_tensor(shutter, dtype=motion.dtype, device=motion.device).reshape(-1, 1, 1, 1)
+    path = _limited(motion.to(color.dtype) * share, tile / max(-first, last))
+    noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
+    times = [first + (last - first) * (i + noise[:1, None]) / samples for i in range(samples)]
+    if weights == "similarity":
+        return _similarity(color, path, times)
+    dominant = _dominant(path, tile, noise[1:])
+    if not bool((dominant.detach().square().sum(1) > STILL**2).any()):
+        return color
+    return _reconstruct(color, depth, path, dominant, times, softness)
+
+
+def _dominant(path: Tensor, tile: int, noise: Tensor) -> Tensor:
+    """``(B, 2, H, W)``: the longest path in the 3x3 tiles around a pixel, looked up with jitter to hide the tiles."""
+    height, width = path.shape[-2:]
+    tiles = _longest(path, tile, tile, 0)
+    around = _longest(tiles, 3, 1, 1)
+    y = torch.arange(height, device=path.device)[:, None] + (noise[0] - 0.5) * (tile / 2)
+    x = torch.arange(width, device=path.device)[None] + (noise[1] - 0.5) * (tile / 2)
+    row = y.clamp(0, height - 1).div(tile).long()
+    column = x.clamp(0, width - 1).div(tile).long()
+    return around[:, :, row, column]
+
+
+def _longest(path: Tensor, size: int, stride: int, padding: int) -> Tensor:
+    """Like max pooling of vectors by their length."""
+    length = path.detach().square().sum(1, keepdim=True)
+    _, where = F.max_pool2d(length, size, stride, padding, ceil_mode=True, return_indices=True)
+    return path.flatten(2).gather(2, where.flatten(2).expand(-1, 2, -1)).view(*path.shape[:2], *where.shape[2:])
+
+
+def _reconstruct(
+    color: Tensor, depth: Tensor, path: Tensor, dominant: Tensor, times: list[Tensor], softness: float
+) -> Tensor:
+    px = pixel_centers(color)
+    known = torch.cat([depth.to(color.dtype), path], dim=1)
+    total, weight = color * OWN_WEIGHT, torch.full_like(color[:, :1], OWN_WEIGHT)
+    for time in times:
+        seen, share = _moment(color, known, px, path, dominant, time, softness)
+        total, weight = total + seen, weight + share
+    return total / weight
+
+
+@fusible
+def _moment(
+    color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float
+) -> tuple[Tensor, Tensor]:
+    """What a pixel sees at one moment, and its weight. All moments in one piece would take minutes to compile."""
+    a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
+    b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
+    a_front = _in_front(a_depth, b_depth, softness)
+    # Where nothing lands at this moment, a surface behind the pixel's own shows, and one before it has no say.
+    bare = (1 - a_lands) * (1 - b_lands) / (a_behind + b_behind).clamp_min(1.0)
+    a = a_lands * (1 - b_lands * (1 - a_front)) + bare * a_behind
+    b = b_lands * (1 - a_lands * a_front) + bare * b_behind
+    return a * a_color + b * b_color, a + b
+
+
+def _candidate(
+    color: Tensor, known: Tensor, px: Tensor, path: Tensor, time: Tensor, softness: float
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The point that ``path`` brings here at ``time``: colour, depth, whether its own path does so, and whether it
+    lies behind what is here now."""
+    at = px - path * time
+    found, there = sample(known, at, mode="nearest"), inside(at, (color.shape[-2], color.shape[-1]))
+    miss = _length((found[:, 1:] - path) * time)
+    lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * _length(path * time))).clamp(0, 1)
+    behind = 2 * (_in_front(known[:, :1], found[:, :1], softness) - 0.5).clamp_min(0)
+    return sample(color, at), found[:, :1], lands * there, behind * there
+
+
+def _in_front(near: Tensor, far: Tensor, softness: float) -> Tensor:
+    """1 where ``near`` is nearer than ``far``, 0 where it is farther, a half where they are equal."""
+    scale = 2 * softness * torch.minimum(near, far).abs().clamp_min(1e-12)
+    return (0.5 + (far - near) / scale).clamp(0, 1)
+
+
+def _similarity(color: Tensor, path: Tensor, times: list[Tensor]) -> Tensor:
+    px = pixel_centers(color)
+    total, weight = color, torch.ones_like(color[:, :1])
+    for time in times:
+        total, weight = _similar_moment(color, px, path, time, total, weight)
+    return total / weight
+
+
+@fusible
+def _similar_moment(
+    color: Tensor, px: Tensor, path: Tensor, time: Tensor, total: Tensor, weight: Tensor
+) -> tuple[Tensor, Tensor]:
+    at = px - path * time
+    there = sample(path, at, mode="nearest")
+    alike = (there * path).sum(1, keepdim=True) / path.square().sum(1, keepdim=True).clamp_min(1e-12)
+    alike = alike.clamp(0, 1) * inside(at, (color.shape[-2], color.shape[-1]))
+    return total + alike * sample(color, at), weight + alike
+
+
+def _limited(path: Tensor, longest: float) -> Tensor:
+    return path * (longest / _length(path)).clamp_max(1.0)
+
+
+def _length(path: Tensor) -> Tensor:
+    return path.square().sum(1, keepdim=True).clamp_min(1e-12).sqrt()
+
+
+def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int, softness: float) -> None:
+    batch, _, height, width = color.shape
+    for name, tensor, channels in (("depth", depth, 1), ("motion", motion, 2)):
+        if tuple(tensor.shape) != (batch, channels, height, width):
+            expected = f"({batch},{channels},{height},{width})"
+            raise ValueError(f"{name} must be {expected} like color, got {tuple(tensor.shape)}")
+    for name, number in (("samples", samples), ("tile", tile)):
+        if number < 1:
+            raise ValueError(f"{name} must be at least 1, got {number}")
+    if softness <= 0:
+        raise ValueError(f"softness must be positive, got {softness}")
+
+
+class MotionBlur(Pass):
+    """See `motion_blur`. A G-buffer without motion is taken to stand still while its camera moves.
+
+    Args:
+        target_frame_time: seconds; where given, the blur is as long as at this frame time, whatever the frames' own
+            times say (it needs `Frame.previous`, which a pipeline fills).
+    """
+
+    reads = frozenset({"color", "depth"})
+    optional = frozenset({"motion"})
+    writes = frozenset({"color"})
+
+    def __init__(
+        self,
+        *,
+        shutter: float = 0.5,
+        position: Position = "center",
+        samples: int = 16,
+        tile: int = 32,
+        weights: Weights = "reconstruction",
+        softness: float = 0.02,
+        target_frame_time: float | None = None,
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        self.position: Position = position
+        self.weights: Weights = weights
+        self.shutter, self.samples, self.tile = shutter, samples, tile
+        self.softness, self.seed = softness, seed
+        self.target_frame_time = target_frame_time
+
+    def forward(self, frame: Frame) -> Frame:
+        g = frame.gbuffer
+        blurred = motion_blur(
+            frame.read("color"), g.depth, motion_of(frame),
+            shutter=self.shutter * self._stretch(frame), position=self.position, samples=self.samples,
+            tile=self.tile, weights=self.weights, softness=self.softness, index=frame.index, seed=self.seed,
+        )  # fmt: skip
+        return frame.replace(color=blurred)
+
+    def _stretch(self, frame: Frame) -> float:
+        if self.target_frame_time is None or frame.previous is None:
+            return 1.0
+        elapsed = frame.time - frame.previous.time
+        return self.target_frame_time / elapsed if elapsed > 0 else 1.0
+
+
+def motion_of(frame: Frame) -> Tensor:
+    """The G-buffer's motion; without it what the camera's movement explains; none after a cut or without cameras."""
+    g = frame.gbuffer
+    motion = g.motion
+    if motion is None and g.previous_camera is not None:
+        motion, _ = g.camera.static_motion(g.previous_camera, g.depth, g.hit)
+    if motion is None:
+        motion = g.depth.new_zeros(g.batch, 2, *g.camera.size)
+    return motion if frame.cut is None else torch.where(frame.cut[:, None, None, None], 0.0, motion)

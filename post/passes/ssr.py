@@ -1,0 +1,255 @@
+"""Stochastic screen-space reflections with roughness, Fresnel and a confidence."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame, Pass
+from gbufrt.environment import lookup_environment
+from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
+from gbufrt.sampling import gather, pixel_centers, sample
+from gbufrt.specular import DIELECTRIC_F0
+from post.filters.signals import luminance
+from post.march.rays import Hits, depth_hierarchy, march_rays
+from post.shading.ggx import specular_f0
+from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
+
+Method = Literal["ggx", "cone"]
+BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
+UNSEEN = 0.5  # of what the surface next to an unseen one sends, as a guess of what that one sends
+FIREFLY = 16.0  # times the frame's mean luminance, over roughness: what one sample may bring
+GUESSED = 4.0  # times that mean: what an unseen side may send, for lamps seldom go on behind what hides them
+MIRROR = 0.03  # roughness below which all samples are the same ray
+
+
+def ssr(
+    depth: Tensor,
+    hit: Tensor,
+    normal: Tensor,
+    roughness: Tensor,
+    light: Tensor,
+    camera: Camera,
+    f0: Tensor | None = None,
+    normal_geo: Tensor | None = None,
+    thickness: Tensor | None = None,
+    environment: Tensor | None = None,
+    visibility: Tensor | None = None,
+    bent_normal: Tensor | None = None,
+    index: int = 0,
+    *,
+    samples: int = 4,
+    steps: int = 64,
+    distance: float | None = None,
+    assumed_thickness: float = 0.5,
+    roughness_cutoff: float = 1.0,
+    reuse: int = 0,
+    method: Method = "ggx",
+    seed: int = 0,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Specular light that surfaces mirror, found on screen where it is there, else in the environment.
+
+    A ray that meets a visible surface brings ``light``. A ray that meets nothing brings the environment, times how open
+    the sky is to it: as open as to what it was last in front of, or within the cone around ``bent_normal`` that
+    ``visibility`` leaves open. So windows mirror the sky, and interiors do not fill with it. A ray that ends at what
+    the camera does not see brings some of the light of the surface next to it, at confidence 0. Differentiable in
+    ``light``, ``environment`` and ``f0``; the rays themselves carry no gradient.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        normal: ``(B, 3, H, W)`` world space, unit.
+        roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
+        light: ``(B, 3, H, W)`` linear radiance that each pixel's surface sends; see `outgoing_light`.
+        camera: the camera that saw them.
+        f0: ``(B, 3, H, W)`` reflectance at normal incidence; 0.04 where absent.
+        normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
+        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units.
+        environment: ``(B, 3, h, w)`` lat-long sky; black where absent.
+        visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
+        bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
+        index: frame number, for the noise.
+        samples: rays a pixel at roughness 1; half as many at 0, and one for a mirror.
+        steps: see `march_rays`.
+        distance: how far rays go, world units; None for as far as the camera sees.
+        assumed_thickness: used where ``thickness`` is absent, world units.
+        roughness_cutoff: above it rays give way to the environment alone, over the next 0.1.
+        reuse: how many neighbours' rays a pixel takes into account, 0 to 8.
+        method: ``"ggx"`` samples visible microfacets; ``"cone"`` a cone of roughness x 45 degrees.
+        seed: another seed, another noise.
+
+    Returns:
+        ``reflection`` ``(B, 3, H, W)`` linear radiance, Fresnel included; ``confidence`` ``(B, 1, H, W)`` share of it
+        found on screen; and ``distance`` ``(B, 1, H, W)`` mean way to what was met, ``far`` where only sky was.
+
+    Raises:
+        ValueError: unknown method, samples below 1, or reuse outside 0 to 8.
+
+    Source: Stachowiak 2015; Heitz 2018; ME1 Path Tracing technical overview for ``cone``.
+    """
+    if method not in ("ggx", "cone"):
+        raise ValueError(f'method must be "ggx" or "cone", got {method!r}')
+    if samples < 1 or not 0 <= reuse <= 8:
+        raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
+    f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
+    far = camera.far if distance is None else distance
+    with torch.no_grad():
+        surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
+        flat = normal if normal_geo is None else normal_geo
+        solid = assumed_thickness if thickness is None else thickness
+        hierarchy = depth_hierarchy(depth, hit, flat, camera, thickness=solid)
+        trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
+        rays = torch.where(roughness < MIRROR, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
+    total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
+    for i in range(samples):
+        with torch.no_grad():
+            taken = (surface.hit & (i < rays)).to(depth)
+            lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
+            reflected = throughput(lobe)
+            flies = (lobe.weight > 0).to(depth)
+            marching = lobe.direction * (flies * trust > 0)
+            hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
+            confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
+            world = camera.rotate_to_world(lobe.direction)
+            sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
+        incoming = _incoming(light, environment, hits, confidence, world, sky)
+        incoming = incoming * _firefly_factor(incoming, light, hit, roughness, hits.blocked)
+        if reuse:
+            incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
+        total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
+        shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
+        way, ends = way + hits.distance * (met := hits.hit | hits.blocked), ends + met
+    distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
+    return total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances
+
+
+LOBES = {"ggx": ggx_ray, "cone": cone_ray}
+
+
+def _points(depth: Tensor, index: int, i: int, samples: int, method: Method, seed: int) -> Tensor:
+    """``(1, 2, H, W)`` sample points: a low-discrepancy sequence over samples and frames, shifted by blue noise."""
+    noise = blue_noise(*depth.shape[-2:], dims=2, seed=seed, device=depth.device).to(depth)
+    place = index * samples + i + 1  # the frame moves both numbers apart: one rotation for both would walk a diagonal
+    pair = (place / PLASTIC % 1.0, place / PLASTIC**2 % 1.0)
+    if method == "cone":
+        pair = ((i / samples + place / PLASTIC) % 1.0, (radical_inverse(2, i) + index / PLASTIC**2) % 1.0)
+    return ((noise + noise.new_tensor(pair)[:, None, None]) % 1.0)[None]
+
+
+def _border_fade(px: Tensor, camera: Camera) -> Tensor:
+    """1 inside the picture, falling to 0 at its border."""
+    x, y, width = px[:, 0:1], px[:, 1:2], max(BORDER * camera.height, 1.0)
+    to_edge = torch.minimum(torch.minimum(x, camera.width - x), torch.minimum(y, camera.height - y))
+    return (to_edge / width).clamp(0.0, 1.0)
+
+
+def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None, bent: Tensor | None) -> Tensor:
+    """How much of the sky a ray without a hit sees.
+
+    As much as the surface that it was last in front of, all where that was the sky itself: out there the surroundings
+    are as open as there, whatever is around the place where the ray began. Only a ray that leaves the picture over
+    nothing more open than that place, or is hidden from its beginning, tells no more than it: the open part of its
+    hemisphere is taken for a cone around the bent normal, and cosine-weighted visibility v leaves open a half angle
+    whose sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    """
+    if visibility is None:
+        return torch.ones_like(hits.distance)
+    share = visibility
+    if bent is not None:
+        edge = (1 - visibility).clamp(0.0, 1.0).sqrt()
+        soft = (0.3 * visibility.clamp(0.0, 1.0).sqrt()).clamp_min(1e-3)
+        ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
+        share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
+    last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
+    went = ((hits.px - pixel_centers(hits.distance)).abs() > 0.5).any(1, keepdim=True)
+    return torch.where(hits.spent & went | (last > visibility), last, share)
+
+
+def _incoming(
+    light: Tensor, environment: Tensor | None, hits: Hits, confidence: Tensor, world: Tensor, sky: Tensor
+) -> Tensor:
+    """What each ray brings: light from the screen as far as it is trusted, else the environment."""
+    seen = sample(light, hits.px)
+    guessed = torch.where(hits.blocked, UNSEEN * seen, 0.0)
+    if environment is not None:
+        guessed = guessed + sky * lookup_environment(environment, world)
+    return guessed + (seen - guessed) * confidence
+
+
+@torch.no_grad()
+def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
+    """At most 1: holds guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
+    mean = (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
+    limit = mean * torch.where(guessed, GUESSED, FIREFLY / roughness.clamp_min(1e-3))
+    return (limit / luminance(incoming).clamp_min(1e-9)).clamp_max(1.0)
+
+
+def _ends(surface: Surface, lobe: Lobe, hits: Hits) -> Tensor:
+    """Where rays ended: points and 1, or directions and 0."""
+    meets = (hits.hit | hits.blocked).to(hits.distance)
+    reach = torch.where(meets > 0, hits.distance, 1.0)
+    return torch.cat([lobe.direction * reach + surface.points * meets, meets], dim=1)
+
+
+def outgoing_light(frame: Frame) -> Tensor:
+    """What each surface is known to send: direct light, sky light as far as it is visible, and bounced light.
+
+    Args:
+        frame: ``radiance`` must be there; ``ambient``, ``sky_visibility`` or ``ao``, and ``gi`` count where they are.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance.
+    """
+    light = frame.read("radiance")
+    visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
+    if frame.ambient is not None:
+        light = light + (frame.ambient if visibility is None else frame.ambient * visibility)
+    return light if frame.gi is None else light + frame.gi
+
+
+class SSR(Pass):
+    """See `ssr`; the light that surfaces send is `outgoing_light`."""
+
+    reads = frozenset({"depth", "hit", "normal", "roughness", "radiance"})
+    optional = frozenset(
+        {"albedo", "metallic", "normal_geo", "thickness", "ambient", "environment"}
+        | {"ao", "sky_visibility", "bent_normal", "gi"}
+    )
+    writes = frozenset({"reflection", "reflection_confidence", "reflection_distance"})
+
+    def __init__(
+        self,
+        *,
+        samples: int = 4,
+        steps: int = 64,
+        distance: float | None = None,
+        assumed_thickness: float = 0.5,
+        roughness_cutoff: float = 1.0,
+        reuse: int = 0,
+        method: Method = "ggx",
+        seed: int = 0,
+    ) -> None:
+        super().__init__()
+        self.samples = samples
+        self.steps = steps
+        self.distance = distance
+        self.assumed_thickness = assumed_thickness
+        self.roughness_cutoff = roughness_cutoff
+        self.reuse = reuse
+        self.method: Method = method
+        self.seed = seed
+
+    def forward(self, frame: Frame) -> Frame:
+        g, light = frame.gbuffer, outgoing_light(frame)
+        visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
+        surface = (g.depth, g.hit, g.normal, frame.read("roughness"), light, g.camera, _f0(frame), g.normal_geo)
+        sky = (frame.environment, visibility, frame.bent_normal)
+        reflection, confidence, distance = ssr(*surface, g.thickness, *sky, frame.index, **self.tunables())
+        return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
+
+
+def _f0(frame: Frame) -> Tensor | None:
+    g = frame.gbuffer
+    return None if g.albedo is None or g.metallic is None else specular_f0(g.albedo, g.metallic)

@@ -1,0 +1,230 @@
+"""Temporal accumulation: each pixel's mean over the frames that showed the same surface."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, GBuffer, History, TemporalPass
+from post.filters.edges import spatial_moments, surface
+from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
+from post.history.antilag import (
+    FAST_BLEND,
+    MOMENTS_BLEND,
+    YOUNG,
+    alike,
+    follow_light,
+    pooled,
+    sample_variance,
+    typical_variance,
+    without_fireflies,
+)
+from post.history.reproject import geometry_of, history_for, motion_of, reproject
+from post.passes.atrous import atrous
+
+STORED = ("signal", "fast", "moments", "share")
+SAME_PLANE = 0.3  # pixel footprints: steps of a wall are another surface to a sharp history
+BORROWED = 3.0  # frames: a sharp history shorter than this gives way to as much of what a nearby step has
+VIRTUAL_ROUGHNESS = 0.5  # above, a reflection moves with its surface
+
+
+def temporal(
+    signal: Tensor,
+    gbuffer: GBuffer,
+    history: History | None = None,
+    *,
+    blend: float = 0.95,
+    clamp: float = 2.0,
+    firefly: float = 6.0,
+    motion_response: float = 0.01,
+    feedback: bool = False,
+    sharp: bool = False,
+    distance: Tensor | None = None,
+    lead: int | None = None,
+) -> tuple[Tensor, History]:
+    """Average a signal over time along the motion of surfaces.
+
+    The mean is plain (1/N) until ``blend`` limits it, and starts anew where no pixel of the frame before shows the same
+    surface. A fast history tells when the light itself has changed: where its difference from the slow one, averaged
+    over those of the 3x3 pixels around that show the same surface, exceeds what noise explains, the slow one is drawn
+    after it and becomes young again; the fast one is held to the present frame in the same way. Differences cancel what
+    stands still, so detail is not clamped away, and noise loosens the clamp by itself.
+
+    Args:
+        signal: ``(B, C, H, W)`` of this frame, any unit; several signals stacked share one set of weights.
+        gbuffer: of this frame.
+        history: what this function returned for the frame before; None at first.
+        blend: largest share of history; 1 accumulates for ever.
+        clamp: standard deviations of noise by which histories may differ; 0 switches the test off.
+        firefly: standard deviations above history and neighbours at which a sample is cut; 0 keeps all.
+        motion_response: shortens the longest history by 1 / (1 + this x pixels moved).
+        feedback: keep the history filtered by one wavelet iteration, as SVGF does: less noise, less detail.
+        sharp: keep detail for the price of more noise at edges: history is read with Catmull-Rom weights, from the
+            same plane alone, and counts for fewer frames the less of its footprint shows the surface: what is left of
+            it lies to one side. Only where next to nothing is left it comes from a step beside it.
+        distance: ``(B, 1, H, W)`` world units to what a reflection shows: it is then also looked for where its virtual
+            image was, and the history that agrees better is taken.
+        lead: how many of the first channels the tests look at; all by default.
+
+    Returns:
+        The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
+        variance ``(B, 1, H, W)`` of the mean's luminance.
+
+    Raises:
+        ValueError: blend lies outside 0 to 1, or the history has another size than the frame.
+
+    Source: Schied et al. 2017 (SVGF), sections 4.1 and 4.2; fast history as in NVIDIA's ReLAX (Zhdan 2021).
+    """
+    if not 0.0 <= blend <= 1.0:
+        raise ValueError(f"blend must lie in 0 to 1, got {blend}")
+    lead = lead or signal.shape[1]
+    if history is None or history.gbuffer is None:
+        light, one = luminance(signal, lead), torch.ones_like(signal[:, :1])
+        moments = torch.cat([light, light * light], dim=1)
+        new = {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": one}
+        return _finish(signal, new, one, gbuffer, feedback, lead)
+    old, fast, moments, share, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp)
+    noise = typical_variance(moments, age)
+    sample = without_fireflies(signal, old, noise, age, lead, firefly)
+    if clamp > 0:
+        same = alike(surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera))
+        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, same, lead, clamp)
+        share, age = share * age / younger.clamp_min(1e-6), younger
+    motion, _ = motion_of(gbuffer, history.gbuffer.camera)
+    longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)
+    length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
+    light, alpha = luminance(sample, lead), 1 / length
+    fresh = torch.cat([light, light * light], dim=1)
+    new = {
+        "signal": old + alpha * (sample - old),
+        "fast": fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast),
+        "moments": moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments),
+        "share": share * (1 - alpha) ** 2 + alpha**2,
+    }
+    return _finish(sample, new, length, gbuffer, feedback, lead)
+
+
+def _fetch(
+    signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int, sharp: bool
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+    """Mean, fast mean, moments, sum of squared weights and length of the history, as this frame's pixels find them."""
+    kept = history.signals
+    if kept["signal"].shape[1] != signal.shape[1]:
+        raise ValueError(
+            f"the history holds {kept['signal'].shape[1]} channels but the signal has {signal.shape[1]}; "
+            "start with state=None when signals come or go"
+        )
+    everything = torch.cat([*(kept[name] for name in STORED), history.length], dim=1)
+    options: dict[str, Any] = {"length": history.length}
+    if sharp:
+        options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
+    taps = reproject(gbuffer, before, **options)
+    found = taps.fetch(everything)
+    if sharp:
+        found = torch.cat([found[:, :-1], found[:, -1:] * taps.support**2], dim=1)
+        beside = reproject(gbuffer, before, length=history.length).fetch(everything)
+        beside = torch.cat([beside[:, :-1], beside[:, -1:].clamp_max(BORROWED)], dim=1)
+        found = torch.where(found[:, -1:] < beside[:, -1:], beside, found)
+    if distance is not None:
+        mirrored = reproject(gbuffer, before, motion=_virtual(gbuffer, before, distance), **options)
+        image = mirrored.fetch(everything)
+        missing = ~mirrored.valid | (distance <= 0)
+        agrees = _misfit(image, signal, lead) < _misfit(found, signal, lead)
+        found = torch.where(~missing & (agrees | (found[:, -1:] <= 0)), image, found)
+    old, fast, moments, share, age = found.split([signal.shape[1], lead, 2, 1, 1], dim=1)
+    return old, fast, moments, share, age
+
+
+def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
+    """Motion of the mirror image, which lies as far behind the surface as the mirrored thing lies before it."""
+    camera = gbuffer.camera
+    points = gbuffer.points_view()
+    image = points - camera.to_eye(points) * distance
+    was = before.camera.project(before.camera.to_view(camera.to_world(image)))
+    return was - camera.pixel_centers(dtype=points.dtype)
+
+
+def _misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
+    return pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
+
+
+def _finish(
+    sample: Tensor, new: dict[str, Tensor], length: Tensor, g: GBuffer, feedback: bool, lead: int
+) -> tuple[Tensor, History]:
+    """Work out how noisy the mean still is, and what the next frame will find."""
+    mean, variance = new["signal"], sample_variance(new["moments"], length)
+    if bool((length < YOUNG).any()):
+        _, around = spatial_moments(sample, surface(g.depth, g.normal, g.hit, g.camera), radius=2, lead=lead)
+        variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
+    variance = variance * new["share"]
+    kept = mean
+    if feedback:
+        kept, _ = atrous(
+            mean, g.depth, g.normal, hit=g.hit, camera=g.camera, iterations=1, variance=variance, lead=lead
+        )
+    signals = {**new, "signal": kept, "variance": variance}
+    return mean, History(length=length, signals=signals, gbuffer=geometry_of(g))
+
+
+class Temporal(TemporalPass):
+    """Accumulate one signal, or several by one set of weights. See `temporal`.
+
+    Leaves ``<signal>_variance`` (of what it wrote, albedo divided out where that was asked) for denoisers, and
+    ``<signal>_history``, the number of frames behind each pixel. A reflection takes its confidence along.
+
+    Args:
+        signal: name of a signal, or several; the first leads.
+        blend: see `temporal`, as the rest.
+        virtual: for reflections: also look where the mirror image was.
+        demodulate: divide albedo out first; by default for ``gi``.
+    """
+
+    def __init__(
+        self,
+        *,
+        signal: str | tuple[str, ...] = "ao",
+        blend: float = 0.95,
+        clamp: float = 2.0,
+        firefly: float = 6.0,
+        motion_response: float = 0.01,
+        feedback: bool = False,
+        virtual: bool = True,
+        demodulate: bool | None = None,
+    ) -> None:
+        super().__init__()
+        self.signal = signal
+        self.blend = blend
+        self.clamp = clamp
+        self.firefly = firefly
+        self.motion_response = motion_response
+        self.feedback = feedback
+        self.virtual = virtual
+        self.demodulate = demodulate
+        names = signal_names(signal)
+        self.reads = frozenset({"depth", "normal", "hit", names[0]})
+        self.optional = frozenset({*names[1:], "motion", "motion_z", "normal_geo", "object_id", "albedo", "roughness"})
+        if names[0] == "reflection" and virtual:
+            self.optional |= {"reflection_distance"}
+        self.writes = frozenset({*names, f"{names[0]}_variance", f"{names[0]}_history"})
+
+    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
+        names = signal_names(self.signal)
+        divide = wants_albedo(names, self.demodulate)
+        mean, state = temporal(
+            stack(frame, names, demodulate=divide), frame.gbuffer, history_for(state, frame.cut),
+            blend=self.blend, clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response,
+            feedback=self.feedback, distance=_mirrored(frame, names, self.virtual), lead=frame.read(names[0]).shape[1],
+        )  # fmt: skip
+        frame = unstack(frame, names, mean, demodulate=divide)
+        frame = frame.write(f"{names[0]}_variance", state.signals["variance"])
+        return frame.write(f"{names[0]}_history", state.length), state
+
+
+def _mirrored(frame: Frame, names: tuple[str, ...], virtual: bool) -> Tensor | None:
+    """Distance to what is mirrored, zero where the surface is too rough to hold an image."""
+    distance, roughness = frame.reflection_distance, frame.gbuffer.roughness
+    if not virtual or names[0] != "reflection" or distance is None:
+        return None
+    return distance if roughness is None else torch.where(roughness <= VIRTUAL_ROUGHNESS, distance, 0.0)

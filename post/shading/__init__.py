@@ -1,0 +1,1 @@
+"""What surfaces send and mirror: GGX, lobes, the thin lens."""

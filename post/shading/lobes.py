@@ -1,0 +1,167 @@
+"""Where reflected rays go: GGX visible normals or a cone, and how neighbours share what their rays found."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.sampling import shifted
+from post.shading.ggx import (
+    ggx_distribution,
+    grazing,
+    masking_ratio,
+    reflection_pdf,
+    sample_visible_normal,
+    smith_lambda,
+    tangent_frame,
+)
+
+CONE_DEGREES = 45.0  # half angle of the seed's cone at roughness 1
+SHARP_ALPHA = 1e-2  # below this roughness squared a neighbour's ray is no ray of ours
+NEIGHBORS = ((1, -2), (-2, -1), (2, 1), (-1, 2), (3, -1), (-1, -3), (1, 3), (-3, 1))
+
+
+class Surface(NamedTuple):
+    """What reflects, in view space."""
+
+    points: Tensor
+    """``(B, 3, H, W)`` world units."""
+    normal: Tensor
+    """``(B, 3, H, W)`` unit, facing the eye."""
+    geometric: Tensor
+    """``(B, 3, H, W)`` unit: no ray may go below it."""
+    eye: Tensor
+    """``(B, 3, H, W)`` unit, toward the eye."""
+    alpha: Tensor
+    """``(B, 1, H, W)`` perceptual roughness squared."""
+    hit: Tensor
+    """``(B, 1, H, W)`` bool."""
+
+
+class Lobe(NamedTuple):
+    """One reflected ray a pixel."""
+
+    direction: Tensor
+    """``(B, 3, H, W)`` view space, unit; zero where there is no ray."""
+    cosine: Tensor
+    """``(B, 1, H, W)`` between light and microfacet, for Fresnel."""
+    weight: Tensor
+    """``(B, 1, H, W)`` factor on what the ray brings, Fresnel aside."""
+    share: Tensor
+    """``(B, 1, H, W)`` by which the sum of all samples is divided."""
+    pdf: Tensor
+    """``(B, 1, H, W)`` per steradian."""
+    taken: Tensor
+    """``(B, 1, H, W)`` 1 where this sample counts, else 0."""
+
+
+def dot(a: Tensor, b: Tensor) -> Tensor:
+    """``(B, 1, H, W)``."""
+    return a[:, 0:1] * b[:, 0:1] + a[:, 1:2] * b[:, 1:2] + a[:, 2:3] * b[:, 2:3]
+
+
+def unit(a: Tensor) -> Tensor:
+    """``a`` at length 1; zero stays zero."""
+    return a / dot(a, a).clamp_min(1e-20).sqrt()
+
+
+def surface_of(
+    depth: Tensor, hit: Tensor, normal: Tensor, normal_geo: Tensor | None, roughness: Tensor, camera: Camera
+) -> Surface:
+    """The reflecting surface from G-buffer channels; normals tipped away from the eye are brought to its edge."""
+    points = camera.unproject(depth)
+    eye = camera.to_eye(points)
+    facing = camera.rotate_to_view(normal)
+    facing = torch.where(hit, unit(facing + eye * (1e-3 - dot(facing, eye)).clamp_min(0.0)), eye)
+    geometric = facing if normal_geo is None else torch.where(hit, camera.rotate_to_view(normal_geo), eye)
+    return Surface(points, facing, geometric, eye, roughness * roughness, hit)
+
+
+def ggx_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
+    """Mirror the eye at a visible microfacet. ``u`` is ``(B, 2, H, W)`` in [0, 1). Source: Heitz 2018."""
+    normal, eye, alpha = surface.normal, surface.eye, surface.alpha
+    tangent, bitangent = tangent_frame(normal)
+    local = torch.cat([dot(eye, tangent), dot(eye, bitangent), dot(eye, normal)], dim=1)
+    half = sample_visible_normal(local, alpha, u)
+    cosine = dot(local, half).clamp(0.0, 1.0)
+    light = 2 * cosine * half - local
+    direction = tangent * light[:, 0:1] + bitangent * light[:, 1:2] + normal * light[:, 2:3]
+    weight = masking_ratio(local[:, 2:], light[:, 2:], alpha)
+    pdf = reflection_pdf(local[:, 2:], half[:, 2:], alpha.clamp_min(1e-3))
+    return _above(surface, Lobe(unit(direction), cosine, weight, torch.ones_like(weight), pdf, taken))
+
+
+def cone_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
+    """A ray within roughness x 45 degrees of the mirror's, cosine-distributed, weighted by nearness to its axis.
+
+    Source: ME1 Path Tracing technical overview, reflections.
+    """
+    cosine = dot(surface.eye, surface.normal)
+    axis = unit(2 * cosine * surface.normal - surface.eye)
+    tangent, bitangent = tangent_frame(axis)
+    widest = (surface.alpha.sqrt() * math.radians(CONE_DEGREES)).sin()
+    sine, azimuth = u[:, 0:1].sqrt() * widest, 2 * math.pi * u[:, 1:2]
+    along = (1 - sine * sine).clamp_min(0.0).sqrt()
+    direction = tangent * (sine * azimuth.cos()) + bitangent * (sine * azimuth.sin()) + axis * along
+    weight = 1 - u[:, 0:1].sqrt() + 1e-3
+    pdf = along / (math.pi * (widest * widest).clamp_min(1e-6))
+    lobe = _above(surface, Lobe(unit(direction), cosine.clamp(0, 1), weight, weight, pdf, taken))
+    return lobe._replace(share=lobe.weight)
+
+
+def _above(surface: Surface, lobe: Lobe) -> Lobe:
+    """No ray starts on the sky, goes below the surface, or where the sample is not taken."""
+    flies = (lobe.taken > 0) & (dot(lobe.direction, surface.geometric) > 1e-4) & (lobe.weight > 0)
+    weight, share = torch.where(flies, lobe.weight, 0.0), lobe.share * lobe.taken
+    return lobe._replace(direction=torch.where(flies, lobe.direction, 0.0), weight=weight, share=share)
+
+
+def throughput(lobe: Lobe) -> Tensor:
+    """``(B, 3, H, W)``: f0 times the first, plus the second, over the third is the share of light that is reflected."""
+    edge = grazing(lobe.cosine)
+    return torch.cat([lobe.weight * (1 - edge), lobe.weight * edge, lobe.share], dim=1)
+
+
+def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """Average what a pixel's ray and its neighbours' rays found, each by the pixel's own BRDF over the ray's density.
+
+    What the surface reflects of it is averaged too, apart: a pixel whose own ray was lost below the surface takes part.
+
+    Args:
+        surface: the reflecting pixels.
+        lobe: one ray of each.
+        ends: ``(B, 4, H, W)`` where rays ended: a view-space point and 1, or for rays without end a direction and 0.
+        incoming: ``(B, 3, H, W)`` radiance that they brought; differentiable.
+        count: how many neighbours, up to 8.
+
+    Returns:
+        ``(B, 3, H, W)`` incoming radiance and ``(B, 3, H, W)`` `throughput`, as if from ``count + 1`` rays.
+
+    Source: Stachowiak 2015 (ray reuse by ratio estimator).
+    """
+    total, weights = incoming * lobe.weight, lobe.weight
+    with torch.no_grad():
+        alpha, cos_view = surface.alpha.clamp_min(SHARP_ALPHA), dot(surface.normal, surface.eye).clamp(1e-3, 1.0)
+        masked = 1 + smith_lambda(cos_view, alpha)
+        reflected, members = throughput(lobe), lobe.taken
+        near = 0.01 * dot(surface.points, surface.points).sqrt()
+        packed = [surface.points, surface.normal, surface.alpha, ends, lobe.pdf, lobe.weight, lobe.taken, reflected]
+        packed = torch.cat(packed, dim=1)
+    for dx, dy in NEIGHBORS[:count]:
+        with torch.no_grad():
+            parts = shifted(packed, dx, dy).split([3, 3, 1, 3, 1, 1, 1, 1, 3], dim=1)
+            points, normal, other, end, found, pdf, flies, taken, reflects = parts
+            alike = (taken > 0) & (surface.alpha >= SHARP_ALPHA) & ((other - surface.alpha).abs() < 0.1)
+            alike &= (dot(surface.normal, normal) > 0.9) & (dot(points - surface.points, surface.normal).abs() < near)
+            light = torch.where(found > 0, unit(end - surface.points), end)
+            cos_light, half = dot(surface.normal, light), unit(light + surface.eye)
+            value = ggx_distribution(dot(surface.normal, half), alpha)
+            value = value / (4 * cos_view * (masked + smith_lambda(cos_light, alpha)))
+            weight = torch.where(alike & (flies > 0) & (cos_light > 0), value / pdf.clamp_min(1e-6), 0.0)
+            reflected, members = reflected + reflects * alike, members + alike
+        total, weights = total + weight * shifted(incoming, dx, dy), weights + weight
+    return total / weights.clamp_min(1e-9), reflected / members.clamp_min(1)

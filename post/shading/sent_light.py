@@ -1,0 +1,91 @@
+"""What each pixel sends to others, bounce by bounce: the light that screen-space global illumination gathers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame
+from post.history.reproject import reproject
+from post.sweep.bitmask import bitmask_ao
+
+SKY_DIRECTIONS = 2  # slices that find how much sky senders see: gathering averages their noise
+SKY_COARSER = 2  # and they take so many times fewer taps
+BRIGHTEST = 0.9  # share of the light before it that any bounce may have
+
+
+def sent_light(
+    frame: Frame,
+    *,
+    distance: float | None = None,
+    thickness: Tensor | float | None = None,
+    steps: int = 12,
+    bounces: int = 1,
+    bounce_loss: float = 1.0,
+) -> Tensor:
+    """What each pixel sends to others: direct light, sky light that reaches it, and bounces that came before.
+
+    Emission counts only where the frame has not sampled its emitters as direct light. The sky light is scaled by the
+    sky that the pixel sees: from a coarse sweep over the whole picture, or from the frame's ``ao`` when light is
+    gathered within a ``distance``.
+
+    Args:
+        frame: with radiance.
+        distance: see `post.ssgi`.
+        thickness: see `post.ssgi`.
+        steps: see `post.ssgi`.
+        bounces: 1 for direct and sky light alone; more adds the GI of the frame before, which over the frames becomes
+            the sum of all bounces.
+        bounce_loss: factor on the light of further bounces (the seed's composite: 0.6).
+
+    Returns:
+        ``(B, 3, H, W)`` outgoing linear radiance.
+
+    Raises:
+        ValueError: bounces is less than 1.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces must be at least 1, got {bounces}")
+    g, light = frame.gbuffer, frame.read("radiance")
+    if frame.emitters_sampled and g.emission is not None:
+        light = (light - g.emission).clamp_min(0)
+    if frame.ambient is not None:
+        light = light + frame.ambient * _sky_share(frame, distance, thickness, steps)
+    previous = frame.previous
+    if bounces > 1 and previous is not None and previous.gi is not None:
+        light = light + bounce_loss * reproject(g, previous.gbuffer, search=False).fetch(previous.gi)
+    return torch.where(g.hit, light, 0.0)
+
+
+def nothing_before(frame: Frame) -> Tensor:
+    """``(B, 1, 1, 1)`` bool: whether there is no light of a frame before to go on from."""
+    lone = frame.previous is None or frame.previous.gi is None
+    new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
+    return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
+
+
+def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int) -> Tensor:
+    """What the light ``once`` bounced tends to: ``bounces`` are gathered, and all others fade as the last of them did.
+
+    Args:
+        once: ``(B, 3, H, W)`` with one bounce.
+        further: takes the light so far to that with one bounce more.
+        bounces: at least 2.
+    """
+    light, last, before = once, once, once
+    for _ in range(bounces - 1):
+        more = further(light)
+        light, last, before = more, more - light, last
+    ratio = last.sum((2, 3), keepdim=True) / before.sum((2, 3), keepdim=True).clamp_min(1e-9)
+    return light - last + last / (1 - ratio.clamp(0.0, BRIGHTEST))
+
+
+def _sky_share(frame: Frame, distance: float | None, thickness: Tensor | float | None, steps: int) -> Tensor | float:
+    if distance is not None:
+        return 1.0 if frame.ao is None else frame.ao
+    g = frame.gbuffer
+    coarse = max(steps // SKY_COARSER, 1)
+    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse, "soft": False}
+    return bitmask_ao(g.depth, g.normal, g.camera, hit=g.hit, thickness=thickness, index=frame.index, **sweep)[0]

@@ -1,0 +1,1 @@
+"""Slices of the hemisphere swept through the picture: arcs, sectors, thickness."""

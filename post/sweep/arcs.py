@@ -1,0 +1,199 @@
+"""What the slice sweeps (GTAO, bitmask, screen-space GI) share: taps, the arc's measure, and what the slices add up to.
+
+A slice is a plane through the ray of a pixel. Angles in it are measured from the direction toward the eye (theta) or
+from the normal projected into the slice (alpha = theta - n). A sweep walks along the slice in the picture, first to
+one side and then to the other; the other side is the mirror image: tangent, n and their sine change sign.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.sampling import gather
+from post.sweep.slices import Receivers, Scene, Slice
+
+SNAP = 1e-6  # rounding by which a tap in the receiver's plane might seem to rise above it
+
+
+class Tap(NamedTuple):
+    """What stands at one step along a slice, as the receiver sees it. All planes ``(B, h, w)``."""
+
+    front_rise: Tensor
+    """Height above the receiver's plane (over the length of the projected normal) of the visible front."""
+    front_run: Tensor
+    """Along the receiver's plane within the slice, away from the receiver on this side."""
+    back_rise: Tensor
+    back_run: Tensor
+    z: Tensor
+    """Planar depth of the front and, below, of the back; equal where nothing stands."""
+    back_z: Tensor
+    x: Tensor
+    """With ``y``: slope (perspective) or place (orthographic) of the ray through the tap."""
+    y: Tensor
+    seen: Tensor
+    """``(B, C, h, w)``: the other channels of the scene's picture."""
+
+
+class Side(NamedTuple):
+    """One side of a slice, outwards from the receiver."""
+
+    cut: Slice
+    """The slice; for the other side its mirror image."""
+    dx: Tensor
+    """Unit direction in the picture. Planes ``(B, h, w)``."""
+    dy: Tensor
+    length: Tensor
+    """Pixels that a world unit spans."""
+    frame: Tensor
+    """Pixels to the picture's border."""
+    border: Tensor
+    """Pixels to the end of its margin."""
+    half: Tensor
+    """1 / (2 measure)."""
+    whole: Tensor
+    """Share of the arc's measure on this side of the direction toward the eye; both sides add up to 1."""
+
+
+def sides(around: Scene, at: Receivers, cut: Slice) -> tuple[Side, Side]:
+    """Both sides of a slice."""
+    length = (cut.step_x * cut.step_x + cut.step_y * cut.step_y).sqrt()
+    dx, dy, half = cut.step_x / length, cut.step_y / length, 0.5 / cut.measure
+    whole = (cut.cos_n + (cut.n + math.pi / 2) * cut.sin_n) * half
+    mirrored = cut._replace(tx=-cut.tx, ty=-cut.ty, tz=-cut.tz, place=-cut.place, sin_n=-cut.sin_n, n=-cut.n)
+    return (
+        Side(cut, dx, dy, length, *_borders(around, at, dx, dy), half, whole),
+        Side(mirrored, -dx, -dy, length, *_borders(around, at, -dx, -dy), half, 1 - whole),
+    )
+
+
+def _borders(around: Scene, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+    """Pixels to the picture's border and to the end of its margin."""
+    height, width = around.picture.shape[-2:]
+    ways = []
+    for edge in (around.margin + 1, 1):
+        x = torch.maximum((width - edge - 0.5 - at.column) * dx, (edge - 0.5 - at.column) * dx)
+        y = torch.maximum((height - edge - 0.5 - at.row) * dy, (edge - 0.5 - at.row) * dy)
+        ways.append(torch.minimum(x / (dx * dx).clamp_min(1e-12), y / (dy * dy).clamp_min(1e-12)))
+    return ways[0], ways[1]
+
+
+def look(around: Scene, at: Receivers, side: Side, px: Tensor, parallel: bool) -> Tap:
+    """Read the tap ``px`` pixels from the receivers.
+
+    The tap is the whole pixel nearest to the slice. Its point is slid along the receiver's plane into the slice, which
+    keeps its height above that plane: an open plane never blocks itself, however steep.
+    """
+    cut = side.cut
+    column, row = (at.column + side.dx * px).round(), (at.row + side.dy * px).round()
+    picked = gather(around.picture, column.int(), row.int())
+    z, solid = picked[:, 0], picked[:, 1]
+    x, y = around.origin_x + around.pitch_x * column, around.origin_y + around.pitch_y * row
+    rise, run = x * cut.nx + y * cut.ny, x * cut.tx + y * cut.ty
+    if parallel:
+        rise_by_z, run_by_z = cut.nz, cut.tz
+        rise, run = rise + z * cut.nz - cut.level, run + z * cut.tz - cut.place
+    else:
+        rise_by_z, run_by_z = rise + cut.nz, run + cut.tz
+        rise, run = z * rise_by_z - cut.level, z * run_by_z - cut.place
+    return Tap(
+        front_rise=rise,
+        front_run=run,
+        back_rise=rise + solid * rise_by_z,
+        back_run=run + solid * run_by_z,
+        z=z,
+        back_z=z + solid,
+        x=x,
+        y=y,
+        seen=picked[:, 2:],
+    )
+
+
+def arc_measure(rise: Tensor, run: Tensor, side: Side) -> Tensor:
+    """Share of the arc's cosine-weighted measure between the direction toward the eye and a tap.
+
+    The measure of theta is the integral of cos(t - n) |sin t|, (sin(theta) sin(alpha) + theta sin(n)) / 2.
+    All of this side where the tap lies below the receiver's plane.
+
+    Source: Jimenez et al. 2016, section 4; sectors of equal measure after Therrien et al. 2023.
+    """
+    cos_n, sin_n = side.cut.cos_n, side.cut.sin_n
+    sine, cosine = run * cos_n + rise * sin_n, rise * cos_n - run * sin_n
+    theta = torch.atan2(sine, cosine)
+    share = (run * sine / (rise * rise + run * run + 1e-20) + theta * sin_n) * side.half
+    below = (rise.detach() * -1e30).clamp(SNAP, 9.0)
+    return torch.minimum(share + below, side.whole).clamp_min(0)
+
+
+def step(value: Tensor) -> Tensor:
+    """1 where ``value`` is positive, else 0: arithmetic, because comparing and choosing cost ten times as much."""
+    return (value.detach() * 1e30).clamp(0, 1)
+
+
+def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+    """Visibility and bent normal from sums over slices.
+
+    The mean direction over the open part is corrected by what the same slices say of the whole hemisphere, whose mean
+    direction is known (2/3 of the normal): an open plane returns its normal whatever the slices.
+
+    Args:
+        at: all receivers.
+        camera: of the picture.
+        hit: ``(B, 1, h, w)`` bool.
+        sums: ``(8, B, h, w)``: weight, open weight, open direction (3), whole direction (3), view space.
+        normal: ``(B, 3, h, w)`` world space.
+
+    Returns:
+        visibility ``(B, 1, h, w)``, 1 where nothing was hit, and bent normal ``(B, 3, h, w)``, world space, unit
+        length, 0 where nothing was hit.
+    """
+    share = (sums[1] / sums[0]).clamp(0, 1)
+    known = torch.stack([at.nx, at.ny, at.nz]) * (2 / 3)
+    bent = camera.rotate_to_world((sums[2:5] / sums[0] + share * (known - sums[5:8] / sums[0])).movedim(0, 1))
+    length2 = (bent * bent).sum(1, keepdim=True)
+    bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
+    return torch.where(hit, share[:, None], 1.0), torch.where(hit, bent, 0.0)
+
+
+def mean_of_scales(found: list[tuple[Tensor, Tensor]], hit: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean of several visibilities, and of their bent normals, each of which counts as far as its scale is open."""
+    if len(found) == 1:
+        return found[0]
+    visibility = torch.stack([share for share, _ in found]).mean(0)
+    bent = torch.stack([share * direction for share, direction in found]).mean(0)
+    length2 = (bent * bent).sum(1, keepdim=True)
+    bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
+    return visibility, torch.where(hit, bent, 0.0)
+
+
+def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
+    """Mean directions of equal parts of the arc, by cosine-weighted measure: along the projected normal, and across it.
+
+    Both ``(groups, B, h, w)``.
+    """
+    terms = torch.tensor(direction_polynomials(groups), dtype=sin_n.dtype, device=sin_n.device)[..., None, None, None]
+    value = terms[-1].expand(-1, *sin_n.shape)
+    for term in reversed(terms[:-1].unbind(0)):
+        value = value * sin_n + term
+    return value[:groups], value[groups:]
+
+
+@cache
+def direction_polynomials(groups: int) -> list[list[float]]:
+    """Polynomials in sin(n), lowest power first, fitted to the parts' mean cos(alpha) and sin(alpha)."""
+    grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
+    alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2
+    density = alpha.cos() * (alpha + grid[:, None]).sin().abs()
+    density = density / density.sum(1, keepdim=True)
+    group = ((density.cumsum(1) - density / 2) * groups).long().clamp(0, groups - 1)
+    means = []
+    for direction in (alpha.cos(), alpha.sin()):
+        total = torch.zeros(65, groups, dtype=torch.float64).scatter_add(1, group, density * direction)
+        means.append(total * groups)
+    powers = grid.sin()[:, None] ** torch.arange(9, dtype=torch.float64)
+    return torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()

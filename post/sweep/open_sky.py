@@ -1,0 +1,83 @@
+"""How far directions whose end the picture does not show may count as open sky."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.sampling import gather
+from post.sweep import arcs as horizon
+from post.sweep.arcs import Side
+from post.sweep.slices import Receivers, Scene, Slice
+
+WALL = 0.25  # of a ceiling: what walls at the border, above the horizon, tell of a roof
+CEILING = 0.5  # cosine with straight down from which on a surface is a ceiling
+FREE = 0.5  # sine of the elevation from which on nothing but a roof closes a direction
+LITTLE = 1e-3  # share of the border that is no evidence
+
+
+class Sky(NamedTuple):
+    """What a picture tells of the sky beyond its border. Planes ``(B, 1, 1)``."""
+
+    share: Tensor
+    """Of the directions above the horizon."""
+    trust: Tensor
+    """0 where the picture shows nothing above the horizon."""
+    up_x: Tensor
+    """World up in view space."""
+    up_y: Tensor
+    up_z: Tensor
+
+
+def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
+    """Judge by the border of the picture, above the horizon: by its sky against its ceilings, and its walls a little.
+
+    Args:
+        camera: of the picture.
+        hit: ``(B, 1, H, W)`` bool.
+        normal: ``(B, 3, H, W)`` world space.
+    """
+    ray = -camera.rotate_to_world(camera.to_eye(camera.unproject(torch.ones_like(normal[:, :1]))))
+    weight = ray[:, 1:2].clamp_min(0) ** 2
+    border = torch.ones_like(hit)
+    border[..., 1:-1, 1:-1] = False
+    tall = normal[:, 1:2].abs() < CEILING
+    closed = ((normal[:, 1:2] < -CEILING) + WALL * tall) * hit
+    total = [(weight * border * part).sum((2, 3)) for part in (~hit, closed)]
+    little = LITTLE * border.sum((2, 3))
+    share = (total[0] + little) / (total[0] + total[1] + little)
+    trust = (total[0] + total[1]) / (total[0] + total[1] + little)
+    up = camera.rotate_to_view(torch.zeros_like(ray).index_fill(1, torch.tensor(1, device=ray.device), 1.0))
+    return Sky(share[..., None], trust[..., None], *up[:, :, :1, :1].unbind(1))
+
+
+def leaves_hit(around: Scene, at: Receivers, side: Side) -> Tensor:
+    """1 where a slice leaves the picture at a pixel that hit something, else 0."""
+    column, row = (at.column + side.dx * side.frame).round(), (at.row + side.dy * side.frame).round()
+    return horizon.step(gather(around.picture[:, 1:2], column.int(), row.int())[:, 0])
+
+
+def open_share(sky: Sky, cut: Slice, groups: int, seam: Tensor, hits: tuple[Tensor, Tensor]) -> Tensor:
+    """``(groups, B, h, w)``: how far uncovered parts of a slice's arc count as open.
+
+    Sectors on a side that leaves the picture at the sky are open. On one that leaves it at a surface, what goes on
+    beyond is unknown: near the horizon it is held to be closed, above it to be as open as `Sky.share`.
+
+    Args:
+        sky: of the picture.
+        cut: the slice.
+        groups: equal parts of the arc.
+        seam: share of the arc on the left side.
+        hits: see `leaves_hit`, for the right and the left side.
+    """
+    rise, run = horizon.mean_directions(cut.sin_n, groups)
+    lift = cut.hx * sky.up_x + cut.hy * sky.up_y + cut.hz * sky.up_z
+    slide = cut.tx * sky.up_x + cut.ty * sky.up_y + cut.tz * sky.up_z
+    elevation = (rise * lift + run * slide) * (rise * rise + run * run + 1e-12).rsqrt()
+    middle = (torch.arange(groups, dtype=rise.dtype, device=rise.device) + 0.5).view(-1, 1, 1, 1)
+    right = (middle - seam * groups + 0.5).clamp(0, 1)
+    unknown = (right * hits[0] + (1 - right) * hits[1]) * sky.trust
+    return 1 - unknown * (1 - sky.share * (elevation / FREE).clamp(0, 1))

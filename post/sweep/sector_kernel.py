@@ -1,0 +1,105 @@
+"""Scalar forms of the sectors of a slice's arc, and of what they add up to. See `post.sweep.sweep_kernel`.
+
+Every name and step is that of the torch reference in `post.sweep.sectors` and `post.sweep.open_sky`, which is the
+definition.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+
+from gbufrt.compute import kernel
+from post.sweep import open_sky, sectors
+from post.sweep.sectors import FIRST_BITS, PER_GROUP
+from post.sweep.slice_kernel import HALF, ONE, ZERO, leaves_hit
+
+SECTORS, GROUPS, FREE = np.float32(sectors.SECTORS), np.float32(sectors.GROUPS), np.float32(open_sky.FREE)
+FIELD = (1 << PER_GROUP) - 1
+SOURCES = kernel.checksum(open_sky, sectors, sys.modules[__name__])
+
+
+@kernel.scalar
+def bits_between(low, high, dither):
+    """The sectors between two shares of the arc, see `sectors.cover`."""
+    first = np.int32(low * SECTORS + dither)
+    last = max(np.int32(high * SECTORS + dither), first)
+    return np.int32((1 << last) - (1 << first))
+
+
+@kernel.scalar
+def group_counts(bits):
+    """How many sectors of each group are set, in a field of bits each; see `sectors.group_shares`."""
+    counts = bits & FIRST_BITS
+    for bit in range(1, PER_GROUP):
+        counts += (bits >> bit) & FIRST_BITS
+    return counts
+
+
+@kernel.scalar
+def share(bits):
+    """See `sectors.share`."""
+    counts, total = group_counts(bits), 0
+    for group in range(sectors.GROUPS):
+        total += (counts >> (PER_GROUP * group)) & FIELD
+    return np.float32(total) / SECTORS
+
+
+@kernel.scalar
+def mean_direction(terms, sin_n, which):
+    """See `horizon.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
+    value = terms[terms.shape[0] - 1, which]
+    for power in range(terms.shape[0] - 2, -1, -1):
+        value = value * sin_n + terms[power, which]
+    return value
+
+
+@kernel.scalar
+def _open_share(sky, cut, group, rise, run, seam, hits):
+    """See `open_sky.open_share`: of one group."""
+    lift = cut.hx * sky[2] + cut.hy * sky[3] + cut.hz * sky[4]
+    slide = cut.tx * sky[2] + cut.ty * sky[3] + cut.tz * sky[4]
+    elevation = (rise * lift + run * slide) / math.sqrt(rise * rise + run * run + np.float32(1e-12))
+    right = min(max(np.float32(group) + HALF - seam * GROUPS + HALF, ZERO), ONE)
+    unknown = (right * hits[0] + (ONE - right) * hits[1]) * sky[1]
+    return ONE - unknown * (ONE - sky[0] * min(max(elevation / FREE, ZERO), ONE))
+
+
+@kernel.scalar
+def fill_groups(groups, around, at, cut, right, left):
+    """What a slice's masks share: of each group, its mean direction (2) and how far it is open where not covered."""
+    sky, terms = around.sky, around.terms
+    hits = (leaves_hit(around, at, right), leaves_hit(around, at, left))
+    for group in range(sectors.GROUPS):
+        rise = mean_direction(terms, cut.sin_n, group)
+        run = mean_direction(terms, cut.sin_n, sectors.GROUPS + group)
+        groups[group, 0], groups[group, 1] = rise, run
+        groups[group, 2] = _open_share(sky, cut, group, rise, run, left.whole, hits) if sky.shape[0] > 0 else ONE
+
+
+@kernel.scalar
+def _add_direction(sums, cut, rise, run):
+    sums[0] += rise * cut.hx + run * cut.tx
+    sums[1] += rise * cut.hy + run * cut.ty
+    sums[2] += rise * cut.hz + run * cut.tz
+
+
+@kernel.scalar
+def add_slice(sums, groups, cut, bits):
+    """See `sectors.slice_sums`."""
+    counts = group_counts(bits)
+    opened, open_rise, open_run, whole_rise, whole_run = ZERO, ZERO, ZERO, ZERO, ZERO
+    for group in range(sectors.GROUPS):
+        rise, run = groups[group, 0], groups[group, 1]
+        covered = np.float32((counts >> (PER_GROUP * group)) & FIELD) / np.float32(PER_GROUP)
+        part = (ONE - covered) * groups[group, 2]
+        opened += part
+        open_rise, open_run = open_rise + part * rise, open_run + part * run
+        whole_rise, whole_run = whole_rise + rise, whole_run + run
+    weight = cut.weight
+    sums[0] += weight
+    sums[1] += opened / GROUPS * weight
+    _add_direction(sums[2:5], cut, open_rise / GROUPS * weight, open_run / GROUPS * weight)
+    _add_direction(sums[5:8], cut, whole_rise / GROUPS * weight, whole_run / GROUPS * weight)

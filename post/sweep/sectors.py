@@ -1,0 +1,72 @@
+"""The sectors of a slice's arc: a bit each, or a fraction each where gradients are wanted."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from post.sweep import arcs as horizon
+from post.sweep.slices import Slice
+
+SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
+GROUPS = 6  # of sectors, one mean direction each
+PER_GROUP = SECTORS // GROUPS
+FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
+
+
+def no_cover(like: Tensor, soft: bool) -> Tensor:
+    """Sectors none of which is covered: a mask ``(B, h, w)``, or fractions ``(SECTORS, B, h, w)`` when soft."""
+    if soft:
+        return like.new_zeros(SECTORS, *like.shape)
+    return torch.zeros_like(like, dtype=torch.int32)
+
+
+def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tensor) -> tuple[Tensor, Tensor]:
+    """Cover the sectors between two shares of the arc; also returns what is new in the cover."""
+    if covered.dtype == torch.int32:
+        first = (low * SECTORS + dither).int()
+        last = torch.maximum((high * SECTORS + dither).int(), first)
+        one = torch.ones_like(covered)
+        bits = ((one << last) - (one << first)) * near.int()
+        return covered | bits, bits & ~covered
+    edge = torch.arange(SECTORS, dtype=low.dtype, device=low.device).view(-1, 1, 1, 1)
+    part = ((high * SECTORS - edge).clamp(0, 1) - (low * SECTORS - edge).clamp(0, 1)).clamp_min(0) * near
+    after = torch.maximum(covered, part)
+    return after, after - covered
+
+
+def group_shares(sectors: Tensor) -> Tensor:
+    """``(GROUPS, B, h, w)``: share of each group's sectors that is set."""
+    if sectors.dtype == torch.int32:
+        counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
+        field = (1 << PER_GROUP) - 1
+        counts = torch.stack([(counts >> (PER_GROUP * g)) & field for g in range(GROUPS)])
+        return counts.to(torch.get_default_dtype()) / PER_GROUP
+    return sectors.unflatten(0, (GROUPS, PER_GROUP)).mean(1)
+
+
+def share(sectors: Tensor) -> Tensor:
+    """``(B, h, w)``: share of all sectors that is set."""
+    if sectors.dtype != torch.int32:
+        return sectors.mean(0)
+    counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
+    field = (1 << PER_GROUP) - 1
+    halves = counts + (counts >> (SECTORS // 2))  # sums of up to 10 still fit a field
+    total = (halves & field) + ((halves >> PER_GROUP) & field) + ((halves >> (2 * PER_GROUP)) & field)
+    return total.to(torch.get_default_dtype()) / SECTORS
+
+
+def slice_sums(cut: Slice, covered: Tensor, openness: Tensor | float = 1.0) -> Tensor:
+    """One slice's part of the sums of `horizon.finish`; ``openness`` of what is not covered: ``(GROUPS, B, h, w)``."""
+    open_groups = (1 - group_shares(covered).to(cut.n.dtype)) * openness
+    rise, run = horizon.mean_directions(cut.sin_n, GROUPS)
+    rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
+    runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight
+    lift, slide = torch.stack([cut.hx, cut.hy, cut.hz]), torch.stack([cut.tx, cut.ty, cut.tz])
+    return torch.cat(
+        [
+            torch.stack([cut.weight, open_groups.mean(0) * cut.weight]),
+            rises[0] * lift + runs[0] * slide,
+            rises[1] * lift + runs[1] * slide,
+        ]
+    )

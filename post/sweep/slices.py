@@ -1,0 +1,247 @@
+"""What the slice sweeps (GTAO, bitmask, screen-space GI) share before they look around: receivers and slices.
+
+Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code fuses and stays in cache.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import CHANNELS, SIGNALS, Camera
+from gbufrt.channels import check_tensor
+from gbufrt.noise.noise import GOLDEN
+from post.sweep import margin
+
+BAND_PIXELS = 32768  # what one core's cache holds of all planes; also torch's smallest share of work for a thread
+BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it blocks anything
+MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
+BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
+FIRST = 0.5  # pixels to the nearest tap
+WITHIN = 1.5  # power of the taps' spread in a sweep that ends at a radius
+BEYOND = 2.5  # and in one over the whole picture, where what is near counts most
+
+
+class Scene(NamedTuple):
+    """What taps read: pictures continued past their border, then one empty pixel, and how pixels become points."""
+
+    picture: Tensor
+    """``(B, C, H + 2 m + 2, W + 2 m + 2)`` with a margin of m pixels, see `post.sweep.margin`: planar depth, planar
+    depth of the back minus that of the front, and what else is seen. Nothing stands where the two depths agree."""
+    origin_x: Tensor
+    """``(B, 1, 1)``: slope (perspective) or place (orthographic) of the ray through column 0 of the padded picture."""
+    origin_y: Tensor
+    pitch_x: Tensor
+    """``(B, 1, 1)``: change of slope or place from one pixel to the next."""
+    pitch_y: Tensor
+    margin: int
+    """Pixels between the picture's border and the empty one."""
+
+
+class Receivers(NamedTuple):
+    """The pixels that look around them. All planes ``(B, h, w)`` unless said otherwise, view space."""
+
+    column: Tensor
+    """In the padded picture."""
+    row: Tensor
+    x: Tensor
+    y: Tensor
+    z: Tensor
+    nx: Tensor
+    ny: Tensor
+    nz: Tensor
+    vx: Tensor
+    """Toward the eye, unit length."""
+    vy: Tensor
+    vz: Tensor
+    scale: Tensor
+    """Pixels along x that a world unit across the view spans here."""
+    aspect: Tensor
+    """``(B, 1, 1)``: pixels along y for each pixel along x."""
+
+
+class Slice(NamedTuple):
+    """One slice of every receiver. All planes ``(B, h, w)``."""
+
+    nx: Tensor
+    """Normal divided by the length of its projection into the slice."""
+    ny: Tensor
+    nz: Tensor
+    hx: Tensor
+    """Unit vector in the slice: the projected normal."""
+    hy: Tensor
+    hz: Tensor
+    tx: Tensor
+    """Unit vector in the slice, across the projected normal."""
+    ty: Tensor
+    tz: Tensor
+    level: Tensor
+    """Height of the receiver's plane along (nx, ny, nz), bias included."""
+    place: Tensor
+    """Of the receiver along (tx, ty, tz)."""
+    cos_n: Tensor
+    """Of the angle n from the direction toward the eye to the projected normal."""
+    sin_n: Tensor
+    n: Tensor
+    measure: Tensor
+    """Cosine-weighted measure of the whole arc, cos n + n sin n."""
+    weight: Tensor
+    """Share of this slice in the hemisphere: measure times the length of the projected normal."""
+    step_x: Tensor
+    """Pixels that a world unit along the slice, across the ray, spans."""
+    step_y: Tensor
+
+
+def scene(
+    camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, *, light: Tensor | None = None
+) -> Scene:
+    """Continue and pad what taps read.
+
+    Args:
+        camera: of the picture.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space.
+        hit: ``(B, 1, H, W)`` bool.
+        reach: ``(B, 1, H, W)`` planar depth from front to back of what is seen, world units.
+        light: ``(B, 3, H, W)`` that pixels send, to be read together with their normals in view space; the margin
+            sends none.
+    """
+    m = margin.width(camera)
+    front, stands = margin.continued(camera, depth, hit, normal)
+    solid = torch.where(stands, margin.spread(reach, m), 0.0)
+    seen = []
+    if light is not None:
+        seen = [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
+    picture = torch.cat([front, solid, *seen], dim=1)
+    rays = camera.unproject(torch.ones_like(depth))
+    k = camera.intrinsics.to(depth.dtype)
+    pitch_x, pitch_y = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]
+    return Scene(
+        picture=F.pad(picture, (1, 1, 1, 1)),
+        origin_x=rays[:, 0, :1, :1] - pitch_x * (m + 1),
+        origin_y=rays[:, 1, :1, :1] - pitch_y * (m + 1),
+        pitch_x=pitch_x,
+        pitch_y=pitch_y,
+        margin=m,
+    )
+
+
+def receivers(
+    camera: Camera, depth: Tensor, normal: Tensor, *, stride: int = 1, offset: tuple[int, int] = (0, 0)
+) -> Receivers:
+    """The pixels ``offset (y, x)``, ``offset + stride``... of the picture, with normals bent to face the eye.
+
+    Args:
+        camera: of the picture.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space; zero where nothing was hit.
+        stride: in pixels, both ways.
+        offset: first row and column.
+    """
+    point = camera.unproject(depth)
+    view = camera.to_eye(camera.unproject(torch.ones_like(depth)))
+    n = camera.rotate_to_view(normal)
+    facing = (n * view).sum(1, keepdim=True)
+    n = n + view * (MIN_FACING - facing).clamp_min(0)
+    n = n * (n * n).sum(1, keepdim=True).rsqrt()
+    k = camera.intrinsics.to(depth.dtype)
+    scale = k[:, :1, :1, None].expand_as(depth) if camera.orthographic else k[:, :1, :1, None] / depth.clamp_min(1e-9)
+    first = margin.width(camera) + 1
+    column = torch.arange(camera.width, dtype=depth.dtype, device=depth.device).add(first).expand_as(depth)
+    row = torch.arange(camera.height, dtype=depth.dtype, device=depth.device)[:, None].add(first).expand_as(depth)
+    planes = torch.cat([column, row, point, n, view, scale.detach()], dim=1)
+    planes = planes[:, :, offset[0] :: stride, offset[1] :: stride].contiguous()
+    return Receivers(*planes.unbind(1), aspect=(k[:, 1, 1] / k[:, 0, 0])[:, None, None])
+
+
+def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
+    """The receivers in bands of rows small enough to stay in cache: three times the speed of whole planes.
+
+    Bands are of one height where a divisor of the picture's height allows it, so that compiled code fits them all.
+    """
+    height, width = at.z.shape[-2:]
+    threads = torch.get_num_threads()
+    pixels = BAND_PIXELS * (1 if threads == 1 else 2 * threads)  # enough for every thread, or some spin idle
+    most = max(1, min(height, pixels // (width * at.z.shape[0])))
+    tall = next((rows for rows in range(most, most // 2, -1) if height % rows == 0), most)
+    cuts = [slice(first, min(first + tall, height)) for first in range(0, height, tall)]
+    return [(cut, Receivers(*(plane[:, cut] for plane in at[:-1]), aspect=at.aspect)) for cut in cuts]
+
+
+def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Cosine and sine of the angle of slice ``which`` about the ray, and two numbers in [0, 1) for steps and sectors.
+
+    Args:
+        noise: ``(3, h, w)`` in [0, 1).
+        which: 0 to ``directions - 1``.
+        directions: number of slices over half a turn.
+    """
+    angle = (noise[0] + which) * (math.pi / directions)
+    return angle.cos(), angle.sin(), (noise[1] + which * GOLDEN) % 1.0, (noise[2] + which * GOLDEN) % 1.0 * BELOW_ONE
+
+
+def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int, power: float) -> Tensor:
+    """Pixels from the receiver to tap ``which`` of ``steps``; the larger the power, the denser are taps near by."""
+    return FIRST + reach * ((which + jitter) / steps) ** power
+
+
+def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
+    """The slices at angle psi about the rays: evenly spaced psi cut the hemisphere evenly, off axis too."""
+    length = (1 - at.vx * at.vx).rsqrt()  # first tangent: the view's x axis made perpendicular to the ray
+    ax, ay, az = (1 - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
+    bx, by, bz = at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax
+    tx, ty, tz = cos_psi * ax + sin_psi * bx, cos_psi * ay + sin_psi * by, cos_psi * az + sin_psi * bz
+    slide = tz / at.vz  # along the ray back into the picture's plane
+    across = at.nx * tx + at.ny * ty + at.nz * tz
+    toward = at.nx * at.vx + at.ny * at.vy + at.nz * at.vz
+    projected = (across * across + toward * toward).sqrt()
+    cos_n, sin_n = toward / projected, across / projected
+    n = torch.atan2(sin_n, cos_n)
+    measure = cos_n + n * sin_n
+    nx, ny, nz = at.nx / projected, at.ny / projected, at.nz / projected
+    across_x, across_y = cos_n * tx - sin_n * at.vx, cos_n * ty - sin_n * at.vy
+    across_z = cos_n * tz - sin_n * at.vz
+    return Slice(
+        nx=nx,
+        ny=ny,
+        nz=nz,
+        hx=cos_n * at.vx + sin_n * tx,
+        hy=cos_n * at.vy + sin_n * ty,
+        hz=cos_n * at.vz + sin_n * tz,
+        tx=across_x,
+        ty=across_y,
+        tz=across_z,
+        level=at.x * nx + at.y * ny + at.z * (nz + BIAS),
+        place=at.x * across_x + at.y * across_y + at.z * across_z,
+        cos_n=cos_n,
+        sin_n=sin_n,
+        n=n,
+        measure=measure,
+        weight=projected * measure,
+        step_x=(tx - slide * at.vx) * at.scale,
+        step_y=(ty - slide * at.vy) * at.scale * at.aspect,
+    )
+
+
+def check_sweep(
+    camera: Camera,
+    directions: int,
+    steps: int,
+    radius: Tensor | float | None,
+    scales: int = 1,
+    **pictures: Tensor | None,
+) -> None:
+    """Raise ValueError or TypeError unless counts and radius are positive and the pictures, by name, fit the camera."""
+    for name, value in (("directions", directions), ("steps", steps), ("scales", scales)):
+        if value < 1:
+            raise ValueError(f"{name} must be at least 1, got {value}")
+    if radius is not None and not bool(torch.as_tensor(radius) > 0):
+        raise ValueError(f"radius and distance must be positive lengths in world units, got {float(radius):g}")
+    for name, picture in pictures.items():
+        if picture is not None:
+            row = {**CHANNELS, **SIGNALS, "light": SIGNALS["radiance"]}[name]
+            check_tensor(name, picture, row, batch=camera.batch, size=camera.size, device=camera.device)

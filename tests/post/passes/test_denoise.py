@@ -1,0 +1,151 @@
+"""Denoising path-traced light: emission and albedo survive, noise does not, shadows keep their borders."""
+
+# pyright: reportPossiblyUnboundVariable=false
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+
+from gbufrt import Frame
+from post import Denoise, denoise
+from post.filters.edges import surface
+from post.history.antilag import into_shadow
+from post.history.catmull_rom import catmull_rom_weights
+from post.history.reproject import reproject
+
+SIZE = (36, 48)
+
+
+def lit(frame: Frame) -> torch.Tensor:
+    """Noise-free light: a smooth irradiance on a checkered albedo."""
+    g = frame.gbuffer
+    return torch.where(g.hit, (0.3 + 0.5 * g.normal[:, 1:2].abs()) * frame.read("albedo"), 0.7)
+
+
+def painted(frame: Frame) -> Frame:
+    """The frame with a checkerboard of albedo fixed to the world and one glowing pixel."""
+    g = frame.gbuffer
+    world = g.camera.to_world(g.points_view())
+    check = (torch.floor(world * 2 + 1e-3).sum(1, keepdim=True) % 2).to(g.depth)
+    albedo = torch.where(g.hit, 0.2 + 0.6 * check, 0.0).expand(-1, 3, -1, -1)
+    emission = torch.zeros_like(albedo)
+    emission[:, :, 20, 24] = 50.0
+    return frame.replace(gbuffer=g.replace(albedo=albedo, emission=torch.where(g.hit, emission, 0.0)))
+
+
+def noisy(frame: Frame, generator: torch.Generator) -> Frame:
+    noise = torch.empty(frame.gbuffer.depth.shape).exponential_(generator=generator)
+    return frame.replace(gi=torch.where(frame.gbuffer.hit, lit(frame) * noise + frame.read("emission"), lit(frame)))
+
+
+def test_noise_goes_and_albedo_and_lamps_stay():
+    generator, state, stage, frame = (
+        torch.Generator().manual_seed(0),
+        None,
+        Denoise(),
+        painted(boxes.frame(boxes.camera(SIZE))),
+    )
+    truth, g, errors = lit(frame) + frame.read("emission"), frame.gbuffer, []
+    for _ in range(16):
+        out, state = stage(noisy(frame, generator), state)
+        errors.append(float((out.read("gi") - truth)[g.hit.expand_as(truth)].square().mean().sqrt()))
+    before = float((noisy(frame, generator).read("gi") - truth)[g.hit.expand_as(truth)].square().mean().sqrt())
+    assert errors[0] < 0.6 * before
+    assert errors[-1] < 0.12 * before
+    assert torch.equal(out.read("gi")[~g.hit.expand_as(truth)], truth[~g.hit.expand_as(truth)])
+
+
+def test_light_without_noise_is_left_alone():
+    previous, state = None, None
+    for k in range(6):
+        frame = painted(boxes.frame(boxes.camera(SIZE, dx=0.03 * k), previous=previous))
+        previous = frame.gbuffer.camera
+        light = lit(frame) + frame.read("emission")
+        out, state = Denoise()(frame.replace(gi=light), state)
+    assert torch.allclose(out.read("gi"), light, rtol=1e-3, atol=1e-4)
+
+
+def test_what_lies_behind_guides_where_a_surface_transmits():
+    frame = painted(boxes.frame(boxes.camera(SIZE)))
+    g = frame.gbuffer
+    pane = g.replace(
+        depth=torch.full_like(g.depth, 1.0), hit=torch.ones_like(g.hit),
+        albedo=torch.full_like(frame.read("albedo"), 0.5),
+        normal=g.camera.rotate_to_world(torch.tensor([0.0, 0.0, -1.0]).view(1, 3, 1, 1).expand(1, 3, *SIZE)),
+        emission=torch.zeros_like(frame.read("albedo")), opacity=torch.zeros_like(g.depth),
+        transmittance=torch.full_like(frame.read("albedo"), 0.9),
+    )  # fmt: skip
+    light = noisy(frame, torch.Generator().manual_seed(1)).read("gi") * 0.9
+    truth = 0.9 * (lit(frame) + frame.read("emission"))
+    seen, _ = denoise(light, pane, behind=g)
+    blind, _ = denoise(light, pane)
+    error = [float((x - truth)[g.hit.expand_as(truth)].square().mean()) for x in (seen, blind)]
+    assert error[0] < 0.5 * error[1]
+
+
+def test_borders_of_shadows_come_from_the_sample():
+    frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+    g = frame.gbuffer
+    geometry = surface(g.depth, g.normal, g.hit, g.camera)
+    left = torch.arange(SIZE[1]).view(1, 1, 1, -1).expand(1, 3, *SIZE) < 24
+    dark = left & g.hit
+    truth = torch.where(left, 0.1, 1.0)
+    blurred = torch.nn.functional.avg_pool2d(
+        torch.nn.functional.pad(truth, (1, 1, 1, 1), mode="replicate"), 3, stride=1
+    )
+    sample = torch.where(left, 0.0, 0.9)
+    kept = into_shadow(blurred, sample, geometry)
+    assert float((kept - truth)[dark].abs().max()) < 0.5 * float((blurred - truth)[dark].abs().max())
+    assert torch.equal(kept[~left], blurred[~left])
+    flat = torch.full_like(truth, 0.5)
+    assert torch.allclose(into_shadow(flat, torch.zeros_like(flat), geometry), flat)
+
+
+def test_a_sharp_history_keeps_detail_and_a_plain_one_does_not():
+    f = torch.linspace(0, 0.999, 9)
+    assert torch.allclose(torch.stack(catmull_rom_weights(f)).sum(0), torch.ones_like(f))
+    before = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+    now = boxes.frame(boxes.camera(SIZE, dx=0.02), previous=before.gbuffer.camera, boxes=boxes.ROOM[:1])
+
+    def wave(frame: Frame) -> torch.Tensor:
+        world = frame.gbuffer.camera.to_world(frame.gbuffer.points_view())
+        return torch.sin(world[:, :1] * 3) * frame.gbuffer.hit
+
+    plain, sharp = (reproject(now.gbuffer, before.gbuffer, sharp=s) for s in (False, True))
+    whole = (plain.support > 0.999) & now.gbuffer.hit
+    assert torch.allclose(sharp.weight.sum(1, keepdim=True)[whole], torch.ones(()))
+    error = [float((t.fetch(wave(before)) - wave(now))[whole].square().mean()) for t in (plain, sharp)]
+    assert error[1] < 0.4 * error[0]
+
+
+def test_module_equals_function():
+    frame = noisy(painted(boxes.frame(boxes.camera(SIZE))), torch.Generator().manual_seed(3))
+    state, history = None, None
+    for _ in range(3):
+        out, state = Denoise()(frame, state)
+        light, history = denoise(frame.read("gi"), frame.gbuffer, history)
+    assert torch.equal(light, out.read("gi"))
+
+
+def test_gradients():
+    frame = painted(boxes.frame(boxes.camera(SIZE))).to(torch.float64)
+    g = frame.gbuffer
+    light = (
+        torch.rand(frame.read("albedo").shape, dtype=torch.float64, generator=torch.Generator().manual_seed(5)) + 1
+    ).requires_grad_()
+
+    def run(light: torch.Tensor) -> torch.Tensor:
+        return denoise(light, g)[0]
+
+    assert torch.autograd.gradcheck(run, (light,), fast_mode=True)
+    (run(light) ** 2).sum().backward()
+    assert light.grad is not None
+    assert float(light.grad.abs().max()) > 1e-3
+
+
+def test_errors_help():
+    frame = boxes.frame(boxes.camera((8, 9)))
+    with pytest.raises(ValueError, match=r"light must be \(B,3,H,W\) linear radiance, got \(1, 1, 8, 9\)"):
+        denoise(frame.gbuffer.depth, frame.gbuffer)

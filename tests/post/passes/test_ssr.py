@@ -1,0 +1,287 @@
+"""Reflections: exact mirrors, Fresnel, roughness, sky, what is not on screen, gradients."""
+
+from __future__ import annotations
+
+import boxes
+import mirrors
+import pytest
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame
+from gbufrt.environment import lookup_environment
+from gbufrt.tree import map_tensors
+from post.passes.ssr import SSR, outgoing_light, ssr
+from post.shading.lobes import Surface, ggx_ray, reuse_neighbors
+
+
+def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.0, scene: Tensor = boxes.ROOM) -> Frame:
+    """Boxes with one light a box and no shading, so that what a mirror shows is known by the box alone."""
+    frame = boxes.frame(camera or boxes.camera((90, 120)), boxes=scene)
+    g = frame.gbuffer
+    g = g.replace(
+        roughness=torch.full_like(g.depth, rough),
+        metallic=torch.full_like(g.depth, metal),
+        albedo=torch.ones_like(g.depth).expand(-1, 3, -1, -1),
+    )
+    assert g.material_id is not None
+    palette = torch.cat([torch.tensor([[0.5, 0.5, 0.5]]), boxes.ALBEDO])
+    light = palette[g.material_id[:, 0].long()].permute(0, 3, 1, 2)
+    return frame.replace(gbuffer=g, radiance=light, ambient=None)
+
+
+def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
+    truth = mirrors.meet(frame.gbuffer.camera, *mirrors.reflected(frame))
+    return boxes.ALBEDO[truth.box[:, 0]].permute(0, 3, 1, 2), truth
+
+
+def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
+    return torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(frames)]).mean(0)
+
+
+def cameras(size: tuple[int, int]) -> Camera:
+    both = [boxes.camera(size), boxes.camera(size, dx=0.7)]
+    return Camera(
+        intrinsics=torch.cat([c.intrinsics for c in both]),
+        world_from_view=torch.cat([c.world_from_view for c in both]),
+        size=size,
+        far=100.0,
+    )
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("method", ["ggx", "cone"])
+def test_a_mirror_shows_the_truth(orthographic, method):
+    frame = shiny(boxes.camera((108, 144), orthographic=orthographic))
+    result = SSR(samples=1, method=method)(frame)
+    light, truth = truth_of(frame)
+    shown, mean = truth.visible.expand_as(light), light[truth.visible.expand_as(light)].mean()
+    error = (result.read("reflection") - light)[shown]
+    assert error.square().mean().sqrt() < 0.1 * mean
+    assert (error.abs() < 1e-3).float().mean() > 0.965
+    assert (result.read("reflection_confidence")[truth.visible] > 0.99).float().mean() > 0.97
+    apart = (result.read("reflection_distance") - truth.distance)[truth.visible] / truth.distance[truth.visible]
+    assert apart.abs().quantile(0.95) < 1e-3
+
+
+def test_sky_fills_what_leaves_the_screen():
+    frame = shiny(scene=boxes.ROOM[:1])
+    result = SSR(samples=1)(frame)
+    g = frame.gbuffer
+    assert torch.allclose(result.read("reflection")[g.hit.expand(-1, 3, -1, -1)], torch.tensor(0.5), atol=1e-5)
+    assert (result.read("reflection_confidence") == 0).all()
+    assert (result.read("reflection_distance")[g.hit] == g.camera.far).all()
+    assert (result.read("reflection")[~g.hit.expand(-1, 3, -1, -1)] == 0).all()
+    dark = SSR(samples=1)(frame.replace(environment=None))
+    assert (dark.read("reflection") == 0).all()
+
+
+def test_sky_in_the_mirror_is_the_sky_in_that_direction():
+    frame = shiny(scene=boxes.ROOM[:1])
+    sky = torch.rand(1, 3, 16, 32, generator=torch.Generator().manual_seed(1))
+    result = SSR(samples=1)(frame.replace(environment=sky)).read("reflection")
+    _, direction = mirrors.reflected(frame)
+    expected = lookup_environment(sky, direction) * frame.gbuffer.hit
+    assert torch.allclose(result, expected, atol=1e-4)
+
+
+def test_interiors_do_not_fill_with_sky():
+    above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
+    frame = shiny(above, scene=boxes.ROOM[:1])
+    g = frame.gbuffer
+    assert g.hit.all(), "every mirrored ray leaves the picture"
+    whole = SSR(samples=1)(frame).read("reflection")
+    closed = frame.replace(sky_visibility=torch.zeros_like(g.depth))
+    assert SSR(samples=1)(closed).read("reflection").abs().max() == 0
+    assert SSR(samples=1)(closed.replace(bent_normal=g.normal)).read("reflection").abs().max() == 0
+    half = frame.replace(ao=torch.full_like(g.depth, 0.5))
+    assert torch.allclose(SSR(samples=1)(half).read("reflection"), 0.5 * whole)
+    ajar = frame.replace(sky_visibility=torch.full_like(g.depth, 0.3))
+    _, direction = mirrors.reflected(frame)
+    facing = ajar.replace(bent_normal=direction)
+    assert torch.allclose(SSR(samples=1)(facing).read("reflection"), whole), "the mirror looks into the opening"
+    beside = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None].expand_as(direction)
+    assert SSR(samples=1)(ajar.replace(bent_normal=beside)).read("reflection").max() == 0, "and here past it"
+    assert SSR(samples=1)(boundless(frame)).read("reflection").max() > 0.4, "but a ray seen to end in the sky sees it"
+
+
+def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():
+    above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
+    frame = shiny(above, scene=boxes.ROOM[:1])
+    whole, inner = SSR(samples=1)(frame).read("reflection"), (..., slice(1, -1), slice(1, -1))
+
+    def with_border(visibility: float) -> Tensor:
+        edge = torch.full_like(frame.gbuffer.depth, visibility)
+        edge[inner] = 0.3
+        return SSR(samples=1)(frame.replace(sky_visibility=edge)).read("reflection")[inner]
+
+    assert torch.allclose(with_border(0.8), 0.8 * whole[inner]), "out there it is more open"
+    assert torch.allclose(with_border(0.1), 0.3 * whole[inner]), "a ray that leaves over a wall may still see past it"
+
+
+def boundless(frame: Frame) -> Frame:
+    """The floor seen from its edge, with sky on screen, and a visibility that claims there is none."""
+    level = shiny(boxes.camera((90, 120)), scene=boxes.ROOM[:1])
+    return level.replace(sky_visibility=torch.zeros_like(level.gbuffer.depth), environment=frame.environment)
+
+
+def test_fresnel_is_included():
+    camera = Camera.look_at((0.0, 8.0, 0.0), (0.0, 0.0, 0.0), size=(33, 33), fov_y=2.0, up=(0, 0, -1))
+    frame = shiny(camera, metal=0.0, scene=boxes.ROOM[:1])
+    assert torch.allclose(SSR(samples=1)(frame).read("reflection"), torch.tensor(0.04 * 0.5), rtol=1e-2)
+    bare = frame.gbuffer.replace(albedo=None, metallic=None)
+    assert torch.allclose(SSR(samples=1)(frame.replace(gbuffer=bare)).read("reflection"), torch.tensor(0.02), rtol=1e-2)
+
+
+@pytest.mark.parametrize("method", ["ggx", "cone"])
+def test_rough_is_blurrier(method):
+    def contrast(rough: float) -> float:
+        frame = shiny(boxes.camera((45, 60)), rough=rough)
+        mean = mean_of(frame, SSR(samples=4, method=method), 4)
+        smooth = torch.nn.functional.avg_pool2d(mean[:, 0:1] - mean[:, 2:3], 3, 1, 1)
+        return float(smooth[frame.read("material_id") == 1].std())
+
+    values = [contrast(r) for r in (0.0, 0.4, 0.8)]
+    assert values[0] > 1.15 * values[1] > 1.15**2 * values[2]
+
+
+def test_rough_converges_to_the_brdf_average():
+    """Under a uniform sky all directions bring the same, so the mean is the directional albedo: 1 less what is lost."""
+    frame = shiny(boxes.camera((30, 40)), rough=0.6, scene=boxes.ROOM[:1])
+    mean = mean_of(frame, SSR(samples=8), 8)
+    value = mean[frame.gbuffer.hit.expand_as(mean)] / 0.5
+    assert 0.7 < value.mean() < 1.0  # 0.6 rough, mostly seen at grazing angles, without multiple scattering
+    assert value.std() < 0.05
+
+
+def test_reuse_keeps_the_mean_and_lowers_noise():
+    frame = shiny(boxes.camera((45, 60)), rough=0.4)
+    hit = frame.gbuffer.hit.expand(-1, 3, -1, -1)
+
+    def runs(reuse: int) -> Tensor:
+        images = [SSR(samples=1, reuse=reuse)(frame.replace(index=i)).read("reflection")[hit] for i in range(12)]
+        return torch.stack(images)
+
+    alone, shared = runs(0), runs(4)
+    assert abs(float(shared.mean() / alone.mean()) - 1) < 0.02
+    assert shared.std(0).mean() < 0.7 * alone.std(0).mean()
+
+
+def test_reuse_weighs_rays_by_their_density():
+    """Light from off the lobe's middle alone, of which rays counted without their density would find too little."""
+    ones = torch.ones(1, 1, 96, 96)
+    up = torch.cat([0 * ones, 0 * ones, -ones], dim=1)
+    eye = torch.nn.functional.normalize(up + torch.tensor([0.6, 0.0, 0.0])[None, :, None, None], dim=1)
+    surface = Surface(0.1 * up, up, up, eye, 0.5 * ones, ones > 0)
+    lobe = ggx_ray(surface, torch.rand(1, 2, 96, 96, generator=torch.Generator().manual_seed(2)), ones)
+    mirrored = 2 * (eye * up).sum(1, keepdim=True) * up - eye
+    light = ((lobe.direction * mirrored).sum(1, keepdim=True) < 0.6).float().expand(-1, 3, -1, -1)
+    shared, reflected = reuse_neighbors(surface, lobe, torch.cat([lobe.direction, 0 * ones], dim=1), light, 8)
+    found = (shared * (reflected[:, :1] + reflected[:, 1:2])).mean()
+    expected = (light * lobe.weight).mean()
+    assert expected > 0.1
+    assert abs(float(found / expected) - 1) < 0.05
+
+
+def test_mirrors_do_not_listen_to_neighbours():
+    frame = shiny()
+    alone, shared = SSR(samples=1)(frame), SSR(samples=1, reuse=8)(frame)
+    assert torch.allclose(alone.read("reflection"), shared.read("reflection"), atol=1e-5)
+
+
+def test_roughness_cutoff_leaves_the_environment():
+    frame = shiny(rough=0.8)
+    result = SSR(samples=2, roughness_cutoff=0.5)(frame)
+    assert (result.read("reflection_confidence") == 0).all()
+    assert result.read("reflection").mean() > 0.1
+    partly = SSR(samples=2, roughness_cutoff=0.75)(frame).read("reflection_confidence")
+    whole = SSR(samples=2)(frame).read("reflection_confidence")
+    assert torch.allclose(partly, 0.5 * whole, atol=1e-4)
+
+
+def test_fireflies_are_held_on_rough_surfaces_alone():
+    frame = shiny(boxes.camera((60, 80)), rough=0.5)
+    light = frame.read("radiance").clone()
+    light[:, :, 30, 40] = 1e6
+    frame = frame.replace(radiance=light)
+    mean = light.mean()
+    assert SSR(samples=1)(frame).read("reflection").max() < 100 * mean
+    mirror = frame.replace(gbuffer=frame.gbuffer.replace(roughness=torch.zeros_like(frame.gbuffer.depth)))
+    light[:, :, 20:40, 30:50] = 50.0
+    assert SSR(samples=1)(mirror.replace(radiance=light)).read("reflection").max() > 49
+
+
+def test_light_adds_up():
+    frame = boxes.frame()
+    assert outgoing_light(frame.replace(ambient=None)) is frame.radiance
+    half = torch.full_like(frame.gbuffer.depth, 0.5)
+    gi = torch.ones_like(frame.read("radiance"))
+    full = outgoing_light(frame.replace(ao=half, gi=gi))
+    assert torch.allclose(full, frame.read("radiance") + 0.5 * frame.read("ambient") + 1)
+    assert torch.equal(outgoing_light(frame.replace(ao=0 * half, sky_visibility=half, gi=gi)), full)
+
+
+def test_module_equals_function():
+    frame = shiny(rough=0.3).replace(ambient=None)
+    g = frame.gbuffer
+    assert g.roughness is not None
+    result = SSR(samples=2, steps=32, reuse=2, seed=3)(frame)
+    light = outgoing_light(frame)
+    by_hand = ssr(
+        g.depth, g.hit, g.normal, g.roughness, light, g.camera, torch.ones_like(light), g.normal_geo, g.thickness,
+        frame.environment, samples=2, steps=32, reuse=2, seed=3,
+    )  # fmt: skip
+    for name, tensor in zip(("reflection", "reflection_confidence", "reflection_distance"), by_hand, strict=True):
+        assert torch.equal(result.read(name), tensor)
+
+
+def test_batch_equals_loop_and_frames_differ():
+    both = shiny(cameras((40, 56)), rough=0.3)
+    together = SSR(samples=2, reuse=3)(both).read("reflection")
+    for k in range(2):
+        one = map_tensors(lambda t, k=k: t[k : k + 1] if t.shape[0] == 2 else t, both)
+        assert ((SSR(samples=2, reuse=3)(one).read("reflection")[0] - together[k]).abs() < 1e-3).float().mean() > 0.999
+    later = SSR(samples=2)(both.replace(index=1)).read("reflection")
+    assert not torch.allclose(SSR(samples=2)(both).read("reflection"), later)
+    assert not torch.allclose(SSR(samples=2, seed=1)(both.replace(index=1)).read("reflection"), later)
+
+
+@pytest.mark.parametrize("case", ["sky", "odd", "one row", "one column", "jittered", "orthographic"])
+def test_awkward_frames(case):
+    size = {"odd": (127, 73), "one row": (1, 9), "one column": (9, 1)}.get(case, (24, 32))
+    camera = boxes.camera(size, orthographic=case == "orthographic")
+    camera = camera.with_jitter((0.3, -0.4)) if case == "jittered" else camera
+    frame = shiny(camera, rough=0.5, scene=boxes.ROOM + 500 if case == "sky" else boxes.ROOM)
+    for method in ("ggx", "cone"):
+        result = SSR(samples=2, reuse=1, method=method)(frame)
+        for name in SSR.writes:
+            assert torch.isfinite(result.read(name)).all()
+        assert (result.read("reflection")[~frame.gbuffer.hit.expand(-1, 3, -1, -1)] == 0).all()
+
+
+def test_gradients_reach_light_sky_and_reflectance():
+    frame = shiny(boxes.camera((6, 8)), rough=0.3).to(torch.float64)
+    g, light = frame.gbuffer, frame.read("radiance").double().requires_grad_()
+    f0 = torch.full_like(light, 0.5).detach().requires_grad_()
+    environment = torch.full((1, 3, 4, 8), 0.5, dtype=torch.float64, requires_grad=True)
+
+    def run(light: Tensor, f0: Tensor, environment: Tensor) -> Tensor:
+        assert g.roughness is not None
+        return ssr(
+            g.depth, g.hit, g.normal, g.roughness, light, g.camera, f0, None, g.thickness, environment,
+            samples=2, reuse=2,
+        )[0]  # fmt: skip
+
+    assert torch.autograd.gradcheck(run, (light, f0, environment), fast_mode=True)
+    run(light, f0, environment).sum().backward()
+    for tensor in (light, f0, environment):
+        assert tensor.grad is not None
+        assert tensor.grad.abs().sum() > 0.1
+
+
+def test_wrong_arguments():
+    frame = shiny(boxes.camera((8, 8)))
+    with pytest.raises(ValueError, match="method"):
+        SSR(method="box")(frame)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="samples"):
+        SSR(samples=0)(frame)

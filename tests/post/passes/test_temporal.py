@@ -1,0 +1,322 @@
+"""Temporal accumulation."""
+
+# pyright: reportPossiblyUnboundVariable=false
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame, GBuffer, Pipeline
+from gbufrt.noise.noise import halton_jitter
+from post.passes.atrous import Atrous
+from post.passes.temporal import Temporal, temporal
+
+SIZE = (36, 48)
+
+
+def truth_of(frame: Frame) -> Tensor:
+    g = frame.gbuffer
+    return torch.where(g.hit, 0.3 + 0.5 * g.normal[:, 1:2].abs(), 1.0)
+
+
+def noisy(frame: Frame, generator: torch.Generator, kind: str = "gauss") -> Frame:
+    truth, shape = truth_of(frame), frame.gbuffer.depth.shape
+    if kind == "gauss":
+        noise = 1 + 0.3 * torch.randn(shape, generator=generator)
+    elif kind == "exponential":
+        noise = torch.empty(shape).exponential_(generator=generator)
+    else:  # one sample in twenty finds the lamp
+        noise = 20.0 * (torch.rand(shape, generator=generator) < 0.05)
+    return frame.replace(ao=torch.where(frame.gbuffer.hit, truth * noise, truth))
+
+
+def still(stage: Temporal, frames: int, kind: str = "gauss", frame: Frame | None = None) -> tuple[Frame, list[Tensor]]:
+    frame = frame or boxes.frame(boxes.camera(SIZE))
+    generator, state, errors, out = torch.Generator().manual_seed(0), None, [], frame
+    for _ in range(frames):
+        out, state = stage(noisy(frame, generator, kind), state)
+        errors.append((out.read("ao") - truth_of(frame))[frame.gbuffer.hit])
+    return out, errors
+
+
+def rms(error: Tensor) -> float:
+    return float((error**2).mean().sqrt())
+
+
+@pytest.mark.parametrize("kind", ["gauss", "exponential", "rare"])
+def test_still_scene_converges_as_one_over_root_n(kind):
+    _, errors = still(Temporal(blend=1.0), 64, kind)
+    for n in (4, 16, 64):
+        assert rms(errors[n - 1]) * n**0.5 == pytest.approx(rms(errors[0]), rel=0.12)
+
+
+@pytest.mark.parametrize("kind", ["gauss", "rare"])
+def test_error_reaches_the_floor_that_blend_sets_and_does_not_drift(kind):
+    _, errors = still(Temporal(), 500, kind, boxes.frame(boxes.camera((24, 32))))
+    floor = (0.05 / 1.95) ** 0.5 * rms(errors[0])
+    late = [rms(e) for e in errors[100::50]]
+    assert all(value == pytest.approx(floor, rel=0.25) for value in late)
+    many = torch.stack(errors[100::20]).mean(0)
+    assert abs(float(many.mean())) < 0.02, "no bias: what noise does is not taken for a change of light"
+
+
+def test_variance_tells_the_error():
+    for kind, frames in (("gauss", 1), ("gauss", 12), ("exponential", 60)):
+        out, errors = still(Temporal(), frames, kind)
+        variance = float(out.read("ao_variance")[out.gbuffer.hit].mean())
+        assert variance == pytest.approx(rms(errors[-1]) ** 2, rel=0.2), (kind, frames)
+
+
+def test_first_frame_passes_through():
+    frame = noisy(boxes.frame(boxes.camera(SIZE)), torch.Generator().manual_seed(1))
+    out, state = Temporal()(frame)
+    assert torch.equal(out.read("ao"), frame.read("ao"))
+    assert bool((out.read("ao_history") == 1).all())
+    assert bool((state.length == 1).all())
+
+
+def test_constant_stays_under_a_moving_camera():
+    state, previous = None, None
+    for step in range(6):
+        camera = boxes.camera(SIZE, dx=0.2 * step)
+        frame = boxes.frame(camera, previous=previous)
+        out, state = Temporal()(frame.replace(ao=torch.full_like(frame.gbuffer.depth, 0.6)), state)
+        assert torch.allclose(out.read("ao"), torch.full((), 0.6), atol=1e-5)
+        previous = camera
+
+
+def test_moving_camera_keeps_most_of_its_history():
+    generator, state, previous, out = torch.Generator().manual_seed(2), None, None, None
+    for step in range(16):
+        camera = boxes.camera((60, 80), dx=0.07 * step)
+        frame = boxes.frame(camera, previous=previous)
+        out, state = Temporal(motion_response=0.0)(noisy(frame, generator), state)
+        previous = camera
+    assert out is not None
+    hit = out.gbuffer.hit
+    assert float(out.read("ao_history")[hit].mean()) > 12
+    now = noisy(boxes.frame(out.gbuffer.camera), generator)
+    left = rms((out.read("ao") - truth_of(out))[hit])
+    assert left < 0.4 * rms((now.read("ao") - truth_of(now))[hit])
+
+
+def test_trails_are_gone_four_frames_after_disocclusion():
+    """A thin bright pole before a dark wall, the camera sliding: nothing of it may stay on the wall."""
+    state, previous = None, None
+    for step in range(12):
+        camera = boxes.camera((60, 80), dx=0.12 * step)
+        frame = boxes.frame(camera, previous=previous)
+        pole = frame.gbuffer.material_id == 4
+        frame = frame.replace(ao=torch.where(pole, 1.0, 0.1))
+        out, state = Temporal()(frame, state)
+        wrong = (out.read("ao") - frame.read("ao")).abs()
+        assert float(wrong.max()) < 0.02, f"frame {step}"
+        previous = camera
+
+
+def test_change_of_light_is_followed():
+    """The light halves; without the fast history it would take 14 frames to come half way."""
+    frame, state = boxes.frame(boxes.camera(SIZE)), None
+    generator, hit = torch.Generator().manual_seed(3), frame.gbuffer.hit
+    stages = {"on": Temporal(), "off": Temporal(clamp=0.0)}
+    left = {}
+    for name, stage in stages.items():
+        state = None
+        for step in range(44):
+            lit = noisy(frame, generator)
+            lit = lit.replace(ao=lit.read("ao") * (1.0 if step < 40 else 0.3))
+            out, state = stage(lit, state)
+        left[name] = float((out.read("ao") - 0.3 * truth_of(frame))[hit].mean() / truth_of(frame)[hit].mean())
+    assert left["off"] > 0.5
+    assert abs(left["on"]) < 0.2
+
+
+def test_moving_shadow_leaves_no_trail():
+    frame, state = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1]), None
+    x = torch.arange(SIZE[1])
+    for step in range(20):
+        frame = frame.replace(ao=torch.where((x - step).remainder(48) < 10, 0.1, 0.9).expand(1, 1, *SIZE).clone())
+        out, state = Temporal()(frame, state)
+    gone = (x >= 5) & (x <= 14)  # in shadow 5 to 14 frames ago
+    assert float((out.read("ao") - frame.read("ao")).abs()[..., gone].mean()) < 0.12
+
+
+def test_firefly_is_cut_and_detail_is_not():
+    frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+    state, generator = None, torch.Generator().manual_seed(4)
+    dot = torch.zeros_like(frame.gbuffer.depth)
+    dot[..., 25, 25] = 3.0
+    for step in range(12):
+        lit = frame.replace(ao=0.5 + dot + 0.05 * torch.randn(dot.shape, generator=generator))
+        if step == 11:
+            spike = lit.read("ao").clone()
+            spike[..., 28, 12] = 1000.0
+            lit = lit.replace(ao=spike)
+        out, state = Temporal()(lit, state)
+    assert float(out.read("ao")[..., 28, 12]) < 1.0
+    assert float(out.read("ao")[..., 25, 25]) == pytest.approx(3.5, abs=0.1), "a lone bright pixel that stays is detail"
+
+
+def test_cut_resets_its_batch_element_alone():
+    one = boxes.frame(boxes.camera(SIZE)).gbuffer
+    camera = Camera(
+        intrinsics=one.camera.intrinsics.repeat(2, 1, 1),
+        world_from_view=one.camera.world_from_view.repeat(2, 1, 1),
+        size=SIZE,
+        far=one.camera.far,
+    )
+    frame = boxes.frame(camera)
+    pipeline, state = Pipeline(given={"ao"}, accumulate=Temporal()), None
+    for step in range(4):
+        cut = torch.tensor([False, True]) if step == 3 else None
+        given = torch.full_like(frame.gbuffer.depth, float(step))
+        out, state = pipeline(frame.replace(ao=given, cut=cut), state)
+    assert bool((out.read("ao_history")[1] == 1).all())
+    assert bool((out.read("ao")[1] == 3).all())
+    assert bool((out.read("ao_history")[0] > 1).all())
+
+
+def test_still_jittered_camera_keeps_its_history():
+    state, previous, generator = None, None, torch.Generator().manual_seed(5)
+    for index in range(24):
+        camera = boxes.camera((48, 64)).with_jitter(halton_jitter(index))
+        frame = boxes.frame(camera, previous=previous)
+        out, state = Temporal()(noisy(frame, generator), state)
+        previous = camera
+    assert float(out.read("ao_history").mean()) > 15
+
+
+def test_mirror_image_is_reprojected_by_its_virtual_position():
+    """A mirror floor shows stripes that lie 6 units behind it; the camera slides along."""
+    errors = {}
+    for virtual in (True, False):
+        state, previous = None, None
+        for step in range(10):
+            camera = boxes.camera((60, 80), dx=0.15 * step)
+            frame = boxes.frame(camera, previous=previous, boxes=boxes.ROOM[:1])
+            g = frame.gbuffer
+            points = g.points_view()
+            image = camera.to_world(points - camera.to_eye(points) * 6.0)
+            stripes = (0.5 + 0.5 * torch.sin(image[:, :1] * 1.5)).expand(-1, 3, -1, -1) * g.hit
+            frame = frame.replace(
+                gbuffer=g.replace(roughness=torch.zeros_like(g.depth)),
+                reflection=stripes,
+                reflection_confidence=torch.ones_like(g.depth),
+                reflection_distance=torch.full_like(g.depth, 6.0),
+            )
+            out, state = Temporal(signal="reflection", virtual=virtual, clamp=0.0)(frame, state)
+            previous = camera
+        errors[virtual] = rms((out.read("reflection") - stripes)[g.hit.expand(-1, 3, -1, -1)])
+    assert errors[True] < 0.3 * errors[False]
+
+
+@pytest.mark.parametrize(("footprints", "expected"), [(0.1, 11.0), (1.0, 4.0), (5.0, 1.0)])
+def test_sharp_history_borrows_little_from_a_step_beside_and_nothing_from_afar(footprints, expected):
+    camera = Camera.look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), size=SIZE, far=100.0)
+    depth = torch.full((1, 1, *SIZE), 10.0)
+    flat = torch.tensor([0.0, 0.0, 1.0])[:, None, None].expand(1, 3, *SIZE)
+    still = torch.zeros(1, 2, *SIZE)
+    wall = GBuffer(
+        camera=camera,
+        depth=depth,
+        hit=depth > 0,
+        normal=flat,
+        motion=still,
+        motion_z=still[:, :1],
+        previous_camera=camera,
+    )
+    history = None
+    for _ in range(10):
+        _, history = temporal(torch.full_like(flat, 0.5), wall, history, sharp=True)
+    step = wall.replace(depth=depth + footprints / camera.pixels_per_unit(depth))
+    mean, history = temporal(torch.full_like(flat, 0.5), step, history, sharp=True)
+    assert torch.allclose(history.length, torch.tensor(expected))
+    assert torch.allclose(mean, torch.tensor(0.5))
+
+
+def test_signals_share_weights_and_unit_vectors_keep_their_length():
+    frame = boxes.frame(boxes.camera(SIZE))
+    g, state, generator = frame.gbuffer, None, torch.Generator().manual_seed(6)
+    for _ in range(24):
+        lit = noisy(frame, generator)
+        shaken = g.normal + 0.4 * torch.randn(g.normal.shape, generator=generator)
+        lit = lit.replace(bent_normal=torch.where(g.hit, shaken / shaken.norm(dim=1, keepdim=True), 0.0))
+        out, state = Temporal(signal=("ao", "bent_normal"))(lit, state)
+    bent = out.read("bent_normal")
+    assert torch.allclose(bent.norm(dim=1, keepdim=True)[g.hit], torch.ones(()), atol=1e-4)
+    assert float((bent * g.normal).sum(1, keepdim=True)[g.hit].mean()) > 0.985
+    assert rms((out.read("ao") - truth_of(frame))[g.hit]) < 0.08
+
+
+def test_with_wavelets_behind_it_beats_each_alone():
+    frame, state, generator = boxes.frame(boxes.camera((48, 64))), None, torch.Generator().manual_seed(7)
+    pipeline = Pipeline(given={"ao"}, accumulate=Temporal(), denoise=Atrous(signal="ao"))
+    for _ in range(12):
+        lit = noisy(frame, generator)
+        out, state = pipeline(lit, state)
+    accumulated, _ = still(Temporal(), 12, frame=frame)
+    alone = Atrous(signal="ao")(lit)
+    hit, truth = frame.gbuffer.hit, truth_of(frame)
+    both, time, space = (rms((f.read("ao") - truth)[hit]) for f in (out, accumulated, alone))
+    assert both < 0.5 * min(time, space) or both < 0.03
+    assert both < min(time, space)
+
+
+def test_feedback_keeps_less_noise_in_the_history():
+    left = {f: rms(still(Temporal(feedback=f), 10)[1][-1]) for f in (False, True)}
+    assert left[True] < 0.7 * left[False]
+
+
+@pytest.mark.parametrize("case", ["orthographic", "odd", "sky", "pixel", "double"])
+def test_awkward_frames(case):
+    size = {"odd": (127, 73), "pixel": (1, 1)}.get(case, (24, 32))
+    state, previous, generator = None, None, torch.Generator().manual_seed(8)
+    for step in range(4):
+        camera = boxes.camera(size, orthographic=case == "orthographic", dx=0.1 * step)
+        world = boxes.ROOM + 500 if case == "sky" else boxes.ROOM
+        frame = noisy(boxes.frame(camera, previous=previous, boxes=world), generator)
+        frame = frame.to(torch.float64) if case == "double" else frame
+        out, state = Temporal()(frame, state)
+        assert out.read("ao").dtype == frame.read("ao").dtype
+        assert bool(torch.isfinite(out.read("ao")).all())
+        previous = frame.gbuffer.camera
+    assert float(out.read("ao_history").mean()) > 2 or case == "pixel"
+
+
+def test_module_equals_function():
+    frame = noisy(boxes.frame(boxes.camera(SIZE)), torch.Generator().manual_seed(9))
+    state, history = None, None
+    for _ in range(3):
+        out, state = Temporal()(frame, state)
+        mean, history = temporal(frame.read("ao"), frame.gbuffer, history)
+    assert torch.equal(torch.where(frame.gbuffer.hit, mean, frame.read("ao")), out.read("ao"))
+
+
+def test_gradients():
+    frame = boxes.frame(boxes.camera((4, 4)), boxes=boxes.ROOM[:1]).to(torch.float64)
+    g = frame.gbuffer
+    before, now = (torch.rand(g.depth.shape, dtype=torch.float64) + 0.5 for _ in range(2))
+    inputs = (before.requires_grad_(), now.requires_grad_())
+
+    def run(first: Tensor, second: Tensor) -> Tensor:
+        _, history = temporal(first, g)
+        return temporal(second, g, history)[0]
+
+    assert torch.autograd.gradcheck(run, inputs, fast_mode=True)
+    (run(*inputs) ** 2).sum().backward()
+    assert all(t.grad is not None and float(t.grad.abs().max()) > 1e-3 for t in inputs)
+
+
+def test_errors_help():
+    frame = noisy(boxes.frame(boxes.camera((12, 16))), torch.Generator())
+    ao, g = frame.read("ao"), frame.gbuffer
+    with pytest.raises(ValueError, match="blend must lie in 0 to 1, got 2"):
+        temporal(ao, g, blend=2)
+    _, history = temporal(ao, g)
+    with pytest.raises(ValueError, match="the history holds 1 channels but the signal has 2"):
+        temporal(torch.cat([ao, ao], dim=1), g, history, lead=1)
+    with pytest.raises(ValueError, match="start with state=None"):
+        temporal(torch.ones(1, 1, 3, 4), boxes.frame(boxes.camera((3, 4))).gbuffer, history)

@@ -1,0 +1,136 @@
+"""The compiled sweeps against their torch references, number for number."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import Any
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, Frame
+from gbufrt.compute.fusion import fused_kernels, scalar_form_fits
+from post.passes.ssgi import ssgi
+from post.sweep import slices
+from post.sweep.bitmask import bitmask_ao
+
+SIZE = (54, 72)
+
+
+def view(case: str) -> Camera:
+    if case == "batch":
+        cameras = [boxes.camera(SIZE, dx=0.7 * k) for k in range(2)]
+        return Camera(
+            intrinsics=torch.cat([c.intrinsics for c in cameras]),
+            world_from_view=torch.cat([c.world_from_view for c in cameras]),
+            size=SIZE,
+            far=100.0,
+        )
+    camera = boxes.camera(SIZE, orthographic=case == "orthographic")
+    return camera.with_jitter((0.3, -0.4)) if case == "jittered" else camera
+
+
+def occluded(frame: Frame, *, compiled: bool | None, **tunables: Any) -> tuple[Tensor, ...]:
+    g = frame.gbuffer
+    tunables = {"thickness": g.thickness, "directions": 3, "steps": 10, "index": 3, **tunables}
+    return bitmask_ao(g.depth, g.normal, g.camera, hit=g.hit, compiled=compiled, **tunables)
+
+
+def gathered(frame: Frame, *, compiled: bool | None, **tunables: Any) -> tuple[Tensor, ...]:
+    g = frame.gbuffer
+    tunables = {"thickness": g.thickness, "directions": 2, "steps": 16, "index": 3, **tunables}
+    light = frame.read("radiance")
+    return ssgi(g.depth, g.normal, g.camera, light, frame.read("albedo"), hit=g.hit, compiled=compiled, **tunables)
+
+
+SWEEPS = {
+    "one radius": (occluded, {"radius": 1.5}),
+    "two radii": (occluded, {"radius": 1.0, "scales": 2}),
+    "assumed thickness": (occluded, {"radius": 1.0, "scales": 3, "thickness": 0.4}),
+    "sky": (occluded, {"radius": None}),
+    "light": (gathered, {}),
+    "light within a distance": (gathered, {"distance": 3.0}),
+    "light at every second pixel": (gathered, {"resolution": 2, "thickness": None}),
+}
+
+
+@pytest.mark.parametrize("case", ["perspective", "orthographic", "jittered", "batch"])
+@pytest.mark.parametrize("sweep", SWEEPS)
+def test_kernel_equals_reference(sweep: str, case: str) -> None:
+    run, tunables = SWEEPS[sweep]
+    frame = boxes.frame(view(case))
+    fast, slow = run(frame, compiled=True, **tunables), run(frame, compiled=False, **tunables)
+    for got, want in zip(fast, slow, strict=True):
+        apart = (got - want).abs()
+        assert got.dtype == want.dtype
+        assert (apart.amax(1) <= 1e-4).float().mean() > 0.999, "a sector may flip where rounding meets the dither"
+        assert apart.mean() < 1e-5
+        assert want.std() > 0.01
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (17, 33)])
+def test_any_size(size: tuple[int, int]) -> None:
+    frame = boxes.frame(boxes.camera(size))
+    for run, tunables in SWEEPS.values():
+        for got, want in zip(*(run(frame, compiled=c, **tunables) for c in (True, False)), strict=True):
+            torch.testing.assert_close(got, want, atol=1e-4, rtol=0)
+
+
+def test_angles_are_those_of_the_library() -> None:
+    from post.sweep.slice_kernel import atan2
+
+    angle = torch.linspace(-3.14, 3.14, 2001)
+    for length in (1e-6, 1.0, 1e6):
+        x, y = (length * angle.cos()).numpy(), (length * angle.sin()).numpy()
+        found = torch.tensor([atan2(y[i], x[i]) for i in range(len(x))])
+        torch.testing.assert_close(found, angle, atol=5e-7, rtol=0)
+
+
+def test_it_runs_where_no_gradient_is_wanted_and_fusion_is_off() -> None:
+    plane = torch.zeros(2)
+    leaf = plane.clone().requires_grad_()
+    assert scalar_form_fits(plane, None)
+    assert not scalar_form_fits(plane, leaf)
+    assert not scalar_form_fits(plane.double())
+    assert not scalar_form_fits(plane.to("meta"))
+    with torch.no_grad():
+        assert scalar_form_fits(plane, leaf)
+    with fused_kernels():
+        assert not scalar_form_fits(plane)
+
+
+def test_light_that_wants_a_gradient_gets_it() -> None:
+    frame = boxes.frame(boxes.camera((9, 12)))
+    light = frame.read("radiance").clone().requires_grad_()
+    gathered(frame.replace(radiance=light), compiled=None)[0].sum().backward()
+    assert light.grad is not None
+    assert float(light.grad.abs().max()) > 0
+
+
+def test_operator_is_registered_properly() -> None:
+    from post.sweep import op as sweep_ops
+
+    g = boxes.frame(boxes.camera((6, 8))).gbuffer
+    around = slices.scene(g.camera, g.depth, g.normal, g.hit, torch.ones_like(g.depth), light=g.normal)
+    at, random = torch.stack(slices.receivers(g.camera, g.depth, g.normal)[:-1]), torch.rand(2, 6, 8, 4)
+    arrays = around.picture.movedim(1, -1), torch.ones(1, 5), at, g.hit[:, 0], random, torch.ones(1), torch.ones(1, 5)
+    for gathers in (True, False):
+        given = (*arrays, torch.ones(9, 12), around.margin, 4, False, gathers)
+        torch.library.opcheck(sweep_ops.sweep_cpu, given, test_utils=("test_schema", "test_faketensor"))
+
+
+def test_second_process_compiles_nothing() -> None:
+    frame = boxes.frame(boxes.camera((4, 4)))
+    occluded(frame, compiled=True)
+    gathered(frame, compiled=True)
+    code = (
+        "import torch; from gbufrt import Camera; from post import bitmask_ao, ssgi;"
+        "c = Camera.look_at((0, 0, 3), (0, 0, 0), size=(4, 4)); o = torch.ones(1, 3, 4, 4);"
+        "bitmask_ao(o[:, :1], o, c); ssgi(o[:, :1], o, c, o, o); import post.sweep.op as k;"
+        "print(sum(k._sweep_all.stats.cache_misses.values()))"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "0"

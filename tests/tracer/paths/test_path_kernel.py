@@ -1,0 +1,128 @@
+"""Compiled paths against the torch reference, number for number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+import voxels
+from torch import Tensor
+
+from gbufrt import Camera
+from tracer.gbuffer import gbuffer
+from tracer.lights.samples import Lights
+from tracer.paths import op as path_ops
+from tracer.paths import radiance as light_paths
+from tracer.paths import seen_kernel, shots
+from tracer.paths.meet import Vertices
+from tracer.paths.receivers import Receivers, receivers_of
+from tracer.paths.seen import Picture
+from tracer.paths.tables import camera_of, picture_of
+from tracer.scene.scene import Scene
+from tracer.traversal.rays import trace
+
+BOUNCES = 3
+
+
+def case(seed: int, count: int = 3000) -> tuple[Scene, Tensor, Lights, Tensor, Tensor, Tensor]:
+    scene = voxels.polished_scene(seed)
+    poses = scene.poses([0.3])[0]
+    u = torch.rand(1 + light_paths.MORE * (BOUNCES + 1), count, generator=torch.Generator().manual_seed(seed))
+    return scene, poses, Lights.of(scene, poses), *voxels.random_rays(seed, count), u
+
+
+def same(a: Tensor, b: Tensor, share: float = 0.004) -> None:
+    """All but a ``share`` of paths, which graze an edge or a choice, find the same."""
+    off = (a - b).abs() > 1e-3 + 1e-2 * b.abs()
+    assert off.float().mean() <= share
+    assert b[~off].abs().mean() > 0
+
+
+def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, Receivers, Vertices, Tensor]:
+    """Some of what a picture shows, and numbers for three paths from each."""
+    scene = voxels.polished_scene(seed)
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41), orthographic_height=30.0 if orthographic else None)
+    at = receivers_of(scene, gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=0.3), scene.poses([0.3]))[0]
+    u = torch.rand(dims, 3 * len(at.pixels), generator=torch.Generator().manual_seed(seed))
+    return scene, at, replace(at.vertices, inside=u[0, : len(at.pixels)] < 0.3), u
+
+
+SHOTS = {
+    "occlusion": (shots.OCCLUSION_DIMS, (7.0,)),
+    "indirect": (shots.indirect_dims(2), (2,)),
+    "reflected": (shots.REFLECTION_DIMS, (0.3,)),
+}
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("name", SHOTS)
+def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> None:
+    dims, settings = SHOTS[name]
+    scene, at, start, u = place(len(name), dims, orthographic=orthographic)
+    got, want = (getattr(form, name)(scene, at, start, u, *settings) for form in (path_ops, shots))
+    assert got.keys() == want.keys()
+    for key, value in want.items():
+        same(got[key], value)
+
+
+@pytest.mark.parametrize("next_event", [True, False])
+@pytest.mark.parametrize("spreads", [True, False])
+@pytest.mark.parametrize("moved", [True, False])
+def test_paths_bring_the_same_light(next_event: bool, spreads: bool, moved: bool) -> None:
+    scene, poses, lights, origins, directions, u = case(3)
+    given: dict[str, Any] = {"bounces": BOUNCES, "poses": poses, "t_min": 0.05, "t_max": 100.0}
+    given |= {"detail": 200.0 if spreads else 20.0, "spreads": spreads, "next_event": next_event}
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41))
+    when = 0.9 if moved else 0.3
+    picture = Picture.of(gbuffer(scene, camera, time=when), 0).moved(scene.poses([when])[0], poses)
+    given |= {"picture": picture, "known": u[1] < 0.9 if moved else None}
+    found = [f.radiance(scene, lights, origins, directions, u, **given) for f in (path_ops, light_paths)]
+    for got, want in zip(*found, strict=True):
+        same(got, want)
+        assert (got.mean(0) / want.mean(0) - 1).abs().max() < 0.01
+    light, seen = found[0]
+    assert ((seen > 0) & (seen < 0.99 * light)).float().mean() > (0.01 if moved else 0.02)
+    assert (seen <= light).all()
+    if moved:
+        assert (seen[u[1] >= 0.9] == 0).all()
+        given["picture"] = None
+        for form in (path_ops, light_paths):
+            assert form.radiance(scene, lights, origins, directions, u, **given)[1].abs().max() == 0
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_what_has_moved_is_looked_for_where_it_was(orthographic: bool) -> None:
+    scene, (poses, then) = voxels.polished_scene(3), voxels.polished_scene(3).poses([0.3, 2.3])
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(99, 123), orthographic_height=30.0 if orthographic else None)
+    g = gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=2.3)
+    picture = Picture.of(g, 0).moved(then, poses)
+    _, directions = voxels.random_rays(1, 4000)
+    origins = torch.tensor([-2.7, 4.0, 2.0]) - 12 * directions  # round the first of the movers
+    hits = trace(scene, origins, directions, poses=poses)
+    on = (hits.instance > 0) & hits.hit
+    points, normals = (origins + directions * hits.t[:, None])[on], hits.normal[on]
+    want = picture.sees(*picture.put_back(points, normals, hits.instance[on]))
+    numbers, flat = camera_of(picture), picture_of(picture)
+    got = [
+        seen_kernel.sees(numbers, flat, *seen_kernel.put_back(numbers, tuple(p), tuple(n), i))
+        for p, n, i in zip(points.tolist(), normals.tolist(), hits.instance[on].tolist(), strict=True)
+    ]
+    assert (torch.tensor(got) != want).float().mean() < 0.01
+    assert (picture.sees(points, normals) != want).float().mean() > 0.05
+    assert 0.02 < want.float().mean() < 0.9
+
+
+def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky() -> None:
+    scene = Scene(world=voxels.world((9, 3, 9), (voxels.STONE, (0, 0, 0), (9, 1, 9))), sun=None)
+    poses = scene.poses([0.0])[0]
+    origins = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 9 + torch.tensor([0.0, 2.0, 0.0])
+    directions = torch.tensor([0.0, -1.0, 0.0]).expand(500, 3)
+    u = torch.rand(1 + 2 * light_paths.MORE, 500, generator=torch.Generator().manual_seed(1))
+    lights = Lights.of(scene, poses)
+    got, want = (
+        f.radiance(scene, lights, origins, directions, u, bounces=1, poses=poses)[0] for f in (path_ops, light_paths)
+    )
+    same(got, want)
+    assert got.mean() > 0.1

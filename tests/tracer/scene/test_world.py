@@ -1,0 +1,104 @@
+"""Worlds: dense grids in and the same voxels out, cheap empty space, and clear refusals."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+import voxels
+
+from tracer.scene.grids import BRICK
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import Instance, Scene
+from tracer.scene.world import World
+
+
+def dense_ids(world: World, size: tuple[int, int, int]) -> torch.Tensor:
+    grid = torch.stack(torch.meshgrid(*(torch.arange(n) for n in size), indexing="ij"), dim=-1)
+    return world.at(grid + torch.tensor(world.origin))
+
+
+@pytest.mark.parametrize("origin", [(0, 0, 0), (-37, -3, 1000)])
+def test_voxels_come_back(origin: tuple[int, int, int]) -> None:
+    g = torch.Generator().manual_seed(0)
+    ids = torch.randint(0, len(voxels.TABLE), (19, 33, 16), generator=g)
+    world = World.from_dense(ids, voxels.TABLE, origin=origin)
+    assert torch.equal(dense_ids(world, (19, 33, 16)).long(), ids)
+    outside = torch.tensor([[-1, 0, 0], [0, 48, 0], [0, 0, 16]]) + torch.tensor(origin)
+    assert world.at(outside).tolist() == [0, 0, 0]
+    assert world.bounds() == (origin, (origin[0] + 32, origin[1] + 48, origin[2] + 16))
+
+
+def test_empty_bricks_are_not_stored() -> None:
+    ids = torch.zeros(160, 160, 160, dtype=torch.int16)
+    ids[3, 4, 5] = ids[150, 4, 5] = 1
+    world = World.from_dense(ids, voxels.TABLE)
+    assert len(world.bricks) == 3
+    assert not world.empty
+    assert World.from_dense(torch.zeros(3, 3, 3, dtype=torch.int16), voxels.TABLE).empty
+
+
+def test_the_walkable_grid_knows_its_bounds_and_its_empty_space() -> None:
+    ids = torch.zeros(100, 40, 60, dtype=torch.int16)
+    ids[3:90, 17, 5:59] = 1
+    ids[50, 20, 30] = 2
+    grid = World.from_dense(ids, voxels.TABLE, origin=(-9, 1, 2)).grid
+    assert (grid.low, grid.high) == ((3, 17, 5), (90, 21, 59))
+    empty = World.from_dense(torch.zeros(3, 3, 3, dtype=torch.int16), voxels.TABLE).grid
+    assert empty.low == empty.high
+
+
+def test_no_step_through_empty_space_skips_a_voxel() -> None:
+    world = voxels.random_world(2, (70, 40, 66), share=0.0005)
+    solid = dense_ids(world, tuple(n * BRICK for n in world.index.shape)) > 0  # type: ignore[arg-type]
+    grid = world.grid
+    for x, y, z in (grid.index <= 0).nonzero().tolist():
+        reach = -int(grid.index[x, y, z]) - 1
+        low = [max((n - reach) * BRICK, 0) for n in (x, y, z)]
+        high = [(n + reach + 1) * BRICK for n in (x, y, z)]
+        assert not solid[low[0] : high[0], low[1] : high[1], low[2] : high[2]].any()
+    coded = grid.bricks[grid.index.clamp_min(0).long()]
+    full = torch.where((grid.index > 0)[..., None, None, None], coded, 0).permute(0, 3, 1, 4, 2, 5).reshape(solid.shape)
+    assert torch.equal(full > 0, solid)
+    for power in (1, 2, 3):
+        side = 2**power
+        blocks = [n // side for n in solid.shape]
+        split = (blocks[0], side, blocks[1], side, blocks[2], side)
+        claimed = (full == -power).view(split).any(5).any(3).any(1)
+        assert claimed.any()
+        assert not (claimed & solid.view(split).any(5).any(3).any(1)).any()
+
+
+def test_scenes_convert_and_pose() -> None:
+    scene = voxels.random_scene(0)
+    moved = scene.to("cpu", copy=True)
+    assert torch.equal(moved.grids.entries, scene.grids.entries)
+    assert len(moved.materials) == len(voxels.TABLE)
+    assert moved.instances[1].scale == scene.instances[1].scale
+    assert scene.poses([0.0, 1.0]).shape == (2, 2, 4, 4)
+    assert Scene(world=scene.world).poses([0.0]).shape == (1, 0, 4, 4)
+
+
+def test_a_scene_is_empty_only_without_any_voxel() -> None:
+    nothing = World.from_dense(torch.zeros(2, 2, 2, dtype=torch.int16), voxels.TABLE)
+    something = voxels.world((2, 2, 2), (1, (0, 0, 0), (1, 1, 1)))
+    assert Scene(world=nothing).empty
+    assert not Scene(world=nothing, instances=(Instance(model=something, pose=lambda t: torch.eye(4)),)).empty
+
+
+def test_errors_name_what_is_wrong() -> None:
+    table = MaterialTable.of([Material(name="a")])
+    with pytest.raises(ValueError, match=r"voxels must be \(X,Y,Z\)"):
+        World.from_dense(torch.zeros(3, 3, dtype=torch.int16), table)
+    with pytest.raises(ValueError, match=r"voxels must hold ids in 0..1, the material table; got 0..2"):
+        World.from_dense(torch.arange(3).view(1, 1, 3), table)
+    with pytest.raises(ValueError, match=r"got -1..0"):
+        World.from_dense(torch.tensor([[[-1, 0]]]), table)
+    with pytest.raises(TypeError, match=r"integer material ids, got torch\.float32"):
+        World.from_dense(torch.zeros(2, 2, 2), table)
+    bricks, index = torch.zeros(2, 16, 16, 16, dtype=torch.int16), torch.zeros(1, 1, 1, dtype=torch.int32)
+    with pytest.raises(ValueError, match=r"index must hold ids in 0..1, the bricks; got 2..2"):
+        World(bricks=bricks, index=index + 2, origin=(0, 0, 0), materials=table)
+    with pytest.raises(ValueError, match="bricks\\[0\\] must be all air"):
+        World(bricks=bricks + 1, index=index, origin=(0, 0, 0), materials=table)
+    with pytest.raises(TypeError, match="bricks must be int16 and index int32"):
+        World(bricks=bricks.int(), index=index, origin=(0, 0, 0), materials=table)

@@ -1,0 +1,120 @@
+"""The compiled kernel against the torch reference."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+import voxels
+
+from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Scene
+from tracer.traversal import rays as traversal
+from tracer.traversal import reference as traversal_reference
+from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture
+def reference(monkeypatch: pytest.MonkeyPatch):
+    """Switch to the torch reference."""
+
+    def switch() -> None:
+        for name in ("surface", "transmit", "runs"):
+            monkeypatch.setattr(traversal.ops, name, getattr(traversal_reference, name))
+
+    return switch
+
+
+def case(seed: int) -> tuple[Scene, torch.Tensor, torch.Tensor, torch.Tensor]:
+    scene = voxels.random_scene(seed)
+    origins, directions = voxels.random_rays(seed, 1800)
+    return scene, origins.view(2, -1, 3), directions.view(2, -1, 3), scene.poses([0.0, 0.7])
+
+
+def same(a: Hits, b: Hits, share: float = 0.001) -> None:
+    """All but a ``share`` of rays, which graze an edge, meet the same face at the same place."""
+    differs = (a.hit != b.hit) | (a.hit & ((a.cell != b.cell).any(-1) | (a.face != b.face)))
+    differs |= a.hit & ((a.material != b.material) | (a.instance != b.instance) | (a.back_face != b.back_face))
+    assert differs.float().mean() <= share
+    agree = a.hit & ~differs
+    torch.testing.assert_close(a.t[agree], b.t[agree], rtol=1e-6, atol=1e-5)
+    torch.testing.assert_close(a.local[agree], b.local[agree], rtol=1e-6, atol=1e-5)
+    torch.testing.assert_close(a.normal[agree], b.normal[agree])
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_surfaces(seed: int, reference) -> None:
+    scene, origins, directions, poses = case(seed)
+    spans = {"t_min": 0.5, "t_max": torch.linspace(1.0, 80.0, 1800).view(2, -1)}
+    queries = [
+        lambda: trace(scene, origins, directions, poses=poses),
+        lambda: trace(scene, origins, directions, poses=poses, mask=MASK_SHADOW, **spans),
+    ]
+    first = [query() for query in queries]
+    behind = trace(scene, origins, directions, poses=poses, beyond=first[0])
+    assert 0.3 < float(first[0].hit.float().mean()) < 0.95
+    assert int(first[0].instance.max()) == 2
+    assert first[0].back_face.any()
+    assert behind.hit.sum() > 100
+    reference()
+    for hits, query in zip(first, queries, strict=True):
+        same(hits, query())
+    same(behind, trace(scene, origins, directions, poses=poses, beyond=first[0]))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_transmission_and_runs(seed: int, reference) -> None:
+    scene, origins, directions, poses = case(seed)
+    hits = trace(scene, origins, directions, poses=poses, mask=MASK_ALL)
+    spans = {"t_min": 0.5, "t_max": torch.linspace(1.0, 30.0, 1800).view(2, -1)}
+    passed = transmission(scene, origins, directions, poses=poses)
+    part = transmission(scene, origins, directions, poses=poses, **spans)
+    lengths = run_lengths(scene, origins, directions, hits, poses=poses, cap=5.0)
+    assert ((passed > 0) & (passed < 1)).any(-1).sum() > 100
+    assert (lengths[0] > lengths[1]).sum() > 30
+    reference()
+    other = transmission(scene, origins, directions, poses=poses)
+    assert ((passed - other).abs() > 1e-5).any(-1).float().mean() <= 0.001
+    other = transmission(scene, origins, directions, poses=poses, **spans)
+    assert ((part - other).abs() > 1e-5).any(-1).float().mean() <= 0.001
+    for a, b in zip(lengths, run_lengths(scene, origins, directions, hits, poses=poses, cap=5.0), strict=True):
+        assert ((a - b).abs() > 1e-4).float().mean() <= 0.001
+
+
+def test_a_second_process_compiles_nothing() -> None:
+    code = """
+import sys
+sys.path.insert(0, "tests/support")
+import torch, voxels
+from tracer.traversal import rays as traversal
+scene = voxels.random_scene(0)
+rays = voxels.random_rays(0, 60)
+poses = scene.poses([0.0])[0]
+hits = traversal.trace(scene, *rays, poses=poses)
+traversal.transmission(scene, *rays, poses=poses)
+traversal.run_lengths(scene, *rays, hits, poses=poses)
+from tracer.traversal import drivers as k
+print(sum(sum(f.stats.cache_misses.values()) for f in (k.surface_all, k.transmit_all, k.runs_all)))
+"""
+    exec(compile(code.rpartition("from tracer")[0], "first process", "exec"), {})
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    second = [sys.executable, "-c", code]
+    done = subprocess.run(second, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "0"
+
+
+def test_fakes_give_the_shapes() -> None:
+    from torch._subclasses.fake_tensor import FakeTensorMode
+
+    with FakeTensorMode():
+        rays = [torch.empty(5, 3), torch.empty(5, 3), torch.empty(5, 2), torch.empty(1, 1, 3, 4)]
+        grids = [torch.empty(0)] * 4
+        numbers, ids = traversal.ops.surface(rays, grids, torch.empty(0, 5), 1)
+        assert (numbers.shape, ids.shape, ids.dtype) == ((5, 4), (5, 7), torch.int32)
+        assert traversal.ops.transmit(rays, grids, 1).shape == (5, 3)
+        assert traversal.ops.runs(rays, grids, torch.empty(5, 5)).shape == (5, 2)

@@ -1,0 +1,1 @@
+"""Direct light of sun and lamps at the pixels of a picture."""

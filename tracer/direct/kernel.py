@@ -1,0 +1,183 @@
+"""The compiled form of `tracer.direct.reference` and `tracer.lights.form_factor`: one pixel at a time."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gbufrt.compute.kernel import scalar
+from gbufrt.noise.noise import PLASTIC
+from tracer.direct.reference import SHARE_ALONE, SHARE_FINE
+from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
+from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, scaled
+from tracer.scene.scene import MASK_SHADOW
+from tracer.traversal.kernel import transmitted, triple
+
+CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
+"""Columns of `Shining.rectangles`; the facing is as long as the area, the offset its product with the corner."""
+CENTER, RADIUS, MEAN = 0, 3, 4
+"""Columns of `Shining.lamps`; the mean of the radiance."""
+
+
+class Shining(NamedTuple):
+    """Lamps, flat.
+
+    Args:
+        rectangles: ``(R, 13)`` float64, those of one lamp after those of another.
+        first: ``(L + 1,)`` int64, where those of each lamp begin.
+        lamps: ``(L, 5)`` float64.
+    """
+
+    rectangles: np.ndarray
+    first: np.ndarray
+    lamps: np.ndarray
+
+
+@scalar
+def disc_cosine(cosine, sine):
+    """See `tracer.lights.form_factor.disc_cosine`."""
+    h = min(max(cosine / max(sine, 1e-6), -1.0), 1.0)
+    if h >= 1.0:
+        return cosine
+    rest = max(1 - h * h, 0.0)
+    return (h * (0.5 + (math.asin(h) + h * math.sqrt(rest)) / math.pi) + 2 / (3 * math.pi) * rest**1.5) * sine
+
+
+@scalar
+def _edge(a, b, normal):
+    """The angle between two corners times how much their plane leans toward the normal."""
+    turn = cross(a, b)
+    size = math.sqrt(dot(turn, turn))
+    return math.atan2(size, dot(a, b)) * dot(turn, normal) / max(size, 1e-20)
+
+
+@scalar
+def rectangle_irradiance(rectangles, k, point, normal):
+    """See `tracer.lights.form_factor.rectangle_irradiance`."""
+    if dot(triple(rectangles, k, FACING), point) <= rectangles[k, OFFSET]:
+        return 0.0
+    a = along(triple(rectangles, k, CORNER), point, -1.0)
+    edge = triple(rectangles, k, EDGE_U)
+    above, total = dot(normal, a), 0.0
+    leaves = enters = (0.0, 0.0, 0.0)
+    for side in range(4):
+        if side == 1:
+            edge = triple(rectangles, k, EDGE_V)
+        elif side > 1:
+            edge = scaled(triple(rectangles, k, EDGE_U if side == 2 else EDGE_V), -1.0)
+        b = added(a, edge)
+        next_above = dot(normal, b)
+        if above >= 0 or next_above >= 0:
+            begin, end = a, b
+            if above < 0 or next_above < 0:
+                crossing = along(a, edge, above / (above - next_above))
+                if above < 0:
+                    begin = enters = crossing
+                else:
+                    end = leaves = crossing
+            total += _edge(begin, end, normal)
+        a, above = b, next_above
+    return max(-0.5 * (total + _edge(leaves, enters, normal)), 0.0)
+
+
+@scalar
+def _turned(turned, i, point):
+    """A point of the R2 sequence as a pixel sees it."""
+    return (turned[0, i] + point / PLASTIC) % 1.0, (turned[1, i] + point / PLASTIC**2) % 1.0
+
+
+@scalar
+def _shoot(space, origin, direction, distance, weight, sums):
+    """One ray to a source, added to the rows of `tracer.lights.shadows.Shots`."""
+    if weight <= 0:
+        return
+    transforms, bricks, index, entries, media = space
+    light = transmitted(transforms, (bricks, index, entries, media), origin, direction, 0.0, distance, MASK_SHADOW)
+    shade = (light[0] + light[1] + light[2]) / 3
+    for k in range(3):
+        sums[1 + k] += light[k] * weight
+    sums[WEIGHT] += weight
+    sums[LEAST] = min(sums[LEAST], shade)
+    sums[MOST] = max(sums[MOST], shade)
+
+
+@scalar
+def sun(space, axes, sine, point, normal, turned, i, begin, end, sums):
+    """Samples of the sun's disc from one pixel; ``axes`` are two across the way to it, and that way."""
+    across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
+    sums[UNBLOCKED] = max(disc_cosine(dot(normal, toward), sine), 0.0)
+    if sums[UNBLOCKED] <= 0:
+        return
+    for number in range(begin, end):
+        x, y = disc(*_turned(turned, i, number))
+        x, y = x * sine, y * sine
+        direction = combined(across, other, toward, x, y, math.sqrt(1 - x * x - y * y))
+        _shoot(space, point, direction, np.inf, dot(normal, direction), sums)
+
+
+@scalar
+def lamp(space, shining, number, point, normal, turned, i, begin, end, each, sums):
+    """Samples of one lamp from one pixel; ``each`` has room for a number of every rectangle."""
+    rectangles, first, _ = shining
+    low, high = first[number], first[number + 1]
+    total = 0.0
+    for k in range(low, high):
+        each[k - low] = rectangle_irradiance(rectangles, k, point, normal)
+        total += each[k - low]
+    sums[UNBLOCKED] = total
+    if total <= 0:
+        return
+    for step in range(begin, end):
+        u, v = _turned(turned, i, step)
+        place, k = u * total, low
+        while k < high - 1 and place >= each[k - low]:
+            place -= each[k - low]
+            k += 1
+        mine = max(each[k - low], 1e-20)
+        way = along(triple(rectangles, k, CORNER), triple(rectangles, k, EDGE_U), min(max(place / mine, 0.0), 1.0))
+        way = along(along(way, triple(rectangles, k, EDGE_V), v), point, -1.0)
+        square = max(dot(way, way), 1e-12)
+        distance = math.sqrt(square)
+        direction = scaled(way, 1 / distance)
+        here, there = dot(normal, direction), -dot(triple(rectangles, k, FACING), direction)
+        weight = max(here, 0.0) * max(there, 0.0) / (square * mine)
+        _shoot(space, point, direction, max(distance - SHORT, 0.0), weight, sums)
+
+
+@scalar
+def _importance(shining, number, point, normal):
+    """See `tracer.direct.reference`."""
+    rectangles, first, lamps = shining
+    shown = 0.0
+    for k in range(first[number], first[number + 1]):
+        shown += max(dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET], 0.0)
+    if shown <= 0:
+        return 0.0
+    way = along(triple(lamps, number, CENTER), point, -1.0)
+    square, radius = dot(way, way), lamps[number, RADIUS]
+    distance = max(math.sqrt(square), 1e-6)
+    cosine = dot(way, normal) / distance
+    cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
+    return shown * cosine / (distance * max(square, radius * radius / 4)) * lamps[number, MEAN]
+
+
+@scalar
+def choose(shining, point, normal, known, die, power, levels, i):
+    """Levels of all lamps at pixel ``i``, and the lamp drawn from those of level 0 with its scale."""
+    total = known
+    for number in range(len(power)):
+        power[number] = _importance(shining, number, point, normal)
+        total += power[number]
+    rest = 0.0
+    for number in range(len(power)):
+        levels[number, i] = (power[number] > SHARE_ALONE * total) + (power[number] > SHARE_FINE * total)
+        rest += power[number] if levels[number, i] == 0 else 0.0
+    chosen, upto = 0, 0.0
+    for number in range(len(power)):
+        if levels[number, i] == 0 and power[number] > 0:
+            chosen, upto = number, upto + power[number]
+            if upto > die * rest:
+                break
+    return chosen, (rest / power[chosen] if rest > 0 else 0.0)

@@ -1,0 +1,142 @@
+"""Light on what the camera sees: the sun, emissive blocks, and the open sky, kept apart as passes need them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt import GBuffer
+from gbufrt.noise.noise import blue_noise
+from tracer.direct import reference
+from tracer.direct.reference import Direct
+from tracer.lights.emitters import lamps_of
+from tracer.lights.shadows import Surface, arriving
+from tracer.lights.sky import sky_irradiance, sky_radiance, sun_radiance
+from tracer.scene.scene import Scene
+
+LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
+LIFT_RELATIVE = 2e-6  # of the depth, whose rounding grows with it
+
+
+def light(
+    scene: Scene, gbuffer: GBuffer, *, poses: Tensor | None = None, samples: int = 16, index: int = 0, seed: int = 0
+) -> tuple[Tensor, Tensor]:
+    """Direct light and sky light that leave every pixel's surface toward the camera.
+
+    ``radiance`` is emission + diffuse albedo / pi x irradiance from the sun's disc and from emissive blocks, both with
+    soft shadows; where nothing was hit it is the sky, with the sun's disc. ``ambient`` is diffuse albedo / pi x
+    irradiance of the sky as if nothing blocked it. Diffuse albedo is albedo x (1 - metallic) x opacity: metals only
+    reflect, and a transmissive surface shows its own share, to which the light from behind it, times the
+    transmittance, is added later.
+
+    Light that no shadow touches is exact; noise is left in penumbrae alone (see `tracer.lights.shadows.arriving`). No
+    lamp is cut off: those that may give a pixel at most 1/128 of the light it could get are represented by one of them,
+    drawn in proportion, and those below 1/32 get a quarter of the samples.
+
+    Args:
+        scene: what is there, and its sun and sky.
+        gbuffer: what the cameras see of it, with ``albedo``.
+        poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
+        samples: most shadow rays a pixel to the sun, and to each lamp that matters there.
+        index: frame number, from which the noise comes.
+        seed: another seed, another noise.
+
+    Returns:
+        ``radiance`` and ``ambient``, both ``(B, 3, H, W)`` outgoing linear radiance.
+
+    Raises:
+        ValueError: ``samples`` is below 1, there is no albedo, or the poses do not fit.
+    """
+    if samples < 1:
+        raise ValueError(f"samples must be at least 1, got {samples}")
+    if gbuffer.albedo is None:
+        raise ValueError("gbuffer must have albedo to be lit; it has " + ", ".join(gbuffer.present))
+    batch, camera, hit = gbuffer.batch, gbuffer.camera, gbuffer.hit
+    poses = batched(poses, batch, len(scene.instances))
+    diffuse = gbuffer.albedo / math.pi
+    if gbuffer.metallic is not None:
+        diffuse = diffuse * (1 - gbuffer.metallic)
+    if gbuffer.opacity is not None:
+        diffuse = diffuse * gbuffer.opacity
+    points = lifted(gbuffer)
+    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
+    arrived = []
+    for b in range(batch):
+        surface = Surface(
+            points=points[b].flatten(1).float(),
+            normals=gbuffer.normal[b].flatten(1).float(),
+            lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
+            size=camera.size,
+        )
+        arrived.append(_irradiance(scene, surface, poses[b], noise, samples))
+    directions = camera.rays()[1].permute(0, 3, 1, 2)
+    sky = sky_radiance(scene, directions)
+    if scene.sun is not None:
+        sky = sky + sun_radiance(scene.sun, directions)
+    shown = diffuse * torch.stack(arrived)
+    if gbuffer.emission is not None:
+        shown = shown + gbuffer.emission
+    ambient = diffuse * sky_irradiance(scene, gbuffer.normal)
+    return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
+
+
+def _irradiance(scene: Scene, surface: Surface, poses: Tensor, noise: Tensor, samples: int) -> Tensor:
+    """``(3, H, W)`` from the sun and all lamps, for one picture."""
+    lamps = lamps_of(scene, poses)
+    direct = _form(surface.points).Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
+    arrived = torch.zeros_like(surface.points).view(3, *surface.size)
+    if scene.sun is not None:
+        wanted = surface.lit.view(surface.size)
+        coming = arriving(direct.sun(scene.sun), wanted, wanted, noise[:2], samples=samples, start=0)
+        arrived = coming * coming.new_tensor(scene.sun.irradiance)[:, None, None]
+    return arrived + _lamp_light(direct, noise, samples, arrived) if len(lamps) else arrived
+
+
+def _lamp_light(direct: Direct, noise: Tensor, samples: int, known: Tensor) -> Tensor:
+    """``(3, H, W)`` irradiance from lamps, where ``known`` ``(3, H, W)`` comes from elsewhere."""
+    size, radiance = direct.surface.size, direct.lamps.radiance
+    levels, chosen, scale = direct.choices(known.mean(dim=0).flatten(), noise[2].flatten())
+    arrived = torch.zeros_like(known)
+    for lamp, level in enumerate(levels.view(-1, *size)):
+        shots = direct.lamp(lamp)
+        coming = arriving(shots, level >= 1, level >= 2, noise[:2], samples=samples, start=samples * lamp)
+        arrived += coming * radiance[lamp][:, None, None]
+    left = (scale > 0).view(size)
+    coming = arriving(direct.lamp_of_each(chosen), left, left, noise[:2], samples=1, start=samples * len(direct.lamps))
+    return arrived + coming * (radiance[chosen].T * scale).view_as(coming)
+
+
+def _form(like: Tensor) -> Any:
+    """Compiled on the CPU, the torch reference elsewhere."""
+    if not like.is_cpu:
+        return reference
+    from tracer.direct import drivers as direct_drivers
+
+    return direct_drivers
+
+
+def lifted(gbuffer: GBuffer) -> Tensor:
+    """``(B, 3, H, W)`` world points a little above the surface, and nearer the camera, from where air was seen."""
+    camera = gbuffer.camera
+    points = gbuffer.points_view()
+    normal = gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo
+    lift = LIFT + LIFT_RELATIVE * gbuffer.depth
+    back = camera.rotate_to_world(camera.to_eye(points))
+    return camera.to_world(points) + (normal + back) * lift
+
+
+def batched(poses: Tensor | None, batch: int, count: int) -> Tensor:
+    """``(B, I, 4, 4)`` poses of ``count`` instances for every picture.
+
+    Raises:
+        ValueError: they are of another shape, or absent where there are instances.
+    """
+    if poses is None and count == 0:
+        poses = torch.zeros(count, 4, 4)
+    if poses is None or poses.shape[-3:] != (count, 4, 4) or (poses.ndim == 4 and poses.shape[0] not in (1, batch)):
+        got = "none" if poses is None else tuple(poses.shape)
+        raise ValueError(f"poses must be ({count},4,4) or ({batch},{count},4,4), got {got}: scene.poses(times)")
+    return poses.expand(batch, count, 4, 4)

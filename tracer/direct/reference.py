@@ -1,0 +1,207 @@
+"""The sun and the lamps as they shine on one picture: the torch reference of `tracer.direct.kernel`.
+
+Vectors are planes, ``(3, N)``, over the pixels of the picture.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.noise.noise import PLASTIC
+from tracer.lights.emitters import Lamps
+from tracer.lights.form_factor import cross, disc_cosine, dot, rectangle_irradiance
+from tracer.lights.shadows import LEAST, MOST, PASSED, SHORT, UNBLOCKED, WEIGHT, Shots, Surface
+from tracer.sampling.sequence import disc
+from tracer.scene.scene import Scene, Sun
+from tracer.traversal.rays import transmission
+
+CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
+SHARE_ALONE = 1 / 128  # a lamp that may give a pixel no more of its light shares one ray with others like it
+SHARE_FINE = 1 / 32  # a lamp that may give a pixel no more gets a quarter of the samples
+
+Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
+"""Two numbers in [0, 1) a pixel, ``(2, n)``, to directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
+Source = Callable[[Tensor], tuple[Tensor, Draw]]
+"""Pixel numbers ``(n,)`` to the unblocked irradiance there ``(n,)``, and how to sample it."""
+Rectangles = Callable[[Tensor], Sequence[Tensor]]
+"""Pixel numbers to corner, edge_u and edge_v of what shines on them, as `rectangle_irradiance` takes them."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Direct:
+    """What shines on a picture.
+
+    Args:
+        scene: what stands between.
+        poses: ``(I, 4, 4)`` of its instances.
+        surface: what the picture shows.
+        lamps: of the scene at these poses.
+    """
+
+    scene: Scene
+    poses: Tensor
+    surface: Surface
+    lamps: Lamps
+
+    def sun(self, sun: Sun) -> Shots:
+        """Samples of the sun's disc; its unblocked irradiance is what lies above the surface's horizon."""
+        sine, basis = sun_frame(sun)
+        basis = basis.to(self.surface.points)
+
+        def source(pixels: Tensor) -> tuple[Tensor, Draw]:
+            normals = self.surface.normals[:, pixels]
+
+            def draw(u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+                x, y = disc(u) * sine
+                directions = basis @ torch.stack([x, y, (1 - x * x - y * y).sqrt()])
+                weights = dot(normals, directions).clamp_min(0)
+                return directions, torch.full_like(weights, torch.inf), weights
+
+            return disc_cosine(dot(normals, basis[:, 2]), sine).clamp_min(0), draw
+
+        return self._shots(source)
+
+    def lamp(self, number: int) -> Shots:
+        """Samples of one lamp."""
+        count = int((self.lamps.edge_u[number].abs().sum(dim=1) > 0).sum())
+        own = [t[:, :count, number, None] for t in _planes(self.lamps)]
+        return self._shots(self._rectangles(lambda _: own))
+
+    def lamp_of_each(self, numbers: Tensor) -> Shots:
+        """Samples of one lamp a pixel, ``numbers`` ``(N,)`` int64."""
+        tables = _planes(self.lamps)
+        return self._shots(self._rectangles(lambda pixels: [t[:, :, numbers[pixels]] for t in tables]))
+
+    def choices(self, known: Tensor, dice: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Which lamps matter where.
+
+        Args:
+            known: ``(N,)`` irradiance from elsewhere.
+            dice: ``(N,)`` in [0, 1).
+
+        Returns:
+            ``(L, N)`` uint8: 0 not worth its own rays, 1 worth some, 2 worth all; and the number ``(N,)`` of one lamp
+            drawn from those of level 0, in proportion to what they send, with the ratio ``(N,)`` of what all of these
+            send to what it sends. All are 0 where a pixel is not lit.
+        """
+        surface, lamps = self.surface, self.lamps
+        levels = torch.zeros(len(lamps), len(known), dtype=torch.uint8, device=known.device)
+        chosen, scale = torch.zeros_like(surface.lit, dtype=torch.long), torch.zeros_like(known)
+        faces = [_faces(lamps, lamp) for lamp in range(len(lamps))]
+        for part in surface.lit.nonzero()[:, 0].split(CHUNK):
+            points, normals = surface.points[:, part], surface.normals[:, part]
+            power = torch.stack([_importance(lamps, lamp, faces[lamp], points, normals) for lamp in range(len(lamps))])
+            total = known[part] + power.sum(dim=0)
+            levels[:, part] = (power > SHARE_ALONE * total).byte() + (power > SHARE_FINE * total).byte()
+            rest = torch.where(power > SHARE_ALONE * total, 0.0, power)
+            upto = rest.cumsum(dim=0)
+            which = (dice[part] * upto[-1] >= upto).sum(dim=0).clamp_max(len(lamps) - 1)
+            mine = rest.gather(0, which[None])[0]
+            chosen[part] = which
+            scale[part] = torch.where(mine > 0, upto[-1] / mine.clamp_min(1e-30), 0.0)
+        return levels, chosen, scale
+
+    def _rectangles(self, rectangles: Rectangles) -> Source:
+        """Rectangles are chosen by their unblocked irradiance, and points on each evenly."""
+
+        def source(pixels: Tensor) -> tuple[Tensor, Draw]:
+            points, normals = self.surface.points[:, pixels], self.surface.normals[:, pixels]
+            each = rectangle_irradiance(points, normals, *rectangles(pixels))
+            table = [t.expand(3, *each.shape) for t in rectangles(pixels)]
+            upto = each.cumsum(dim=0)
+            energy = upto[-1]
+
+            def draw(u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+                place = u[0] * energy
+                which = (place >= upto).sum(dim=0).clamp_max(len(each) - 1)[None]
+                mine = each.gather(0, which)[0].clamp_min(1e-20)
+                first = ((place - upto.gather(0, which)[0]) / mine + 1).clamp(0, 1)
+                corner, edge_u, edge_v = (t.gather(1, which[None].expand(3, -1, -1))[:, 0] for t in table)
+                way = corner + edge_u * first + edge_v * u[1] - points
+                square = dot(way, way).clamp_min(1e-12)
+                distance = square.sqrt()
+                directions = way / distance
+                here = dot(normals, directions).clamp_min(0)
+                there = -dot(cross(edge_u, edge_v), directions).clamp_max(0)  # times the rectangle's area
+                return directions, (distance - SHORT).clamp_min(0), here * there / (square * mine)
+
+            return energy, draw
+
+        return source
+
+    def _shots(self, source: Source) -> Shots:
+        def through(pixels: Tensor, directions: Tensor, distances: Tensor) -> Tensor:
+            origins = self.surface.points[:, pixels].T
+            return transmission(self.scene, origins, directions.T, poses=self.poses, t_max=distances).T
+
+        def shots(pixels: Tensor, turned: Tensor, points: range) -> Tensor:
+            sums = turned.new_zeros(MOST + 1, len(pixels))
+            sums[LEAST] = 1.0
+            for part in torch.arange(len(pixels), device=turned.device).split(CHUNK):
+                energy, _ = source(pixels[part])
+                sums[UNBLOCKED, part] = energy
+                part = part[energy > 0]
+                _, draw = source(pixels[part])
+                for point in points:
+                    turn = turned.new_tensor([[point / PLASTIC % 1], [point / PLASTIC**2 % 1]])
+                    directions, distances, weights = draw((turned[:, part] + turn) % 1.0)
+                    seen = through(pixels[part], directions, distances)
+                    sums[PASSED, part] += seen * weights
+                    sums[WEIGHT, part] += weights
+                    shade = seen.mean(dim=0)
+                    sums[LEAST, part] = sums[LEAST, part].minimum(torch.where(weights > 0, shade, 1.0))
+                    sums[MOST, part] = sums[MOST, part].maximum(torch.where(weights > 0, shade, 0.0))
+            return sums
+
+        return shots
+
+
+def sun_frame(sun: Sun) -> tuple[float, Tensor]:
+    """The sine of the sun's angular radius; and ``(3, 3)``, its columns two axes across the way to it and that way."""
+    toward = F.normalize(torch.tensor(sun.direction, dtype=torch.float32), dim=0)
+    helper = torch.tensor([1.0, 0.0, 0.0] if abs(float(toward[0])) < 0.6 else [0.0, 1.0, 0.0])
+    across = F.normalize(cross(helper, toward), dim=0)
+    return math.sin(math.radians(sun.angular_radius)), torch.stack([across, cross(toward, across), toward], dim=1)
+
+
+def _planes(lamps: Lamps) -> list[Tensor]:
+    """Corner, edge_u and edge_v, ``(3, K, L)``."""
+    return [t.permute(2, 1, 0) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)]
+
+
+def _faces(lamps: Lamps, lamp: int) -> list[tuple[list[float], float]]:
+    """Of every rectangle its outward normal, as long as its area, and that times its corner."""
+    outward = torch.linalg.cross(lamps.edge_u[lamp], lamps.edge_v[lamp])
+    offsets = (outward * lamps.corner[lamp]).sum(dim=1).tolist()
+    return [(n, offset) for n, offset in zip(outward.tolist(), offsets, strict=True) if any(n)]
+
+
+def _importance(
+    lamps: Lamps, lamp: int, faces: list[tuple[list[float], float]], points: Tensor, normals: Tensor
+) -> Tensor:
+    """``(n,)``: roughly the irradiance that a lamp gives with nothing between; zero only where it gives none.
+
+    All of it counts as if at its middle, but where the middle is below the surface's horizon the highest point of the
+    bounding sphere still counts.
+    """
+    way = lamps.center[lamp][:, None] - points
+    square = dot(way, way)
+    distance = square.sqrt().clamp_min(1e-6)
+    shown = torch.zeros_like(distance)
+    for outward, offset in faces:  # most have one axis only: plane by plane that is cheap
+        height = torch.full_like(shown, -offset)
+        for axis, n in enumerate(outward):
+            if n:
+                height.add_(points[axis], alpha=n)
+        shown += height.clamp_min_(0)
+    cosine = dot(way, normals) / distance
+    sine = (lamps.radius[lamp] / distance).clamp_max(1.0)
+    cosine = torch.maximum(cosine, (cosine + sine).clamp_min(0) / 4)
+    inside = lamps.radius[lamp] ** 2 / 4  # nearer than that it does not grow any more
+    return shown * cosine / (distance * square.clamp_min(inside)) * lamps.radiance[lamp].mean()

@@ -1,0 +1,1 @@
+"""Readers of worlds in other programs' files."""

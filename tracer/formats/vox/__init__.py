@@ -1,0 +1,1 @@
+"""MagicaVoxel files."""

@@ -1,0 +1,1 @@
+"""Sky, sun and lamps: what shines, how it is sampled, and its shadows."""

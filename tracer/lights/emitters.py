@@ -1,0 +1,172 @@
+"""Lamps: the exposed faces of emissive voxels, merged to rectangles and grouped into what is sampled as one light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import torch
+from torch import Tensor
+
+from tracer.scene.scene import MASK_SECONDARY, Scene
+from tracer.scene.world import BRICK, World
+
+GROUPS = (4, 8, 16, 32)  # voxels a side of the cells that lamps are grouped by: the first that keeps lamps few
+MANY = 128
+_known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and to look for lamps takes time
+
+
+@dataclass(frozen=True, eq=False)
+class Lamps:
+    """L lights of up to K one-sided rectangles each, in world space.
+
+    Args:
+        corner: ``(L, K, 3)``; a rectangle is ``corner + s edge_u + t edge_v`` for s, t in [0, 1].
+        edge_u: ``(L, K, 3)``.
+        edge_v: ``(L, K, 3)``; ``edge_u x edge_v`` points to the side that shines. Both edges are zero where a lamp has
+            fewer than K rectangles.
+        radiance: ``(L, 3)`` linear.
+        center: ``(L, 3)`` of a sphere that holds all rectangles.
+        radius: ``(L,)`` of that sphere, world units.
+    """
+
+    corner: Tensor
+    edge_u: Tensor
+    edge_v: Tensor
+    radiance: Tensor
+    center: Tensor
+    radius: Tensor
+
+    def __len__(self) -> int:
+        return self.corner.shape[0]
+
+
+def lamps_of(scene: Scene, poses: Tensor) -> Lamps:
+    """All lamps of a scene at one time; instances shine too, unless their mask hides them from secondary rays.
+
+    Args:
+        scene: world and instances.
+        poses: ``(I, 4, 4)`` world from model.
+
+    Returns:
+        The lamps; none where nothing emits.
+    """
+    parts = [lamps_of_world(scene.world)]
+    for instance, pose in zip(scene.instances, poses, strict=True):
+        if instance.mask & MASK_SECONDARY:
+            parts.append(_moved(lamps_of_world(instance.model), pose.to(scene.world.device), instance.scale))
+    widest = max(part.corner.shape[1] for part in parts)
+    corner, edge_u, edge_v = (
+        torch.cat([_widen(getattr(part, name), widest) for part in parts]) for name in ("corner", "edge_u", "edge_v")
+    )
+    radiance, center, radius = (
+        torch.cat([getattr(part, name) for part in parts]) for name in ("radiance", "center", "radius")
+    )
+    return Lamps(corner, edge_u, edge_v, radiance, center, radius)
+
+
+def lamps_of_world(world: World) -> Lamps:
+    """The lamps of a voxel grid in its own coordinates.
+
+    A face shines where the voxel before it lets light through and is of another material. Faces of one material in a
+    cell of 4x4x4 voxels (of more where there would be many lamps) make a lamp; those of them that fill a rectangle
+    become one rectangle.
+    """
+    if world not in _known:
+        _known[world] = _found(world)
+    return _known[world]
+
+
+def _found(world: World) -> Lamps:
+    faces, sides, ids = _exposed_faces(world)
+    if not len(ids):
+        none = torch.zeros(0, 1, 3, device=world.device)
+        return Lamps(none, none, none, none[:, 0], none[:, 0], none[:, 0, 0])
+    cells, lamp = ids[:, None], ids
+    for group in GROUPS:
+        key = torch.cat([torch.div(faces, group, rounding_mode="floor"), ids[:, None]], dim=1)
+        cells, lamp = torch.unique(key, dim=0, return_inverse=True)
+        if len(cells) <= MANY:
+            break
+    low, high, sides, lamp = _merged(faces, sides, lamp)
+    return _assembled(low, high, sides, lamp, world.materials.emission[cells[:, -1]])
+
+
+def _exposed_faces(world: World) -> tuple[Tensor, Tensor, Tensor]:
+    """Voxel ``(F, 3)``, side ``(F,)`` (twice the axis, plus one where it faces up the axis) and material ``(F,)``."""
+    materials = world.materials
+    voxels, ids = _emissive_voxels(world)
+    kept: list[tuple[Tensor, Tensor, Tensor]] = []
+    for side in range(6):
+        step = torch.zeros(3, dtype=torch.long, device=world.device)
+        step[side // 2] = 1 if side % 2 else -1
+        before = world.at(voxels + step).long()
+        open_ = (materials.opacity[before] < 1) & (before != ids)
+        kept.append((voxels[open_], torch.full_like(ids[open_], side), ids[open_]))
+    faces, sides, ids = (torch.cat(group) for group in zip(*kept, strict=True))
+    return faces, sides, ids
+
+
+def _emissive_voxels(world: World) -> tuple[Tensor, Tensor]:
+    """World voxel coordinates ``(V, 3)`` and ids ``(V,)`` of everything that emits."""
+    shines = torch.zeros_like(world.bricks, dtype=torch.bool)
+    for number in (world.materials.emission.amax(dim=1) > 0).nonzero()[:, 0].tolist():
+        shines |= world.bricks == number
+    cells = shines.flatten(1).any(dim=1)[world.index.long()].nonzero()
+    bricks = world.index[tuple(cells.unbind(dim=1))].long()
+    which, *inner = shines[bricks].nonzero(as_tuple=True)
+    origin = torch.tensor(world.origin, device=world.device)
+    return cells[which] * BRICK + torch.stack(inner, dim=1) + origin, world.bricks[bricks[which], *inner].long()
+
+
+def _merged(faces: Tensor, sides: Tensor, lamp: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Low and high corner, side and lamp of the rectangles that the unit faces make."""
+    axis = torch.div(sides, 2, rounding_mode="floor")[:, None]
+    along = torch.zeros_like(faces).scatter(1, axis, 1)
+    low = faces + along * (sides % 2)[:, None]
+    high = low + 1 - along
+    key = torch.stack([lamp, sides, low.gather(1, axis)[:, 0]], dim=1)
+    plane, group, count = torch.unique(key, dim=0, return_inverse=True, return_counts=True)
+    spread = group[:, None].expand(-1, 3)
+    least = torch.zeros_like(low[: len(plane)]).scatter_reduce(0, spread, low, "amin", include_self=False)
+    most = torch.zeros_like(low[: len(plane)]).scatter_reduce(0, spread, high, "amax", include_self=False)
+    full = (most - least).clamp_min(1).prod(dim=1) == count
+    rest = ~full[group]
+    pairs = ((least[full], low[rest]), (most[full], high[rest]), (plane[full, 1], sides[rest]))
+    low, high, sides = (torch.cat(pair) for pair in pairs)
+    return low, high, sides, torch.cat([plane[full, 0], lamp[rest]])
+
+
+def _assembled(low: Tensor, high: Tensor, sides: Tensor, lamp: Tensor, radiance: Tensor) -> Lamps:
+    """Rectangles sorted into the rows of a table, one row a lamp."""
+    lamp, order = lamp.sort(stable=True)
+    low, high, sides = low[order].float(), high[order].float(), sides[order]
+    axis, up = torch.div(sides, 2, rounding_mode="floor"), (sides % 2).bool()
+    # the two other axes in the order whose cross product points out of the voxel
+    first = torch.where(up, axis + 1, axis + 2) % 3
+    size = high - low
+    edge_u = torch.zeros_like(size).scatter(1, first[:, None], size.gather(1, first[:, None]))
+    count = torch.bincount(lamp, minlength=len(radiance))
+    place = torch.arange(len(lamp), device=lamp.device) - (count.cumsum(0) - count)[lamp]
+    table = torch.zeros(3, len(radiance), int(count.max()), 3, device=low.device)
+    table[:, lamp, place] = torch.stack([low, edge_u, size - edge_u])
+    spread = lamp[:, None].expand(-1, 3)
+    least = torch.zeros_like(radiance).scatter_reduce(0, spread, low, "amin", include_self=False)
+    most = torch.zeros_like(radiance).scatter_reduce(0, spread, high, "amax", include_self=False)
+    return Lamps(table[0], table[1], table[2], radiance, (least + most) / 2, (most - least).norm(dim=1) / 2)
+
+
+def _moved(lamps: Lamps, pose: Tensor, scale: float) -> Lamps:
+    rotation, offset = pose[:3, :3].T * scale, pose[:3, 3]
+    return Lamps(
+        lamps.corner @ rotation + offset,
+        lamps.edge_u @ rotation,
+        lamps.edge_v @ rotation,
+        lamps.radiance,
+        lamps.center @ rotation + offset,
+        lamps.radius * scale,
+    )
+
+
+def _widen(table: Tensor, width: int) -> Tensor:
+    return torch.nn.functional.pad(table, (0, 0, 0, width - table.shape[1]))

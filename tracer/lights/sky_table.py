@@ -1,0 +1,62 @@
+"""The sky as a light that paths send rays to: often to where it is bright."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from gbufrt.environment import environment_solid_angles
+from tracer.lights.sky import environment
+from tracer.scene.scene import Scene
+
+CELLS = (32, 64)  # of a lat-long picture, in each of which all directions are as likely
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SkyTable:
+    """How likely each direction is, in proportion to the radiance of the sky there.
+
+    Args:
+        upto: ``(C,)`` probability of all cells up to each, row by row of the lat-long picture.
+        density: ``(C,)`` per steradian.
+    """
+
+    upto: Tensor
+    density: Tensor
+
+    @staticmethod
+    def of(scene: Scene) -> SkyTable | None:
+        """The table of a scene; None where the sky is black."""
+        light = environment(scene, size=CELLS).mean(dim=1).flatten()
+        angles = environment_solid_angles(CELLS, device=light.device).expand(1, 1, *CELLS).flatten()
+        total = (light * angles).sum()
+        if not total > 0:
+            return None
+        density = light / total
+        return SkyTable(upto=(density * angles).cumsum(0), density=density)
+
+    def sample(self, u: Tensor) -> tuple[Tensor, Tensor]:
+        """Directions ``(N, 3)`` and their density ``(N,)``, from numbers ``(2, N)`` in [0, 1).
+
+        Source: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th ed., 12.5 (image infinite lights).
+        """
+        place = u[0] * self.upto[-1]
+        cell = torch.searchsorted(self.upto, place).clamp_max(len(self.upto) - 1)
+        before = torch.where(cell > 0, self.upto[cell - 1], 0.0)
+        within = ((place - before) / (self.upto[cell] - before).clamp_min(1e-12)).clamp(0.0, 1.0)
+        row, column = cell // CELLS[1], cell % CELLS[1]
+        top, bottom = (row * (math.pi / CELLS[0])).cos(), ((row + 1) * (math.pi / CELLS[0])).cos()
+        y = top + (bottom - top) * within
+        across = (1 - y * y).clamp_min(0.0).sqrt()
+        azimuth = (column + u[1]) * (2 * math.pi / CELLS[1]) - math.pi
+        return torch.stack([across * azimuth.sin(), y, -across * azimuth.cos()], dim=1), self.density[cell]
+
+    def density_of(self, directions: Tensor) -> Tensor:
+        """``(N,)`` density with which `sample` finds ``directions`` ``(N, 3)``."""
+        x, y, z = directions.unbind(dim=1)
+        row = (y.clamp(-1.0, 1.0).acos() * (CELLS[0] / math.pi)).long().clamp_max(CELLS[0] - 1)
+        column = ((torch.atan2(x, -z) / (2 * math.pi) + 0.5) * CELLS[1]).long().clamp(0, CELLS[1] - 1)
+        return self.density[row * CELLS[1] + column]

@@ -1,0 +1,1 @@
+"""Light paths: the path tracer's surfaces, bounces and receivers."""

@@ -1,0 +1,257 @@
+"""Steps of light paths, many at a time: what rays meet, and the light that comes straight from sun and lamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from gbufrt.specular import DIELECTRIC_F0, mirrored_share, schlick
+from gbufrt.tree import map_tensors
+from tracer.direct.lighting import LIFT, LIFT_RELATIVE
+from tracer.lights.samples import Lights, LightSample
+from tracer.lights.shadows import SHORT
+from tracer.sampling.scatter import dot
+from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW, Scene
+from tracer.texture import variation
+from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+
+LAYERS = 16  # transmissive surfaces that a ray goes through at most
+MOST_PASS = 0.95  # so that a transmissive surface shows itself to at least one ray in twenty
+MAX_RUN = 64.0  # world units of one transmissive material beyond which it dims no further
+FINE = 1e9  # pixels a voxel: all detail of the colour
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Vertices:
+    """N places on surfaces.
+
+    Args:
+        points: ``(N, 3)`` world space, a little above the surface.
+        normals: ``(N, 3)`` unit length, world space, facing where the ray came from.
+        toward: ``(N, 3)`` unit length, back along the ray.
+        albedo: ``(N, 3)`` linear.
+        roughness: ``(N,)`` perceptual.
+        metallic: ``(N,)``.
+        opacity: ``(N,)``.
+        emission: ``(N, 3)``.
+        inside: ``(N,)`` bool: the place lies within a transmissive material.
+        instances: ``(N,)`` integers, which they are on, 0 for the world.
+    """
+
+    points: Tensor
+    normals: Tensor
+    toward: Tensor
+    albedo: Tensor
+    roughness: Tensor
+    metallic: Tensor
+    opacity: Tensor
+    emission: Tensor
+    inside: Tensor
+    instances: Tensor
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __getitem__(self, rows: Tensor | slice) -> Vertices:
+        return map_tensors(lambda x: x[rows], self)
+
+    def repeat(self, times: int) -> Vertices:
+        """All of them, ``times`` times over."""
+        return map_tensors(lambda x: x.repeat(times, *(1,) * (x.ndim - 1)), self) if times > 1 else self
+
+    @property
+    def alpha(self) -> Tensor:
+        """``(N,)`` GGX width."""
+        return self.roughness * self.roughness
+
+    @property
+    def f0(self) -> Tensor:
+        """``(N, 3)`` reflectance at normal incidence: 0.04 for dielectrics, the albedo for metals."""
+        return DIELECTRIC_F0 + (self.albedo - DIELECTRIC_F0) * self.metallic[:, None]
+
+    @property
+    def diffuse(self) -> Tensor:
+        """``(N, 3)`` share of light that is scattered evenly; see `tracer.direct.lighting.light`."""
+        return self.albedo * ((1 - self.metallic) * self.opacity)[:, None]
+
+    @property
+    def enters(self) -> Tensor:
+        """``(N, 1)`` share that shows of what is under a dielectric surface, which mirrors the rest toward the eye."""
+        return 1 - mirrored_share(dot(self.normals, self.toward), self.roughness)[:, None]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Met:
+    """What N rays came to.
+
+    Args:
+        hit: ``(N,)`` bool: a surface, else the sky.
+        weight: ``(N, 3)`` factor on the light from there.
+        distance: ``(N,)``, inf for the sky.
+        rows: ``(M,)`` numbers of the rays that hit.
+        surface: the M places that they hit.
+    """
+
+    hit: Tensor
+    weight: Tensor
+    distance: Tensor
+    rows: Tensor
+    surface: Vertices
+
+
+def meet(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    u: Tensor,
+    *,
+    poses: Tensor,
+    inside: Tensor | None = None,
+    mask: int = MASK_SECONDARY,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+    most: float = MOST_PASS,
+    detail: Tensor | float = FINE,
+    spreads: bool = False,
+) -> Met:
+    """Follow each ray to the one surface, or the sky, that it shows.
+
+    A transmissive surface is gone through, straight on, as often as it lets light through, and otherwise shows its own
+    share: a ray stays one ray, and the mean over rays is transmittance x what is behind + what the surface sends. What
+    comes through is less what a smooth surface mirrors.
+
+    Args:
+        scene: what is there.
+        origins: ``(N, 3)`` world space.
+        directions: ``(N, 3)`` world space, unit length.
+        u: ``(N,)`` in [0, 1): whether to go through.
+        poses: ``(I, 4, 4)`` of the instances.
+        inside: ``(N,)`` bool: which rays begin within a transmissive material; by default none.
+        mask: which instances are seen.
+        t_min: where rays begin.
+        t_max: where rays end; what is farther is not there.
+        most: how often a surface is gone through at most.
+        detail: ``(N,)`` pixels that a world unit spans, for the detail of colours; by default all of it.
+        spreads: ``detail`` is that at distance 1 and falls with the distance, rather than the same everywhere.
+
+    Returns:
+        See `Met`.
+    """
+    given = {"poses": poses, "mask": mask, "t_max": t_max}
+    hits = trace(scene, origins, directions, t_min=t_min, **given)
+    weight = torch.ones_like(origins)
+    inside = torch.zeros_like(hits.hit) if inside is None else inside.clone()
+    begun = (inside & hits.hit & ~hits.back_face).nonzero()[:, 0]
+    if len(begun):
+        ends = (hits.t[begun] - SHORT).clamp_min(0)
+        way = origins[begun], directions[begun]
+        weight[begun] = transmission(scene, *way, poses=poses, mask=mask, t_min=0.0, t_max=ends)
+    if bool((scene.materials.opacity[1:] < 1).any()):
+        _go_through(scene, origins, directions, u.clone(), hits, weight, inside, most, given)
+    rows = hits.hit.nonzero()[:, 0]
+    pixels = torch.as_tensor(detail, dtype=hits.t.dtype, device=rows.device).expand_as(hits.t)[rows]
+    pixels = pixels / hits.t[rows].clamp_min(1e-9) if spreads else pixels
+    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels)
+    return Met(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
+
+
+def _go_through(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    u: Tensor,
+    hits: Hits,
+    weight: Tensor,
+    inside: Tensor,
+    most: float,
+    given: dict,
+) -> None:
+    """Send rays on through transmissive surfaces; ``hits``, ``weight`` and ``inside`` become those of their ends."""
+    table = scene.materials
+    rows = (hits.hit & (table.opacity[hits.material.long()] < 1)).nonzero()[:, 0]
+    for _ in range(LAYERS):
+        if not len(rows):
+            return
+        first, way = _at(hits, rows), (origins[rows], directions[rows])
+        which, poses = first.material.long(), given["poses"]
+        run = run_lengths(scene, *way, first, poses=poses, cap=MAX_RUN)[1]
+        run = torch.where(first.back_face, first.t, run)
+        enters = 1 - schlick(dot(first.normal, way[1]).abs(), DIELECTRIC_F0)
+        share = (enters * _passing(scene, which, run).mean(dim=1)).clamp_max(most)
+        goes = u[rows] < share
+        u[rows] = torch.where(goes, u[rows] / share.clamp_min(1e-12), (u[rows] - share) / (1 - share).clamp_min(1e-12))
+        weight[rows[~goes]] /= (1 - share[~goes])[:, None]
+        rows, first, which, run = rows[goes], _at(first, goes), which[goes], run[goes]
+        factor = (enters[goes] / share[goes])[:, None]
+        ends = given["t_max"] if not isinstance(given["t_max"], Tensor) else given["t_max"][rows]
+        behind = trace(
+            scene, origins[rows], directions[rows], poses=poses, mask=given["mask"], t_max=ends, beyond=first
+        )
+        run = torch.where(first.back_face, run, torch.minimum(run, behind.t - first.t))
+        weight[rows] *= _passing(scene, which, run) * factor
+        inside[rows] = ~first.back_face & (run >= behind.t - first.t - SHORT)
+        for field in fields(Hits):
+            getattr(hits, field.name)[rows] = getattr(behind, field.name)
+        rows = rows[behind.hit & (table.opacity[behind.material.long()] < 1)]
+
+
+def _passing(scene: Scene, which: Tensor, run: Tensor) -> Tensor:
+    """``(N, 3)`` light that comes through a ``run`` of a material."""
+    table = scene.materials
+    return (1 - table.opacity[which])[:, None] * table.tint[which] ** run.clamp_min(0)[:, None]
+
+
+def _at(hits: Hits, rows: Tensor) -> Hits:
+    return map_tensors(lambda x: x[rows], hits)
+
+
+def _vertices(
+    scene: Scene, origins: Tensor, directions: Tensor, hits: Hits, inside: Tensor, pixels: Tensor
+) -> Vertices:
+    """Surfaces where rays hit; ``pixels`` ``(N,)`` a world unit spans there."""
+    table, which = scene.materials, hits.material.long()
+    scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
+    facing = dot(hits.normal, directions).abs().clamp_min(1e-3).sqrt()
+    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels * scales * facing)
+    lift = (LIFT + LIFT_RELATIVE * hits.t)[:, None]
+    return Vertices(
+        points=origins + directions * hits.t[:, None] + (hits.normal - directions) * lift,
+        normals=hits.normal,
+        toward=-directions,
+        albedo=(table.albedo[which] * tone[:, None]).clamp(0.0, 1.0),
+        roughness=table.roughness[which],
+        metallic=table.metallic[which],
+        opacity=table.opacity[which],
+        emission=table.emission[which],
+        inside=inside,
+        instances=hits.instance,
+    )
+
+
+def direct(
+    scene: Scene, lights: Lights, at: Vertices, u: Tensor, respond: Callable[[LightSample], Tensor], *, poses: Tensor
+) -> list[tuple[LightSample, Tensor]]:
+    """Light straight from sun and lamps, by one shadow ray to each kind.
+
+    Args:
+        scene: what may stand between.
+        lights: of the scene.
+        at: N surfaces.
+        u: ``(6, N)`` in [0, 1).
+        respond: a sample to the factor ``(N, 3)`` on its radiance: reflectance x cosine.
+        poses: ``(I, 4, 4)`` of the instances.
+
+    Returns:
+        Of each kind, the sample and the radiance ``(N, 3)`` that it adds.
+    """
+    found = []
+    for sample in lights.sample(at.points, at.normals, u):
+        value = respond(sample) * sample.energy
+        rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
+        way = at.points[rows], sample.direction[rows]
+        value[rows] *= transmission(scene, *way, poses=poses, mask=MASK_SHADOW, t_max=sample.distance[rows])
+        found.append((sample, value))
+    return found

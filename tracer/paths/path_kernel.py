@@ -1,0 +1,202 @@
+"""The compiled form of `tracer.paths.radiance` and `tracer.paths.diffuse`: a path at a time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gbufrt.compute.kernel import scalar
+from gbufrt.specular import DIELECTRIC_F0
+from tracer.lights.kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
+from tracer.lights.samples import DIMS
+from tracer.paths.diffuse import EVEN
+from tracer.paths.meet import FINE, MOST_PASS
+from tracer.paths.meet_kernel import WHITE, meet, transmit
+from tracer.paths.radiance import LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
+from tracer.paths.seen_kernel import put_back, sees
+from tracer.sampling.scatter_kernel import (
+    added,
+    along,
+    cosine_direction,
+    dot,
+    fresnel,
+    mirrored,
+    mirrored_share,
+    scaled,
+    specular_response,
+    times,
+)
+from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
+from tracer.traversal.rays import FARTHEST
+
+
+@scalar
+def diffuse_of(at):
+    return scaled(at.albedo, (1 - at.metallic) * at.opacity)
+
+
+@scalar
+def f0_of(at):
+    some = at.metallic
+    return (
+        DIELECTRIC_F0 + (at.albedo[0] - DIELECTRIC_F0) * some,
+        DIELECTRIC_F0 + (at.albedo[1] - DIELECTRIC_F0) * some,
+        DIELECTRIC_F0 + (at.albedo[2] - DIELECTRIC_F0) * some,
+    )
+
+
+@scalar
+def _response(at, direction, even, mirrors):
+    """Reflectance x cosine: ``even`` the share that is scattered evenly, and the mirrored one if it ``mirrors``."""
+    value = scaled(even, max(dot(at.normal, direction), 0.0) / math.pi)
+    if not mirrors:
+        return value
+    alpha = max(at.roughness * at.roughness, LEAST_ALPHA)
+    return added(value, specular_response(at.normal, at.toward, alpha, f0_of(at), direction))
+
+
+@scalar
+def _direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
+    """Light straight from the sun and from one lamp; see `tracer.paths.meet.direct`."""
+    lit, light = tables.lit, NOTHING
+    if shines(lit):
+        direction, energy = sun_sample(lit, u[first, i], u[first + 1, i])
+        value = times(_response(at, direction, even, mirrors_sun), energy)
+        if max(value) > 0:
+            light = times(value, transmit(tables, at.point, direction, FARTHEST, MASK_SHADOW))
+    if len(lit.lamps):
+        light = added(light, from_lamp(tables, at, u, i, first + 2, even, mirrors_lamps)[0])
+    return light
+
+
+@scalar
+def from_lamp(tables, at, u, i, first, even, mirrors):
+    """Light from one lamp, the place where it comes from, and the lamp's number (-1 for none)."""
+    numbers = (u[first, i], u[first + 1, i], u[first + 2, i], u[first + 3, i])
+    direction, distance, energy, lamp = lamp_sample(tables.lit, at.point, at.normal, *numbers)
+    place = along(at.point, direction, distance)
+    if lamp >= 0 and max(energy) > 0:
+        value = times(_response(at, direction, even, mirrors), energy)
+        if max(value) > 0:
+            return times(value, transmit(tables, at.point, direction, distance, MASK_SHADOW)), place, lamp
+    return NOTHING, place, lamp
+
+
+@scalar
+def gathered(tables, at, u, i, first, bounces):
+    """See `tracer.paths.diffuse.gathered`."""
+    total, through = NOTHING, WHITE
+    for bounce in range(bounces):
+        through = times(through, diffuse_of(at))
+        total = added(total, times(through, _direct(tables, at, u, i, first, WHITE, False, False)))
+        direction = cosine_direction(at.normal, u[first + DIMS, i], u[first + DIMS + 1, i])
+        if bounce == bounces - 1:
+            passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
+            if max(passed) > 0:
+                total = added(total, times(times(through, passed), sky(tables.lit, direction)))
+            break
+        number = u[first + DIMS + 2, i]
+        met = _go_on(tables, at, direction, number)
+        through = times(through, met.weight)
+        if met.t == np.inf:
+            total = added(total, times(through, sky(tables.lit, direction)))
+            break
+        at = met.surface
+        first += EVEN
+    return total
+
+
+@scalar
+def _go_on(tables, at, direction, number):
+    mask = MASK_SECONDARY
+    return meet(tables, at.point, direction, number, at.inside, mask, 0.0, FARTHEST, MOST_PASS, FINE, False)
+
+
+@scalar
+def radiance(tables, camera, picture, met, known, direction, u, i, first, bounces, next_event):
+    """See `tracer.paths.radiance.radiance`; ``known`` is 1 where what was met shows in the picture, else 0."""
+    lit = tables.lit
+    total, seen, through, sees_sun, sees_lamps, density = NOTHING, NOTHING, WHITE, True, True, 0.0
+    sharp = lit.sky[DISC, 0]
+    for bounce in range(bounces + 2):
+        through = times(through, met.weight)
+        if met.t == np.inf:
+            share = 1.0
+            if density > 0 and len(lit.sky_upto):
+                share = density / (density + sky_density(lit, direction))
+            light = scaled(sky(lit, direction), share)
+            if sees_sun and shines(lit):
+                light = added(light, sun(lit, direction))
+            light = times(through, light)
+            return added(total, light), along(seen, light, known)
+        at = met.surface
+        if bounce and known > 0:
+            point, normal = put_back(camera, at.point, at.normal, at.instance)
+            known = 1.0 if sees(camera, picture, point, normal) else 0.0
+        light = at.emission if sees_lamps else NOTHING
+        sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
+        if next_event and bounce <= bounces:
+            light = added(light, _direct(tables, at, u, i, first, _matt(at), not sharp_sun, not sharp_lamp))
+            if len(lit.sky_upto):
+                light = added(light, _from_sky(tables, at, u[first + DIMS + 5, i], u[first + DIMS + 6, i]))
+        light = times(through, light)
+        total, seen = added(total, light), along(seen, light, known)
+        if bounce > bounces:
+            break
+        direction, factor, density = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
+        sees_sun = (density == 0 and sharp_sun) or not next_event
+        sees_lamps = (density == 0 and sharp_lamp) or not next_event
+        density = density if next_event else 0.0
+        through = times(through, factor)
+        most = max(through)
+        chance = min(max(most, SURVIVAL), 1.0) if bounce else 1.0
+        if not (most > 0 and u[first + DIMS + 3, i] < chance):
+            break
+        through = scaled(through, 1 / chance)
+        met = _go_on(tables, at, direction, u[first + DIMS + 4, i])
+        first += MORE
+    return total, seen
+
+
+@scalar
+def _matt(at):
+    """Share of light that is scattered evenly toward the eye."""
+    return scaled(diffuse_of(at), 1 - mirrored_share(dot(at.normal, at.toward), at.roughness))
+
+
+@scalar
+def _from_sky(tables, at, a, b):
+    """Light of the sky that is scattered evenly, by one ray."""
+    matt = _matt(at)
+    direction, density = sky_sample(tables.lit, a, b)
+    even = max(dot(at.normal, direction), 0.0) / math.pi
+    if not (even > 0 and max(matt) > 0):
+        return NOTHING
+    passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
+    if not max(passed) > 0:
+        return NOTHING
+    share = even / (density + (1 - _mirrors(at)) * even)
+    return times(scaled(matt, share), times(passed, sky(tables.lit, direction)))
+
+
+@scalar
+def _mirrors(at):
+    """How often a path goes on mirrored rather than scattered evenly."""
+    matt = _matt(at)
+    even = (matt[0] + matt[1] + matt[2]) / 3
+    bright = fresnel(f0_of(at), dot(at.normal, at.toward))
+    some = (bright[0] + bright[1] + bright[2]) / 3
+    return min(max(some / max(some + even, 1e-9), RARELY), 1 - RARELY) if even > 0 else 1.0
+
+
+@scalar
+def _scattered(at, a, b, c):
+    """Where a path goes on, the factor on the light from there, and the density of that, 0 if it is mirrored."""
+    chance = _mirrors(at)
+    if a >= chance:
+        direction = cosine_direction(at.normal, b, c)
+        density = (1 - chance) * max(dot(at.normal, direction), 0.0) / math.pi
+        return direction, scaled(_matt(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
+    direction, weight, cosine = mirrored(at.normal, at.toward, at.roughness * at.roughness, b, c)
+    return direction, scaled(fresnel(f0_of(at), cosine), weight / chance), 0.0

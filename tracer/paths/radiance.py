@@ -1,0 +1,234 @@
+"""Light that comes along paths with any number of bounces."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+
+import torch
+from torch import Tensor
+
+from gbufrt.tree import map_tensors
+from tracer.lights.samples import DIMS, Lights, LightSample
+from tracer.lights.sky import beyond, sky_along
+from tracer.lights.sky_table import SkyTable
+from tracer.paths.diffuse import even_response
+from tracer.paths.meet import FINE, Vertices, direct, meet
+from tracer.paths.seen import Picture
+from tracer.sampling.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
+from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
+from tracer.traversal.rays import transmission
+
+SHARP_LAMP = 0.3  # roughness below which lamps are found by mirrored rays, above it by rays to the lamps
+MORE = DIMS + 7  # numbers that a bounce takes
+RARELY = 0.1  # least share of rays that a surface mirrors, and that it scatters evenly, if it does both
+LEAST_ALPHA = 1e-4  # GGX width below which rays to lights take the surface for slightly rough
+SURVIVAL = 0.1  # least chance of a path to go on
+
+
+def radiance(
+    scene: Scene,
+    lights: Lights,
+    origins: Tensor,
+    directions: Tensor,
+    u: Tensor,
+    *,
+    bounces: int,
+    poses: Tensor,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+    detail: Tensor | float = FINE,
+    spreads: bool = False,
+    next_event: bool = True,
+    picture: Picture | None = None,
+    known: Tensor | None = None,
+) -> tuple[Tensor, Tensor]:
+    """All light that comes along rays from the eye.
+
+    At each surface one ray goes to the sun, one to a lamp and one to the sky, and the path goes on evenly or mirrored.
+    Where it goes on evenly and finds the sky, it and the ray to the sky share what they found by how likely each was to
+    find it. What is mirrored finds the sky itself; and sun and lamps, where it is too sharp for rays to them to count.
+
+    A dielectric scatters what it does not mirror toward the eye, and lets through what it would not if it were smooth:
+    in an even light it shows no more than it receives.
+
+    Args:
+        scene: what is there.
+        lights: of the scene.
+        origins: ``(N, 3)`` of the rays, world space.
+        directions: ``(N, 3)``, unit length.
+        u: ``(1 + MORE * (bounces + 1), N)`` in [0, 1).
+        bounces: surfaces between the first one and a light at most.
+        poses: ``(I, 4, 4)``.
+        t_min: as for `tracer.paths.meet`, for the rays from the eye; and so are the next three.
+        t_max: where they end.
+        detail: of the colours of what they meet.
+        spreads: whether that falls with the distance.
+        next_event: False leaves all light to the path, which is the same in the mean and noisier.
+        picture: what a camera sees.
+        known: ``(N,)`` bool, which rays come first to what the picture shows; by default all.
+
+    Returns:
+        ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface, after the first, but those
+        that the ``picture`` shows; 0 without one, and where what comes first is not ``known``.
+
+    Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for ending paths at random.
+    """
+    paths = _Paths.begin(directions, known=picture is not None)
+    paths = paths if known is None else replace(paths, known=paths.known & known)
+    total, seen = torch.zeros_like(directions), torch.zeros_like(directions)
+
+    def add(paths: _Paths, light: Tensor) -> None:
+        total[paths.rows] += paths.through * light
+        seen[paths.rows] += paths.through * light * paths.known[:, None]
+
+    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
+    met, u = meet(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first), u[1:]
+    for bounce in range(bounces + 2):
+        paths = replace(paths, through=paths.through * met.weight)
+        away = paths[~met.hit]
+        add(away, beyond(scene, directions[~met.hit], away.sees_sun, _share(lights.sky, directions[~met.hit], away)))
+        at, paths, u = met.surface, paths[met.rows], u[:, met.rows]
+        if bounce and picture is not None:
+            shows = picture.sees(*picture.put_back(at.points, at.normals, at.instances))
+            paths = replace(paths, known=paths.known & shows)
+        add(paths, at.emission * paths.sees_lamps[:, None])
+        if bounce > bounces or not len(paths.rows):
+            break
+        numbers, u = u[:MORE], u[MORE:]
+        sharp_sun, sharp_lamp = _sharp(scene, at)
+        if next_event:
+            respond = partial(_response, at, sharp_sun, sharp_lamp)
+            for _, light in direct(scene, lights, at, numbers[:DIMS], respond, poses=poses):
+                add(paths, light)
+            if lights.sky is not None:
+                add(paths, _from_sky(scene, lights.sky, at, numbers[DIMS + 5 :], poses))
+        directions, factor, density = _scattered(at, numbers[DIMS : DIMS + 3])
+        through, mirrors = paths.through * factor, density == 0
+        chance = through.amax(dim=1).clamp(SURVIVAL, 1.0) if bounce else torch.ones_like(through[:, 0])
+        lives = ((through.amax(dim=1) > 0) & (numbers[DIMS + 3] < chance)).nonzero()[:, 0]
+        paths = replace(
+            paths,
+            through=through / chance[:, None],
+            sees_sun=(mirrors & sharp_sun) | (not next_event),
+            sees_lamps=(mirrors & sharp_lamp) | (not next_event),
+            density=density * next_event,
+        )
+        paths, directions, u, at = paths[lives], directions[lives], u[:, lives], at[lives]
+        met = meet(scene, at.points, directions, numbers[DIMS + 4, lives], poses=poses, inside=at.inside)
+    return total, seen
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Paths:
+    """N paths on their way.
+
+    Args:
+        rows: ``(N,)`` their numbers.
+        through: ``(N, 3)`` factor on the light that they find.
+        sees_sun: ``(N,)`` bool: no ray to the sun has found it already.
+        sees_lamps: ``(N,)`` bool, likewise.
+        density: ``(N,)`` of having gone on this way, where a ray to the sky might have found the same; else 0.
+        known: ``(N,)`` bool: the picture shows every surface so far.
+    """
+
+    rows: Tensor
+    through: Tensor
+    sees_sun: Tensor
+    sees_lamps: Tensor
+    density: Tensor
+    known: Tensor
+
+    @staticmethod
+    def begin(directions: Tensor, *, known: bool) -> _Paths:
+        rows = torch.arange(len(directions), device=directions.device)
+        yes, none = torch.ones_like(rows, dtype=torch.bool), torch.zeros_like(directions[:, 0])
+        through = torch.ones_like(directions)
+        return _Paths(rows=rows, through=through, sees_sun=yes, sees_lamps=yes, density=none, known=yes & known)
+
+    def __getitem__(self, rows: Tensor) -> _Paths:
+        return map_tensors(lambda x: x[rows], self)
+
+
+def _share(table: SkyTable | None, directions: Tensor, paths: _Paths) -> Tensor:
+    """``(N,)`` share of the sky that counts where paths have found it, the rest being that of rays to it."""
+    if table is None:
+        return torch.ones_like(paths.density)
+    return torch.where(paths.density > 0, paths.density / (paths.density + table.density_of(directions)), 1.0)
+
+
+def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
+    """``(N, 3)`` light of the sky that surfaces scatter evenly, by one ray each; from numbers ``(2, N)``."""
+    directions, density = table.sample(u)
+    cosine = dot(at.normals, directions).clamp_min(0) / math.pi
+    share = cosine / (density + (1 - _mirrors(at)) * cosine).clamp_min(1e-12)
+    value = at.diffuse * at.enters * share[:, None]
+    rows = (value.amax(dim=1) > 0).nonzero()[:, 0]
+    way = directions[rows]
+    passed = transmission(scene, at.points[rows], way, poses=poses, mask=MASK_SECONDARY)
+    value[rows] *= passed * sky_along(scene, way)
+    return value
+
+
+def mirrored_lamps(
+    scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Lamps mirrored by surfaces, by one ray to a lamp each.
+
+    Args:
+        scene: what is there.
+        lights: of the scene, among them a lamp.
+        at: N surfaces.
+        u: ``(6, N)`` in [0, 1).
+        poses: ``(I, 4, 4)``.
+
+    Returns:
+        ``(N, 3)`` each: radiance, the place on the lamp, and the lamp's normal.
+    """
+    lamps = replace(lights, sun=None)
+    ((sample, light),) = direct(scene, lamps, at, u, lambda s: glossy(at, s.direction), poses=poses)
+    facing = torch.zeros_like(at.points) if sample.facing is None else sample.facing
+    return light, at.points + sample.direction * sample.distance[:, None], facing
+
+
+def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
+    """Response of surfaces, without the mirrored share where it is sharp."""
+    value = at.diffuse * at.enters * even_response(at, sample)
+    rows = (~(sharp_sun if sample.facing is None else sharp_lamp)).nonzero()[:, 0]
+    value[rows] += glossy(at[rows], sample.direction[rows])
+    return value
+
+
+def glossy(at: Vertices, directions: Tensor) -> Tensor:
+    """Mirrored share ``(N, 3)`` of light from ``directions``, times the cosine; 0 for light from below."""
+    return specular_response(at.normals, at.toward, at.alpha.clamp_min(LEAST_ALPHA), at.f0, directions)
+
+
+def _sharp(scene: Scene, at: Vertices) -> tuple[Tensor, Tensor]:
+    """``(N,)`` bool each: whether a surface mirrors the sun, and lamps, too sharply to be lit by rays to them."""
+    disc = 0.0 if scene.sun is None else math.sin(math.radians(scene.sun.angular_radius))
+    return at.alpha < disc, at.roughness < SHARP_LAMP
+
+
+def _mirrors(at: Vertices) -> Tensor:
+    """``(N,)`` how often paths go on mirrored rather than scattered evenly."""
+    even = (at.diffuse * at.enters).mean(dim=1)
+    bright = fresnel(at.f0, dot(at.normals, at.toward)).mean(dim=1)
+    return torch.where(even > 0, (bright / (bright + even).clamp_min(1e-9)).clamp(RARELY, 1 - RARELY), 1.0)
+
+
+def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Where paths go on: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and the density ``(N,)`` of
+    those that are scattered evenly, 0 of those that are mirrored; from numbers ``(3, N)``."""
+    chance = _mirrors(at)
+    mirrors = u[0] < chance
+    directions = cosine_direction(at.normals, u[1:])
+    factors = at.diffuse * at.enters / (1 - chance).clamp_min(1e-9)[:, None]
+    density = (1 - chance) * dot(at.normals, directions) / math.pi
+    density = torch.where(mirrors, 0.0, density.clamp_min(1e-12))
+    rows = mirrors.nonzero()[:, 0]
+    some = at[rows]
+    directions[rows], weight, cosine = mirrored(some.normals, some.toward, some.alpha, u[1:, rows])
+    factors[rows] = fresnel(some.f0, cosine) * (weight / chance[rows])[:, None]
+    return directions, factors, density

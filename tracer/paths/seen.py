@@ -1,0 +1,160 @@
+"""Which points in a world a picture shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from gbufrt import GBuffer
+from gbufrt.camera import Camera
+from tracer.lens import one_of
+from tracer.scene.scene import MASK_PRIMARY, Scene
+from tracer.traversal.rays import trace
+
+SLACK = 2.0  # pixels' width by which depths may differ: surfaces show more detail than the picture resolves
+EDGE_ON = 0.02  # sine below which a pixel's plane is too steep to be continued over the pixel
+NEIGHBORS = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Picture:
+    """What one camera sees, flat.
+
+    Args:
+        camera: one camera.
+        depth: ``(H * W,)`` planar, inf where nothing was hit.
+        normal: ``(H * W, 3)`` of the surfaces, view space.
+        point: ``(H * W, 3)`` of the surfaces, view space.
+        back: ``(I + 1, 4, 4)``, which take points on the world and on each instance from where they are now to where
+            they are in the picture; None where that is the same.
+    """
+
+    camera: Camera
+    depth: Tensor
+    normal: Tensor
+    point: Tensor
+    back: Tensor | None = None
+
+    @staticmethod
+    def of(gbuffer: GBuffer, number: int) -> Picture:
+        """Picture ``number`` of the batch."""
+        camera, normal = gbuffer.camera, gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo
+        return Picture(
+            camera=one_of(camera, number),
+            depth=torch.where(gbuffer.hit, gbuffer.depth, torch.inf)[number].flatten().float(),
+            normal=camera.rotate_to_view(normal)[number].flatten(1).T.contiguous().float(),
+            point=gbuffer.points_view()[number].flatten(1).T.contiguous().float(),
+        )
+
+    def moved(self, then: Tensor, now: Tensor) -> Picture:
+        """The same picture of instances with poses ``(I, 4, 4)``, for points on them as they are ``now``."""
+        if torch.equal(then, now):
+            return replace(self, back=None)
+        back = then.double() @ torch.linalg.inv(now.double())
+        return replace(self, back=torch.cat([torch.eye(4).to(back)[None], back]).float())
+
+    def put_back(self, points: Tensor, normals: Tensor, instances: Tensor) -> tuple[Tensor, Tensor]:
+        """Points and normals ``(N, 3)`` on ``instances`` ``(N,)``, 0 for the world, where they are in the picture."""
+        if self.back is None:
+            return points, normals
+        back = self.back[instances.long(), :3]
+        turned = (back[..., :3] @ torch.stack([points, normals], dim=-1)).unbind(dim=-1)
+        return turned[0] + back[..., 3], turned[1]
+
+    def sees(self, points: Tensor, normals: Tensor) -> Tensor:
+        """Whether points on surfaces show in the picture.
+
+        They must face the camera and fall inside the picture, and the depth of the pixel there, or of one of its four
+        neighbours, must be theirs: to within two pixels' width, which is the detail that a picture cannot resolve, as
+        the pixel's surface stands or continued to where the point falls.
+
+        Args:
+            points: ``(N, 3)`` world space.
+            normals: ``(N, 3)`` of the surfaces there, world space.
+
+        Returns:
+            ``(N,)`` bool.
+        """
+        camera = self.camera
+        view = camera.to_view(points.T[None])
+        z = view[0, 2]
+        px = camera.project(view, jittered=True)[0]
+        toward = camera.forward[0].expand_as(points) if camera.orthographic else points - camera.position[0]
+        faces = (toward * normals).sum(-1) < 0
+        found = faces & (z > 0) & self._within(px)
+        rows = found.nonzero()[:, 0]
+        z, at = z[rows], view[0, :, rows].T
+        slack = SLACK / camera.pixels_per_unit(z[None])[0]
+        agrees = torch.zeros_like(rows, dtype=torch.bool)
+        for pixel in self._pixels(px[:, rows]):
+            agrees |= ((self.depth[pixel] - z).abs() < slack) | self._on_plane(pixel, at, slack)
+        found[rows] = agrees
+        return found
+
+    def shows_sky(self, directions: Tensor) -> Tensor:
+        """Whether the sky shows in ``directions`` ``(N, 3)``, world space: ``(N,)`` bool.
+
+        In a pixel there or in one of its four neighbours. An orthographic picture shows one point of it, if any: that
+        is taken for all.
+        """
+        camera = self.camera
+        if camera.orthographic:
+            return self.depth.isinf().any().expand(len(directions))
+        view = camera.rotate_to_view(directions.T[None])
+        px = camera.project(view, jittered=True)[0]
+        found = (view[0, 2] > 0) & self._within(px)
+        rows = found.nonzero()[:, 0]
+        found[rows] = torch.stack([self.depth[pixel].isinf() for pixel in self._pixels(px[:, rows])]).any(dim=0)
+        return found
+
+    def _within(self, px: Tensor) -> Tensor:
+        height, width = self.camera.size
+        return (px[0] >= 0) & (px[0] < width) & (px[1] >= 0) & (px[1] < height)
+
+    def _pixels(self, px: Tensor) -> Iterator[Tensor]:
+        """Numbers of the pixels at ``px`` ``(2, N)``, then of their neighbours to each side."""
+        height, width = self.camera.size
+        x, y = px.long()
+        for dy, dx in NEIGHBORS:
+            yield (y + dy).clamp(0, height - 1) * width + (x + dx).clamp(0, width - 1)
+
+    def _on_plane(self, pixel: Tensor, at: Tensor, slack: Tensor) -> Tensor:
+        """Whether points lie on the plane of a pixel's surface, measured along view z."""
+        normal, depth = self.normal[pixel], self.depth[pixel]
+        off = ((at - self.point[pixel]) * normal).sum(-1)
+        way = torch.zeros_like(at) if self.camera.orthographic else at / at[:, 2:].clamp_min(1e-9)
+        lean = normal[:, 2] if self.camera.orthographic else (normal * way).sum(-1)
+        return depth.isfinite() & (off.abs() < slack * lean.abs()) & (lean.abs() > EDGE_ON)
+
+
+def begins_in_sight(
+    scene: Scene,
+    picture: Picture,
+    origins: Tensor,
+    directions: Tensor,
+    *,
+    poses: Tensor,
+    t_min: Tensor | float,
+    t_max: Tensor | float,
+) -> Tensor:
+    """Whether what rays from a lens come to first, be it glass, is what a ``picture`` shows.
+
+    Args:
+        scene: what is there.
+        picture: what a camera sees.
+        origins: ``(N, 3)`` world space.
+        directions: ``(N, 3)`` world space, unit length.
+        poses: ``(I, 4, 4)`` of the instances.
+        t_min: where the rays begin, a number or ``(N,)``.
+        t_max: where they end, and the sky is.
+
+    Returns:
+        ``(N,)`` bool.
+    """
+    hits = trace(scene, origins, directions, poses=poses, mask=MASK_PRIMARY, t_min=t_min, t_max=t_max)
+    points = origins + directions * torch.where(hits.hit, hits.t, 0.0)[:, None]
+    shows = picture.sees(*picture.put_back(points, hits.normal, hits.instance))
+    return torch.where(hits.hit, shows, picture.shows_sky(directions))

@@ -1,0 +1,69 @@
+"""The compiled form of `tracer.paths.seen`: one point at a time."""
+
+from __future__ import annotations
+
+import math
+
+from gbufrt.compute.kernel import scalar
+from tracer.paths.seen import EDGE_ON, NEIGHBORS, SLACK
+from tracer.sampling.scatter_kernel import along, dot, scaled
+from tracer.traversal.kernel import triple
+
+VIEW, FOCAL, CENTER, JITTER, POSITION, FORWARD, ORTHOGRAPHIC, SIZE, BACK = 0, 12, 14, 16, 18, 21, 24, 25, 27
+"""Where in the flat numbers of a camera they begin: view from world, row by row, and so on; last, 12 an instance."""
+DEPTH, NORMAL, POINT = 0, 1, 4
+"""Columns of a picture."""
+
+
+@scalar
+def _carried(camera, first, point, w):
+    """A point, or for ``w`` 0 a direction, by the matrix that begins there."""
+    row = camera[first : first + 12]
+    x = row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3] * w
+    y = row[4] * point[0] + row[5] * point[1] + row[6] * point[2] + row[7] * w
+    z = row[8] * point[0] + row[9] * point[1] + row[10] * point[2] + row[11] * w
+    return x, y, z
+
+
+@scalar
+def put_back(camera, point, normal, instance):
+    """See `tracer.paths.seen.Picture.put_back`."""
+    first = BACK + 12 * (instance - 1)
+    if instance < 1 or len(camera) <= first:
+        return point, normal
+    return _carried(camera, first, point, 1.0), _carried(camera, first, normal, 0.0)
+
+
+@scalar
+def sees(camera, picture, point, normal):
+    """See `tracer.paths.seen.Picture.sees`."""
+    flat = camera[ORTHOGRAPHIC] > 0
+    place = (camera[POSITION], camera[POSITION + 1], camera[POSITION + 2])
+    toward = along(point, place, -1.0)
+    if flat:
+        toward = (camera[FORWARD], camera[FORWARD + 1], camera[FORWARD + 2])
+    at = _carried(camera, VIEW, point, 1.0)
+    if dot(toward, normal) >= 0 or at[2] <= 0:
+        return False
+    z = 1.0 if flat else max(at[2], 1e-9)
+    x = at[0] / z * camera[FOCAL] + camera[CENTER] - camera[JITTER]
+    y = at[1] / z * camera[FOCAL + 1] + camera[CENTER + 1] - camera[JITTER + 1]
+    height, width = int(camera[SIZE]), int(camera[SIZE + 1])
+    if not (0 <= x < width and 0 <= y < height):
+        return False
+    slack = SLACK * z / camera[FOCAL + 1]
+    for dy, dx in NEIGHBORS:
+        row = min(max(int(y) + dy, 0), height - 1) * width + min(max(int(x) + dx, 0), width - 1)
+        if abs(picture[row, DEPTH] - at[2]) < slack or _on_plane(picture, row, at, slack, flat):
+            return True
+    return False
+
+
+@scalar
+def _on_plane(picture, row, at, slack, flat):
+    if not math.isfinite(picture[row, DEPTH]):
+        return False
+    normal = triple(picture, row, NORMAL)
+    off = dot(along(at, triple(picture, row, POINT), -1.0), normal)
+    lean = abs(normal[2]) if flat else abs(dot(normal, scaled(at, 1 / max(at[2], 1e-9))))
+    return lean > EDGE_ON and abs(off) < slack * lean

@@ -1,0 +1,97 @@
+"""What one path from each surface of a picture finds; `tracer.truth.truth` takes the mean over many.
+
+`tracer.paths.op` chooses between these and their compiled form.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from tracer.lights.samples import DIMS
+from tracer.lights.sky import sky_along
+from tracer.paths.diffuse import EVEN, gathered
+from tracer.paths.meet import Vertices, meet
+from tracer.paths.radiance import mirrored_lamps
+from tracer.paths.receivers import Receivers
+from tracer.sampling.progressive import Values
+from tracer.sampling.scatter import cosine_direction, fresnel, mirrored
+from tracer.scene.scene import Scene
+
+OCCLUSION_DIMS = 3
+REFLECTION_DIMS = 3 + DIMS + EVEN
+
+
+def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
+    """``ao``, ``bent_normal`` and ``ao_seen`` of `tracer.truth.truth.ambient_occlusion`, by one ray each.
+
+    Args:
+        scene: what is there.
+        at: the picture.
+        start: N of its surfaces.
+        u: ``(OCCLUSION_DIMS, K * N)`` in [0, 1): K rays from each.
+        radius: world units.
+
+    Returns:
+        ``(K * N, C)`` each.
+    """
+    start = start.repeat(u.shape[1] // max(len(start), 1))
+    directions = cosine_direction(start.normals, u[:2])
+    given = {"poses": at.poses, "t_max": radius, "inside": start.inside, "most": 1.0}
+    met = meet(scene, start.points, directions, u[2], **given)
+    open_ = (~met.hit).to(directions)[:, None]
+    known = torch.ones_like(open_)
+    known[met.rows, 0] = 1 - at.picture.sees(met.surface.points, met.surface.normals).to(known)
+    return {"ao": open_, "bent_normal": directions * open_, "ao_seen": known}
+
+
+def indirect_dims(bounces: int) -> int:
+    """How many numbers a path of `indirect` takes."""
+    return 3 + EVEN * bounces
+
+
+def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+    """``gi``, ``gi_seen``, ``sky`` and ``sky_visibility`` of `tracer.truth.truth.indirect_diffuse`; see `occlusion`."""
+    start = start.repeat(u.shape[1] // max(len(start), 1))
+    directions = cosine_direction(start.normals, u[:2])
+    met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside)
+    weight = start.diffuse * met.weight
+    sent = gathered(scene, at.lights, met.surface, u[3:, met.rows], bounces, at.poses)
+    gi, seen, above = (torch.zeros_like(weight) for _ in range(3))
+    gi[met.rows] = weight[met.rows] * sent
+    seen[met.rows] = gi[met.rows] * at.picture.sees(met.surface.points, met.surface.normals)[:, None]
+    above[~met.hit] = weight[~met.hit] * sky_along(scene, directions[~met.hit])
+    open_ = met.weight.mean(dim=1, keepdim=True) * ~met.hit[:, None]
+    return {"gi": gi, "gi_seen": seen, "sky": above, "sky_visibility": open_}
+
+
+def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
+    """``reflection`` and ``reflection_seen`` of `tracer.truth.truth.reflection`; see `occlusion`.
+
+    Lamps are found by the mirrored ray where the roughness is below ``sharp``, and by a ray to a lamp elsewhere.
+    Besides, 1 where the ray ends on what the camera sees (``seen``), where there is a ray at all (``flies``) and where
+    it ends on anything (``ends``), and its length (``distance``).
+    """
+    start = start.repeat(u.shape[1] // max(len(start), 1))
+    directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, u[:2])
+    flies = weight > 0
+    ends = torch.where(flies, torch.inf, 0.0)  # what a ray into the surface itself might meet does not count
+    met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
+    rows, surface, rough = met.rows, met.surface, start.roughness >= sharp
+    factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
+    light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
+    if at.lights.lamps is not None:
+        numbers = u[3 : 3 + DIMS, rough]
+        light[rough], places, facing = mirrored_lamps(scene, at.lights, start[rough], numbers, at.poses)
+        seen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
+    sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
+    sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])
+    shows = at.picture.sees(surface.points, surface.normals)
+    light[rows] += sent
+    seen[rows] += sent * shows[:, None]
+    away = flies & ~met.hit
+    light[away] += factor[away] * sky_along(scene, directions[away])
+    ways, known = torch.zeros_like(weight), torch.zeros_like(weight)
+    ways[rows], known[rows] = met.distance[rows], shows.to(known)
+    counts = {"seen": known, "distance": ways, "flies": flies.to(ways), "ends": met.hit.to(ways)}
+    return {"reflection": light, "reflection_seen": seen} | {k: v[:, None] for k, v in counts.items()}

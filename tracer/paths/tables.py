@@ -1,0 +1,129 @@
+"""A scene as the flat arrays that compiled paths read."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from gbufrt import specular
+from gbufrt.compute.kernel import array, checksum
+from tracer import texture
+from tracer.direct import lighting
+from tracer.lights import kernel as light_kernel
+from tracer.lights import lamp_table, shadows, sky, sky_table, spherical_rectangle
+from tracer.lights import samples as light_samples
+from tracer.lights.kernel import DISC, GLOW, TOWARD
+from tracer.lights.lamp_table import LampTable
+from tracer.lights.samples import Lights
+from tracer.lights.sky_table import SkyTable
+from tracer.paths import diffuse as matt_paths
+from tracer.paths import meet as paths
+from tracer.paths import meet_kernel, path_kernel, seen, seen_kernel, shot_kernel
+from tracer.paths import radiance as light_paths
+from tracer.paths.meet import Vertices
+from tracer.paths.seen import Picture
+from tracer.sampling import scatter_kernel
+from tracer.scene import grids, scene
+from tracer.scene.scene import Scene
+from tracer.traversal import kernel as walk_kernel
+from tracer.traversal import rays as traversal
+from tracer.traversal.rays import grid_from_world
+
+KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, seen_kernel, path_kernel, shot_kernel)
+LIGHTS = (lamp_table, light_paths, light_samples, lighting, matt_paths, sky, sky_table, spherical_rectangle)
+CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture, traversal)
+SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
+"""Changes with everything that is compiled into paths."""
+COLUMNS = {
+    "points": 3,
+    "normals": 3,
+    "toward": 3,
+    "albedo": 3,
+    "roughness": 1,
+    "metallic": 1,
+    "opacity": 1,
+    "emission": 3,
+    "inside": 1,
+    "instances": 1,
+}
+"""Of `Vertices`, side by side, as `tracer.paths.meet_kernel.surface_of` reads them."""
+
+
+def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[np.ndarray, ...]:
+    """What `tracer.paths.meet_kernel.Tables` are assembled of: the scene at ``poses``, with its lights where wanted."""
+    table = scene.materials
+    columns = (table.albedo, table.roughness, table.metallic, table.opacity, table.emission, table.variation)
+    return (
+        array(grid_from_world(scene, poses, poses.device)[0]),
+        *(array(grid) for grid in scene.grids.tensors),
+        array(torch.cat([c.reshape(len(table), -1) for c in (*columns, table.tint)], dim=1)),
+        np.array([1.0, *(i.scale for i in scene.instances)]),
+        _sky(scene),
+        *_lamps(None if lights is None else lights.lamps),
+        *_sky_table(None if lights is None else lights.sky),
+    )
+
+
+def surfaces_of(vertices: Vertices) -> np.ndarray:
+    """``(N, 20)`` float32."""
+    columns = [getattr(vertices, name).reshape(-1, width).float() for name, width in COLUMNS.items()]
+    return array(torch.cat(columns, dim=1))
+
+
+def camera_of(picture: Picture | None) -> np.ndarray:
+    """``(27,)`` float64 that `tracer.paths.seen_kernel.sees` reads of a picture's camera, empty for none; and 12 more
+    of each instance that has moved since, as `tracer.paths.seen_kernel.put_back` does."""
+    if picture is None:
+        return np.zeros(0)
+    camera = picture.camera
+    k, jitter = camera.intrinsics[0].double(), camera.jitter
+    still = torch.zeros(2, dtype=torch.float64)
+    numbers = [
+        camera.view_from_world[0, :3].double().flatten(),
+        k[[0, 1], [0, 1]],
+        k[:2, 2],
+        still if jitter is None else jitter[0].double(),
+        camera.position[0].double(),
+        camera.forward[0].double(),
+        torch.tensor([camera.orthographic, *camera.size], dtype=torch.float64),
+    ]
+    if picture.back is not None:
+        numbers.append(picture.back[1:, :3].double().flatten())
+    return array(torch.cat(numbers))
+
+
+def picture_of(picture: Picture | None) -> np.ndarray:
+    """``(H * W, 7)`` float32: depth, normal and point of each pixel; no rows for none."""
+    if picture is None:
+        return np.zeros((0, 7), np.float32)
+    return array(torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1))
+
+
+def _sky(scene: Scene) -> np.ndarray:
+    colors, sun = scene.sky, scene.sun
+    rows = np.zeros((GLOW + len(sky.GLOW), 3))
+    rows[:3] = colors.zenith, colors.horizon, colors.ground
+    if sun is not None:
+        toward = np.array(sun.direction, np.float64)
+        rows[TOWARD:DISC] = toward / np.linalg.norm(toward), sun.irradiance
+        rows[DISC, :2] = np.sin(np.radians(sun.angular_radius)), 1.0
+        rows[GLOW:, :2] = np.array(sky.GLOW).reshape(-1, 2)
+    return rows
+
+
+def _lamps(lamps: LampTable | None) -> tuple[np.ndarray, ...]:
+    if lamps is None:
+        none = torch.zeros(0, 1)
+        return array(none), array(none[:, 0]), array(none.int()), array(none.short()), np.zeros(7)
+    half = (lamps.edge_u + lamps.edge_v) / 2
+    columns = [lamps.corner + half, lamps.facing, half.norm(dim=1, keepdim=True), lamps.power[:, None]]
+    columns += [lamps.corner, lamps.edge_u, lamps.edge_v, lamps.area[:, None], lamps.radiance]
+    cells = np.array([*lamps.low.tolist(), lamps.cell, *lamps.shape], np.float64)
+    tables = torch.cat(columns, dim=1), lamps.power.cumsum(0), lamps.slots, lamps.counts
+    return *(array(t) for t in tables), cells
+
+
+def _sky_table(table: SkyTable | None) -> tuple[np.ndarray, np.ndarray]:
+    none = torch.zeros(0)
+    return (array(none), array(none)) if table is None else (array(table.upto), array(table.density))

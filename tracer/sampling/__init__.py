@@ -1,0 +1,1 @@
+"""Directions to scatter into, sequences to draw them from, and running means."""

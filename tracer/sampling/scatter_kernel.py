@@ -1,0 +1,141 @@
+"""The compiled form of `tracer.sampling.scatter`: one direction at a time, as triples in world space."""
+
+from __future__ import annotations
+
+import math
+
+from gbufrt.compute.kernel import scalar
+from gbufrt.specular import CELLS, DIELECTRIC_F0, mirrored_table
+
+MIRRORED = mirrored_table().numpy()
+
+
+@scalar
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@scalar
+def scaled(a, s):
+    return a[0] * s, a[1] * s, a[2] * s
+
+
+@scalar
+def times(a, b):
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
+
+
+@scalar
+def added(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@scalar
+def along(a, b, s):
+    """``a + b * s``."""
+    return a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * s
+
+
+@scalar
+def cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@scalar
+def frame(n):
+    sign = 1.0 if n[2] >= 0 else -1.0
+    a = -1 / (sign + n[2])
+    b = n[0] * n[1] * a
+    return (1 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])
+
+
+@scalar
+def combined(first, second, third, x, y, z):
+    """``first * x + second * y + third * z``."""
+    return along(along(scaled(first, x), second, y), third, z)
+
+
+@scalar
+def disc(a, b):
+    """See `tracer.sampling.sequence.disc`."""
+    a, b = 2 * a - 1, 2 * b - 1
+    if a == 0.0 and b == 0.0:
+        return 0.0, 0.0
+    if abs(a) > abs(b):
+        radius, angle = a, math.pi / 4 * (b / a)
+    else:
+        radius, angle = b, math.pi / 2 - math.pi / 4 * (a / b)
+    return radius * math.cos(angle), radius * math.sin(angle)
+
+
+@scalar
+def cosine_direction(normal, a, b):
+    across, other = frame(normal)
+    radius = math.sqrt(a)
+    angle = 2 * math.pi * b
+    return combined(across, other, normal, radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1 - a))
+
+
+@scalar
+def smith_lambda(cosine, alpha):
+    square = min(max(cosine * cosine, 1e-8), 1.0)
+    return 0.5 * (math.sqrt(1 + alpha * alpha * (1 - square) / square) - 1)
+
+
+@scalar
+def fresnel(f0, cosine):
+    rest = (1 - min(max(cosine, 0.0), 1.0)) ** 5
+    return f0[0] + (1 - f0[0]) * rest, f0[1] + (1 - f0[1]) * rest, f0[2] + (1 - f0[2]) * rest
+
+
+@scalar
+def mirrored_share(cosine, roughness):
+    """See `gbufrt.specular.mirrored_share`."""
+    r, c = min(max(roughness, 0.0), 1.0) * CELLS[0], min(max(cosine, 0.0), 1.0) * CELLS[1]
+    row, column = min(int(r), CELLS[0] - 1), min(int(c), CELLS[1] - 1)
+    s, t = r - row, c - column
+    first = MIRRORED[row, column] * (1 - t) + MIRRORED[row, column + 1] * t
+    second = MIRRORED[row + 1, column] * (1 - t) + MIRRORED[row + 1, column + 1] * t
+    return first * (1 - s) + second * s
+
+
+@scalar
+def enters_smooth(cosine):
+    """Share of light that a smooth dielectric does not mirror."""
+    return (1 - DIELECTRIC_F0) * (1 - (1 - min(max(cosine, 0.0), 1.0)) ** 5)
+
+
+@scalar
+def mirrored(normal, toward, alpha, a, b):
+    """Direction, its weight, and the cosine between the eye and the microfacet."""
+    across, other = frame(normal)
+    z = max(dot(toward, normal), 0.0)
+    sx, sy = alpha * dot(toward, across), alpha * dot(toward, other)
+    size = math.sqrt(max(sx * sx + sy * sy + z * z, 1e-20))
+    sx, sy, sz = sx / size, sy / size, z / size
+    angle = 2 * math.pi * b
+    height = (1 - a) * (1 + sz) - sz
+    radius = math.sqrt(max(1 - height * height, 0.0))
+    hx, hy = alpha * (radius * math.cos(angle) + sx), alpha * (radius * math.sin(angle) + sy)
+    hz = max(height + sz, 1e-7)
+    facet = scaled(combined(across, other, normal, hx, hy, hz), 1 / math.sqrt(hx * hx + hy * hy + hz * hz))
+    cosine = min(max(dot(toward, facet), 0.0), 1.0)
+    direction = along(scaled(toward, -1.0), facet, 2 * cosine)
+    direction = scaled(direction, 1 / math.sqrt(dot(direction, direction)))
+    lit, seen = dot(direction, normal), smith_lambda(z, alpha)
+    weight = (1 + seen) / (1 + seen + smith_lambda(lit, alpha)) if lit > 0 else 0.0
+    return direction, weight, cosine
+
+
+@scalar
+def specular_response(normal, toward, alpha, f0, direction):
+    lit = dot(normal, direction)
+    if not lit > 0:
+        return 0.0, 0.0, 0.0
+    half = added(toward, direction)
+    half = scaled(half, 1 / math.sqrt(max(dot(half, half), 1e-24)))
+    view, up = dot(normal, toward), dot(normal, half)
+    square = alpha * alpha
+    spread = square / (math.pi * (up * up * (square - 1) + 1) ** 2)
+    masked = 1 + smith_lambda(view, alpha) + smith_lambda(lit, alpha)
+    return scaled(fresnel(f0, dot(half, toward)), spread / (4 * max(view, 1e-4) * masked))

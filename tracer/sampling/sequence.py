@@ -1,0 +1,54 @@
+"""Sample points for integrals over paths: stratified over the samples, well spread over the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.quasirandom import SobolEngine
+
+from gbufrt.noise.noise import blue_noise
+
+BELOW_ONE = 1 - 2**-24
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sequence:
+    """One Owen-scrambled Sobol sequence, rotated at each pixel by blue noise.
+
+    The scrambling makes every mean unbiased over the seeds; the sequence makes its error fall faster than that of
+    random points; the rotation makes what is left of it differ from pixel to pixel, evenly.
+
+    Args:
+        points: ``(S, D)`` in [0, 1).
+        rotation: ``(D, H * W)`` in [0, 1).
+    """
+
+    points: Tensor
+    rotation: Tensor
+
+    @staticmethod
+    def of(samples: int, dims: int, size: tuple[int, int], *, seed: int, device: torch.device) -> Sequence:
+        """A sequence of ``samples`` points of ``dims`` numbers, for a picture of ``size`` ``(H, W)``."""
+        points = SobolEngine(dims, scramble=True, seed=seed).draw(samples)
+        rotation = blue_noise(*size, dims=dims, seed=seed, device=device).flatten(1)
+        return Sequence(points=points.clamp_max(BELOW_ONE).to(device), rotation=rotation)
+
+    def draw(self, numbers: range, pixels: Tensor) -> Tensor:
+        """``(D, k * n)`` in [0, 1): the points of k samples at n pixels, one sample after the other."""
+        points = self.points[numbers.start : numbers.stop].T[:, :, None]
+        return ((points + self.rotation[:, None, pixels]) % 1.0).clamp_max(BELOW_ONE).flatten(1)
+
+
+def disc(u: Tensor) -> Tensor:
+    """The unit square ``(2, N)`` onto the unit disc, evenly and without tearing.
+
+    Source: Shirley and Chiu 1997.
+    """
+    a, b = 2 * u[0] - 1, 2 * u[1] - 1
+    wide = a.abs() > b.abs()
+    radius = torch.where(wide, a, b)
+    ratio = torch.where(wide, b, a) / torch.where(radius == 0, 1.0, radius)
+    angle = torch.where(wide, torch.pi / 4 * ratio, torch.pi / 2 - torch.pi / 4 * ratio)
+    return torch.stack([radius * angle.cos(), radius * angle.sin()])

@@ -1,0 +1,1 @@
+"""What is there: voxels, grids, materials, instances."""

@@ -1,0 +1,133 @@
+"""Scene: a world, what moves over it, and what lights it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.tree import map_tensors
+from tracer.scene.grids import Grids, join
+from tracer.scene.material import MaterialTable
+from tracer.scene.world import World
+
+Pose = Callable[[float], Tensor]
+"""Time in seconds to a ``(4, 4)`` rigid transform from the model's voxel coordinates to world space."""
+
+MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY = 1, 2, 4
+MASK_ALL = MASK_PRIMARY | MASK_SHADOW | MASK_SECONDARY
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Instance:
+    """A small voxel model that moves rigidly over the world.
+
+    Args:
+        model: its voxels, in its own coordinates and with its own materials.
+        pose: where it is at a time.
+        scale: world units a voxel of the model.
+        mask: which rays see it, a sum of MASK_PRIMARY (camera), MASK_SHADOW and MASK_SECONDARY (bounces).
+        name: for people.
+    """
+
+    model: World
+    pose: Pose
+    scale: float = 1.0
+    mask: int = MASK_ALL
+    name: str = ""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sun:
+    """A disc in the sky.
+
+    Args:
+        direction: toward the sun, world space; any length.
+        irradiance: irradiance on a surface that faces it, linear RGB.
+        angular_radius: degrees; 0.27 is Earth's, larger is softer.
+    """
+
+    direction: tuple[float, float, float] = (0.45, 0.65, 0.35)
+    irradiance: tuple[float, float, float] = (3.2, 2.9, 2.4)
+    angular_radius: float = 0.6
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sky:
+    """Radiance of the sky, by elevation: horizon to zenith above, ground below; linear RGB."""
+
+    zenith: tuple[float, float, float] = (0.25, 0.45, 0.95)
+    horizon: tuple[float, float, float] = (0.85, 0.95, 1.05)
+    ground: tuple[float, float, float] = (0.25, 0.22, 0.18)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class View:
+    """A named place to look from, or a path: ``camera(time)`` gives eye and target in world space."""
+
+    eye: Callable[[float], Sequence[float]]
+    target: Callable[[float], Sequence[float]]
+    fov_y: float = 60.0
+    description: str = ""
+
+    def camera(self, time: float, *, size: tuple[int, int], near: float = 0.05, far: float = 1000.0) -> Camera:
+        """The camera at ``time`` seconds; ``size`` is ``(H, W)``."""
+        return Camera.look_at(self.eye(time), self.target(time), size=size, fov_y=self.fov_y, near=near, far=far)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene:
+    """Everything that `tracer.render` needs but the camera."""
+
+    world: World
+    instances: tuple[Instance, ...] = ()
+    sun: Sun | None = field(default_factory=Sun)
+    sky: Sky = field(default_factory=Sky)
+    views: Mapping[str, View] = field(default_factory=dict)
+    """The first one is the default."""
+
+    def poses(self, times: Sequence[float]) -> Tensor:
+        """``(B, I, 4, 4)``: world from model of every instance at every time."""
+        if not self.instances:
+            return torch.zeros(len(times), 0, 4, 4)
+        return torch.stack([torch.stack([i.pose(t).float() for i in self.instances]) for t in times])
+
+    @cached_property
+    def grids(self) -> Grids:
+        """The voxels of world and instances in the form that rays walk through."""
+        return join(
+            [self.world, *(i.model for i in self.instances)],
+            [MASK_ALL, *(i.mask for i in self.instances)],
+            ["", *(i.name for i in self.instances)],
+        )
+
+    @property
+    def materials(self) -> MaterialTable:
+        """Materials of world and instances in one table; the world's voxel ids keep their rows."""
+        return self.grids.materials
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no voxel at all."""
+        return self.world.empty and all(i.model.empty for i in self.instances)
+
+    def world_from_model(self, poses: Tensor) -> Tensor:
+        """``poses`` ``(..., I, 4, 4)`` with the scale of each instance in them."""
+        scales = poses.new_tensor([[i.scale, i.scale, i.scale, 1.0] for i in self.instances]).view(-1, 1, 4)
+        return poses * scales
+
+    def to(self, *args: Any, **kwargs: Any) -> Scene:
+        """The scene on another device; arguments as `torch.Tensor.to`. What instances share stays shared."""
+        moved: dict[Tensor, Tensor] = {}
+
+        def move(tensor: Tensor) -> Tensor:
+            if tensor not in moved:
+                moved[tensor] = tensor.to(*args, **kwargs)
+            return moved[tensor]
+
+        return map_tensors(move, self)

@@ -1,0 +1,127 @@
+"""World: voxel ids in 16-cubed bricks under an index grid, where empty bricks cost nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt.tree import map_tensors
+from tracer.scene.grids import BRICK, Grid
+from tracer.scene.material import MaterialTable
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class World:
+    """A voxel grid of unit cubes: voxel ``(i, j, k)`` fills world x in [i, i+1], y in [j, j+1], z in [k, k+1].
+
+    Args:
+        bricks: ``(N, 16, 16, 16)`` int16 voxel ids in x, y, z order; 0 is air. Brick 0 is all air.
+        index: ``(X, Y, Z)`` int32: which brick fills each 16-cubed cell; 0 where it is empty.
+        origin: voxel coordinates of the low corner of ``index[0, 0, 0]``.
+        materials: what the ids mean.
+
+    Raises:
+        ValueError: a shape or an id breaks a rule above.
+        TypeError: a tensor is of the wrong integer type.
+    """
+
+    bricks: Tensor
+    index: Tensor
+    origin: tuple[int, int, int]
+    materials: MaterialTable
+
+    def __post_init__(self) -> None:
+        if self.bricks.ndim != 4 or self.bricks.shape[1:] != (BRICK,) * 3 or self.bricks.shape[0] < 1:
+            raise ValueError(f"bricks must be (N,16,16,16) with N at least 1, got {tuple(self.bricks.shape)}")
+        if self.index.ndim != 3:
+            raise ValueError(f"index must be (X,Y,Z), got {tuple(self.index.shape)}")
+        if self.bricks.dtype != torch.int16 or self.index.dtype != torch.int32:
+            raise TypeError(f"bricks must be int16 and index int32, got {self.bricks.dtype} and {self.index.dtype}")
+        if bool(self.bricks[0].any()):
+            raise ValueError("bricks[0] must be all air, because index 0 stands for an empty cell")
+        _check_ids("bricks", self.bricks, len(self.materials), "the material table")
+        _check_ids("index", self.index, len(self.bricks), "the bricks")
+
+    @staticmethod
+    def from_dense(voxels: Tensor, materials: MaterialTable, *, origin: tuple[int, int, int] = (0, 0, 0)) -> World:
+        """A world from a dense grid.
+
+        Args:
+            voxels: ``(X, Y, Z)`` integer ids, y up; 0 is air.
+            materials: what the ids mean.
+            origin: voxel coordinates of ``voxels[0, 0, 0]``.
+
+        Raises:
+            ValueError: not a 3D grid, or ids outside the material table.
+            TypeError: not integers.
+        """
+        if voxels.ndim != 3 or voxels.numel() == 0:
+            raise ValueError(f"voxels must be (X,Y,Z) with no side of zero, got {tuple(voxels.shape)}")
+        if voxels.is_floating_point() or voxels.dtype == torch.bool:
+            raise TypeError(f"voxels must hold integer material ids, got {voxels.dtype}; convert them with .to()")
+        _check_ids("voxels", voxels, len(materials), "the material table")
+        cells = [(n + BRICK - 1) // BRICK for n in voxels.shape]
+        padded = torch.zeros([n * BRICK for n in cells], dtype=torch.int16, device=voxels.device)
+        padded[tuple(slice(0, n) for n in voxels.shape)] = voxels.to(torch.int16)
+        split = padded.view(cells[0], BRICK, cells[1], BRICK, cells[2], BRICK).permute(0, 2, 4, 1, 3, 5)
+        blocks = split.reshape(-1, BRICK, BRICK, BRICK)
+        filled = blocks.flatten(1).any(dim=1)
+        number = torch.where(filled, filled.cumsum(0), 0)
+        empty = torch.zeros(1, BRICK, BRICK, BRICK, dtype=torch.int16, device=voxels.device)
+        return World(
+            bricks=torch.cat([empty, blocks[filled]]).contiguous(),
+            index=number.view(*cells).to(torch.int32).contiguous(),
+            origin=origin,
+            materials=materials,
+        )
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no voxel at all."""
+        return not bool(self.bricks.any())
+
+    @cached_property
+    def grid(self) -> Grid:
+        """The voxels in the form that rays walk through."""
+        return Grid.of(self.bricks, self.index)
+
+    @property
+    def device(self) -> torch.device:
+        """Where the bricks live."""
+        return self.bricks.device
+
+    def bounds(self) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+        """Low and high corner of the index grid in voxel coordinates."""
+        high = tuple(o + n * BRICK for o, n in zip(self.origin, self.index.shape, strict=True))
+        return self.origin, (high[0], high[1], high[2])
+
+    def at(self, cells: Tensor) -> Tensor:
+        """Voxel ids at integer voxel coordinates.
+
+        Args:
+            cells: ``(..., 3)`` integers, world voxel coordinates.
+
+        Returns:
+            ``(...)`` int16; 0 outside the grid.
+        """
+        local = cells.long() - torch.tensor(self.origin, device=cells.device)
+        limit = torch.tensor(self.index.shape, device=cells.device) * BRICK
+        within = ((local >= 0) & (local < limit)).all(dim=-1)
+        local = torch.where(within[..., None], local, 0)
+        cell, inner = local // BRICK, local % BRICK
+        brick = self.index[cell[..., 0], cell[..., 1], cell[..., 2]].long()
+        ids = self.bricks[brick, inner[..., 0], inner[..., 1], inner[..., 2]]
+        return torch.where(within, ids, torch.zeros_like(ids))
+
+    def to(self, *args: Any, **kwargs: Any) -> World:
+        """The world on another device; arguments as `torch.Tensor.to`."""
+        return map_tensors(lambda t: t.to(*args, **kwargs), self)
+
+
+def _check_ids(name: str, ids: Tensor, count: int, what: str) -> None:
+    if ids.numel() and not 0 <= int(ids.min()) <= int(ids.max()) < count:
+        raise ValueError(f"{name} must hold ids in 0..{count - 1}, {what}; got {int(ids.min())}..{int(ids.max())}")

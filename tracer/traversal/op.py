@@ -1,0 +1,79 @@
+"""The three walks through voxels as torch operators: compiled on the CPU, the torch reference elsewhere.
+
+They share these arguments:
+    rays: origins and directions, ``(N, 3)`` float32 world space, those of the first of B batch elements first, with t
+        counted in lengths of the direction; spans, ``(N, 2)`` float32, t at which each ray begins and ends; and
+        transforms, ``(B, I + 1, 3, 4)`` float64, grid from world, where a grid counts voxels from its index's corner.
+    grids: bricks, index, entries and media; see `tracer.scene.grids.Grids`.
+    mask: which entries are seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from tracer.traversal import reference
+
+
+@torch.library.custom_op("tracer::surface", mutates_args=())
+def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
+    """The nearest place where the medium along a ray changes.
+
+    A ray that begins in something opaque comes out of it first, without a surface. ``left`` is ``(N, 5)`` int32, or has
+    no rows: a material, an entry and a voxel in which the ray is; leaving that material into air is no surface.
+
+    Returns:
+        ``(N, 4)`` float32: t (inf on a miss) and the place in voxel coordinates of its grid; and ``(N, 7)`` int32:
+        material, entry (-1 on a miss), face (2 x axis, + 1 where the ray falls along it), whether it is the back of the
+        medium that the ray leaves, and the voxel.
+    """
+    if left.is_cpu:
+        from tracer.traversal import drivers as kernel
+
+        return kernel.surface(rays, grids, left, mask)
+    return reference.surface(rays, grids, left, mask)
+
+
+@torch.library.custom_op("tracer::transmit", mutates_args=())
+def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
+    """``(N, 3)`` float32: the share of light that comes through; 0 behind anything opaque."""
+    if rays[0].is_cpu:
+        from tracer.traversal import drivers as kernel
+
+        return kernel.transmit(rays, grids, mask)
+    return reference.transmit(rays, grids, mask)
+
+
+@torch.library.custom_op("tracer::runs", mutates_args=())
+def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
+    """How far a ray goes on through the solid whose surface it met.
+
+    ``starts`` is ``(N, 5)`` int32: material, entry (-1 for none) and voxel at the beginning of the span.
+
+    Returns:
+        ``(N, 2)`` float32, in t: through voxels that are not air, and through the first ones of the same material.
+    """
+    if starts.is_cpu:
+        from tracer.traversal import drivers as kernel
+
+        return kernel.runs(rays, grids, starts)
+    return reference.runs(rays, grids, starts)
+
+
+@surface.register_fake
+def _(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
+    count = rays[0].shape[0]
+    return left.new_empty(count, 4, dtype=torch.float32), left.new_empty(count, 7, dtype=torch.int32)
+
+
+@transmit.register_fake
+def _(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
+    return rays[0].new_empty(rays[0].shape[0], 3, dtype=torch.float32)
+
+
+@runs.register_fake
+def _(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
+    return starts.new_empty(starts.shape[0], 2, dtype=torch.float32)

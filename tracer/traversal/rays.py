@@ -1,0 +1,248 @@
+"""What a ray meets in a scene, and how much light comes through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt.tree import map_tensors
+from tracer.scene.grids import ORIGIN
+from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
+from tracer.traversal import op as ops
+
+FARTHEST = 1e20  # where every ray ends, so that one without a direction meets nothing
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hits:
+    """What rays met; every field has the rays' shape in front. Where ``hit`` is False the rest is meaningless.
+
+    Args:
+        t: distance in lengths of the direction; inf on a miss.
+        hit: bool.
+        material: int32 row of ``scene.materials``; 0 on a miss.
+        instance: int32: 0 the world, i + 1 instance i; 0 on a miss.
+        normal: ``(..., 3)`` of the face, unit length, world space, against the ray; 0 on a miss.
+        cell: ``(..., 3)`` int32: the voxel, in the coordinates of its own grid.
+        local: ``(..., 3)`` where it was hit, in the coordinates of its own grid.
+        face: int32: which face of the voxel, -x +x -y +y -z +z.
+        back_face: bool: the ray left a transmissive material into air here.
+    """
+
+    t: Tensor
+    hit: Tensor
+    material: Tensor
+    instance: Tensor
+    normal: Tensor
+    cell: Tensor
+    local: Tensor
+    face: Tensor
+    back_face: Tensor
+
+    def uv(self) -> Tensor:
+        """``(..., 2)`` in [0, 1]: where on the face it was hit, along the grid's two other axes in their order."""
+        inner = (self.local - self.cell).clamp(0.0, 1.0)
+        axis = self.face.long() // 2
+        first, second = torch.where(axis == 0, 1, 0), torch.where(axis == 2, 1, 2)
+        return inner.gather(-1, torch.stack([first, second], dim=-1))
+
+
+def trace(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    *,
+    poses: Tensor | None = None,
+    mask: int = MASK_PRIMARY,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+    beyond: Hits | None = None,
+) -> Hits:
+    """The nearest surface of world and instances along each ray.
+
+    A surface is where the material changes: from air into something, between a transmissive material and another one,
+    or from a transmissive one back into air. A ray that begins in an opaque voxel goes on until it is out of it, so a
+    camera inside a block sees through back faces. A ray that begins exactly on a face is in the voxel it heads into.
+
+    Args:
+        scene: what is there.
+        origins: ``(..., 3)`` world space.
+        directions: ``(..., 3)`` world space; ``t`` counts in their lengths.
+        poses: ``(I, 4, 4)`` of the instances, or ``(B, I, 4, 4)`` for rays ``(B, ..., 3)``; see `Scene.poses`. May be
+            left out where there are no instances.
+        mask: which instances are seen: those whose own mask shares a bit.
+        t_min: where rays begin; a number or ``(...)``.
+        t_max: where they end.
+        beyond: earlier hits of the same rays: go on behind each, through the transmissive material met there, and give
+            what comes next. Rays whose earlier hit is opaque, or a miss, miss.
+
+    Returns:
+        `Hits` of the shape of the rays.
+
+    Raises:
+        ValueError: shapes do not fit each other or the scene.
+    """
+    shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
+    left = rays.origins.new_zeros(0, 5, dtype=torch.int32)
+    if beyond is not None:
+        passes = beyond.hit & (scene.materials.opacity[beyond.material.long()] < 1)
+        begin = torch.where(passes, beyond.t, torch.inf).reshape(-1)
+        rays.spans[:, 0] = torch.maximum(rays.spans[:, 0], begin)
+        left = _starts(beyond)
+    numbers, ids = ops.surface(list(rays), scene.grids.tensors, left, mask)
+    hit = ids[:, 1] >= 0
+    hits = Hits(
+        t=numbers[:, 0],
+        hit=hit,
+        material=ids[:, 0],
+        instance=ids[:, 1].clamp_min(0),
+        normal=_normals(ids, rays.transforms, hit),
+        cell=ids[:, 4:],
+        local=numbers[:, 1:],
+        face=ids[:, 2],
+        back_face=ids[:, 3] > 0,
+    )
+    return map_tensors(lambda x: x.reshape(shape + x.shape[1:]), hits)
+
+
+def transmission(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    *,
+    poses: Tensor | None = None,
+    mask: int = MASK_SHADOW,
+    t_min: Tensor | float = 0.0,
+    t_max: Tensor | float = torch.inf,
+) -> Tensor:
+    """How much light comes through between the ends of each ray.
+
+    Anything opaque stops it, also where the ray begins inside. Each run through one transmissive material multiplies
+    it by ``(1 - opacity) * tint ** length``, and by what is left after the mirroring of the face by which it comes in,
+    or, if it begins inside, goes out; faces are taken to be smooth.
+
+    Args:
+        scene: what is there.
+        origins: ``(..., 3)`` world space. To leave a surface, begin a little above it.
+        directions: ``(..., 3)`` world space; ``t`` and the length of runs count in their lengths: give unit ones.
+        poses: as for `trace`.
+        mask: as for `trace`.
+        t_min: as for `trace`.
+        t_max: as for `trace`.
+
+    Returns:
+        ``(..., 3)`` in [0, 1].
+
+    Raises:
+        ValueError: shapes do not fit each other or the scene.
+    """
+    shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
+    passed = ops.transmit(list(rays), scene.grids.tensors, mask)
+    return passed.reshape(*shape, 3)
+
+
+def run_lengths(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    hits: Hits,
+    *,
+    poses: Tensor | None = None,
+    cap: float = 64.0,
+) -> tuple[Tensor, Tensor]:
+    """How far each ray goes on inside what it hit.
+
+    Args:
+        scene: what is there.
+        origins: ``(..., 3)`` world space.
+        directions: ``(..., 3)`` world space, unit length.
+        hits: of these rays.
+        poses: as for `trace`.
+        cap: look no farther than this, world units.
+
+    Returns:
+        Two of ``(...)``, world units: through voxels of the same grid that are not air; and through those of the
+        material that was hit, before any other. Both are 0 on a miss and on a back face.
+    """
+    shape, rays = _rays(scene, origins, directions, poses, hits.t, hits.t + cap)
+    starts = _starts(hits)
+    starts[:, 1] = torch.where((hits.hit & ~hits.back_face).reshape(-1), starts[:, 1], -1)
+    lengths = ops.runs(list(rays), scene.grids.tensors, starts)
+    return lengths[:, 0].reshape(shape), lengths[:, 1].reshape(shape)
+
+
+class _Rays(NamedTuple):
+    origins: Tensor
+    directions: Tensor
+    spans: Tensor
+    transforms: Tensor
+
+
+def _rays(
+    scene: Scene,
+    origins: Tensor,
+    directions: Tensor,
+    poses: Tensor | None,
+    t_min: Tensor | float,
+    t_max: Tensor | float,
+) -> tuple[tuple[int, ...], _Rays]:
+    """Rays as flat float32 rows, with the transforms into every grid; and the shape they had."""
+    if origins.shape != directions.shape or origins.ndim < 1 or origins.shape[-1] != 3:
+        raise ValueError(
+            f"origins and directions must both be (...,3), got {tuple(origins.shape)} and {tuple(directions.shape)}"
+        )
+    shape = tuple(origins.shape[:-1])
+    transforms = grid_from_world(scene, poses, origins.device)
+    if transforms.shape[0] > 1 and (not shape or shape[0] != transforms.shape[0]):
+        raise ValueError(
+            f"rays must be ({transforms.shape[0]},...,3) for the batch of poses, got {tuple(origins.shape)}"
+        )
+    ends = [torch.as_tensor(t, dtype=torch.float32, device=origins.device).expand(shape) for t in (t_min, t_max)]
+    flat = _Rays(
+        origins=origins.detach().float().reshape(-1, 3).contiguous(),
+        directions=directions.detach().float().reshape(-1, 3).contiguous(),
+        spans=torch.stack([ends[0], ends[1].clamp_max(FARTHEST)], dim=-1).reshape(-1, 2),
+        transforms=transforms,
+    )
+    return shape, flat
+
+
+def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) -> Tensor:
+    """``(B, I + 1, 3, 4)`` float64: where a grid counts voxels from the corner of its index.
+
+    Raises:
+        ValueError: the poses do not fit the scene.
+    """
+    count = len(scene.instances)
+    if poses is None:
+        poses = torch.zeros(0, 4, 4)
+        if count:
+            raise ValueError(f"poses must be given for a scene with {count} instances: scene.poses([time])")
+    poses = poses[None] if poses.ndim == 3 else poses
+    if poses.ndim != 4 or poses.shape[1:] != (count, 4, 4):
+        raise ValueError(f"poses must be ({count},4,4) or (B,{count},4,4), got {tuple(poses.shape)}")
+    inverse = torch.eye(4, dtype=torch.float64, device=device)[:3].repeat(poses.shape[0], count + 1, 1, 1)
+    matrices = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
+    turned = matrices[..., :3, :3].transpose(-1, -2)  # rigid but for a scale: far cheaper to invert than any matrix
+    turned = turned / turned.square().sum(dim=-1, keepdim=True).clamp_min(1e-30)
+    inverse[:, 1:, :, :3] = turned
+    inverse[:, 1:, :, 3:] = -turned @ matrices[..., :3, 3:]
+    inverse[..., 3] -= scene.grids.entries[:, ORIGIN : ORIGIN + 3].to(device=device, dtype=torch.float64)
+    return inverse
+
+
+def _starts(hits: Hits) -> Tensor:
+    columns = torch.stack([hits.material.reshape(-1), hits.instance.reshape(-1)], dim=1)
+    return torch.cat([columns, hits.cell.reshape(-1, 3)], dim=1).contiguous()
+
+
+def _normals(ids: Tensor, transforms: Tensor, hit: Tensor) -> Tensor:
+    """World normals of faces: the rows of a grid-from-world matrix are the gradients of the grid's coordinates."""
+    rows = torch.nn.functional.normalize(transforms[..., :3], dim=-1).float()
+    faces = torch.stack([-rows, rows], dim=3).flatten(1, 3)  # (B, (I + 1) * 6, 3)
+    place = (ids[:, 1].clamp_min(0) * 6 + ids[:, 2]).view(rows.shape[0], -1)
+    place = place + torch.arange(rows.shape[0], device=ids.device)[:, None] * faces.shape[1]
+    return torch.where(hit[:, None], faces.flatten(0, 1)[place.flatten().long()], 0.0)

@@ -1,0 +1,1 @@
+"""Ray-traced truth: what the passes are measured against."""

@@ -1,0 +1,233 @@
+"""The frame as a real camera sees it: all light, lens, shutter and pixels with an area."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from tracer import lens
+from tracer.gbuffer import gbuffer, seconds
+from tracer.lights.samples import Lights
+from tracer.lights.sky import irradiance_table
+from tracer.paths.diffuse import unblocked
+from tracer.paths.op import radiance
+from tracer.paths.radiance import MORE
+from tracer.paths.seen import Picture, begins_in_sight
+from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
+from tracer.sampling.sequence import Sequence as Numbers
+from tracer.scene.scene import Scene
+
+FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
+MOMENTS = 8  # groups of pixels, each at a time of its own, that a sample is split into while the shutter is open
+
+
+def path_trace(
+    scene: Scene,
+    camera: Camera | Callable[[float], Camera],
+    *,
+    time: float | Sequence[float] = 0.0,
+    shutter: float = 0.0,
+    shutter_offset: float = 0.0,
+    aperture_radius: float = 0.0,
+    focus_distance: float | Tensor | None = None,
+    bounces: int = 4,
+    unblocked: bool = False,
+    samples: int = 64,
+    antialias: bool = True,
+    noise: float = 0.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Truth:
+    """All light that reaches the camera, by paths with next-event estimation to sun, lamps and sky.
+
+    Surfaces are as the passes take them: they mirror by GGX with Fresnel; of the rest they scatter evenly
+    albedo x (1 - metallic) x opacity, and let through, straight on, what transmits. Nothing is clamped: the mean over
+    seeds is the answer.
+
+    Args:
+        scene: what is there, and its lights.
+        camera: B cameras; or what gives them for a time in seconds, for a camera that moves while the shutter is open.
+        time: seconds, one number or B.
+        shutter: seconds that the shutter is open; 0 is an instant.
+        shutter_offset: seconds from ``time`` to its opening: ``-shutter / 2`` centres it on ``time``.
+        aperture_radius: of a thin lens with a circular aperture, world units; 0 is a pinhole.
+        focus_distance: planar depth of the focal plane, world units, a number or ``(B,)``; by default what
+            `tracer.lens.focus_distance` finds.
+        bounces: surfaces between what is seen and a light at most; 0 for direct light and sky alone.
+        unblocked: end paths where they begin, in light that nothing blocks, see `tracer.paths.diffuse.unblocked`: no
+            noise then but that of lens, shutter and pixel.
+        samples: at most so many paths a pixel.
+        antialias: spread rays over the pixel's square; otherwise all go where the camera's jitter says.
+        noise: stop once the mean standard error is not above this; 0 takes all samples.
+        seed: another seed, another noise.
+        progress: called with samples done and their number.
+
+    Returns:
+        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_seen``, the part of it that came by no surface but those
+        that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself). What
+        moves is looked for where it was then; through a lens or a shutter the sky must show there as well, and what is
+        behind glass counts with the glass. What a pinhole without a shutter comes to first always counts. Lights that
+        rays were sent to need not be in sight, nor the sky after a bounce; lamps that show in mirrors must be.
+
+    Raises:
+        ValueError: no voxels, or a number out of its range.
+
+    Source: Kajiya 1986; Cook, Porter and Carpenter 1984 (lens and shutter).
+    """
+    _check(scene, bounces, samples, shutter, aperture_radius)
+    at_time = camera if callable(camera) else lambda _: camera
+    cameras = at_time(time if isinstance(time, (int, float)) else float(time[0]))
+    times = seconds(time, cameras.batch)
+    focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
+    sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
+    # without a shutter the picture is of the very instant
+    shown = times if shutter > 0 else [t + shutter_offset for t in times]
+    shots = [
+        _Shot(
+            scene=scene,
+            camera=lambda t, b=b: lens.one_of(at_time(t), b),
+            begin=times[b] + shutter_offset,
+            shutter=shutter,
+            aperture_radius=aperture_radius,
+            focus_distance=focus[b],
+            bounces=bounces,
+            unblocked=unblocked,
+            antialias=antialias,
+            size=cameras.size,
+            sequence=sequence,
+            picture=Picture.of(gbuffer(scene, lens.one_of(at_time(shown[b]), b), time=shown[b]), 0),
+            shown=shown[b],
+        )
+        for b in range(cameras.batch)
+    ]
+    count = cameras.height * cameras.width
+
+    def estimate(numbers: range) -> Values:
+        both = torch.stack([shot.sums(numbers) for shot in shots])
+        return {"radiance": both[:, :3], "radiance_seen": both[:, 3:]}
+
+    return converge(
+        estimate,
+        samples=samples,
+        noise=noise,
+        pixels=WIDE if shutter > 0 else count,  # so that an open shutter gets one sample at a time
+        wanted=torch.ones(cameras.batch, 1, *cameras.size, dtype=torch.bool, device=cameras.device),
+        progress=progress,
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Moment:
+    """Where all is while rays are sent, and the picture that they are held against."""
+
+    camera: Camera
+    poses: Tensor
+    lights: Lights
+    picture: Picture
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Shot:
+    """One picture of the batch: the arguments of `path_trace`, with ``begin`` the time at which the shutter opens, and
+    the pinhole's ``picture`` as it was when ``shown``."""
+
+    scene: Scene
+    camera: Callable[[float], Camera]
+    begin: float
+    shutter: float
+    aperture_radius: float
+    focus_distance: float
+    bounces: int
+    unblocked: bool
+    antialias: bool
+    size: tuple[int, int]
+    sequence: Numbers
+    picture: Picture
+    shown: float
+
+    def sums(self, numbers: range) -> Tensor:
+        """``(6, H, W)`` sums over samples: radiance, and what of it the picture knows."""
+        first = float(self.sequence.points[numbers.start, 0])
+        total = torch.zeros(self.sequence.rotation.shape[1], 6, device=self.sequence.rotation.device)
+        for number, pixels in enumerate(self._groups):
+            now = self._moment(self.begin + self.shutter * ((first + number / MOMENTS) % 1))
+            for part in pixels.split(max(1, WIDE // len(numbers))):
+                total[part] = self._light(numbers, part, now)
+        return total.T.reshape(6, *self.size)
+
+    def _moment(self, time: float) -> _Moment:
+        camera = self.camera(time)
+        poses, shown = self.scene.poses([time, self.shown]).to(camera.device)
+        lights = self._lights.at(self.scene, poses) if self.shutter > 0 else self._lights
+        return _Moment(camera=camera, poses=poses, lights=lights, picture=self.picture.moved(shown, poses))
+
+    @cached_property
+    def _lights(self) -> Lights:
+        poses = self.scene.poses([self.begin + self.shutter / 2])[0]
+        return Lights.of(self.scene, poses.to(self.scene.world.device))
+
+    @cached_property
+    def _irradiance(self) -> Tensor:
+        return irradiance_table(self.scene)
+
+    @cached_property
+    def _groups(self) -> list[Tensor]:
+        """Numbers of the pixels that share a moment, evenly spread over the picture."""
+        order = self.sequence.rotation[0].argsort()
+        return [order[i::MOMENTS].sort().values for i in range(MOMENTS)] if self.shutter > 0 else [order.sort().values]
+
+    def _light(self, numbers: range, pixels: Tensor, now: _Moment) -> Tensor:
+        """``(n, 6)`` sums over samples."""
+        u, camera = self.sequence.draw(numbers, pixels), now.camera
+        px = camera.pixel_centers(jittered=not self.antialias, dtype=torch.float32)[0].flatten(1)[:, pixels]
+        px = px.repeat(1, len(numbers)) + (u[1:3] - 0.5 if self.antialias else 0.0)
+        origins, directions, along = lens.lens_rays(
+            camera, px, u[3:5], aperture_radius=self.aperture_radius, focus_distance=self.focus_distance
+        )
+        focal = camera.intrinsics[0, 1, 1]
+        spans = {"poses": now.poses, "t_min": camera.near / along, "t_max": camera.far / along}
+        known = torch.ones_like(along, dtype=torch.bool)
+        if self.aperture_radius > 0 or self.shutter > 0:  # else it is the picture itself, in finer detail
+            known = begins_in_sight(self.scene, now.picture, origins, directions, **spans)
+        given = {
+            **spans,
+            "detail": focal if camera.orthographic else focal / along,
+            "spreads": not camera.orthographic,
+        }
+        if self.unblocked:
+            light = unblocked(self.scene, self._irradiance, origins, directions, u[FIRST], **given)
+            both = light, light * known[:, None]
+        else:
+            given |= {"bounces": self.bounces, "picture": now.picture, "known": known}
+            both = radiance(self.scene, now.lights, origins, directions, u[FIRST:], **given)
+        return torch.cat(both, dim=1).view(len(numbers), len(pixels), 6).sum(dim=0)
+
+
+def _focus(
+    scene: Scene, cameras: Camera, times: list[float], aperture_radius: float, given: float | Tensor | None
+) -> list[float]:
+    """Planar depth of each picture's focal plane."""
+    if aperture_radius == 0:
+        return [1.0] * len(times)
+    if given is None:
+        return [float(lens.focus_distance(scene, lens.one_of(cameras, b), time=t)) for b, t in enumerate(times)]
+    distances = torch.as_tensor(given, dtype=torch.float64).expand(len(times))
+    if not bool((distances > 0).all()):
+        raise ValueError(f"focus_distance must be positive, in world units, got {distances.tolist()}")
+    return distances.tolist()
+
+
+def _check(scene: Scene, bounces: int, samples: int, shutter: float, aperture_radius: float) -> None:
+    if scene.empty:
+        raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
+    for name, value, least in (("bounces", bounces, 0), ("samples", samples, 1)):
+        if value < least:
+            raise ValueError(f"{name} must be at least {least}, got {value}")
+    for name, value, unit in (("shutter", shutter, "seconds"), ("aperture_radius", aperture_radius, "world units")):
+        if not value >= 0:
+            raise ValueError(f"{name} must not be negative, in {unit}, got {value}")

@@ -1,0 +1,186 @@
+"""Ray-traced truth: what screen-space passes should have found."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import GBuffer
+from tracer.lens import focus_distance
+from tracer.paths.meet import Vertices
+from tracer.paths.op import indirect, occlusion, reflected
+from tracer.paths.radiance import SHARP_LAMP
+from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
+from tracer.paths.shots import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
+from tracer.sampling.progressive import Progress, Truth, Values
+from tracer.scene.scene import Scene
+from tracer.truth.path_tracer import path_trace
+
+__all__ = ["Truth", "ambient_occlusion", "focus_distance", "indirect_diffuse", "path_trace", "reflection"]
+
+
+def ambient_occlusion(
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    radius: float = 2.0,
+    samples: int = 256,
+    noise: float = 0.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Truth:
+    """How open each pixel's hemisphere is within a radius, weighted by the cosine, and in which direction.
+
+    Transmissive things block the share of light that they stop. See `Truth` and `tracer.sampling.progressive.converge`.
+
+    Args:
+        scene: what is there.
+        gbuffer: what the cameras see of it.
+        poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
+        radius: how far away things still block, world units; may be inf.
+        samples: at most so many rays a pixel.
+        noise: stop once the mean standard error of ``ao`` is not above this; 0 takes all samples.
+        seed: another seed, another noise.
+        progress: called with samples done and their number.
+
+    Returns:
+        ``ao`` ``(B, 1, H, W)``, 1 open and where nothing was hit; ``bent_normal`` ``(B, 3, H, W)``, the mean open
+        direction, world space, unit length, the normal where nothing is open, 0 where nothing was hit; and ``ao_seen``
+        ``(B, 1, H, W)``, what ao would be if only those rays were blocked whose end the camera sees.
+
+    Raises:
+        ValueError: radius or samples are not positive, or the poses do not fit.
+    """
+    if not radius > 0:
+        raise ValueError(f"radius must be positive, in world units, got {radius}")
+
+    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+        return occlusion(scene, at, start, u, radius)
+
+    receivers = receivers_of(scene, gbuffer, poses)
+    dims = OCCLUSION_DIMS
+    found = at_each_pixel(
+        gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+    )
+    bent, normal = found["bent_normal"], gbuffer.normal
+    length = bent.norm(dim=1, keepdim=True)
+    bent = torch.where(length > 1e-6, bent / length.clamp_min(1e-6), normal)
+    error = {**found.error, "bent_normal": found.error["bent_normal"] / length.clamp_min(1e-3)}
+    values = {
+        "ao": torch.where(gbuffer.hit, found["ao"], 1.0),
+        "bent_normal": torch.where(gbuffer.hit, bent, 0.0),
+        "ao_seen": torch.where(gbuffer.hit, found["ao_seen"], 1.0),
+    }
+    return Truth(values=values, error=error, samples=found.samples)
+
+
+def indirect_diffuse(
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    bounces: int = 1,
+    samples: int = 256,
+    noise: float = 0.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Truth:
+    """Light that reaches each pixel's surface from other surfaces, and from the sky, and is scattered evenly there.
+
+    Surfaces send what they scatter evenly of the light of sun, lamps and sky, shadows included: what `post.ssgi`
+    gathers, ``radiance - emission + ambient x sky visibility``. Emission itself is not gathered, for lamps are sampled
+    as direct light. Light is followed straight through transmissive surfaces.
+
+    Args:
+        scene: what is there, and its lights.
+        gbuffer: what the cameras see of it, with albedo.
+        poses: as for `ambient_occlusion`.
+        bounces: surfaces between the pixel's and a light: 1 for one bounce.
+        samples: at most so many paths a pixel.
+        noise: stop once the mean standard error of ``gi`` is not above this; 0 takes all samples.
+        seed: as for `ambient_occlusion`.
+        progress: as for `ambient_occlusion`.
+
+    Returns:
+        ``gi`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it; ``gi_seen``, its part from surfaces the
+        camera sees; ``sky`` ``(B, 3, H, W)``, the sky's light that really arrives, likewise outgoing, without the
+        sun's disc; and ``sky_visibility`` ``(B, 1, H, W)``, the cosine-weighted share of the hemisphere that is sky, 1
+        where nothing was hit.
+
+    Raises:
+        ValueError: bounces or samples are below 1, there is no albedo, or the poses do not fit.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces must be at least 1, got {bounces}")
+    receivers = receivers_of(scene, gbuffer, poses)
+
+    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+        return indirect(scene, at, start, u, bounces)
+
+    found = at_each_pixel(
+        gbuffer,
+        receivers,
+        shoot,
+        dims=indirect_dims(bounces),
+        samples=samples,
+        noise=noise,
+        seed=seed,
+        progress=progress,
+    )
+    visibility = torch.where(gbuffer.hit, found["sky_visibility"], 1.0)
+    return Truth(values={**found.values, "sky_visibility": visibility}, error=found.error, samples=found.samples)
+
+
+def reflection(
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    samples: int = 64,
+    noise: float = 0.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Truth:
+    """What each pixel's surface mirrors, by GGX with Fresnel.
+
+    Mirrored surfaces show their emission and what they scatter evenly of the light of sun, lamps and sky, shadows
+    included: what `post.outgoing_light` holds, without further bounces. The sky is mirrored without the sun's disc, as
+    ``frame.environment`` holds it.
+
+    Args:
+        scene: what is there, and its lights.
+        gbuffer: what the cameras see of it, with albedo, and with roughness and metallic where they differ from 1 and
+            0.
+        poses: as for `ambient_occlusion`.
+        samples: at most so many paths a pixel.
+        noise: stop once the mean standard error of ``reflection`` is not above this; 0 takes all samples.
+        seed: as for `ambient_occlusion`.
+        progress: as for `ambient_occlusion`.
+
+    Returns:
+        ``reflection`` ``(B, 3, H, W)``, linear radiance; ``reflection_seen``, its part from surfaces that the camera
+        sees; ``seen`` ``(B, 1, H, W)``, the share of rays that end on such; and ``distance`` ``(B, 1, H, W)``, the mean
+        way of those that end on any, the camera's ``far`` where none does, 0 where there is no surface.
+
+    Raises:
+        ValueError: samples is below 1, there is no albedo, or the poses do not fit.
+
+    Source: Heitz 2018 (visible normals).
+    """
+
+    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+        return reflected(scene, at, start, u, SHARP_LAMP)
+
+    receivers = receivers_of(scene, gbuffer, poses)
+    dims = REFLECTION_DIMS
+    found = at_each_pixel(
+        gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+    )
+    none = torch.where(gbuffer.hit, gbuffer.camera.far, 0.0)
+    values, error = dict(found.values), dict(found.error)
+    for name, share in (("seen", values.pop("flies")), ("distance", values.pop("ends"))):
+        values[name], error[name] = (x[name] / share.clamp_min(1e-6) for x in (values, error))
+        error.pop("flies" if name == "seen" else "ends")
+        values[name] = torch.where(share > 0, values[name], none if name == "distance" else 0.0)
+    return Truth(values=values, error=error, samples=found.samples)
