@@ -60,26 +60,26 @@ def layers(
     """
     if scene.empty:
         raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
-    shot = _shot(scene, camera, previous_camera, time, previous_time)
+    rays = _primary_rays(scene, camera, previous_camera, time, previous_time)
     first = trace(
-        scene, shot.origins, shot.directions, poses=shot.poses, mask=MASK_PRIMARY, t_min=shot.near, t_max=shot.far
+        scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
     )
-    solid, run = run_lengths(scene, shot.origins, shot.directions, first, poses=shot.poses, cap=MAX_THICKNESS)
+    solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it sees
     if not bool((scene.materials.opacity[1:] < 1).any()):
-        return _gbuffer(scene, shot, first, solid, run), None
+        return _gbuffer(scene, rays, first, solid, run), None
     second = trace(
-        scene, shot.origins, shot.directions, poses=shot.poses, mask=MASK_PRIMARY, t_max=shot.far, beyond=first
+        scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
     )
     solid_behind, run_behind = run_lengths(
-        scene, shot.origins, shot.directions, second, poses=shot.poses, cap=MAX_THICKNESS
+        scene, rays.origins, rays.directions, second, poses=rays.poses, cap=MAX_THICKNESS
     )
     inner = torch.where(first.back_face, run, torch.minimum(run, second.t - first.t))
-    return _gbuffer(scene, shot, first, solid, inner), _gbuffer(scene, shot, second, solid_behind, run_behind)
+    return _gbuffer(scene, rays, first, solid, inner), _gbuffer(scene, rays, second, solid_behind, run_behind)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Shot:
+class _PrimaryRays:
     """Cameras, the rays through their pixels, and where the instances are and were."""
 
     camera: Camera
@@ -92,19 +92,19 @@ class _Shot:
     poses_before: Tensor
 
 
-def _shot(
+def _primary_rays(
     scene: Scene,
     camera: Camera,
     previous: Camera | None,
     time: float | Sequence[float],
     previous_time: float | Sequence[float] | None,
-) -> _Shot:
+) -> _PrimaryRays:
     origins, directions = camera.rays()
     along = (directions * camera.forward[:, None, None, :]).sum(-1)
     times = seconds(time, camera.batch)
     before = times if previous_time is None else seconds(previous_time, camera.batch, "previous_time")
     poses = scene.poses(times).to(camera.device)
-    return _Shot(
+    return _PrimaryRays(
         camera=camera,
         previous=camera if previous is None else previous,
         origins=origins,
@@ -128,14 +128,14 @@ def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> li
     return times
 
 
-def _gbuffer(scene: Scene, shot: _Shot, hits: Hits, thickness: Tensor, run: Tensor) -> GBuffer:
+def _gbuffer(scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, run: Tensor) -> GBuffer:
     """The channels of one layer; ``run`` is the way of the light from behind through the material that was hit."""
-    camera, table, which = shot.camera, scene.materials, hits.material.long()
+    camera, table, which = rays.camera, scene.materials, hits.material.long()
     hit = hits.hit[:, None]
-    along = (shot.directions * camera.forward[:, None, None, :]).sum(-1)
+    along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
     depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
-    motion, motion_z = _motion(scene, shot, hits, depth)
-    facing = (hits.normal * shot.directions).sum(-1).abs()
+    motion, motion_z = _motion(scene, rays, hits, depth)
+    facing = (hits.normal * rays.directions).sum(-1).abs()
     scales = depth.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
     footprint = camera.pixels_per_unit(depth)[:, 0] * scales * facing.clamp_min(1e-3).sqrt()
     tone = 1 + table.variation[which] * variation(hits, hits.instance, footprint)
@@ -158,17 +158,17 @@ def _gbuffer(scene: Scene, shot: _Shot, hits: Hits, thickness: Tensor, run: Tens
         if name not in ("depth", "motion_z"):
             values[name] = torch.where(hit, value, CHANNELS[name].clear).to(value.dtype)
     return GBuffer(
-        camera=camera, previous_camera=shot.previous, hit=hit, normal_geo=values["normal"], motion=motion, **values
+        camera=camera, previous_camera=rays.previous, hit=hit, normal_geo=values["normal"], motion=motion, **values
     )
 
 
-def _motion(scene: Scene, shot: _Shot, hits: Hits, depth: Tensor) -> tuple[Tensor, Tensor]:
+def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor) -> tuple[Tensor, Tensor]:
     """Motion and motion_z: that of a world at rest, and on instances that of the same point of the model."""
-    camera, previous = shot.camera, shot.previous
+    camera, previous = rays.camera, rays.previous
     motion, motion_z = camera.static_motion(previous, depth, hits.hit[:, None])
     if not scene.instances or not bool((hits.instance > 0).any()):
         return motion, motion_z
-    matrices = scene.world_from_model(shot.poses_before.double())
+    matrices = scene.world_from_model(rays.poses_before.double())
     matrices = torch.cat(
         [torch.eye(4, dtype=torch.float64, device=depth.device).expand_as(matrices[:, :1]), matrices], 1
     )

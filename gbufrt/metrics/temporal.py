@@ -45,7 +45,7 @@ def seen_before(gbuffer: GBuffer, previous: GBuffer) -> Tensor:
 
 
 def frames_seen(gbuffers: Sequence[GBuffer]) -> Tensor:
-    """``(B, 1, H, W)``: for how many frames the surfaces of the last frame have been in sight; 0 is newly uncovered.
+    """``(B, 1, H, W)``: for how many frames the surfaces of the last frame have been on screen; 0 is disoccluded.
 
     A surface that was there in the first frame counts as many frames as there are.
     """
@@ -56,7 +56,7 @@ def frames_seen(gbuffers: Sequence[GBuffer]) -> Tensor:
 
 
 def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequence[Truth] | None = None) -> Tensor:
-    """RMS change from frame to frame, followed along the motion, on surfaces that stand still and stay in sight.
+    """RMS change from frame to frame, followed along the motion, on surfaces that stand still and stay on screen.
 
     Args:
         pictures: at least two.
@@ -64,7 +64,7 @@ def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequ
         truth: what the pictures should be, whose own change is no flicker; by default nothing may change.
 
     Returns:
-        ``(B,)`` in the pictures' unit; 0 changes as the truth does. NaN where nothing stays in sight.
+        ``(B,)`` in the pictures' unit; 0 changes as the truth does. NaN where nothing stays on screen.
 
     Raises:
         ValueError: fewer than two pictures, or counts that differ.

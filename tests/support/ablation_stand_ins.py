@@ -96,19 +96,19 @@ def ambient_occlusion(scene: Scene, gbuffer: GBuffer, *, radius: float, **_: Any
     ao = torch.where(gbuffer.hit, OPEN, 1.0)
     ao[..., ::2] -= 0.1 * gbuffer.hit[..., ::2]
     bent = torch.nn.functional.normalize(gbuffer.normal + torch.tensor([0.0, 0.5, 0.0]).view(1, 3, 1, 1), dim=1)
-    return truth_of(ao=ao, bent_normal=bent, ao_seen=ao)
+    return truth_of(ao=ao, bent_normal=bent, ao_onscreen=ao)
 
 
 def indirect_diffuse(scene: Scene, gbuffer: GBuffer, *, bounces: int, **_: Any) -> Truth:
     calls["truth gi"] += 1
     light = 0.2 * boxes.frame(gbuffer.camera).read("radiance")
-    return truth_of(gi=light * 1.5, gi_seen=light, sky_visibility=torch.ones_like(gbuffer.depth))
+    return truth_of(gi=light * 1.5, gi_onscreen=light, sky_visibility=torch.ones_like(gbuffer.depth))
 
 
 def reflection(scene: Scene, gbuffer: GBuffer, **_: Any) -> Truth:
     calls["truth reflection"] += 1
     light = 0.1 * boxes.frame(gbuffer.camera).read("radiance")
-    return truth_of(reflection=light, reflection_seen=light, seen=torch.ones_like(gbuffer.depth))
+    return truth_of(reflection=light, reflection_onscreen=light, onscreen=torch.ones_like(gbuffer.depth))
 
 
 def path_trace(scene: Scene, camera: Any, *, time: float, **_: Any) -> Truth:
@@ -116,9 +116,9 @@ def path_trace(scene: Scene, camera: Any, *, time: float, **_: Any) -> Truth:
     camera = camera(time) if callable(camera) else camera
     frame = boxes.frame(camera)
     light = 1.5 * frame.read("radiance") + frame.read("ambient")
-    seen = light.clone()
-    seen[..., ::2] *= 0.9
-    return truth_of(radiance=light, radiance_seen=seen)
+    onscreen = light.clone()
+    onscreen[..., ::2] *= 0.9
+    return truth_of(radiance=light, radiance_onscreen=onscreen)
 
 
 def fake_load(name: str) -> Scene:

@@ -95,7 +95,7 @@ def polished_scene(seed: int) -> Scene:
     """`random_scene` with every kind of surface: metals and dielectrics, sharp and rough, glass and lamps."""
     table = MaterialTable.of(
         [
-            Material(name="matt", albedo=(0.7, 0.5, 0.3)),
+            Material(name="diffuse", albedo=(0.7, 0.5, 0.3)),
             Material(name="glass", opacity=0.25, tint=(0.9, 0.7, 0.5), roughness=0.05),
             Material(name="metal", albedo=(0.9, 0.6, 0.4), metallic=1.0, roughness=0.4),
             Material(name="mirror", albedo=(0.9, 0.9, 0.9), metallic=0.7, roughness=0.02),

@@ -19,7 +19,7 @@ from tracer.direct import reference as direct
 from tracer.direct.kernel import Shining
 from tracer.lights import shadows
 from tracer.lights.emitters import Lamps
-from tracer.lights.shadows import LEAST, MOST, Shots
+from tracer.lights.shadows import LEAST, MOST, ShadowRays
 from tracer.sampling import scatter_kernel
 from tracer.scene import grids, scene
 from tracer.scene.scene import Sun
@@ -80,7 +80,7 @@ sun_all, lamp_all, choose_all = _compiled(SOURCES)
 class Direct(direct.Direct):
     """See `tracer.direct.reference.Direct`."""
 
-    def sun(self, sun: Sun) -> Shots:
+    def sun(self, sun: Sun) -> ShadowRays:
         """See `tracer.direct.reference.Direct.sun`."""
         sine, basis = direct.sun_frame(sun)
         axes = array(basis.T.double())
@@ -89,13 +89,13 @@ class Direct(direct.Direct):
             given = self._picture(pixels), array(turned), points.start, points.stop, threads(), array(sums)
             sun_all(self._space, axes, sine, *given)
 
-        return _shots(run)
+        return _shadow_rays(run)
 
-    def lamp(self, number: int) -> Shots:
+    def lamp(self, number: int) -> ShadowRays:
         """See `tracer.direct.reference.Direct.lamp`."""
         return self._lamps(np.array([number]))
 
-    def lamp_of_each(self, numbers: Tensor) -> Shots:
+    def lamp_of_each(self, numbers: Tensor) -> ShadowRays:
         """See `tracer.direct.reference.Direct.lamp_of_each`."""
         return self._lamps(array(numbers))
 
@@ -107,14 +107,14 @@ class Direct(direct.Direct):
         choose_all(self._shining, pixels, array(known), array(dice), threads(), *(array(t) for t in out))
         return out
 
-    def _lamps(self, numbers: np.ndarray) -> Shots:
+    def _lamps(self, numbers: np.ndarray) -> ShadowRays:
         widest = int(np.diff(self._shining.first).max())
 
         def run(pixels: Tensor, turned: Tensor, points: range, sums: Tensor) -> None:
             given = self._picture(pixels), array(turned), points.start, points.stop, threads(), widest, array(sums)
             lamp_all(self._space, self._shining, numbers, *given)
 
-        return _shots(run)
+        return _shadow_rays(run)
 
     def _picture(self, numbers: Tensor) -> tuple[np.ndarray, ...]:
         return array(numbers), *self._rows
@@ -146,11 +146,11 @@ def shining_of(lamps: Lamps) -> Shining:
     )
 
 
-def _shots(run: Any) -> Shots:
-    def shots(pixels: Tensor, turned: Tensor, points: range) -> Tensor:
+def _shadow_rays(run: Any) -> ShadowRays:
+    def shadow_rays(pixels: Tensor, turned: Tensor, points: range) -> Tensor:
         sums = torch.zeros(len(pixels), MOST + 1)
         sums[:, LEAST] = 1.0
         run(pixels, turned, points, sums)
         return sums.T
 
-    return shots
+    return shadow_rays

@@ -90,7 +90,7 @@ def _turned(turned, i, point):
 
 @scalar
 def _shoot(space, origin, direction, distance, weight, sums):
-    """One ray to a source, added to the rows of `tracer.lights.shadows.Shots`."""
+    """One ray to a source, added to the rows of `tracer.lights.shadows.ShadowRays`."""
     if weight <= 0:
         return
     transforms, bricks, index, entries, media = space

@@ -101,8 +101,8 @@ def _lamp_light(direct: Direct, noise: Tensor, samples: int, known: Tensor) -> T
     levels, chosen, scale = direct.choices(known.mean(dim=0).flatten(), noise[2].flatten())
     arrived = torch.zeros_like(known)
     for lamp, level in enumerate(levels.view(-1, *size)):
-        shots = direct.lamp(lamp)
-        coming = arriving(shots, level >= 1, level >= 2, noise[:2], samples=samples, start=samples * lamp)
+        shadow_rays = direct.lamp(lamp)
+        coming = arriving(shadow_rays, level >= 1, level >= 2, noise[:2], samples=samples, start=samples * lamp)
         arrived += coming * radiance[lamp][:, None, None]
     left = (scale > 0).view(size)
     coming = arriving(direct.lamp_of_each(chosen), left, left, noise[:2], samples=1, start=samples * len(direct.lamps))

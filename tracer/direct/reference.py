@@ -16,7 +16,7 @@ from torch import Tensor
 from gbufrt.noise.noise import PLASTIC
 from tracer.lights.emitters import Lamps
 from tracer.lights.form_factor import cross, disc_cosine, dot, rectangle_irradiance
-from tracer.lights.shadows import LEAST, MOST, PASSED, SHORT, UNBLOCKED, WEIGHT, Shots, Surface
+from tracer.lights.shadows import LEAST, MOST, PASSED, SHORT, UNBLOCKED, WEIGHT, ShadowRays, Surface
 from tracer.sampling.sequence import disc
 from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
@@ -49,7 +49,7 @@ class Direct:
     surface: Surface
     lamps: Lamps
 
-    def sun(self, sun: Sun) -> Shots:
+    def sun(self, sun: Sun) -> ShadowRays:
         """Samples of the sun's disc; its unblocked irradiance is what lies above the surface's horizon."""
         sine, basis = sun_frame(sun)
         basis = basis.to(self.surface.points)
@@ -65,18 +65,18 @@ class Direct:
 
             return disc_cosine(dot(normals, basis[:, 2]), sine).clamp_min(0), draw
 
-        return self._shots(source)
+        return self._shadow_rays(source)
 
-    def lamp(self, number: int) -> Shots:
+    def lamp(self, number: int) -> ShadowRays:
         """Samples of one lamp."""
         count = int((self.lamps.edge_u[number].abs().sum(dim=1) > 0).sum())
         own = [t[:, :count, number, None] for t in _planes(self.lamps)]
-        return self._shots(self._rectangles(lambda _: own))
+        return self._shadow_rays(self._rectangles(lambda _: own))
 
-    def lamp_of_each(self, numbers: Tensor) -> Shots:
+    def lamp_of_each(self, numbers: Tensor) -> ShadowRays:
         """Samples of one lamp a pixel, ``numbers`` ``(N,)`` int64."""
         tables = _planes(self.lamps)
-        return self._shots(self._rectangles(lambda pixels: [t[:, :, numbers[pixels]] for t in tables]))
+        return self._shadow_rays(self._rectangles(lambda pixels: [t[:, :, numbers[pixels]] for t in tables]))
 
     def choices(self, known: Tensor, dice: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Which lamps matter where.
@@ -135,12 +135,12 @@ class Direct:
 
         return source
 
-    def _shots(self, source: Source) -> Shots:
+    def _shadow_rays(self, source: Source) -> ShadowRays:
         def through(pixels: Tensor, directions: Tensor, distances: Tensor) -> Tensor:
             origins = self.surface.points[:, pixels].T
             return transmission(self.scene, origins, directions.T, poses=self.poses, t_max=distances).T
 
-        def shots(pixels: Tensor, turned: Tensor, points: range) -> Tensor:
+        def shadow_rays(pixels: Tensor, turned: Tensor, points: range) -> Tensor:
             sums = turned.new_zeros(MOST + 1, len(pixels))
             sums[LEAST] = 1.0
             for part in torch.arange(len(pixels), device=turned.device).split(CHUNK):
@@ -159,7 +159,7 @@ class Direct:
                     sums[MOST, part] = sums[MOST, part].maximum(torch.where(weights > 0, shade, 0.0))
             return sums
 
-        return shots
+        return shadow_rays
 
 
 def sun_frame(sun: Sun) -> tuple[float, Tensor]:

@@ -17,7 +17,7 @@ REACH = 2  # pixels around, in which samples must agree too before a pixel needs
 AGREE = 0.02  # samples agree whose transmission differs by no more than this
 SHORT = 1e-3  # world units that a ray to a lamp ends before its face
 
-Shots = Callable[[Tensor, Tensor, range], Tensor]
+ShadowRays = Callable[[Tensor, Tensor, range], Tensor]
 """Pixel numbers ``(n,)``, a rotation of the samples of each ``(2, n)`` in [0, 1), and which points of the R2 sequence
 to take; to ``(7, n)`` with the rows below."""
 UNBLOCKED, PASSED, WEIGHT, LEAST, MOST = 0, slice(1, 4), 4, 5, 6
@@ -36,7 +36,9 @@ class Surface:
     size: tuple[int, int]
 
 
-def arriving(shots: Shots, wanted: Tensor, refine: Tensor, noise: Tensor, *, samples: int, start: int) -> Tensor:
+def arriving(
+    shadow_rays: ShadowRays, wanted: Tensor, refine: Tensor, noise: Tensor, *, samples: int, start: int
+) -> Tensor:
     """Irradiance from a source of unit radiance (the sun: of unit irradiance) through what stands between.
 
     A quarter of the samples comes first. Where these agree with each other and with those of the pixels around, as they
@@ -45,7 +47,7 @@ def arriving(shots: Shots, wanted: Tensor, refine: Tensor, noise: Tensor, *, sam
     the samples, so that light without shadow is exact.
 
     Args:
-        shots: samples of the source; see `Shots`.
+        shadow_rays: samples of the source; see `ShadowRays`.
         wanted: ``(H, W)`` bool: where the source matters.
         refine: ``(H, W)`` bool: where it matters enough for more than the first samples.
         noise: ``(2, H, W)`` in [0, 1): how each pixel's sample points are rotated.
@@ -66,16 +68,16 @@ def arriving(shots: Shots, wanted: Tensor, refine: Tensor, noise: Tensor, *, sam
     sums = flat.new_zeros(MOST + 1, len(numbers))
     sums[LEAST] = 1.0
 
-    def shoot(where: Tensor, points: range) -> tuple[Tensor, Tensor]:
+    def send(where: Tensor, points: range) -> tuple[Tensor, Tensor]:
         part = where.flatten().nonzero()[:, 0]
-        return part, shots(numbers[part], flat[:, part], points)
+        return part, shadow_rays(numbers[part], flat[:, part], points)
 
     first = max(1, samples // 4)
-    part, found = shoot(wanted, range(start, start + first))
+    part, found = send(wanted, range(start, start + first))
     sums[:, part] = found
     if samples > first:
         spread = _widest(sums[MOST].view(wanted.shape)) + _widest(-sums[LEAST].view(wanted.shape))
-        part, found = shoot(wanted & refine & (spread > AGREE), range(start + first, start + samples))
+        part, found = send(wanted & refine & (spread > AGREE), range(start + first, start + samples))
         sums[PASSED, part] += found[PASSED]
         sums[WEIGHT, part] += found[WEIGHT]
     through = sums[PASSED] / sums[WEIGHT].clamp_min(1e-20)

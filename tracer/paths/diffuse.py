@@ -1,4 +1,4 @@
-"""Light of matt surfaces: what each sends of what reaches it, and what is seen in light that nothing blocks."""
+"""Diffuse light transport: what surfaces send of what reaches them, and the picture in unoccluded light."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torch import Tensor
 from gbufrt.environment import lookup_environment
 from tracer.lights.samples import DIMS, Lights, LightSample
 from tracer.lights.sky import beyond, sky_along
-from tracer.paths.meet import Vertices, direct, meet
+from tracer.paths.interaction import Vertices, direct, intersect
 from tracer.sampling.scatter import cosine_direction, dot
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
@@ -47,11 +47,11 @@ def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: 
             passed = transmission(scene, at.points, directions, poses=poses, mask=MASK_SECONDARY)
             total[rows] += through * passed * sky_along(scene, directions)
             break
-        met = meet(scene, at.points, directions, numbers[DIMS + 2], poses=poses, inside=at.inside)
-        through = through * met.weight
-        away = ~met.hit
+        isect = intersect(scene, at.points, directions, numbers[DIMS + 2], poses=poses, inside=at.inside)
+        through = through * isect.weight
+        away = ~isect.hit
         total[rows[away]] += through[away] * sky_along(scene, directions[away])
-        rows, through, u, at = rows[met.rows], through[met.rows], u[:, met.rows], met.surface
+        rows, through, u, at = rows[isect.rows], through[isect.rows], u[:, isect.rows], isect.surface
     return total
 
 
@@ -59,7 +59,7 @@ def unblocked(
     scene: Scene, irradiance: Tensor, origins: Tensor, directions: Tensor, u: Tensor, *, poses: Tensor, **first: Any
 ) -> Tensor:
     """What rays from the eye show in light that nothing blocks: the sky, and surfaces with the light of the whole sky
-    and the sun. All are matt, and lamps light nothing but themselves.
+    and the sun. All are diffuse, and lamps light nothing but themselves.
 
     Args:
         scene: what is there.
@@ -68,19 +68,19 @@ def unblocked(
         directions: ``(N, 3)``, unit length.
         u: ``(N,)`` in [0, 1), whether to go through what transmits.
         poses: ``(I, 4, 4)``.
-        first: ``t_min``, ``t_max``, ``detail`` and ``spreads`` as for `tracer.paths.meet`.
+        first: ``t_min``, ``t_max``, ``detail`` and ``spreads`` as for `tracer.paths.interaction`.
 
     Returns:
         ``(N, 3)`` linear radiance, which has no noise but that of ``u``.
     """
-    met = meet(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
-    at, total = met.surface, beyond(scene, directions, torch.ones_like(met.hit), torch.ones_like(met.distance))
+    isect = intersect(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
+    at, total = isect.surface, beyond(scene, directions, torch.ones_like(isect.hit), torch.ones_like(isect.distance))
     arriving = lookup_environment(irradiance, at.normals.T[None, :, None])[0, :, 0].T
     if scene.sun is not None:
         toward = F.normalize(at.normals.new_tensor(scene.sun.direction), dim=0)
         arriving = arriving + (at.normals @ toward).clamp_min(0)[:, None] * toward.new_tensor(scene.sun.irradiance)
-    total[met.rows] = at.emission + at.albedo * at.opacity[:, None] * arriving / math.pi
-    return met.weight * total
+    total[isect.rows] = at.emission + at.albedo * at.opacity[:, None] * arriving / math.pi
+    return isect.weight * total
 
 
 def even_response(at: Vertices, sample: LightSample) -> Tensor:

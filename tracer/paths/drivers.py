@@ -10,10 +10,10 @@ from torch import Tensor
 
 from gbufrt.compute.kernel import array, driver, threads
 from tracer.lights.samples import Lights
-from tracer.paths import meet_kernel, path_kernel, shot_kernel
-from tracer.paths.meet import MOST_PASS, Vertices
+from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
+from tracer.paths.interaction import MOST_PASS, Vertices
+from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
-from tracer.paths.seen import Picture
 from tracer.paths.tables import SOURCES, arrays_of, camera_of, picture_of, surfaces_of
 from tracer.sampling.progressive import Values
 from tracer.scene.scene import MASK_PRIMARY, Scene
@@ -29,29 +29,29 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
         origins, directions, spans, known = rays
         for lane in prange(lanes):
-            tables = meet_kernel.assembled(arrays)
+            tables = interaction_kernel.assembled(arrays)
             for begin in range(lane * ROWS, len(origins), lanes * ROWS):
                 for i in range(begin, min(begin + ROWS, len(origins))):
                     origin, direction, mask = triple(origins, i, 0), triple(directions, i, 0), MASK_PRIMARY
                     t0, t1, detail = triple(spans, i, 0)
-                    met = meet_kernel.meet(
+                    isect = interaction_kernel.intersect(
                         tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
                     )
-                    light, seen = path_kernel.radiance(
-                        tables, camera, picture, met, known[i], direction, u, i, 1, bounces, next_event
+                    light, onscreen = path_kernel.radiance(
+                        tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event
                     )
                     out[i, 0], out[i, 1], out[i, 2] = light
-                    out[i, 3], out[i, 4], out[i, 5] = seen
+                    out[i, 3], out[i, 4], out[i, 5] = onscreen
         return sources
 
     @driver
     def occlusion_all(arrays, camera, picture, surfaces, u, radius, lanes, out):
         for lane in prange(lanes):
-            tables = meet_kernel.assembled(arrays)
+            tables = interaction_kernel.assembled(arrays)
             for begin in range(lane * ROWS, len(out), lanes * ROWS):
                 for i in range(begin, min(begin + ROWS, len(out))):
-                    at = meet_kernel.surface_of(surfaces, i % len(surfaces))
-                    ao, bent, known = shot_kernel.occlusion(tables, camera, picture, at, u, i, radius)
+                    at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+                    ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
                     out[i, 0], out[i, 4] = ao, known
                     out[i, 1], out[i, 2], out[i, 3] = bent
         return sources
@@ -59,13 +59,15 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     @driver
     def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
         for lane in prange(lanes):
-            tables = meet_kernel.assembled(arrays)
+            tables = interaction_kernel.assembled(arrays)
             for begin in range(lane * ROWS, len(out), lanes * ROWS):
                 for i in range(begin, min(begin + ROWS, len(out))):
-                    at = meet_kernel.surface_of(surfaces, i % len(surfaces))
-                    gi, seen, above, visible = shot_kernel.indirect(tables, camera, picture, at, u, i, bounces)
+                    at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+                    gi, onscreen, above, visible = integrator_kernel.indirect(
+                        tables, camera, picture, at, u, i, bounces
+                    )
                     out[i, 0], out[i, 1], out[i, 2] = gi
-                    out[i, 3], out[i, 4], out[i, 5] = seen
+                    out[i, 3], out[i, 4], out[i, 5] = onscreen
                     out[i, 6], out[i, 7], out[i, 8] = above
                     out[i, 9] = visible
         return sources
@@ -73,13 +75,13 @@ def _compiled(sources: int) -> tuple[Any, ...]:
     @driver
     def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
         for lane in prange(lanes):
-            tables = meet_kernel.assembled(arrays)
+            tables = interaction_kernel.assembled(arrays)
             for begin in range(lane * ROWS, len(out), lanes * ROWS):
                 for i in range(begin, min(begin + ROWS, len(out))):
-                    at = meet_kernel.surface_of(surfaces, i % len(surfaces))
-                    light, seen, counts = shot_kernel.reflected(tables, camera, picture, at, u, i, sharp)
+                    at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+                    light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
                     out[i, 0], out[i, 1], out[i, 2] = light
-                    out[i, 3], out[i, 4], out[i, 5] = seen
+                    out[i, 3], out[i, 4], out[i, 5] = onscreen
                     out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
         return sources
 
@@ -119,25 +121,25 @@ def radiance(
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
-    """See `tracer.paths.shots.occlusion`."""
+    """See `tracer.paths.integrators.occlusion`."""
     out = torch.empty(u.shape[1], 5)
     occlusion_all(*_given(scene, at, start), array(u), float(radius), threads(), array(out))
-    return {"ao": out[:, :1], "bent_normal": out[:, 1:4], "ao_seen": out[:, 4:]}
+    return {"ao": out[:, :1], "bent_normal": out[:, 1:4], "ao_onscreen": out[:, 4:]}
 
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
-    """See `tracer.paths.shots.indirect`."""
+    """See `tracer.paths.integrators.indirect`."""
     out = torch.empty(u.shape[1], 10)
     indirect_all(*_given(scene, at, start), array(u), bounces, threads(), array(out))
-    return {"gi": out[:, :3], "gi_seen": out[:, 3:6], "sky": out[:, 6:9], "sky_visibility": out[:, 9:]}
+    return {"gi": out[:, :3], "gi_onscreen": out[:, 3:6], "sky": out[:, 6:9], "sky_visibility": out[:, 9:]}
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
-    """See `tracer.paths.shots.reflected`."""
+    """See `tracer.paths.integrators.reflected`."""
     out = torch.empty(u.shape[1], 10)
     reflected_all(*_given(scene, at, start), array(u), float(sharp), threads(), array(out))
-    counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("seen", "distance", "flies", "ends"))}
-    return {"reflection": out[:, :3], "reflection_seen": out[:, 3:6], **counts}
+    counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
+    return {"reflection": out[:, :3], "reflection_onscreen": out[:, 3:6], **counts}
 
 
 def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:

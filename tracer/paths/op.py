@@ -7,28 +7,28 @@ from typing import Any
 from torch import Tensor
 
 from tracer.lights.samples import Lights
-from tracer.paths import radiance as light_paths
-from tracer.paths import shots
-from tracer.paths.meet import FINE, Vertices
+from tracer.paths import integrators
+from tracer.paths import radiance as path_radiance
+from tracer.paths.interaction import FINE, Vertices
+from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
-from tracer.paths.seen import Picture
 from tracer.sampling.progressive import Values
 from tracer.scene.scene import Scene
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
-    """See `tracer.paths.shots.occlusion`."""
-    return _form(u, shots).occlusion(scene, at, start, u, radius)
+    """See `tracer.paths.integrators.occlusion`."""
+    return _form(u, integrators).occlusion(scene, at, start, u, radius)
 
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
-    """See `tracer.paths.shots.indirect`."""
-    return _form(u, shots).indirect(scene, at, start, u, bounces)
+    """See `tracer.paths.integrators.indirect`."""
+    return _form(u, integrators).indirect(scene, at, start, u, bounces)
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
-    """See `tracer.paths.shots.reflected`."""
-    return _form(u, shots).reflected(scene, at, start, u, sharp)
+    """See `tracer.paths.integrators.reflected`."""
+    return _form(u, integrators).reflected(scene, at, start, u, sharp)
 
 
 def radiance(
@@ -51,7 +51,7 @@ def radiance(
     """See `tracer.paths.radiance.radiance`."""
     first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
     given = {"bounces": bounces, "poses": poses, "next_event": next_event, "picture": picture, "known": known}
-    return _form(u, light_paths).radiance(scene, lights, origins, directions, u, **given, **first)
+    return _form(u, path_radiance).radiance(scene, lights, origins, directions, u, **given, **first)
 
 
 def _form(like: Tensor, reference: Any) -> Any:

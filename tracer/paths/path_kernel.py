@@ -11,10 +11,10 @@ from gbufrt.specular import DIELECTRIC_F0
 from tracer.lights.kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
 from tracer.lights.samples import DIMS
 from tracer.paths.diffuse import EVEN
-from tracer.paths.meet import FINE, MOST_PASS
-from tracer.paths.meet_kernel import WHITE, meet, transmit
+from tracer.paths.interaction import FINE, MOST_PASS
+from tracer.paths.interaction_kernel import WHITE, intersect, transmit
+from tracer.paths.on_screen_kernel import back_project, sees
 from tracer.paths.radiance import LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
-from tracer.paths.seen_kernel import put_back, sees
 from tracer.sampling.scatter_kernel import (
     added,
     along,
@@ -58,7 +58,7 @@ def _response(at, direction, even, mirrors):
 
 @scalar
 def _direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
-    """Light straight from the sun and from one lamp; see `tracer.paths.meet.direct`."""
+    """Light straight from the sun and from one lamp; see `tracer.paths.interaction.direct`."""
     lit, light = tables.lit, NOTHING
     if shines(lit):
         direction, energy = sun_sample(lit, u[first, i], u[first + 1, i])
@@ -97,12 +97,12 @@ def gathered(tables, at, u, i, first, bounces):
                 total = added(total, times(times(through, passed), sky(tables.lit, direction)))
             break
         number = u[first + DIMS + 2, i]
-        met = _go_on(tables, at, direction, number)
-        through = times(through, met.weight)
-        if met.t == np.inf:
+        isect = _go_on(tables, at, direction, number)
+        through = times(through, isect.weight)
+        if isect.t == np.inf:
             total = added(total, times(through, sky(tables.lit, direction)))
             break
-        at = met.surface
+        at = isect.surface
         first += EVEN
     return total
 
@@ -110,18 +110,18 @@ def gathered(tables, at, u, i, first, bounces):
 @scalar
 def _go_on(tables, at, direction, number):
     mask = MASK_SECONDARY
-    return meet(tables, at.point, direction, number, at.inside, mask, 0.0, FARTHEST, MOST_PASS, FINE, False)
+    return intersect(tables, at.point, direction, number, at.inside, mask, 0.0, FARTHEST, MOST_PASS, FINE, False)
 
 
 @scalar
-def radiance(tables, camera, picture, met, known, direction, u, i, first, bounces, next_event):
-    """See `tracer.paths.radiance.radiance`; ``known`` is 1 where what was met shows in the picture, else 0."""
+def radiance(tables, camera, picture, isect, known, direction, u, i, first, bounces, next_event):
+    """See `tracer.paths.radiance.radiance`; ``known`` is 1 where the first surface is on screen, else 0."""
     lit = tables.lit
-    total, seen, through, sees_sun, sees_lamps, density = NOTHING, NOTHING, WHITE, True, True, 0.0
+    total, onscreen, through, sees_sun, sees_lamps, density = NOTHING, NOTHING, WHITE, True, True, 0.0
     sharp = lit.sky[DISC, 0]
     for bounce in range(bounces + 2):
-        through = times(through, met.weight)
-        if met.t == np.inf:
+        through = times(through, isect.weight)
+        if isect.t == np.inf:
             share = 1.0
             if density > 0 and len(lit.sky_upto):
                 share = density / (density + sky_density(lit, direction))
@@ -129,19 +129,19 @@ def radiance(tables, camera, picture, met, known, direction, u, i, first, bounce
             if sees_sun and shines(lit):
                 light = added(light, sun(lit, direction))
             light = times(through, light)
-            return added(total, light), along(seen, light, known)
-        at = met.surface
+            return added(total, light), along(onscreen, light, known)
+        at = isect.surface
         if bounce and known > 0:
-            point, normal = put_back(camera, at.point, at.normal, at.instance)
+            point, normal = back_project(camera, at.point, at.normal, at.instance)
             known = 1.0 if sees(camera, picture, point, normal) else 0.0
         light = at.emission if sees_lamps else NOTHING
         sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
         if next_event and bounce <= bounces:
-            light = added(light, _direct(tables, at, u, i, first, _matt(at), not sharp_sun, not sharp_lamp))
+            light = added(light, _direct(tables, at, u, i, first, _diffuse_share(at), not sharp_sun, not sharp_lamp))
             if len(lit.sky_upto):
                 light = added(light, _from_sky(tables, at, u[first + DIMS + 5, i], u[first + DIMS + 6, i]))
         light = times(through, light)
-        total, seen = added(total, light), along(seen, light, known)
+        total, onscreen = added(total, light), along(onscreen, light, known)
         if bounce > bounces:
             break
         direction, factor, density = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
@@ -154,13 +154,13 @@ def radiance(tables, camera, picture, met, known, direction, u, i, first, bounce
         if not (most > 0 and u[first + DIMS + 3, i] < chance):
             break
         through = scaled(through, 1 / chance)
-        met = _go_on(tables, at, direction, u[first + DIMS + 4, i])
+        isect = _go_on(tables, at, direction, u[first + DIMS + 4, i])
         first += MORE
-    return total, seen
+    return total, onscreen
 
 
 @scalar
-def _matt(at):
+def _diffuse_share(at):
     """Share of light that is scattered evenly toward the eye."""
     return scaled(diffuse_of(at), 1 - mirrored_share(dot(at.normal, at.toward), at.roughness))
 
@@ -168,23 +168,23 @@ def _matt(at):
 @scalar
 def _from_sky(tables, at, a, b):
     """Light of the sky that is scattered evenly, by one ray."""
-    matt = _matt(at)
+    diffuse = _diffuse_share(at)
     direction, density = sky_sample(tables.lit, a, b)
     even = max(dot(at.normal, direction), 0.0) / math.pi
-    if not (even > 0 and max(matt) > 0):
+    if not (even > 0 and max(diffuse) > 0):
         return NOTHING
     passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
     if not max(passed) > 0:
         return NOTHING
     share = even / (density + (1 - _mirrors(at)) * even)
-    return times(scaled(matt, share), times(passed, sky(tables.lit, direction)))
+    return times(scaled(diffuse, share), times(passed, sky(tables.lit, direction)))
 
 
 @scalar
 def _mirrors(at):
     """How often a path goes on mirrored rather than scattered evenly."""
-    matt = _matt(at)
-    even = (matt[0] + matt[1] + matt[2]) / 3
+    diffuse = _diffuse_share(at)
+    even = (diffuse[0] + diffuse[1] + diffuse[2]) / 3
     bright = fresnel(f0_of(at), dot(at.normal, at.toward))
     some = (bright[0] + bright[1] + bright[2]) / 3
     return min(max(some / max(some + even, 1e-9), RARELY), 1 - RARELY) if even > 0 else 1.0
@@ -197,6 +197,6 @@ def _scattered(at, a, b, c):
     if a >= chance:
         direction = cosine_direction(at.normal, b, c)
         density = (1 - chance) * max(dot(at.normal, direction), 0.0) / math.pi
-        return direction, scaled(_matt(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
+        return direction, scaled(_diffuse_share(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
     direction, weight, cosine = mirrored(at.normal, at.toward, at.roughness * at.roughness, b, c)
     return direction, scaled(fresnel(f0_of(at), cosine), weight / chance), 0.0

@@ -14,8 +14,8 @@ from tracer.lights.samples import DIMS, Lights, LightSample
 from tracer.lights.sky import beyond, sky_along
 from tracer.lights.sky_table import SkyTable
 from tracer.paths.diffuse import even_response
-from tracer.paths.meet import FINE, Vertices, direct, meet
-from tracer.paths.seen import Picture
+from tracer.paths.interaction import FINE, Vertices, direct, intersect
+from tracer.paths.on_screen import Picture
 from tracer.sampling.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
@@ -61,7 +61,7 @@ def radiance(
         u: ``(1 + MORE * (bounces + 1), N)`` in [0, 1).
         bounces: surfaces between the first one and a light at most.
         poses: ``(I, 4, 4)``.
-        t_min: as for `tracer.paths.meet`, for the rays from the eye; and so are the next three.
+        t_min: as for `tracer.paths.interaction`, for the rays from the eye; and so are the next three.
         t_max: where they end.
         detail: of the colours of what they meet.
         spreads: whether that falls with the distance.
@@ -77,21 +77,23 @@ def radiance(
     """
     paths = _Paths.begin(directions, known=picture is not None)
     paths = paths if known is None else replace(paths, known=paths.known & known)
-    total, seen = torch.zeros_like(directions), torch.zeros_like(directions)
+    total, onscreen = torch.zeros_like(directions), torch.zeros_like(directions)
 
     def add(paths: _Paths, light: Tensor) -> None:
         total[paths.rows] += paths.through * light
-        seen[paths.rows] += paths.through * light * paths.known[:, None]
+        onscreen[paths.rows] += paths.through * light * paths.known[:, None]
 
     first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
-    met, u = meet(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first), u[1:]
+    isect, u = intersect(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first), u[1:]
     for bounce in range(bounces + 2):
-        paths = replace(paths, through=paths.through * met.weight)
-        away = paths[~met.hit]
-        add(away, beyond(scene, directions[~met.hit], away.sees_sun, _share(lights.sky, directions[~met.hit], away)))
-        at, paths, u = met.surface, paths[met.rows], u[:, met.rows]
+        paths = replace(paths, through=paths.through * isect.weight)
+        away = paths[~isect.hit]
+        add(
+            away, beyond(scene, directions[~isect.hit], away.sees_sun, _share(lights.sky, directions[~isect.hit], away))
+        )
+        at, paths, u = isect.surface, paths[isect.rows], u[:, isect.rows]
         if bounce and picture is not None:
-            shows = picture.sees(*picture.put_back(at.points, at.normals, at.instances))
+            shows = picture.sees(*picture.back_project(at.points, at.normals, at.instances))
             paths = replace(paths, known=paths.known & shows)
         add(paths, at.emission * paths.sees_lamps[:, None])
         if bounce > bounces or not len(paths.rows):
@@ -116,8 +118,8 @@ def radiance(
             density=density * next_event,
         )
         paths, directions, u, at = paths[lives], directions[lives], u[:, lives], at[lives]
-        met = meet(scene, at.points, directions, numbers[DIMS + 4, lives], poses=poses, inside=at.inside)
-    return total, seen
+        isect = intersect(scene, at.points, directions, numbers[DIMS + 4, lives], poses=poses, inside=at.inside)
+    return total, onscreen
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

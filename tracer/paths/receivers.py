@@ -11,8 +11,8 @@ from torch import Tensor
 from gbufrt import GBuffer
 from tracer.direct.lighting import batched, lifted
 from tracer.lights.samples import Lights
-from tracer.paths.meet import Vertices
-from tracer.paths.seen import Picture
+from tracer.paths.interaction import Vertices
+from tracer.paths.on_screen import Picture
 from tracer.sampling.progressive import WIDE, Estimate, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import MASK_SECONDARY, Scene
@@ -40,7 +40,7 @@ class Receivers:
     lights: Lights
 
 
-Shoot = Callable[[Receivers, Vertices, Tensor], Values]
+Integrand = Callable[[Receivers, Vertices, Tensor], Values]
 """A picture, N of its surfaces and numbers ``(D, K * N)`` in [0, 1) to what K paths from each of them found, the first
 of all before the second of any, ``(K * N, C)`` each."""
 
@@ -99,7 +99,7 @@ def _inside(scene: Scene, points: Tensor, normals: Tensor, poses: Tensor) -> Ten
 def at_each_pixel(
     gbuffer: GBuffer,
     receivers: list[Receivers],
-    shoot: Shoot,
+    integrand: Integrand,
     *,
     dims: int,
     samples: int,
@@ -114,7 +114,7 @@ def at_each_pixel(
     sequence = Sequence.of(samples, dims, size, seed=seed, device=gbuffer.camera.device)
     pixels = max(len(r.pixels) for r in receivers)
     return converge(
-        _estimate(receivers, shoot, sequence, size),
+        _estimate(receivers, integrand, sequence, size),
         samples=samples,
         noise=noise,
         pixels=pixels,
@@ -123,15 +123,15 @@ def at_each_pixel(
     )
 
 
-def _estimate(receivers: list[Receivers], shoot: Shoot, sequence: Sequence, size: tuple[int, int]) -> Estimate:
+def _estimate(receivers: list[Receivers], integrand: Integrand, sequence: Sequence, size: tuple[int, int]) -> Estimate:
     def estimate(numbers: range) -> Values:
-        pictures = [_sums(at, shoot, sequence, numbers, size) for at in receivers]
+        pictures = [_sums(at, integrand, sequence, numbers, size) for at in receivers]
         return {name: torch.stack([p[name] for p in pictures]) for name in pictures[0]}
 
     return estimate
 
 
-def _sums(at: Receivers, shoot: Shoot, sequence: Sequence, numbers: range, size: tuple[int, int]) -> Values:
+def _sums(at: Receivers, integrand: Integrand, sequence: Sequence, numbers: range, size: tuple[int, int]) -> Values:
     """``(C, H, W)`` sums over samples, for one picture."""
     count = len(numbers)
     sums: Values = {}
@@ -139,7 +139,7 @@ def _sums(at: Receivers, shoot: Shoot, sequence: Sequence, numbers: range, size:
     for begin in range(0, max(1, len(at.pixels)), step):
         part = slice(begin, begin + step)
         pixels = at.pixels[part]
-        found = shoot(at, at.vertices[part], sequence.draw(numbers, pixels))
+        found = integrand(at, at.vertices[part], sequence.draw(numbers, pixels))
         for name, value in found.items():
             if name not in sums:
                 sums[name] = value.new_zeros(size[0] * size[1], value.shape[1])

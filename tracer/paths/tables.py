@@ -17,12 +17,18 @@ from tracer.lights.kernel import DISC, GLOW, TOWARD
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import Lights
 from tracer.lights.sky_table import SkyTable
-from tracer.paths import diffuse as matt_paths
-from tracer.paths import meet as paths
-from tracer.paths import meet_kernel, path_kernel, seen, seen_kernel, shot_kernel
-from tracer.paths import radiance as light_paths
-from tracer.paths.meet import Vertices
-from tracer.paths.seen import Picture
+from tracer.paths import (
+    diffuse,
+    integrator_kernel,
+    interaction,
+    interaction_kernel,
+    on_screen,
+    on_screen_kernel,
+    path_kernel,
+)
+from tracer.paths import radiance as path_radiance
+from tracer.paths.interaction import Vertices
+from tracer.paths.on_screen import Picture
 from tracer.sampling import scatter_kernel
 from tracer.scene import grids, scene
 from tracer.scene.scene import Scene
@@ -30,9 +36,17 @@ from tracer.traversal import kernel as walk_kernel
 from tracer.traversal import rays as traversal
 from tracer.traversal.rays import grid_from_world
 
-KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, seen_kernel, path_kernel, shot_kernel)
-LIGHTS = (lamp_table, light_paths, light_samples, lighting, matt_paths, sky, sky_table, spherical_rectangle)
-CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture, traversal)
+KERNELS = (
+    walk_kernel,
+    scatter_kernel,
+    light_kernel,
+    interaction_kernel,
+    on_screen_kernel,
+    path_kernel,
+    integrator_kernel,
+)
+LIGHTS = (lamp_table, path_radiance, light_samples, lighting, diffuse, sky, sky_table, spherical_rectangle)
+CONSTANTS = (grids, interaction, scene, on_screen, shadows, specular, texture, traversal)
 SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
 """Changes with everything that is compiled into paths."""
 COLUMNS = {
@@ -47,11 +61,11 @@ COLUMNS = {
     "inside": 1,
     "instances": 1,
 }
-"""Of `Vertices`, side by side, as `tracer.paths.meet_kernel.surface_of` reads them."""
+"""Of `Vertices`, side by side, as `tracer.paths.interaction_kernel.surface_of` reads them."""
 
 
 def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[np.ndarray, ...]:
-    """What `tracer.paths.meet_kernel.Tables` are assembled of: the scene at ``poses``, with its lights where wanted."""
+    """What `interaction_kernel.Tables` are assembled of: the scene at ``poses``, with its lights where wanted."""
     table = scene.materials
     columns = (table.albedo, table.roughness, table.metallic, table.opacity, table.emission, table.variation)
     return (
@@ -72,8 +86,8 @@ def surfaces_of(vertices: Vertices) -> np.ndarray:
 
 
 def camera_of(picture: Picture | None) -> np.ndarray:
-    """``(27,)`` float64 that `tracer.paths.seen_kernel.sees` reads of a picture's camera, empty for none; and 12 more
-    of each instance that has moved since, as `tracer.paths.seen_kernel.put_back` does."""
+    """``(27,)`` float64 that `on_screen_kernel.sees` reads of a picture's camera, empty for none; and 12 more of each
+    instance that has moved since, for `on_screen_kernel.back_project`."""
     if picture is None:
         return np.zeros(0)
     camera = picture.camera

@@ -15,9 +15,9 @@ from tracer.gbuffer import gbuffer, seconds
 from tracer.lights.samples import Lights
 from tracer.lights.sky import irradiance_table
 from tracer.paths.diffuse import unblocked
+from tracer.paths.on_screen import Picture, begins_on_screen
 from tracer.paths.op import radiance
 from tracer.paths.radiance import MORE
-from tracer.paths.seen import Picture, begins_in_sight
 from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence as Numbers
 from tracer.scene.scene import Scene
@@ -58,7 +58,7 @@ def path_trace(
         aperture_radius: of a thin lens with a circular aperture, world units; 0 is a pinhole.
         focus_distance: planar depth of the focal plane, world units, a number or ``(B,)``; by default what
             `tracer.lens.focus_distance` finds.
-        bounces: surfaces between what is seen and a light at most; 0 for direct light and sky alone.
+        bounces: surfaces between the first one and a light at most; 0 for direct light and sky alone.
         unblocked: end paths where they begin, in light that nothing blocks, see `tracer.paths.diffuse.unblocked`: no
             noise then but that of lens, shutter and pixel.
         samples: at most so many paths a pixel.
@@ -68,11 +68,12 @@ def path_trace(
         progress: called with samples done and their number.
 
     Returns:
-        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_seen``, the part of it that came by no surface but those
-        that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself). What
-        moves is looked for where it was then; through a lens or a shutter the sky must show there as well, and what is
-        behind glass counts with the glass. What a pinhole without a shutter comes to first always counts. Lights that
-        rays were sent to need not be in sight, nor the sky after a bounce; lamps that show in mirrors must be.
+        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_onscreen``, the part of it that came by no surface but
+        those that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself).
+        What moves is back-projected to where it was then; through a lens or a shutter the sky must show there as well,
+        and what is behind glass counts with the glass. What a pinhole without a shutter comes to first always counts.
+        Lights that shadow rays were sent to need not be on screen, nor the sky after a bounce; lamps that show in
+        mirrors must be.
 
     Raises:
         ValueError: no voxels, or a number out of its range.
@@ -87,8 +88,8 @@ def path_trace(
     sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
     # without a shutter the picture is of the very instant
     shown = times if shutter > 0 else [t + shutter_offset for t in times]
-    shots = [
-        _Shot(
+    exposures = [
+        _Exposure(
             scene=scene,
             camera=lambda t, b=b: lens.one_of(at_time(t), b),
             begin=times[b] + shutter_offset,
@@ -108,8 +109,8 @@ def path_trace(
     count = cameras.height * cameras.width
 
     def estimate(numbers: range) -> Values:
-        both = torch.stack([shot.sums(numbers) for shot in shots])
-        return {"radiance": both[:, :3], "radiance_seen": both[:, 3:]}
+        both = torch.stack([e.sums(numbers) for e in exposures])
+        return {"radiance": both[:, :3], "radiance_onscreen": both[:, 3:]}
 
     return converge(
         estimate,
@@ -132,7 +133,7 @@ class _Moment:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class _Shot:
+class _Exposure:
     """One picture of the batch: the arguments of `path_trace`, with ``begin`` the time at which the shutter opens, and
     the pinhole's ``picture`` as it was when ``shown``."""
 
@@ -193,7 +194,7 @@ class _Shot:
         spans = {"poses": now.poses, "t_min": camera.near / along, "t_max": camera.far / along}
         known = torch.ones_like(along, dtype=torch.bool)
         if self.aperture_radius > 0 or self.shutter > 0:  # else it is the picture itself, in finer detail
-            known = begins_in_sight(self.scene, now.picture, origins, directions, **spans)
+            known = begins_on_screen(self.scene, now.picture, origins, directions, **spans)
         given = {
             **spans,
             "detail": focal if camera.orthographic else focal / along,

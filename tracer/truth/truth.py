@@ -7,11 +7,11 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from tracer.lens import focus_distance
-from tracer.paths.meet import Vertices
+from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
+from tracer.paths.interaction import Vertices
 from tracer.paths.op import indirect, occlusion, reflected
 from tracer.paths.radiance import SHARP_LAMP
 from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
-from tracer.paths.shots import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
 from tracer.sampling.progressive import Progress, Truth, Values
 from tracer.scene.scene import Scene
 from tracer.truth.path_tracer import path_trace
@@ -46,8 +46,8 @@ def ambient_occlusion(
 
     Returns:
         ``ao`` ``(B, 1, H, W)``, 1 open and where nothing was hit; ``bent_normal`` ``(B, 3, H, W)``, the mean open
-        direction, world space, unit length, the normal where nothing is open, 0 where nothing was hit; and ``ao_seen``
-        ``(B, 1, H, W)``, what ao would be if only those rays were blocked whose end the camera sees.
+        direction, world space, unit length, the normal where nothing is open, 0 where nothing was hit; and
+        ``ao_onscreen`` ``(B, 1, H, W)``, what ao would be if only those rays were blocked whose end the camera sees.
 
     Raises:
         ValueError: radius or samples are not positive, or the poses do not fit.
@@ -55,13 +55,13 @@ def ambient_occlusion(
     if not radius > 0:
         raise ValueError(f"radius must be positive, in world units, got {radius}")
 
-    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
         return occlusion(scene, at, start, u, radius)
 
     receivers = receivers_of(scene, gbuffer, poses)
     dims = OCCLUSION_DIMS
     found = at_each_pixel(
-        gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+        gbuffer, receivers, integrand, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )
     bent, normal = found["bent_normal"], gbuffer.normal
     length = bent.norm(dim=1, keepdim=True)
@@ -70,7 +70,7 @@ def ambient_occlusion(
     values = {
         "ao": torch.where(gbuffer.hit, found["ao"], 1.0),
         "bent_normal": torch.where(gbuffer.hit, bent, 0.0),
-        "ao_seen": torch.where(gbuffer.hit, found["ao_seen"], 1.0),
+        "ao_onscreen": torch.where(gbuffer.hit, found["ao_onscreen"], 1.0),
     }
     return Truth(values=values, error=error, samples=found.samples)
 
@@ -103,7 +103,7 @@ def indirect_diffuse(
         progress: as for `ambient_occlusion`.
 
     Returns:
-        ``gi`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it; ``gi_seen``, its part from surfaces the
+        ``gi`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it; ``gi_onscreen``, its part from surfaces the
         camera sees; ``sky`` ``(B, 3, H, W)``, the sky's light that really arrives, likewise outgoing, without the
         sun's disc; and ``sky_visibility`` ``(B, 1, H, W)``, the cosine-weighted share of the hemisphere that is sky, 1
         where nothing was hit.
@@ -115,13 +115,13 @@ def indirect_diffuse(
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     receivers = receivers_of(scene, gbuffer, poses)
 
-    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
         return indirect(scene, at, start, u, bounces)
 
     found = at_each_pixel(
         gbuffer,
         receivers,
-        shoot,
+        integrand,
         dims=indirect_dims(bounces),
         samples=samples,
         noise=noise,
@@ -159,8 +159,8 @@ def reflection(
         progress: as for `ambient_occlusion`.
 
     Returns:
-        ``reflection`` ``(B, 3, H, W)``, linear radiance; ``reflection_seen``, its part from surfaces that the camera
-        sees; ``seen`` ``(B, 1, H, W)``, the share of rays that end on such; and ``distance`` ``(B, 1, H, W)``, the mean
+        ``reflection`` ``(B, 3, H, W)``, linear radiance; ``reflection_onscreen``, its part from on-screen surfaces;
+        ``onscreen`` ``(B, 1, H, W)``, the share of rays that end on such; and ``distance`` ``(B, 1, H, W)``, the mean
         way of those that end on any, the camera's ``far`` where none does, 0 where there is no surface.
 
     Raises:
@@ -169,18 +169,18 @@ def reflection(
     Source: Heitz 2018 (visible normals).
     """
 
-    def shoot(at: Receivers, start: Vertices, u: Tensor) -> Values:
+    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
         return reflected(scene, at, start, u, SHARP_LAMP)
 
     receivers = receivers_of(scene, gbuffer, poses)
     dims = REFLECTION_DIMS
     found = at_each_pixel(
-        gbuffer, receivers, shoot, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+        gbuffer, receivers, integrand, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )
     none = torch.where(gbuffer.hit, gbuffer.camera.far, 0.0)
     values, error = dict(found.values), dict(found.error)
-    for name, share in (("seen", values.pop("flies")), ("distance", values.pop("ends"))):
+    for name, share in (("onscreen", values.pop("flies")), ("distance", values.pop("ends"))):
         values[name], error[name] = (x[name] / share.clamp_min(1e-6) for x in (values, error))
-        error.pop("flies" if name == "seen" else "ends")
+        error.pop("flies" if name == "onscreen" else "ends")
         values[name] = torch.where(share > 0, values[name], none if name == "distance" else 0.0)
     return Truth(values=values, error=error, samples=found.samples)

@@ -86,8 +86,8 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
     hit, ao, true, both = frame.gbuffer.hit, frame.read("ao"), truth["ao"], halves(truth, "ao")
     result = {
         "ao.rmse": _one(rms_error(ao, both, hit)),
-        "ao.limit": _one(rmse(truth["ao_seen"], true, hit)),
-        "ao.own": _one(rmse(ao, truth["ao_seen"], hit)),
+        "ao.limit": _one(rmse(truth["ao_onscreen"], true, hit)),
+        "ao.own": _one(rmse(ao, truth["ao_onscreen"], hit)),
         "ao.ssim": _one(ssim(ao, true, hit)) if min(true.shape[-2:]) > 5 else float("nan"),
         "ao.if_open": _one(rms_error(torch.ones_like(true), both, hit)),
         "ao.if_constant": _one(rms_error(constant_per_object(true, frame.gbuffer), both, hit)),
@@ -108,18 +108,18 @@ def gi_figures(frame: Frame, truth: Truth, exact: Pair) -> Figures:
     ``error`` is against the part from surfaces on screen, ``exact`` what perfect rays score (see `limits`); ``limit``
     is that part's distance from the whole truth, and ``whole`` the estimate's.
     """
-    hit, gi, seen, true = frame.gbuffer.hit, frame.read("gi"), halves(truth, "gi_seen"), halves(truth, "gi")
-    constant = constant_per_object(truth["gi_seen"], frame.gbuffer)
-    error, trivial = relative_energy(gi, seen, hit), relative_energy(constant, seen, hit)
+    hit, gi, onscreen, true = frame.gbuffer.hit, frame.read("gi"), halves(truth, "gi_onscreen"), halves(truth, "gi")
+    constant = constant_per_object(truth["gi_onscreen"], frame.gbuffer)
+    error, trivial = relative_energy(gi, onscreen, hit), relative_energy(constant, onscreen, hit)
     return {
         "gi.error": error,
-        "gi.exact": relative_energy(exact, seen, hit),
+        "gi.exact": relative_energy(exact, onscreen, hit),
         "gi.if_constant": trivial,
         "gi.to_constant": error / trivial if trivial > 0 else float("nan"),
         "gi.if_black": 1.0,
-        "gi.limit": relative_energy(seen, true, hit),
+        "gi.limit": relative_energy(onscreen, true, hit),
         "gi.whole": relative_energy(gi, true, hit),
-        "gi.rmse": _one(rms_error(gi, seen, hit)),
+        "gi.rmse": _one(rms_error(gi, onscreen, hit)),
         "gi.truth_error": float(truth.get("gi_error", torch.tensor(torch.nan))),
     }
 
@@ -147,7 +147,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None
     g, found, true = frame.gbuffer, frame.read("reflection"), truth["reflection"]
     both = halves(truth, "reflection")
     smooth = torch.ones_like(g.depth) if g.roughness is None else g.roughness
-    mirror = _enough(g.hit & (smooth < MIRROR_ROUGHNESS) & (truth["seen"] > ON_SCREEN))
+    mirror = _enough(g.hit & (smooth < MIRROR_ROUGHNESS) & (truth["onscreen"] > ON_SCREEN))
     mean = masked_mean(true.mean(1, keepdim=True), mirror)
     result = {
         "reflection.mirror": _one(rms_error(found, both, mirror) / mean),
@@ -156,7 +156,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None
         "reflection.if_black": _one(rms_error(torch.zeros_like(true), both, mirror) / mean),
         "reflection.if_constant": _one(rms_error(constant_per_object(true, g, mirror), both, mirror) / mean),
         "reflection.whole": relative_energy(found, both, g.hit),
-        "reflection.limit": relative_energy(halves(truth, "reflection_seen"), both, g.hit),
+        "reflection.limit": relative_energy(halves(truth, "reflection_onscreen"), both, g.hit),
         "reflection.truth_error": float(truth.get("reflection_error", torch.tensor(torch.nan))),
     }
     if lit is not None:
@@ -180,14 +180,14 @@ def picture_figures(color: Tensor, truth: Tensor | Pair, hit: Tensor, exposure: 
     return {**result, "flip": _one(flip(shown, wanted, hit))} if available() else result
 
 
-def untouched_figures(frame: Frame, truths: Pair, seen: Pair, exposure: float) -> Figures:
+def untouched_figures(frame: Frame, truths: Pair, onscreen: Pair, exposure: float) -> Figures:
     """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked.
 
     And what the true light scores that came by surfaces on screen alone: the limit of what knows of no others.
     """
     hit, wanted = frame.gbuffer.hit, displayed(truths, exposure)
     return {
-        "psnr_limit": psnr_over(displayed(seen, exposure), wanted, hit),
+        "psnr_limit": psnr_over(displayed(onscreen, exposure), wanted, hit),
         "psnr_if_direct": psnr_over(display(frame.read("radiance"), exposure), wanted, hit),
         "psnr_if_ambient": psnr_over(display(untouched(frame), exposure), wanted, hit),
     }
@@ -217,9 +217,9 @@ def share_of_error(picture: Tensor | Pair, truths: Pair, part: Tensor, whole: Te
     return min(max(float(square[part].sum()) / every, 0.0), 1.0) if every > 0 else float("nan")
 
 
-def in_sight(seen: Pair, truths: Pair) -> Tensor:
+def by_onscreen_points(onscreen: Pair, truths: Pair) -> Tensor:
     """``(B, 1, H, W)`` bool: which pixels' light came by points on screen, to within a hundredth."""
-    some, all_ = ((a + b).mean(1, keepdim=True) for a, b in (seen, truths))
+    some, all_ = ((a + b).mean(1, keepdim=True) for a, b in (onscreen, truths))
     return some >= ON_SCREEN * all_
 
 

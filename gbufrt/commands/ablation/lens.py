@@ -22,7 +22,7 @@ from gbufrt.pipeline import Pipeline
 LIGHT = {"unblocked": True}  # what light did before it came to the lens does not matter: here it has no noise
 MORE = 2  # blurred highlights take many rays
 SHARP_SEEDS = (3, 4)  # other paths than those of the truth
-LIGHTS = ("radiance", "radiance_seen")
+LIGHTS = ("radiance", "radiance_onscreen")
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
 MOVING_FRAME = 2  # number of the frame that is blurred: a second into the scene
@@ -64,8 +64,8 @@ def depth_of_field(place: Place, pipeline: Pipeline) -> Outcome:
     return result
 
 
-def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair, seen: f.Pair) -> None:
-    """Adds the figures and pictures of one kind of lens; ``seen`` is the part of the truth by points in sight."""
+def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair, onscreen: f.Pair) -> None:
+    """Adds the figures and pictures of one kind of lens; ``onscreen`` is the part of the truth by on-screen points."""
     lens = Pipeline(given={"color"}, **{name.replace(".", "_"): stage})  # pyright: ignore[reportArgumentType]
     found = [run(lens, [frame] * 4) for frame in frames]
     hit, sources = frames[0].gbuffer.hit, [frame.read("radiance") for frame in frames]
@@ -76,10 +76,10 @@ def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths
     )
     changed = f.truly_changed(sharp, wanted) & hit
     result.figures[f"{name}.gain"] = f.gain(blurred, sharp, wanted, changed)
-    known = changed & f.in_sight(seen, truths)
-    result.figures[f"{name}.gain_seen"] = f.gain(blurred, sharp, wanted, known)
-    result.figures[f"{name}.unseen_error"] = f.share_of_error(blurred, wanted, changed & ~known, changed)
-    result.figures[f"{name}.unseen"] = f.share(changed & ~known, changed)
+    known = changed & f.by_onscreen_points(onscreen, truths)
+    result.figures[f"{name}.gain_onscreen"] = f.gain(blurred, sharp, wanted, known)
+    result.figures[f"{name}.offscreen_error"] = f.share_of_error(blurred, wanted, changed & ~known, changed)
+    result.figures[f"{name}.offscreen"] = f.share(changed & ~known, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
     result.figures[f"{name}.kept"] = float(f.rms_error(blurred, wanted, ~changed).mean())
     result.passes.update(found[0].passes)

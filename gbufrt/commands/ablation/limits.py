@@ -26,7 +26,7 @@ none."""
 def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     """``gi`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
     from post.shading.sent_light import sent_light
-    from tracer.paths.meet import meet
+    from tracer.paths.interaction import intersect
     from tracer.paths.receivers import receivers_of
     from tracer.sampling.scatter import cosine_direction
 
@@ -38,10 +38,10 @@ def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
         u, light = _numbers(GI_RAYS // 2, 3, len(at.pixels), seed), torch.zeros_like(at.vertices.points)
         for numbers in u:
             directions = cosine_direction(at.vertices.normals, numbers[:2])
-            met = meet(
+            isect = intersect(
                 place.scene, at.vertices.points, directions, numbers[2], poses=poses[0], inside=at.vertices.inside
             )
-            light[met.rows] += met.weight[met.rows] * reads(met.surface.points, met.surface.normals)
+            light[isect.rows] += isect.weight[isect.rows] * reads(isect.surface.points, isect.surface.normals)
         return _picture(at.vertices.diffuse * light / len(u), at.pixels, g.camera.size)
 
     return half(1), half(2)
@@ -50,7 +50,7 @@ def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
 def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     """``reflection`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
     from post.passes.ssr import outgoing_light
-    from tracer.paths.meet import meet
+    from tracer.paths.interaction import intersect
     from tracer.paths.receivers import receivers_of
     from tracer.sampling.scatter import fresnel, mirrored
 
@@ -62,21 +62,21 @@ def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
         u, light = _numbers(MIRROR_RAYS // 2, 3, len(at.pixels), seed), torch.zeros_like(start.points)
         for numbers in u:
             directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, numbers[:2])
-            met = meet(place.scene, start.points, directions, numbers[2], poses=poses[0], inside=start.inside)
-            factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
-            light[met.rows] += factor[met.rows] * reads(met.surface.points, met.surface.normals)
+            isect = intersect(place.scene, start.points, directions, numbers[2], poses=poses[0], inside=start.inside)
+            factor = fresnel(start.f0, cosine) * weight[:, None] * isect.weight
+            light[isect.rows] += factor[isect.rows] * reads(isect.surface.points, isect.surface.normals)
         return _picture(light / len(u), at.pixels, frame.gbuffer.camera.size)
 
     return half(1), half(2)
 
 
 def _reader(frame: Frame, light: Tensor, sees: Callable[[Tensor, Tensor], Tensor]) -> Reads:
-    """Reads between pixels, but no pixel whose surface is not the one that is met."""
-    from tracer.paths.seen import SLACK
+    """Reads between pixels, but no pixel whose surface is not the one that was hit."""
+    from tracer.paths.on_screen import SLACK
 
     g = frame.gbuffer
     camera, (height, width) = g.camera, g.camera.size
-    seen = torch.cat([light, torch.where(g.hit, g.depth, torch.inf)], dim=1)[0].flatten(1)
+    onscreen = torch.cat([light, torch.where(g.hit, g.depth, torch.inf)], dim=1)[0].flatten(1)
 
     def reads(points: Tensor, normals: Tensor) -> Tensor:
         view = camera.to_view(points.T[None])
@@ -86,7 +86,7 @@ def _reader(frame: Frame, light: Tensor, sees: Callable[[Tensor, Tensor], Tensor
         for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
             x, y = first[0] + dx, first[1] + dy
             pixel = y.long().clamp(0, height - 1) * width + x.long().clamp(0, width - 1)
-            *color, depth = seen[:, pixel]
+            *color, depth = onscreen[:, pixel]
             near = (1 - (at[0] - x).abs()) * (1 - (at[1] - y).abs()) * ((depth - z).abs() < slack)
             total, weight = total + near * torch.stack(color), weight + near
         return (total / weight).T * sees(points, normals)[:, None]

@@ -45,9 +45,9 @@ def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
     names = {
         "gain": "dB gained where the picture changes",
         "changed": "share of pixels",
-        "gain_seen": "dB gained where all light is from points in sight",
+        "gain_onscreen": "dB gained where all light is from on-screen points",
         "unseen": "share of changed pixels with light from elsewhere",
-        "unseen_error": "share of the squared error on those",
+        "offscreen_error": "share of the squared error on those",
         "kept": "error where nothing changes",
     }
     return Section(
@@ -56,7 +56,7 @@ def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
         picture=key,
         figures=tuple(f"{key}.{name}" for name in names),
         names={f"{key}.{name}": words for name, words in names.items()},
-        text=f"The path-traced sharp frame, blurred by the pass, against {truth}. Points in sight are those that the "
+        text=f"The path-traced sharp frame, blurred by the pass, against {truth}. On-screen points are those that the "
         "sharp frame shows: the rest is beyond its border, behind what hides it or, in a pixel of a hundred, on edges "
         "finer than a pixel.",
     )
@@ -68,8 +68,8 @@ SECTIONS = (
         subject="frame",
         picture="frame",
         figures=(
-            "psnr", "ssim", "flip", "rmse", "loss", "changed", "flicker", "psnr_seen", "psnr_limit", "psnr_if_ambient",
-            "psnr_if_direct",
+            "psnr", "ssim", "flip", "rmse", "loss", "changed", "flicker", "psnr_onscreen", "psnr_limit",
+            "psnr_if_ambient", "psnr_if_direct",
         ),
         names={
             "psnr": "PSNR, dB",
@@ -79,7 +79,7 @@ SECTIONS = (
             "loss": "dB lost on changed pixels",
             "changed": "share changed",
             "flicker": "flicker",
-            "psnr_seen": "PSNR to the on-screen part",
+            "psnr_onscreen": "PSNR to the on-screen part",
             "psnr_limit": "PSNR of that part",
             "psnr_if_ambient": "PSNR of direct light + open sky",
             "psnr_if_direct": "PSNR of direct light alone",
@@ -188,10 +188,10 @@ SECTIONS = (
             "denoise.first_oidn": "first: OIDN, dB",
             "denoise.first_kornia": "first: kornia, dB",
             "denoise.first_input": "first: input, dB",
-            "denoise.steady": "share in sight throughout",
+            "denoise.steady": "share on screen throughout",
         },
         text="One path-traced sample a pixel, 32 frames of a moving path. The last frame is judged where its surfaces "
-        "were in sight all the way, the others everywhere; OIDN (high quality, clean albedo and normal) and kornia's "
+        "were on screen all the way, the others everywhere; OIDN (high quality, clean albedo and normal) and kornia's "
         "joint bilateral filter (15 pixels, albedo divided out) see that one frame.",
     ),
     _lens("Motion blur, centred shutter", "motion_blur", "centred", "rays spread over the shutter"),

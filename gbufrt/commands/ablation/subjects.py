@@ -69,7 +69,7 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
         truth = place.truth_of("indirect_diffuse", frame.gbuffer, {"bounces": 1})
         figures, sky = f.gi_figures(last, truth, limits.exact_gi(place, last)), truth["sky_visibility"]
         result.figures.update({**figures, **f.sky_figures(last, truth)})
-        shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_seen"], exposure)
+        shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_onscreen"], exposure)
         result.pictures.update(_compared("gi", shown, true, frame))
     if "reflection" in wanted:
         truth = place.truth_of("reflection", frame.gbuffer)
@@ -92,14 +92,14 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         full: the displayed composite of the full pipeline, to tell which pixels the variant changes.
     """
     traced = replace(place, samples=place.samples * WHOLE)
-    frame, truths, seen = place.still(), traced.pictures(SHARP), traced.pictures(SHARP, name="radiance_seen")
+    frame, truths, onscreen = place.still(), traced.pictures(SHARP), traced.pictures(SHARP, name="radiance_onscreen")
     truth = (truths[0] + truths[1]) / 2
     hit, tick = frame.gbuffer.hit, _said(place, "static frame", frames)
     found = run(up_to_composite(pipeline), repeated(frame, frames), keep=2, tick=tick)
     exposure = f.exposure_of(truth, hit)
     shown, wanted = f.display(found.last.read("composite"), exposure), f.display(truth, exposure)
     result = Outcome(figures=f.picture_figures(found.last.read("composite"), truths, hit, exposure))
-    result.figures["psnr_seen"] = f.psnr_over(shown, f.displayed(seen, exposure), hit)
+    result.figures["psnr_onscreen"] = f.psnr_over(shown, f.displayed(onscreen, exposure), hit)
     result.passes, result.pictures = found.passes, _compared("frame", shown, wanted, frame)
     result.figures["ms"] = found.ms
     if frames > 1:
@@ -111,7 +111,7 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         loss = f.gain(full, shown, f.displayed(truths, exposure), changed)
         result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # what changes next to nothing earns nothing
     else:
-        result.figures.update(f.untouched_figures(frame, truths, seen, exposure))
+        result.figures.update(f.untouched_figures(frame, truths, onscreen, exposure))
     return result
 
 
@@ -172,7 +172,7 @@ def ao_truth(place: Place, pipeline: Pipeline, frame: Frame) -> dict[str, Tensor
     ]
     if scales == 1:
         return dict(found[0])
-    names = ("ao", "ao_seen", "ao_first", "ao_second")
+    names = ("ao", "ao_onscreen", "ao_first", "ao_second")
     mean = {name: torch.stack([truth[name] for truth in found]).mean(0) for name in names}
     bent = torch.stack([truth["ao"] * truth["bent_normal"] for truth in found]).mean(0)
     mean["bent_normal"] = bent / bent.norm(dim=1, keepdim=True).clamp_min(1e-6)

@@ -61,10 +61,10 @@ def test_gain_counts_the_changed_pixels_alone():
 
 def test_the_error_where_not_all_light_is_from_points_in_sight_is_told_apart():
     truth = torch.full((1, 3, 20, 20), 0.5)
-    seen = truth.clone()
-    seen[..., :5] *= 0.98
-    seen[..., 5:10] *= 0.995  # too little for the split
-    sees = f.in_sight((seen, seen), (truth, truth))
+    onscreen = truth.clone()
+    onscreen[..., :5] *= 0.98
+    onscreen[..., 5:10] *= 0.995  # too little for the split
+    sees = f.by_onscreen_points((onscreen, onscreen), (truth, truth))
     assert int(sees.sum()) == 300
     assert not bool(sees[..., :5].any())
     picture = truth.clone()

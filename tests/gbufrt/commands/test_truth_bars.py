@@ -124,13 +124,13 @@ def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     blurred = lens.motion_blur(place(folder, "turning", time=-1.0), me1("high")).figures
     assert blurred["motion_blur.centred.gain"] >= 4.0
     assert blurred["motion_blur.trailing.gain"] >= 3.0
-    assert blurred["motion_blur.trailing.gain_seen"] > 6.0
-    assert 0.05 < blurred["motion_blur.trailing.unseen"] < blurred["motion_blur.trailing.unseen_error"] < 0.5
+    assert blurred["motion_blur.trailing.gain_onscreen"] > 6.0
+    assert 0.05 < blurred["motion_blur.trailing.offscreen"] < blurred["motion_blur.trailing.offscreen_error"] < 0.5
     focused = lens.depth_of_field(place(folder), me1("high")).figures
     assert focused["depth_of_field.small.gain"] >= 10.0
     assert focused["depth_of_field.large.gain"] >= 10.0
-    assert focused["depth_of_field.large.gain_seen"] > 12.0
-    assert 0.2 < focused["depth_of_field.large.unseen"] < focused["depth_of_field.large.unseen_error"] < 0.7
+    assert focused["depth_of_field.large.gain_onscreen"] > 12.0
+    assert 0.2 < focused["depth_of_field.large.offscreen"] < focused["depth_of_field.large.offscreen_error"] < 0.7
     broken = Pipeline(given={"color"}, motion_blur=Across(), depth_of_field=Elsewhere())
     assert lens.motion_blur(place(folder, "turning", time=-1.0), broken).figures["motion_blur.centred.gain"] < 4.0
     assert lens.depth_of_field(place(folder), broken).figures["depth_of_field.small.gain"] < 10.0

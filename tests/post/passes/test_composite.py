@@ -109,9 +109,9 @@ def test_what_a_surface_mirrors_does_not_get_under_it():
     """White walls that mirror a part of an even light, and let a part through, still send just that light."""
     mirrored, visibility = torch.rand(2, 2, 1, 4, 5, generator=torch.Generator().manual_seed(0)).unbind(0)
     (light,) = planes(1.0)
-    matt, behind = 0.7 * light, 0.3 * light
+    diffuse, behind = 0.7 * light, 0.3 * light
     got = composite(
-        torch.zeros_like(light), ambient=matt, visibility=visibility, gi=matt * (1 - visibility), behind=behind,
+        torch.zeros_like(light), ambient=diffuse, visibility=visibility, gi=diffuse * (1 - visibility), behind=behind,
         reflection=mirrored * light, mirrored=mirrored,
     )  # fmt: skip
     torch.testing.assert_close(got, light)

@@ -13,12 +13,12 @@ from torch import Tensor
 from gbufrt import Camera
 from tracer.gbuffer import gbuffer
 from tracer.lights.samples import Lights
+from tracer.paths import integrators, on_screen_kernel
 from tracer.paths import op as path_ops
-from tracer.paths import radiance as light_paths
-from tracer.paths import seen_kernel, shots
-from tracer.paths.meet import Vertices
+from tracer.paths import radiance as path_radiance
+from tracer.paths.interaction import Vertices
+from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers, receivers_of
-from tracer.paths.seen import Picture
 from tracer.paths.tables import camera_of, picture_of
 from tracer.scene.scene import Scene
 from tracer.traversal.rays import trace
@@ -29,7 +29,7 @@ BOUNCES = 3
 def case(seed: int, count: int = 3000) -> tuple[Scene, Tensor, Lights, Tensor, Tensor, Tensor]:
     scene = voxels.polished_scene(seed)
     poses = scene.poses([0.3])[0]
-    u = torch.rand(1 + light_paths.MORE * (BOUNCES + 1), count, generator=torch.Generator().manual_seed(seed))
+    u = torch.rand(1 + path_radiance.MORE * (BOUNCES + 1), count, generator=torch.Generator().manual_seed(seed))
     return scene, poses, Lights.of(scene, poses), *voxels.random_rays(seed, count), u
 
 
@@ -50,9 +50,9 @@ def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, R
 
 
 SHOTS = {
-    "occlusion": (shots.OCCLUSION_DIMS, (7.0,)),
-    "indirect": (shots.indirect_dims(2), (2,)),
-    "reflected": (shots.REFLECTION_DIMS, (0.3,)),
+    "occlusion": (integrators.OCCLUSION_DIMS, (7.0,)),
+    "indirect": (integrators.indirect_dims(2), (2,)),
+    "reflected": (integrators.REFLECTION_DIMS, (0.3,)),
 }
 
 
@@ -61,7 +61,7 @@ SHOTS = {
 def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> None:
     dims, settings = SHOTS[name]
     scene, at, start, u = place(len(name), dims, orthographic=orthographic)
-    got, want = (getattr(form, name)(scene, at, start, u, *settings) for form in (path_ops, shots))
+    got, want = (getattr(form, name)(scene, at, start, u, *settings) for form in (path_ops, integrators))
     assert got.keys() == want.keys()
     for key, value in want.items():
         same(got[key], value)
@@ -78,17 +78,17 @@ def test_paths_bring_the_same_light(next_event: bool, spreads: bool, moved: bool
     when = 0.9 if moved else 0.3
     picture = Picture.of(gbuffer(scene, camera, time=when), 0).moved(scene.poses([when])[0], poses)
     given |= {"picture": picture, "known": u[1] < 0.9 if moved else None}
-    found = [f.radiance(scene, lights, origins, directions, u, **given) for f in (path_ops, light_paths)]
+    found = [f.radiance(scene, lights, origins, directions, u, **given) for f in (path_ops, path_radiance)]
     for got, want in zip(*found, strict=True):
         same(got, want)
         assert (got.mean(0) / want.mean(0) - 1).abs().max() < 0.01
-    light, seen = found[0]
-    assert ((seen > 0) & (seen < 0.99 * light)).float().mean() > (0.01 if moved else 0.02)
-    assert (seen <= light).all()
+    light, onscreen = found[0]
+    assert ((onscreen > 0) & (onscreen < 0.99 * light)).float().mean() > (0.01 if moved else 0.02)
+    assert (onscreen <= light).all()
     if moved:
-        assert (seen[u[1] >= 0.9] == 0).all()
+        assert (onscreen[u[1] >= 0.9] == 0).all()
         given["picture"] = None
-        for form in (path_ops, light_paths):
+        for form in (path_ops, path_radiance):
             assert form.radiance(scene, lights, origins, directions, u, **given)[1].abs().max() == 0
 
 
@@ -103,10 +103,10 @@ def test_what_has_moved_is_looked_for_where_it_was(orthographic: bool) -> None:
     hits = trace(scene, origins, directions, poses=poses)
     on = (hits.instance > 0) & hits.hit
     points, normals = (origins + directions * hits.t[:, None])[on], hits.normal[on]
-    want = picture.sees(*picture.put_back(points, normals, hits.instance[on]))
+    want = picture.sees(*picture.back_project(points, normals, hits.instance[on]))
     numbers, flat = camera_of(picture), picture_of(picture)
     got = [
-        seen_kernel.sees(numbers, flat, *seen_kernel.put_back(numbers, tuple(p), tuple(n), i))
+        on_screen_kernel.sees(numbers, flat, *on_screen_kernel.back_project(numbers, tuple(p), tuple(n), i))
         for p, n, i in zip(points.tolist(), normals.tolist(), hits.instance[on].tolist(), strict=True)
     ]
     assert (torch.tensor(got) != want).float().mean() < 0.01
@@ -119,10 +119,10 @@ def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky() -> None:
     poses = scene.poses([0.0])[0]
     origins = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 9 + torch.tensor([0.0, 2.0, 0.0])
     directions = torch.tensor([0.0, -1.0, 0.0]).expand(500, 3)
-    u = torch.rand(1 + 2 * light_paths.MORE, 500, generator=torch.Generator().manual_seed(1))
+    u = torch.rand(1 + 2 * path_radiance.MORE, 500, generator=torch.Generator().manual_seed(1))
     lights = Lights.of(scene, poses)
     got, want = (
-        f.radiance(scene, lights, origins, directions, u, bounces=1, poses=poses)[0] for f in (path_ops, light_paths)
+        f.radiance(scene, lights, origins, directions, u, bounces=1, poses=poses)[0] for f in (path_ops, path_radiance)
     )
     same(got, want)
     assert got.mean() > 0.1

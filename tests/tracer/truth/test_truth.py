@@ -102,7 +102,7 @@ def test_an_open_plane_is_open_and_a_closed_box_is_not():
     assert closed["ao"].max() == 0
     assert torch.equal(closed["bent_normal"], inside.normal)
     light = indirect_diffuse(room, inside, samples=8, bounces=2)
-    assert all(light[name].max() == 0 for name in ("gi", "gi_seen", "sky", "sky_visibility"))
+    assert all(light[name].max() == 0 for name in ("gi", "gi_onscreen", "sky", "sky_visibility"))
 
 
 def test_a_white_furnace_stays_as_bright_as_its_sky():
@@ -149,14 +149,14 @@ def test_seen_is_what_the_picture_shows():
     ao, light = ambient_occlusion(scene, whole, samples=32), indirect_diffuse(scene, whole, samples=32)
     assert near.sum() > 50
     assert ao["ao"][near].mean() < 0.8
-    assert (ao["ao_seen"] - ao["ao"])[near].mean() < 0.01
-    assert (light["gi_seen"] / light["gi"])[near.expand(-1, 3, -1, -1)].mean() > 0.9
+    assert (ao["ao_onscreen"] - ao["ao"])[near].mean() < 0.01
+    assert (light["gi_onscreen"] / light["gi"])[near.expand(-1, 3, -1, -1)].mean() > 0.9
     floor = gbuffer(scene, above(WALL - 1.5, 48.0, span=1.5))
     ao, light = ambient_occlusion(scene, floor, samples=32), indirect_diffuse(scene, floor, samples=32)
     assert ao["ao"].min() < 0.8
-    assert ao["ao_seen"].min() == 1
+    assert ao["ao_onscreen"].min() == 1
     assert light["gi"].min() > 0
-    assert light["gi_seen"].max() == 0
+    assert light["gi_onscreen"].max() == 0
 
 
 def test_the_back_of_what_the_picture_shows_is_not_seen():
@@ -165,7 +165,7 @@ def test_the_back_of_what_the_picture_shows_is_not_seen():
     g = gbuffer(scene, above(19.0, 24.0, span=1.0))
     found = ambient_occlusion(scene, g, radius=8.0, samples=64)
     assert found["ao"].mean() < 0.9
-    assert found["ao_seen"].min() == 1  # the slab's underside and side do not face the camera
+    assert found["ao_onscreen"].min() == 1  # the slab's underside and side do not face the camera
 
 
 def test_glass_blocks_the_light_that_it_stops():
@@ -222,7 +222,7 @@ def test_pictures_of_sky_alone_and_of_one_pixel(call):
         found = call(scene, g, samples=2)
         for name, value in found.values.items():
             assert value.isfinite().all()
-            clear = 1.0 if name in ("ao", "ao_seen", "sky_visibility") else 0.0
+            clear = 1.0 if name in ("ao", "ao_onscreen", "sky_visibility") else 0.0
             assert (value[~g.hit.expand_as(value)] == clear).all()
 
 

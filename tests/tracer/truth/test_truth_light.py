@@ -214,14 +214,14 @@ def test_a_mirror_shows_the_lamp_over_it():
     want = (f0 + (1 - f0) * (1 + way[:, 1:2]) ** 5) * torch.tensor([4.0, 3.0, 2.0]).view(1, 3, 1, 1)
     assert torch.allclose(found["reflection"], want, rtol=1e-3)
     assert torch.allclose(found["distance"], 4 / -way[:, 1:2], rtol=1e-3)
-    assert found["seen"].max() == 0  # the lamp's underside is above the picture
-    assert found["reflection_seen"].max() == 0
+    assert found["onscreen"].max() == 0  # the lamp's underside is above the picture
+    assert found["reflection_onscreen"].max() == 0
     both = gbuffer(scene, Camera.look_at((24, 3, 8), (24, 2.8, 24), size=(64, 64), fov_y=50.0))
     found = reflection(scene, both, samples=4)
     shows = both.hit & (both.normal[:, 1:2] > 0.9) & (found["distance"] < 100)
     assert shows.sum() > 100
-    assert found["seen"][shows].mean() > 0.9
-    assert torch.allclose(found["reflection_seen"], found["reflection"] * found["seen"], rtol=1e-3)
+    assert found["onscreen"][shows].mean() > 0.9
+    assert torch.allclose(found["reflection_onscreen"], found["reflection"] * found["onscreen"], rtol=1e-3)
 
 
 def test_lamps_in_rough_surfaces_are_the_same_by_mirrored_rays_and_by_rays_to_lamps(monkeypatch):

@@ -1,11 +1,11 @@
-"""The compiled form of `tracer.paths.seen`: one point at a time."""
+"""The compiled form of `tracer.paths.on_screen`: one point at a time."""
 
 from __future__ import annotations
 
 import math
 
 from gbufrt.compute.kernel import scalar
-from tracer.paths.seen import EDGE_ON, NEIGHBORS, SLACK
+from tracer.paths.on_screen import EDGE_ON, NEIGHBORS, SLACK
 from tracer.sampling.scatter_kernel import along, dot, scaled
 from tracer.traversal.kernel import triple
 
@@ -26,8 +26,8 @@ def _carried(camera, first, point, w):
 
 
 @scalar
-def put_back(camera, point, normal, instance):
-    """See `tracer.paths.seen.Picture.put_back`."""
+def back_project(camera, point, normal, instance):
+    """See `tracer.paths.on_screen.Picture.back_project`."""
     first = BACK + 12 * (instance - 1)
     if instance < 1 or len(camera) <= first:
         return point, normal
@@ -36,7 +36,7 @@ def put_back(camera, point, normal, instance):
 
 @scalar
 def sees(camera, picture, point, normal):
-    """See `tracer.paths.seen.Picture.sees`."""
+    """See `tracer.paths.on_screen.Picture.sees`."""
     flat = camera[ORTHOGRAPHIC] > 0
     place = (camera[POSITION], camera[POSITION + 1], camera[POSITION + 2])
     toward = along(point, place, -1.0)

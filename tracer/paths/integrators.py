@@ -11,7 +11,7 @@ from torch import Tensor
 from tracer.lights.samples import DIMS
 from tracer.lights.sky import sky_along
 from tracer.paths.diffuse import EVEN, gathered
-from tracer.paths.meet import Vertices, meet
+from tracer.paths.interaction import Vertices, intersect
 from tracer.paths.radiance import mirrored_lamps
 from tracer.paths.receivers import Receivers
 from tracer.sampling.progressive import Values
@@ -23,7 +23,7 @@ REFLECTION_DIMS = 3 + DIMS + EVEN
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
-    """``ao``, ``bent_normal`` and ``ao_seen`` of `tracer.truth.truth.ambient_occlusion`, by one ray each.
+    """``ao``, ``bent_normal`` and ``ao_onscreen`` of `tracer.truth.truth.ambient_occlusion`, by one ray each.
 
     Args:
         scene: what is there.
@@ -38,11 +38,11 @@ def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: f
     start = start.repeat(u.shape[1] // max(len(start), 1))
     directions = cosine_direction(start.normals, u[:2])
     given = {"poses": at.poses, "t_max": radius, "inside": start.inside, "most": 1.0}
-    met = meet(scene, start.points, directions, u[2], **given)
-    open_ = (~met.hit).to(directions)[:, None]
+    isect = intersect(scene, start.points, directions, u[2], **given)
+    open_ = (~isect.hit).to(directions)[:, None]
     known = torch.ones_like(open_)
-    known[met.rows, 0] = 1 - at.picture.sees(met.surface.points, met.surface.normals).to(known)
-    return {"ao": open_, "bent_normal": directions * open_, "ao_seen": known}
+    known[isect.rows, 0] = 1 - at.picture.sees(isect.surface.points, isect.surface.normals).to(known)
+    return {"ao": open_, "bent_normal": directions * open_, "ao_onscreen": known}
 
 
 def indirect_dims(bounces: int) -> int:
@@ -51,47 +51,47 @@ def indirect_dims(bounces: int) -> int:
 
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
-    """``gi``, ``gi_seen``, ``sky`` and ``sky_visibility`` of `tracer.truth.truth.indirect_diffuse`; see `occlusion`."""
+    """``gi``, ``gi_onscreen``, ``sky`` and ``sky_visibility`` of `tracer.indirect_diffuse`; see `occlusion`."""
     start = start.repeat(u.shape[1] // max(len(start), 1))
     directions = cosine_direction(start.normals, u[:2])
-    met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside)
-    weight = start.diffuse * met.weight
-    sent = gathered(scene, at.lights, met.surface, u[3:, met.rows], bounces, at.poses)
-    gi, seen, above = (torch.zeros_like(weight) for _ in range(3))
-    gi[met.rows] = weight[met.rows] * sent
-    seen[met.rows] = gi[met.rows] * at.picture.sees(met.surface.points, met.surface.normals)[:, None]
-    above[~met.hit] = weight[~met.hit] * sky_along(scene, directions[~met.hit])
-    open_ = met.weight.mean(dim=1, keepdim=True) * ~met.hit[:, None]
-    return {"gi": gi, "gi_seen": seen, "sky": above, "sky_visibility": open_}
+    isect = intersect(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside)
+    weight = start.diffuse * isect.weight
+    sent = gathered(scene, at.lights, isect.surface, u[3:, isect.rows], bounces, at.poses)
+    gi, onscreen, above = (torch.zeros_like(weight) for _ in range(3))
+    gi[isect.rows] = weight[isect.rows] * sent
+    onscreen[isect.rows] = gi[isect.rows] * at.picture.sees(isect.surface.points, isect.surface.normals)[:, None]
+    above[~isect.hit] = weight[~isect.hit] * sky_along(scene, directions[~isect.hit])
+    open_ = isect.weight.mean(dim=1, keepdim=True) * ~isect.hit[:, None]
+    return {"gi": gi, "gi_onscreen": onscreen, "sky": above, "sky_visibility": open_}
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
-    """``reflection`` and ``reflection_seen`` of `tracer.truth.truth.reflection`; see `occlusion`.
+    """``reflection`` and ``reflection_onscreen`` of `tracer.truth.truth.reflection`; see `occlusion`.
 
     Lamps are found by the mirrored ray where the roughness is below ``sharp``, and by a ray to a lamp elsewhere.
-    Besides, 1 where the ray ends on what the camera sees (``seen``), where there is a ray at all (``flies``) and where
-    it ends on anything (``ends``), and its length (``distance``).
+    Besides, 1 where the ray ends on screen (``onscreen``), where there is a ray at all (``flies``) and where it ends on
+    anything (``ends``), and its length (``distance``).
     """
     start = start.repeat(u.shape[1] // max(len(start), 1))
     directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, u[:2])
     flies = weight > 0
     ends = torch.where(flies, torch.inf, 0.0)  # what a ray into the surface itself might meet does not count
-    met = meet(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
-    rows, surface, rough = met.rows, met.surface, start.roughness >= sharp
-    factor = fresnel(start.f0, cosine) * weight[:, None] * met.weight
-    light, seen = torch.zeros_like(start.points), torch.zeros_like(start.points)
+    isect = intersect(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
+    rows, surface, rough = isect.rows, isect.surface, start.roughness >= sharp
+    factor = fresnel(start.f0, cosine) * weight[:, None] * isect.weight
+    light, onscreen = torch.zeros_like(start.points), torch.zeros_like(start.points)
     if at.lights.lamps is not None:
         numbers = u[3 : 3 + DIMS, rough]
         light[rough], places, facing = mirrored_lamps(scene, at.lights, start[rough], numbers, at.poses)
-        seen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
+        onscreen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
     sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
     sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])
     shows = at.picture.sees(surface.points, surface.normals)
     light[rows] += sent
-    seen[rows] += sent * shows[:, None]
-    away = flies & ~met.hit
+    onscreen[rows] += sent * shows[:, None]
+    away = flies & ~isect.hit
     light[away] += factor[away] * sky_along(scene, directions[away])
     ways, known = torch.zeros_like(weight), torch.zeros_like(weight)
-    ways[rows], known[rows] = met.distance[rows], shows.to(known)
-    counts = {"seen": known, "distance": ways, "flies": flies.to(ways), "ends": met.hit.to(ways)}
-    return {"reflection": light, "reflection_seen": seen} | {k: v[:, None] for k, v in counts.items()}
+    ways[rows], known[rows] = isect.distance[rows], shows.to(known)
+    counts = {"onscreen": known, "distance": ways, "flies": flies.to(ways), "ends": isect.hit.to(ways)}
+    return {"reflection": light, "reflection_onscreen": onscreen} | {k: v[:, None] for k, v in counts.items()}

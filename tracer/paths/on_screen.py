@@ -56,7 +56,7 @@ class Picture:
         back = then.double() @ torch.linalg.inv(now.double())
         return replace(self, back=torch.cat([torch.eye(4).to(back)[None], back]).float())
 
-    def put_back(self, points: Tensor, normals: Tensor, instances: Tensor) -> tuple[Tensor, Tensor]:
+    def back_project(self, points: Tensor, normals: Tensor, instances: Tensor) -> tuple[Tensor, Tensor]:
         """Points and normals ``(N, 3)`` on ``instances`` ``(N,)``, 0 for the world, where they are in the picture."""
         if self.back is None:
             return points, normals
@@ -130,7 +130,7 @@ class Picture:
         return depth.isfinite() & (off.abs() < slack * lean.abs()) & (lean.abs() > EDGE_ON)
 
 
-def begins_in_sight(
+def begins_on_screen(
     scene: Scene,
     picture: Picture,
     origins: Tensor,
@@ -156,5 +156,5 @@ def begins_in_sight(
     """
     hits = trace(scene, origins, directions, poses=poses, mask=MASK_PRIMARY, t_min=t_min, t_max=t_max)
     points = origins + directions * torch.where(hits.hit, hits.t, 0.0)[:, None]
-    shows = picture.sees(*picture.put_back(points, hits.normal, hits.instance))
+    shows = picture.sees(*picture.back_project(points, hits.normal, hits.instance))
     return torch.where(hits.hit, shows, picture.shows_sky(directions))

@@ -12,16 +12,16 @@ from voxels import DARK, above, pose, random_scene
 from gbufrt import Camera
 from tracer.gbuffer import gbuffer
 from tracer.paths import op as path_ops
-from tracer.paths import radiance as light_paths
+from tracer.paths import radiance as path_radiance
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
 from tracer.truth.truth import path_trace
 
 
-def test_the_part_that_came_by_surfaces_in_sight():
-    """A floor before a white wall. Seen with the wall, all of its light came by what is seen; alone, the sky's and the
-    sun's, and what the wall sends is left out."""
+def test_the_part_that_came_by_on_screen_surfaces():
+    """A floor before a white wall. With the wall on screen, all of its light came by on-screen surfaces; alone, the
+    sky's and the sun's, and what the wall sends is left out."""
     table = MaterialTable.of(
         [Material(name="floor", albedo=(0.5, 0.5, 0.5), variation=0.0), Material(name="wall", albedo=(0.9, 0.5, 0.2))]
     )
@@ -32,17 +32,17 @@ def test_the_part_that_came_by_surfaces_in_sight():
     floor_alone = Camera.look_at((24, 10, 44), (24, 1, 32), **given)
     found = path_trace(scene, floor_alone, bounces=1, samples=256, antialias=False)
     straight = path_trace(scene, floor_alone, bounces=0, samples=256, antialias=False)
-    light, seen = found["radiance"], found["radiance_seen"]
-    lost = (light - seen).mean(dim=(0, 2, 3))
+    light, onscreen = found["radiance"], found["radiance_onscreen"]
+    lost = (light - onscreen).mean(dim=(0, 2, 3))
     assert (lost / light.mean(dim=(0, 2, 3)) > 0.03).all()
     assert lost[0] > 2 * lost[2] * (light.mean(dim=(0, 2, 3)) / light.mean())[2]  # of the wall's colour
-    assert abs(float(seen.mean() / straight["radiance"].mean()) - 1) < 0.02
+    assert abs(float(onscreen.mean() / straight["radiance"].mean()) - 1) < 0.02
     both = Camera.look_at((24, 12, 47), (24, 9, 20), size=(27, 36), fov_y=80.0)
     found = path_trace(scene, both, bounces=1, samples=64, antialias=False)
     g = gbuffer(scene, both)
     near = g.hit & (g.normal[:, 1:2] > 0.9) & ((both.to_world(g.points_view())[:, :1] - 24).abs() < 6)
     assert int(near.sum()) > 20
-    assert (found["radiance_seen"] * near).sum() > 0.985 * (found["radiance"] * near).sum()
+    assert (found["radiance_onscreen"] * near).sum() > 0.985 * (found["radiance"] * near).sum()
 
 
 def test_what_is_in_sight_is_that_of_each_picture_at_its_time():
@@ -52,7 +52,7 @@ def test_what_is_in_sight_is_that_of_each_picture_at_its_time():
     for b, time in enumerate((0.5, 1.5)):
         eye = [(25.0 - 9 * time, 18.0, 22.0), (-25.0, 12.0 + time, 8.0)][b]
         one = path_trace(scene, Camera.look_at(eye, (0, 4, 0), size=(9, 12)), time=time, samples=16)
-        for name in ("radiance", "radiance_seen"):
+        for name in ("radiance", "radiance_onscreen"):
             assert torch.allclose(both[name][b : b + 1], one[name], rtol=1e-3, atol=1e-4)
 
 
@@ -89,13 +89,13 @@ def test_a_lens_sees_round_an_edge_what_the_pinhole_does_not(behind: str, light:
     found = path_trace(scene, camera, samples=16, aperture_radius=2.0, focus_distance=focus, **LIGHT[light])
     x = camera.to_world(camera.unproject(torch.full((1, 1, *camera.size), 40.0)))[0, 0, 64] - 24
     inner = x.abs() < 16  # the lens sees beyond the border, too
-    total, seen = (found[name][0, :, 48:80, inner].mean(dim=1) for name in ("radiance", "radiance_seen"))
+    total, onscreen = (found[name][0, :, 48:80, inner].mean(dim=1) for name in ("radiance", "radiance_onscreen"))
     x, pixel = x[inner], float((x[1] - x[0]).abs())
     hidden, open_ = x < -2 * pixel, x > 2 * pixel
     assert (total[2, hidden] > 0.1).sum() >= 5
-    assert seen[2, hidden].max() < 0.02
-    assert torch.allclose(seen[2, open_], total[2, open_], atol=0.02)
-    lost = (total - seen)[0].clamp_min(0)  # some of the slab's side, which the pinhole sees edge-on
+    assert onscreen[2, hidden].max() < 0.02
+    assert torch.allclose(onscreen[2, open_], total[2, open_], atol=0.02)
+    lost = (total - onscreen)[0].clamp_min(0)  # some of the slab's side, which the pinhole sees edge-on
     assert lost.sum() < 0.01 * total[0].sum()
 
 
@@ -108,29 +108,29 @@ def test_a_shutter_uncovers_what_a_mover_hides(light: str):
     scene = Scene(world=shining((48, 2, 48), (BLUE, (0, 0, 0), (48, 1, 48))), instances=(mover,), sun=None, sky=DARK)
     given = {"samples": 64, "shutter": 1.0, "shutter_offset": -0.5, **LIGHT[light]}
     found = path_trace(scene, above(size=(32, 192), span=8.0), time=0.5, **given)
-    total, seen = (found[name][0, :, 13:19].mean(dim=1) for name in ("radiance", "radiance_seen"))
+    total, onscreen = (found[name][0, :, 13:19].mean(dim=1) for name in ("radiance", "radiance_onscreen"))
     x = torch.arange(192) / 4 + 0.125
     hidden = (x > 23.5) & (x < 24.5)  # the box is at 23 to 25 then, and its edges show the floor beside them
     assert total[2, hidden].min() > 2.0
-    assert seen[2, hidden].max() < 0.02
+    assert onscreen[2, hidden].max() < 0.02
     away = (x < 22.5) | (x > 25.5)
-    assert torch.allclose(seen[2, away], total[2, away], atol=0.02)
+    assert torch.allclose(onscreen[2, away], total[2, away], atol=0.02)
     assert float(total[0, away].sum()) > 0.6 * float(total[0].sum()) > 0
-    assert torch.allclose(seen[0], total[0], atol=0.02)
+    assert torch.allclose(onscreen[0], total[0], atol=0.02)
 
 
-@pytest.mark.parametrize("form", [light_paths, path_ops])
+@pytest.mark.parametrize("form", [path_radiance, path_ops])
 def test_a_mover_in_a_mirror_is_known_where_it_was(form: ModuleType, monkeypatch: pytest.MonkeyPatch):
-    """The side of a red box that a mirror shows is in sight, and stays so while the box goes by."""
+    """The side of a red box that a mirror shows is on screen, and stays so while the box goes by."""
     box = shining((2, 6, 6), (RED, (0, 0, 0), (2, 6, 6)))
     mover = Instance(model=box, pose=lambda t: pose((20.0, 4.0, 14.0 + 12 * t)))
     scene = Scene(world=shining((24, 14, 48), (MIRROR, (0, 0, 0), (1, 14, 48))), instances=(mover,), sun=None, sky=DARK)
     monkeypatch.setattr("tracer.truth.path_tracer.radiance", form.radiance)
     camera = Camera.look_at((9, 7, 0), (9, 7, 20), size=(60, 80), fov_y=100.0)
     found = path_trace(scene, camera, time=0.5, samples=32, bounces=1, shutter=0.5, shutter_offset=-0.25)
-    total, seen = (found[name][0, 0, :, 40:] for name in ("radiance", "radiance_seen"))
+    total, onscreen = (found[name][0, 0, :, 40:] for name in ("radiance", "radiance_onscreen"))
     assert float(total.sum()) > 100
-    assert float(seen.sum() / total.sum()) > 0.97
+    assert float(onscreen.sum() / total.sum()) > 0.97
 
 
 def test_a_moving_camera_brings_in_what_was_beyond_the_border():
@@ -144,7 +144,7 @@ def test_a_moving_camera_brings_in_what_was_beyond_the_border():
     found = path_trace(scene, camera, time=1.0, samples=64, **given)  # four units to the right until then
     want = ((torch.arange(16) + 0.5) / 4).clamp(max=1.0)
     assert torch.allclose(found["radiance"], torch.tensor([0.0, 0.0, 4.0]).view(1, 3, 1, 1).expand(1, 3, 8, 16))
-    assert (found["radiance_seen"][0, 2].mean(dim=0) / 4 - want).abs().max() < 0.03
+    assert (found["radiance_onscreen"][0, 2].mean(dim=0) / 4 - want).abs().max() < 0.03
 
 
 def test_what_shows_through_glass_in_sight_is_known():
@@ -153,7 +153,7 @@ def test_what_shows_through_glass_in_sight_is_known():
     camera = Camera.look_at((24, 12, 0), (24, 12, 20), size=(24, 24), fov_y=40.0)
     found = path_trace(scene, camera, bounces=0, samples=16, aperture_radius=0.3, focus_distance=10.0)
     assert found["radiance"].mean(dim=(0, 2, 3))[2] > 1.5
-    assert torch.equal(found["radiance_seen"], found["radiance"])
+    assert torch.equal(found["radiance_onscreen"], found["radiance"])
 
 
 def test_a_lens_and_a_shutter_next_to_none_leave_the_pinholes_picture():
@@ -164,11 +164,11 @@ def test_a_lens_and_a_shutter_next_to_none_leave_the_pinholes_picture():
     least: dict[str, Any]
     for least in ({"aperture_radius": 1e-5, "focus_distance": 20.0}, {"shutter": 1e-6}):
         got = path_trace(scene, camera, **given, **least)
-        for name in ("radiance", "radiance_seen"):
+        for name in ("radiance", "radiance_onscreen"):
             assert ((got[name] - want[name]).abs() > 0.02 + 0.02 * want[name]).float().mean() < 0.02
     lost = []
     for size in ((36, 48), (144, 192)):  # no more than on edges finer than the picture
         camera = Camera.look_at((25.0, 18.0, 22.0), (0, 4, 0), size=size)
         fine = path_trace(scene, camera, time=0.3, samples=4, unblocked=True, aperture_radius=1e-5)
-        lost.append(float(1 - (fine["radiance_seen"] / fine["radiance"]).mean()))
+        lost.append(float(1 - (fine["radiance_onscreen"] / fine["radiance"]).mean()))
     assert lost[1] < 0.5 * lost[0] < 0.05

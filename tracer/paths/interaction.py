@@ -84,7 +84,7 @@ class Vertices:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Met:
+class Interaction:
     """What N rays came to.
 
     Args:
@@ -102,7 +102,7 @@ class Met:
     surface: Vertices
 
 
-def meet(
+def intersect(
     scene: Scene,
     origins: Tensor,
     directions: Tensor,
@@ -116,7 +116,7 @@ def meet(
     most: float = MOST_PASS,
     detail: Tensor | float = FINE,
     spreads: bool = False,
-) -> Met:
+) -> Interaction:
     """Follow each ray to the one surface, or the sky, that it shows.
 
     A transmissive surface is gone through, straight on, as often as it lets light through, and otherwise shows its own
@@ -130,7 +130,7 @@ def meet(
         u: ``(N,)`` in [0, 1): whether to go through.
         poses: ``(I, 4, 4)`` of the instances.
         inside: ``(N,)`` bool: which rays begin within a transmissive material; by default none.
-        mask: which instances are seen.
+        mask: which instances are onscreen.
         t_min: where rays begin.
         t_max: where rays end; what is farther is not there.
         most: how often a surface is gone through at most.
@@ -138,7 +138,7 @@ def meet(
         spreads: ``detail`` is that at distance 1 and falls with the distance, rather than the same everywhere.
 
     Returns:
-        See `Met`.
+        See `Interaction`.
     """
     given = {"poses": poses, "mask": mask, "t_max": t_max}
     hits = trace(scene, origins, directions, t_min=t_min, **given)
@@ -155,7 +155,7 @@ def meet(
     pixels = torch.as_tensor(detail, dtype=hits.t.dtype, device=rows.device).expand_as(hits.t)[rows]
     pixels = pixels / hits.t[rows].clamp_min(1e-9) if spreads else pixels
     surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels)
-    return Met(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
+    return Interaction(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
 
 
 def _go_through(

@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.paths.meet`: a ray at a time, and the tables of the scene that it goes through."""
+"""The compiled form of `tracer.paths.interaction`: a ray at a time, and the tables of its scene."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from gbufrt.compute.kernel import scalar
 from tracer.direct.lighting import LIFT, LIFT_RELATIVE
 from tracer.lights.kernel import NOTHING, Lit
 from tracer.lights.shadows import SHORT
-from tracer.paths.meet import LAYERS, MAX_RUN
+from tracer.paths.interaction import LAYERS, MAX_RUN
 from tracer.sampling.scatter_kernel import (
     along,
     dot,
@@ -48,7 +48,7 @@ class Tables(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """A place on a surface; see `tracer.paths.meet.Vertices`."""
+    """A place on a surface; see `tracer.paths.interaction.Vertices`."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
@@ -62,8 +62,8 @@ class Surface(NamedTuple):
     instance: int
 
 
-class Met(NamedTuple):
-    """What a ray came to; see `tracer.paths.meet.Met`. ``t`` is inf for the sky; the surface then has no meaning."""
+class Interaction(NamedTuple):
+    """See `tracer.paths.interaction.Interaction`. ``t`` is inf for the sky; the surface then has no meaning."""
 
     t: float
     weight: tuple[float, float, float]
@@ -127,8 +127,8 @@ def _normal(tables, hit):
 
 
 @scalar
-def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detail, spreads):
-    """See `tracer.paths.meet`."""
+def intersect(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detail, spreads):
+    """See `tracer.paths.interaction`."""
     t_end = min(t_end, FARTHEST)
     hit = nearest(tables.transforms, tables.grids, origin, direction, t_begin, t_end, OUTSIDE, mask)
     weight = WHITE
@@ -150,7 +150,7 @@ def meet(tables, origin, direction, u, inside, mask, t_begin, t_end, most, detai
         run = run if back else min(run, hit[0] - t)
         weight = scaled(times(weight, _passing(tables, material, run)), enters_here / share)
         inside = not back and run >= hit[0] - t - SHORT
-    return Met(hit[0], weight, _surface(tables, origin, direction, hit, inside, detail, spreads))
+    return Interaction(hit[0], weight, _surface(tables, origin, direction, hit, inside, detail, spreads))
 
 
 @scalar
@@ -189,10 +189,10 @@ def _variation(voxel, place, face, entry, pixels):
     u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
     total = 0.0
     for side, amplitude in OCTAVES:
-        seen = min(max((pixels / side - 0.75) / 1.25, 0.0), 1.0)
+        onscreen = min(max((pixels / side - 0.75) / 1.25, 0.0), 1.0)
         cell = min(int(u * side), side - 1) * side + min(int(v * side), side - 1)
         number = _mix(key + (cell + 64 * side) * 668265263)
-        total += amplitude * seen * (number * (2.0 / 0xFFFFFFFF) - 1.0)
+        total += amplitude * onscreen * (number * (2.0 / 0xFFFFFFFF) - 1.0)
     return total
 
 

@@ -1,0 +1,68 @@
+"""The compiled form of `tracer.paths.integrators`: one path at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gbufrt.compute.kernel import scalar
+from tracer.lights.kernel import FACING, NOTHING, sky
+from tracer.lights.samples import DIMS
+from tracer.paths.interaction import FINE, MOST_PASS
+from tracer.paths.interaction_kernel import WHITE, intersect
+from tracer.paths.on_screen_kernel import sees
+from tracer.paths.path_kernel import diffuse_of, f0_of, from_lamp, gathered
+from tracer.sampling.scatter_kernel import added, cosine_direction, fresnel, mirrored, scaled, times
+from tracer.scene.scene import MASK_SECONDARY
+from tracer.traversal.kernel import triple
+
+
+@scalar
+def occlusion(tables, camera, picture, at, u, i, radius):
+    """``ao``, ``bent_normal``, ``ao_onscreen``."""
+    direction = cosine_direction(at.normal, u[0, i], u[1, i])
+    mask = MASK_SECONDARY
+    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, radius, 1.0, FINE, False)
+    if isect.t == np.inf:
+        return 1.0, direction, 1.0
+    return 0.0, NOTHING, 0.0 if sees(camera, picture, isect.surface.point, isect.surface.normal) else 1.0
+
+
+@scalar
+def indirect(tables, camera, picture, at, u, i, bounces):
+    """``gi``, ``gi_onscreen``, ``sky``, ``sky_visibility``."""
+    direction = cosine_direction(at.normal, u[0, i], u[1, i])
+    mask = MASK_SECONDARY
+    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
+    weight = times(diffuse_of(at), isect.weight)
+    if isect.t == np.inf:
+        open_ = (isect.weight[0] + isect.weight[1] + isect.weight[2]) / 3
+        return NOTHING, NOTHING, times(weight, sky(tables.lit, direction)), open_
+    light = times(weight, gathered(tables, isect.surface, u, i, 3, bounces))
+    shows = sees(camera, picture, isect.surface.point, isect.surface.normal)
+    return light, light if shows else NOTHING, NOTHING, 0.0
+
+
+@scalar
+def reflected(tables, camera, picture, at, u, i, sharp):
+    """``reflection``, ``reflection_onscreen``; and ``onscreen``, ``distance``, ``flies``, ``ends``."""
+    direction, weight, cosine = mirrored(at.normal, at.toward, at.roughness * at.roughness, u[0, i], u[1, i])
+    rough = at.roughness >= sharp
+    light, onscreen = NOTHING, NOTHING
+    if rough and len(tables.lit.lamps):
+        light, place, lamp = from_lamp(tables, at, u, i, 5, NOTHING, True)
+        if max(light) > 0 and sees(camera, picture, place, triple(tables.lit.lamps, lamp, FACING)):
+            onscreen = light
+    if not weight > 0:
+        return light, onscreen, (0.0, 0.0, 0.0, 0.0)
+    mask = MASK_SECONDARY
+    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
+    factor = times(scaled(fresnel(f0_of(at), cosine), weight), isect.weight)
+    if isect.t == np.inf:
+        return added(light, times(factor, sky(tables.lit, direction))), onscreen, (0.0, 0.0, 1.0, 0.0)
+    sent = gathered(tables, isect.surface, u, i, 3 + DIMS, 1)
+    if not rough:
+        sent = added(sent, isect.surface.emission)
+    sent = times(factor, sent)
+    shows = sees(camera, picture, isect.surface.point, isect.surface.normal)
+    onscreen = added(onscreen, times(sent, WHITE if shows else NOTHING))
+    return added(light, sent), onscreen, (1.0 if shows else 0.0, isect.t, 1.0, 1.0)
