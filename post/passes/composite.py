@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from post.shading.ggx import mirrored_by
+from post.shading.ggx import specular_albedo
 
 Mode = Literal["physical", "me1"]
 
@@ -45,8 +45,8 @@ def composite(
         gi: ``(B, 3, H, W)`` indirect diffuse, outgoing linear radiance.
         reflection: ``(B, 3, H, W)`` specular light with Fresnel, linear radiance.
         behind: ``(B, 3, H, W)`` light that comes through the surface, linear radiance.
-        mirrored: ``(B, 1, H, W)`` share of light that a dielectric mirrors, see `post.shading.ggx.mirrored_by`; counts
-            only where there is a reflection to take its place.
+        mirrored: ``(B, 1, H, W)`` directional albedo of the specular lobe, see `specular_albedo`; counts only
+            where there is a reflection to take its place.
         mode: which formula.
         ao_intensity: exponent on the visibility; 0 switches it off, above 1 exaggerates.
         gi_intensity: factor on ``gi``.
@@ -127,6 +127,6 @@ class Composite(Pass):
             gi=frame.gi,
             reflection=frame.reflection,
             behind=behind,
-            mirrored=None if frame.reflection is None else mirrored_by(frame.gbuffer),
+            mirrored=None if frame.reflection is None else specular_albedo(frame.gbuffer),
             **self.tunables(),
         )

@@ -12,7 +12,7 @@ from post.history.antilag import into_shadow
 from post.history.reproject import history_for
 from post.passes.atrous import atrous
 from post.passes.temporal import temporal
-from post.shading.ggx import mirrored_by
+from post.shading.ggx import specular_albedo
 
 CLEAR = 0.05  # transmittance from which what lies behind a surface is what is seen there
 MIRRORS = 0.1  # share of mirrored light from which its image is looked for in the history
@@ -102,7 +102,7 @@ def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, T
     albedo = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
     if behind is not None and g.transmittance is not None:
-        mirrored = mirrored_by(g)
+        mirrored = specular_albedo(g)
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
         far_emission = none if behind.emission is None else behind.emission
@@ -120,7 +120,7 @@ def _image_distance(g: GBuffer) -> Tensor | None:
     """How far away what clear surfaces mirror is taken to be, zero where they mirror little: its history moves so."""
     if g.transmittance is None:
         return None
-    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (mirrored_by(g) > MIRRORS)
+    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (specular_albedo(g) > MIRRORS)
     return torch.where(g.hit & mirrors, FAR, 0.0).to(g.depth)
 
 

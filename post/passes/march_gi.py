@@ -8,11 +8,11 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.directions import tangent_frame
 from gbufrt.noise.noise import PLASTIC, blue_noise
 from gbufrt.sampling import sample
 from post.history.reproject import reproject
 from post.march.rays import depth_hierarchy, march_rays
-from post.shading.ggx import tangent_frame
 from post.shading.lobes import dot, unit
 
 PLAIN = 4  # every so many-th ray goes about the normal itself, so that no direction is left out

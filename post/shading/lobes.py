@@ -9,16 +9,10 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.directions import tangent_frame
 from gbufrt.sampling import shifted
-from post.shading.ggx import (
-    ggx_distribution,
-    grazing,
-    masking_ratio,
-    reflection_pdf,
-    sample_visible_normal,
-    smith_lambda,
-    tangent_frame,
-)
+from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, smith_lambda
+from post.shading.ggx import grazing, reflection_pdf
 
 CONE_DEGREES = 45.0  # half angle of the seed's cone at roughness 1
 SHARP_ALPHA = 1e-2  # below this roughness squared a neighbour's ray is no ray of ours
@@ -86,7 +80,7 @@ def ggx_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
     normal, eye, alpha = surface.normal, surface.eye, surface.alpha
     tangent, bitangent = tangent_frame(normal)
     local = torch.cat([dot(eye, tangent), dot(eye, bitangent), dot(eye, normal)], dim=1)
-    half = sample_visible_normal(local, alpha, u)
+    half = torch.cat(sample_visible_normal(local.split(1, dim=1), alpha, u.split(1, dim=1)), dim=1)
     cosine = dot(local, half).clamp(0.0, 1.0)
     light = 2 * cosine * half - local
     direction = tangent * light[:, 0:1] + bitangent * light[:, 1:2] + normal * light[:, 2:3]

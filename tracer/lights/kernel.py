@@ -14,7 +14,7 @@ from tracer.lights.shadows import SHORT
 from tracer.lights.sky import GRADIENT, HAZE
 from tracer.lights.sky_table import CELLS
 from tracer.lights.spherical_rectangle import FLATTEST
-from tracer.sampling.scatter_kernel import along, combined, cross, disc, dot, frame, scaled
+from tracer.sampling.scatter_kernel import along, combined, cross, disc, dot, scaled, tangent_frame
 from tracer.traversal.kernel import triple
 
 MIDDLE, FACING, REACH, POWER, CORNER, EDGE_U, EDGE_V, AREA, RADIANCE = 0, 3, 6, 7, 8, 11, 14, 17, 18
@@ -119,7 +119,7 @@ def sun(lit, direction):
 def sun_sample(lit, a, b):
     """A direction to the sun, and its radiance over the density of that direction."""
     sine, toward = lit.sky[DISC, 0], triple(lit.sky, TOWARD, 0)
-    across, other = frame(toward)
+    across, other = tangent_frame(toward)
     x, y = disc(a, b)
     x, y = x * sine, y * sine
     z = math.sqrt(1 - x * x - y * y)

@@ -11,12 +11,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.directions import tangent_frame
 from tracer.lights.emitters import lamps_of
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.shadows import SHORT
 from tracer.lights.sky_table import SkyTable
 from tracer.lights.spherical_rectangle import rectangle_points
-from tracer.sampling.scatter import dot, frame
+from tracer.sampling.scatter import dot
 from tracer.sampling.sequence import disc
 from tracer.scene.scene import Scene, Sun
 
@@ -80,7 +81,7 @@ def sun_sample(sun: Sun, u: Tensor) -> LightSample:
     """Directions spread evenly over the sun's disc, from numbers ``(2, N)``."""
     sine = math.sin(math.radians(sun.angular_radius))
     toward = F.normalize(torch.tensor(sun.direction, dtype=u.dtype, device=u.device), dim=0)[None]
-    across, other = frame(toward)
+    across, other = tangent_frame(toward)
     x, y = disc(u)[:, :, None] * sine
     along = (1 - x * x - y * y).sqrt()
     direction = across * x + other * y + toward * along

@@ -11,7 +11,7 @@ from tracer.paths.interaction import FINE, MOST_PASS
 from tracer.paths.interaction_kernel import WHITE, intersect
 from tracer.paths.on_screen_kernel import sees
 from tracer.paths.path_kernel import diffuse_of, f0_of, from_lamp, gathered
-from tracer.sampling.scatter_kernel import added, cosine_direction, fresnel, mirrored, scaled, times
+from tracer.sampling.scatter_kernel import added, cosine_direction, fresnel, sample_specular, scaled, times
 from tracer.scene.scene import MASK_SECONDARY
 from tracer.traversal.kernel import triple
 
@@ -45,7 +45,7 @@ def indirect(tables, camera, picture, at, u, i, bounces):
 @scalar
 def reflected(tables, camera, picture, at, u, i, sharp):
     """``reflection``, ``reflection_onscreen``; and ``onscreen``, ``distance``, ``flies``, ``ends``."""
-    direction, weight, cosine = mirrored(at.normal, at.toward, at.roughness * at.roughness, u[0, i], u[1, i])
+    direction, weight, cosine = sample_specular(at.normal, at.toward, at.roughness * at.roughness, u[0, i], u[1, i])
     rough = at.roughness >= sharp
     light, onscreen = NOTHING, NOTHING
     if rough and len(tables.lit.lamps):

@@ -15,7 +15,7 @@ from tracer.paths.interaction import Vertices, intersect
 from tracer.paths.radiance import mirrored_lamps
 from tracer.paths.receivers import Receivers
 from tracer.sampling.progressive import Values
-from tracer.sampling.scatter import cosine_direction, fresnel, mirrored
+from tracer.sampling.scatter import cosine_direction, fresnel, sample_specular
 from tracer.scene.scene import Scene
 
 OCCLUSION_DIMS = 3
@@ -73,7 +73,7 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     anything (``ends``), and its length (``distance``).
     """
     start = start.repeat(u.shape[1] // max(len(start), 1))
-    directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, u[:2])
+    directions, weight, cosine = sample_specular(start.normals, start.toward, start.alpha, u[:2])
     flies = weight > 0
     ends = torch.where(flies, torch.inf, 0.0)  # what a ray into the surface itself might meet does not count
     isect = intersect(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
-from gbufrt.specular import DIELECTRIC_F0, mirrored_share, schlick
+from gbufrt.specular import DIELECTRIC_F0, directional_albedo, schlick
 from gbufrt.tree import map_tensors
 from tracer.direct.lighting import LIFT, LIFT_RELATIVE
 from tracer.lights.samples import Lights, LightSample
@@ -80,7 +80,7 @@ class Vertices:
     @property
     def enters(self) -> Tensor:
         """``(N, 1)`` share that shows of what is under a dielectric surface, which mirrors the rest toward the eye."""
-        return 1 - mirrored_share(dot(self.normals, self.toward), self.roughness)[:, None]
+        return 1 - directional_albedo(dot(self.normals, self.toward), self.roughness)[:, None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

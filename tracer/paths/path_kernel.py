@@ -19,10 +19,10 @@ from tracer.sampling.scatter_kernel import (
     added,
     along,
     cosine_direction,
+    directional_albedo,
     dot,
     fresnel,
-    mirrored,
-    mirrored_share,
+    sample_specular,
     scaled,
     specular_response,
     times,
@@ -162,7 +162,7 @@ def radiance(tables, camera, picture, isect, known, direction, u, i, first, boun
 @scalar
 def _diffuse_share(at):
     """Share of light that is scattered evenly toward the eye."""
-    return scaled(diffuse_of(at), 1 - mirrored_share(dot(at.normal, at.toward), at.roughness))
+    return scaled(diffuse_of(at), 1 - directional_albedo(dot(at.normal, at.toward), at.roughness))
 
 
 @scalar
@@ -198,5 +198,5 @@ def _scattered(at, a, b, c):
         direction = cosine_direction(at.normal, b, c)
         density = (1 - chance) * max(dot(at.normal, direction), 0.0) / math.pi
         return direction, scaled(_diffuse_share(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
-    direction, weight, cosine = mirrored(at.normal, at.toward, at.roughness * at.roughness, b, c)
+    direction, weight, cosine = sample_specular(at.normal, at.toward, at.roughness * at.roughness, b, c)
     return direction, scaled(fresnel(f0_of(at), cosine), weight / chance), 0.0

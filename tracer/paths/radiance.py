@@ -16,7 +16,7 @@ from tracer.lights.sky_table import SkyTable
 from tracer.paths.diffuse import even_response
 from tracer.paths.interaction import FINE, Vertices, direct, intersect
 from tracer.paths.on_screen import Picture
-from tracer.sampling.scatter import cosine_direction, dot, fresnel, mirrored, specular_response
+from tracer.sampling.scatter import cosine_direction, dot, fresnel, sample_specular, specular_response
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
 
@@ -231,6 +231,6 @@ def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     density = torch.where(mirrors, 0.0, density.clamp_min(1e-12))
     rows = mirrors.nonzero()[:, 0]
     some = at[rows]
-    directions[rows], weight, cosine = mirrored(some.normals, some.toward, some.alpha, u[1:, rows])
+    directions[rows], weight, cosine = sample_specular(some.normals, some.toward, some.alpha, u[1:, rows])
     factors[rows] = fresnel(some.f0, cosine) * (weight / chance[rows])[:, None]
     return directions, factors, density

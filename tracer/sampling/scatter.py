@@ -7,7 +7,8 @@ import math
 import torch
 from torch import Tensor
 
-from gbufrt.specular import schlick, smith_lambda
+from gbufrt.directions import tangent_frame
+from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, schlick, smith_lambda
 
 
 def dot(a: Tensor, b: Tensor) -> Tensor:
@@ -15,30 +16,17 @@ def dot(a: Tensor, b: Tensor) -> Tensor:
     return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
 
 
-def frame(normals: Tensor) -> tuple[Tensor, Tensor]:
-    """Two unit vectors ``(N, 3)`` that make a right-handed frame with unit ``normals``.
-
-    Source: Duff et al. 2017.
-    """
-    x, y, z = normals.unbind(1)
-    sign = torch.where(z >= 0, 1.0, -1.0).to(normals)
-    a = -1 / (sign + z)
-    b = x * y * a
-    across = torch.stack([1 + sign * x * x * a, sign * b, -sign * x], dim=1)
-    return across, torch.stack([b, sign + y * y * a, -y], dim=1)
-
-
 def cosine_direction(normals: Tensor, u: Tensor) -> Tensor:
     """Directions ``(N, 3)`` above ``normals``, with density cosine / pi, from numbers ``(2, N)`` in [0, 1)."""
-    across, other = frame(normals)
+    across, other = tangent_frame(normals)
     angle, square = 2 * math.pi * u[1], u[0]
     radius = square.sqrt()
     parts = ((across, radius * angle.cos()), (other, radius * angle.sin()), (normals, (1 - square).sqrt()))
     return sum((axis * part[:, None] for axis, part in parts), torch.zeros_like(normals))
 
 
-def mirrored(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Mirror the eye at microfacets, each as often as the eye sees it.
+def sample_specular(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Mirror the eye at microfacets, drawn in proportion to their visible area.
 
     Args:
         normals: ``(N, 3)`` unit length.
@@ -50,23 +38,15 @@ def mirrored(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple
         Directions ``(N, 3)``; their weight ``(N,)`` before Fresnel, 0 below the surface; and the cosine ``(N,)``
         between the eye and the microfacet.
 
-    Source: Heitz 2018 (visible normals; eq. 19 the weight); Dupuy and Benyoub 2023 (sampling them by a spherical cap).
+    Source: Heitz 2018 (eq. 19 the weight).
     """
-    across, other = frame(normals)
-    x, y, z = dot(toward, across), dot(toward, other), dot(toward, normals).clamp_min(0)
-    sx, sy = alpha * x, alpha * y
-    size = (sx * sx + sy * sy + z * z).clamp_min(1e-20).sqrt()
-    sx, sy, sz = sx / size, sy / size, z / size
-    angle, height = 2 * math.pi * u[1], (1 - u[0]) * (1 + sz) - sz
-    radius = (1 - height * height).clamp_min(0.0).sqrt()
-    hx, hy = alpha * (radius * angle.cos() + sx), alpha * (radius * angle.sin() + sy)
-    hz = (height + sz).clamp_min(1e-7)
-    size = (hx * hx + hy * hy + hz * hz).sqrt()
-    facet = (across * hx[:, None] + other * hy[:, None] + normals * hz[:, None]) / size[:, None]
+    across, other = tangent_frame(normals)
+    view = dot(toward, across), dot(toward, other), dot(toward, normals).clamp_min(0)
+    x, y, z = sample_visible_normal(view, alpha, u.unbind())
+    facet = across * x[:, None] + other * y[:, None] + normals * z[:, None]
     cosine = dot(toward, facet).clamp(0.0, 1.0)
     direction = torch.nn.functional.normalize(2 * cosine[:, None] * facet - toward, dim=1)
-    seen, lit = smith_lambda(z, alpha), dot(direction, normals)
-    weight = torch.where(lit > 0, (1 + seen) / (1 + seen + smith_lambda(lit, alpha)), 0.0)
+    weight = masking_ratio(view[2], dot(direction, normals), alpha)
     return direction, weight, cosine
 
 
@@ -82,8 +62,6 @@ def specular_response(normals: Tensor, toward: Tensor, alpha: Tensor, f0: Tensor
     """
     half = torch.nn.functional.normalize(toward + directions, dim=1)
     view, lit, up = dot(normals, toward), dot(normals, directions), dot(normals, half)
-    square = alpha * alpha
-    spread = square / (math.pi * (up * up * (square - 1) + 1) ** 2)
     masked = 1 + smith_lambda(view, alpha) + smith_lambda(lit, alpha)
-    value = torch.where(lit > 0, spread / (4 * view.clamp_min(1e-4) * masked), 0.0)
+    value = torch.where(lit > 0, ggx_distribution(up, alpha) / (4 * view.clamp_min(1e-4) * masked), 0.0)
     return fresnel(f0, dot(half, toward)) * value[:, None]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from gbufrt.compute.kernel import scalar
-from gbufrt.specular import CELLS, DIELECTRIC_F0, mirrored_table
+from gbufrt.specular import CELLS, DIELECTRIC_F0, directional_albedo_table
 
-MIRRORED = mirrored_table().numpy()
+ALBEDO = directional_albedo_table().numpy()
 
 
 @scalar
@@ -42,7 +42,7 @@ def cross(a, b):
 
 
 @scalar
-def frame(n):
+def tangent_frame(n):
     sign = 1.0 if n[2] >= 0 else -1.0
     a = -1 / (sign + n[2])
     b = n[0] * n[1] * a
@@ -70,7 +70,7 @@ def disc(a, b):
 
 @scalar
 def cosine_direction(normal, a, b):
-    across, other = frame(normal)
+    across, other = tangent_frame(normal)
     radius = math.sqrt(a)
     angle = 2 * math.pi * b
     return combined(across, other, normal, radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1 - a))
@@ -89,13 +89,13 @@ def fresnel(f0, cosine):
 
 
 @scalar
-def mirrored_share(cosine, roughness):
-    """See `gbufrt.specular.mirrored_share`."""
+def directional_albedo(cosine, roughness):
+    """See `gbufrt.specular.directional_albedo`."""
     r, c = min(max(roughness, 0.0), 1.0) * CELLS[0], min(max(cosine, 0.0), 1.0) * CELLS[1]
     row, column = min(int(r), CELLS[0] - 1), min(int(c), CELLS[1] - 1)
     s, t = r - row, c - column
-    first = MIRRORED[row, column] * (1 - t) + MIRRORED[row, column + 1] * t
-    second = MIRRORED[row + 1, column] * (1 - t) + MIRRORED[row + 1, column + 1] * t
+    first = ALBEDO[row, column] * (1 - t) + ALBEDO[row, column + 1] * t
+    second = ALBEDO[row + 1, column] * (1 - t) + ALBEDO[row + 1, column + 1] * t
     return first * (1 - s) + second * s
 
 
@@ -106,9 +106,9 @@ def enters_smooth(cosine):
 
 
 @scalar
-def mirrored(normal, toward, alpha, a, b):
-    """Direction, its weight, and the cosine between the eye and the microfacet."""
-    across, other = frame(normal)
+def sample_specular(normal, toward, alpha, a, b):
+    """See `tracer.sampling.scatter.sample_specular`."""
+    across, other = tangent_frame(normal)
     z = max(dot(toward, normal), 0.0)
     sx, sy = alpha * dot(toward, across), alpha * dot(toward, other)
     size = math.sqrt(max(sx * sx + sy * sy + z * z, 1e-20))
@@ -122,8 +122,8 @@ def mirrored(normal, toward, alpha, a, b):
     cosine = min(max(dot(toward, facet), 0.0), 1.0)
     direction = along(scaled(toward, -1.0), facet, 2 * cosine)
     direction = scaled(direction, 1 / math.sqrt(dot(direction, direction)))
-    lit, seen = dot(direction, normal), smith_lambda(z, alpha)
-    weight = (1 + seen) / (1 + seen + smith_lambda(lit, alpha)) if lit > 0 else 0.0
+    lit, view = dot(direction, normal), smith_lambda(z, alpha)
+    weight = (1 + view) / (1 + view + smith_lambda(lit, alpha)) if lit > 0 else 0.0
     return direction, weight, cosine
 
 

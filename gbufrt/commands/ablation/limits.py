@@ -52,7 +52,7 @@ def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     from post.passes.ssr import outgoing_light
     from tracer.paths.interaction import intersect
     from tracer.paths.receivers import receivers_of
-    from tracer.sampling.scatter import fresnel, mirrored
+    from tracer.sampling.scatter import fresnel, sample_specular
 
     poses = place.scene.poses([place.time])
     at = receivers_of(place.scene, frame.gbuffer, poses)[0]
@@ -61,7 +61,7 @@ def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     def half(seed: int) -> Tensor:
         u, light = _numbers(MIRROR_RAYS // 2, 3, len(at.pixels), seed), torch.zeros_like(start.points)
         for numbers in u:
-            directions, weight, cosine = mirrored(start.normals, start.toward, start.alpha, numbers[:2])
+            directions, weight, cosine = sample_specular(start.normals, start.toward, start.alpha, numbers[:2])
             isect = intersect(place.scene, start.points, directions, numbers[2], poses=poses[0], inside=start.inside)
             factor = fresnel(start.f0, cosine) * weight[:, None] * isect.weight
             light[isect.rows] += factor[isect.rows] * reads(isect.surface.points, isect.surface.normals)

@@ -35,10 +35,11 @@ def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = N
 def mirrored_sky(frame: Frame) -> Tensor:
     """What each surface would mirror if there were only sky."""
     from gbufrt.environment import lookup_environment
-    from post.shading.ggx import fresnel_schlick, specular_f0
+    from gbufrt.specular import schlick
+    from post.shading.ggx import specular_f0
 
     g = frame.gbuffer
     eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
     cosine = (eye * g.normal).sum(1, keepdim=True).clamp_min(0.0)
     sky = lookup_environment(frame.read("environment"), 2 * cosine * g.normal - eye)
-    return sky * fresnel_schlick(cosine, specular_f0(frame.read("albedo"), frame.read("metallic")))
+    return sky * schlick(cosine, specular_f0(frame.read("albedo"), frame.read("metallic")))

@@ -8,7 +8,7 @@ import torch
 
 from gbufrt import Pipeline
 from post.passes.composite import Composite, composite
-from post.shading.ggx import mirrored_by
+from post.shading.ggx import specular_albedo
 
 
 def planes(*values: float, channels: int = 3) -> list[torch.Tensor]:
@@ -139,7 +139,7 @@ def test_module_takes_what_the_surfaces_mirror():
     black = Composite()(frame.replace(reflection=torch.zeros_like(plain))).read("color")
     g = frame.gbuffer
     own = plain - (torch.zeros_like(plain) if g.emission is None else g.emission)
-    torch.testing.assert_close(plain - black, mirrored_by(g) * own)
+    torch.testing.assert_close(plain - black, specular_albedo(g) * own)
     assert (plain - black)[g.hit.expand_as(plain)].max() > 0.01
     assert torch.equal(plain[~g.hit.expand_as(plain)], black[~g.hit.expand_as(plain)])
 
@@ -151,4 +151,4 @@ def test_mirrors_darken_what_is_behind_them_too():
     front = front.replace(gbuffer=front.gbuffer.replace(transmittance=half), reflection=black)
     got = Composite()(front.replace(behind=behind)).read("composite") - Composite()(front).read("composite")
     back = half * Composite()(behind).read("composite")
-    torch.testing.assert_close(got, (1 - mirrored_by(front.gbuffer)) * back)
+    torch.testing.assert_close(got, (1 - specular_albedo(front.gbuffer)) * back)

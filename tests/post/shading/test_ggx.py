@@ -9,17 +9,9 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
-from post.shading.ggx import (
-    fresnel_schlick,
-    ggx_distribution,
-    masking_ratio,
-    mirrored_by,
-    reflection_pdf,
-    sample_visible_normal,
-    smith_lambda,
-    specular_f0,
-    tangent_frame,
-)
+from gbufrt.directions import tangent_frame
+from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, schlick, smith_lambda
+from post.shading.ggx import reflection_pdf, specular_albedo, specular_f0
 
 VIEWS = [0.15, 0.6, 1.0]
 ALPHAS = [0.05, 0.3, 1.0]
@@ -47,15 +39,19 @@ def samples(count: int = 40000) -> Tensor:
     return torch.stack([place * 0.7548776662466927 % 1, place * 0.5698402909980532 % 1])[None]
 
 
+def drawn_normal(view: Tensor, alpha: Tensor, u: Tensor) -> Tensor:
+    return torch.cat(sample_visible_normal(view.split(1, dim=1), alpha, u.split(1, dim=1)), dim=1)
+
+
 def test_fresnel_limits():
     f0 = specular_f0(torch.tensor([0.9, 0.5, 0.1]).view(1, 3, 1, 1), torch.tensor([0.0, 1.0]).view(1, 1, 1, 2))
     assert torch.allclose(f0[..., 0], torch.full((1, 3, 1), 0.04))
     assert torch.allclose(f0[..., 1].flatten(), torch.tensor([0.9, 0.5, 0.1]))
     one = torch.ones(1, 1, 1, 1)
-    assert torch.allclose(fresnel_schlick(one, f0), f0)
-    assert torch.allclose(fresnel_schlick(0 * one, f0), torch.ones_like(f0))
+    assert torch.allclose(schlick(one, f0), f0)
+    assert torch.allclose(schlick(0 * one, f0), torch.ones_like(f0))
     at_60 = 0.04 + 0.96 * 0.5**5
-    assert torch.allclose(fresnel_schlick(0.5 * one, f0)[..., 0], torch.full((1, 3, 1), at_60))
+    assert torch.allclose(schlick(0.5 * one, f0)[..., 0], torch.full((1, 3, 1), at_60))
 
 
 @pytest.mark.parametrize("alpha", ALPHAS)
@@ -73,7 +69,7 @@ def test_density_integrates_to_one_and_fits_the_samples(alpha, cosine):
     along = (view * half).sum(1, keepdim=True)
     density = reflection_pdf(view[:, 2:], half[:, 2:], rough) * 4 * along.clamp_min(0)  # per half vector
     assert abs(float((density * angle).sum()) - 1) < 5e-3
-    drawn = sample_visible_normal(view.expand(-1, -1, 40000), rough, samples())
+    drawn = drawn_normal(view.expand(-1, -1, 40000), rough, samples())
     assert torch.allclose(drawn.norm(dim=1), torch.ones_like(drawn[:, 0]))
     for moment in (lambda h: h[:, 2:] ** 2, lambda h: h[:, 0:1], lambda h: h[:, 1:2] ** 2):
         expected = (moment(half) * density * angle).sum()
@@ -91,7 +87,7 @@ def test_white_furnace(alpha, cosine):
     shadowed = 1 / (1 + smith_lambda(view[:, 2:], rough) + smith_lambda(cos_light, rough))
     value = ggx_distribution(half[:, 2:], rough) * shadowed / (4 * view[:, 2:]) * 4 * along * (cos_light > 0)
     exact = float((value * angle).sum())
-    drawn = sample_visible_normal(view.expand(-1, -1, 40000), rough, samples())
+    drawn = drawn_normal(view.expand(-1, -1, 40000), rough, samples())
     light = 2 * (view * drawn).sum(1, keepdim=True) * drawn - view
     weight = masking_ratio(view[:, 2:], light[:, 2:], rough)
     assert weight.max() <= 1
@@ -103,11 +99,9 @@ def test_white_furnace(alpha, cosine):
 
 def test_smooth_mirrors_and_rough_spreads():
     view, u = eye(0.5).expand(-1, -1, 40000), samples()
-    smooth = sample_visible_normal(view, torch.zeros(1, 1, 1, dtype=torch.float64), u)
+    smooth = drawn_normal(view, torch.zeros(1, 1, 1, dtype=torch.float64), u)
     assert torch.allclose(smooth[:, 2], torch.ones_like(smooth[:, 2]))
-    spread = [
-        sample_visible_normal(view, torch.full((1, 1, 1), a, dtype=torch.float64), u)[:, 2].mean() for a in ALPHAS
-    ]
+    spread = [drawn_normal(view, torch.full((1, 1, 1), a, dtype=torch.float64), u)[:, 2].mean() for a in ALPHAS]
     assert spread[0] > spread[1] > spread[2]
 
 
@@ -130,7 +124,7 @@ def test_what_a_floor_mirrors_toward_the_eye():
         normal=torch.tensor([0.0, 1.0, 0.0]).view(1, 3, 1, 1).expand(1, 3, 9, 9),
     )
     want = 0.04 + 0.96 * (1 - down) ** 5
-    torch.testing.assert_close(mirrored_by(g), want, atol=1e-3, rtol=0.0)
-    rough = mirrored_by(g.replace(roughness=torch.full_like(g.depth, 0.8)))
+    torch.testing.assert_close(specular_albedo(g), want, atol=1e-3, rtol=0.0)
+    rough = specular_albedo(g.replace(roughness=torch.full_like(g.depth, 0.8)))
     assert (rough < 0.7 * want).all()
-    assert mirrored_by(g.replace(hit=torch.zeros_like(g.hit))).max() == 0
+    assert specular_albedo(g.replace(hit=torch.zeros_like(g.hit))).max() == 0

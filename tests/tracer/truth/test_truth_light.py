@@ -17,7 +17,7 @@ from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import lamp_sample
 from tracer.lights.spherical_rectangle import rectangle_points
 from tracer.paths.op import radiance
-from tracer.sampling.scatter import dot, mirrored, specular_response
+from tracer.sampling.scatter import dot, sample_specular, specular_response
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
@@ -187,7 +187,7 @@ def test_mirrored_directions_follow_the_reflectance():
     up, view = torch.tensor([0.0, 1.0, 0.0]), torch.nn.functional.normalize(torch.tensor([1.0, 0.7, 0.2]), dim=0)
     normals, toward, alpha = up.expand(n, 3), view.expand(n, 3), alpha.expand(n)
     white = torch.ones(n, 3)
-    directions, weight, _ = mirrored(normals, toward, alpha, torch.rand(2, n, generator=g))
+    directions, weight, _ = sample_specular(normals, toward, alpha, torch.rand(2, n, generator=g))
     even = torch.nn.functional.normalize(torch.randn(n, 3, generator=g), dim=1)
     even = torch.where(even[:, 1:2] < 0, -even, even)
     value = specular_response(normals, toward, alpha, white, even)[:, 0] * 2 * math.pi

@@ -1,0 +1,25 @@
+"""Frames of directions."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+
+def tangent_frame(normal: Tensor) -> tuple[Tensor, Tensor]:
+    """Two unit vectors that make a right-handed frame with ``normal``.
+
+    Args:
+        normal: ``(B, 3, ...)`` unit length.
+
+    Returns:
+        Tangent and bitangent, ``(B, 3, ...)`` each.
+
+    Source: Duff et al. 2017.
+    """
+    x, y, z = normal.unbind(1)
+    sign = torch.where(z >= 0, 1.0, -1.0).to(normal)
+    a = -1 / (sign + z)
+    b = x * y * a
+    tangent = torch.stack([1 + sign * x * x * a, sign * b, -sign * x], dim=1)
+    return tangent, torch.stack([b, sign + y * y * a, -y], dim=1)
