@@ -101,7 +101,7 @@ def sample_visible_normal(view: Sequence[Tensor], alpha: Tensor | float, u: Sequ
 
 @cache
 def directional_albedo_table() -> Tensor:
-    """`directional_albedo` by roughness and cosine, evenly spaced from 0 to 1: ``(CELLS[0] + 1, CELLS[1] + 1)`` float32.
+    """`directional_albedo` at even steps of roughness and cosine: ``(CELLS[0] + 1, CELLS[1] + 1)`` float32.
 
     Source: Walter et al. 2007 (GGX); Schlick 1994; Heitz 2014, eq. 99 for the masking.
     """

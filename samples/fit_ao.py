@@ -13,7 +13,7 @@ from torch import Tensor
 import tracer
 from gbufrt import Frame
 from post import GTAO
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.truth.truth import ambient_occlusion
 
 RADIUS, SCALES = 2.0, 2

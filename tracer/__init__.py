@@ -1,8 +1,8 @@
 """The tracer: voxel worlds, the G-buffers and direct light that a camera sees of them, and ray-traced truth."""
 
 from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
-from tracer.gbuffer import gbuffer
-from tracer.render import render
+from tracer.frames import render
+from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SECONDARY, MASK_SHADOW, Instance, Scene, Sky, Sun, View
 from tracer.scene.world import World

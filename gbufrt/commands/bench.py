@@ -105,26 +105,22 @@ def time_passes(path: Path, preset: str, repeats: int, device: str) -> dict[str,
     """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file."""
     import torch
 
+    from gbufrt.commands.profile import around_passes
     from gbufrt.commands.session import Recipe, bare
     from gbufrt.files.exr import read_exr
 
     pipeline, frame = Recipe(preset=preset).build(), bare(read_exr(path)).to(device)
     spent: dict[str, list[float]] = defaultdict(list)
-    started: dict[str, float] = {}
 
-    def begin(name: str) -> None:
+    def now(_: str) -> float:
         _wait(device)
-        started[name] = time.perf_counter()
+        return time.perf_counter()
 
-    def end(name: str) -> None:
-        _wait(device)
-        spent[name].append((time.perf_counter() - started[name]) * 1e3)
+    def end(name: str, begun: float) -> None:
+        spent[name].append((now(name) - begun) * 1e3)
 
-    for name, stage in pipeline.passes():
-        stage.register_forward_pre_hook(lambda *_, name=name: begin(name))
-        stage.register_forward_hook(lambda *_, name=name: end(name))
     state, totals = None, []
-    with torch.no_grad():
+    with torch.no_grad(), around_passes(pipeline, now, end):
         for index in range(repeats + 1):
             start = time.perf_counter()
             _, state = pipeline(frame.replace(index=index), state)
@@ -147,7 +143,7 @@ def peak_memory() -> float | None:
 def make_frame(folder: Path, size: tuple[int, int], device: str) -> Path:
     """One frame of the built-in world as an EXR file."""
     from gbufrt.files.exr import write_exr
-    from tracer.render import render
+    from tracer.frames import render
     from tracer.worlds import builtin
 
     scene = builtin()

@@ -141,7 +141,7 @@ class Shot:
     def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
         """G-buffer and light of one frame."""
         from gbufrt.noise.noise import halton_jitter
-        from tracer.render import render as trace_frame
+        from tracer.frames import render as trace_frame
 
         view = scene.views[self.view or next(iter(scene.views))]
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 
 import torch
+from kornia.color import linear_rgb_to_rgb
 from PIL import Image, ImageDraw, ImageOps
 from torch import Tensor
 
@@ -104,9 +105,8 @@ def viridis(value: Tensor) -> Tensor:
 
 
 def to_srgb(linear: Tensor) -> Tensor:
-    """Linear light in [0, 1] to display-referred sRGB (IEC 61966-2-1)."""
-    linear = linear.clamp(0, 1)
-    return torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp_min(0.0031308) ** (1 / 2.4) - 0.055)
+    """Linear light ``(B, 3, H, W)``, clamped to [0, 1], to display-referred sRGB (IEC 61966-2-1)."""
+    return linear_rgb_to_rgb(linear.clamp(0, 1))
 
 
 def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, Tensor], Tensor]:

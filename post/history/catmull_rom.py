@@ -1,4 +1,4 @@
-"""Catmull-Rom weights for taps of which some may not be used: what keeps a history sharp that moves every frame."""
+"""Catmull-Rom reads of a history: what keeps it sharp although it moves every frame."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import torch
 from torch import Tensor
+
+from gbufrt.sampling import sample
 
 INNER = ((0, 0), (0, 1), (1, 0), (1, 1))  # (row, column) of the four taps of a bilinear footprint
 OUTER = tuple((j, i) for j in range(-1, 3) for i in range(-1, 3) if (j, i) not in INNER)
@@ -64,3 +66,36 @@ def catmull_rom_weights(f: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         0.5 * f + 2 * square - 1.5 * cube,
         0.5 * (cube - square),
     )
+
+
+def catmull_rom(image: Tensor, px: Tensor) -> Tensor:
+    """Read a picture between its pixels without softening it; positions outside read the border.
+
+    The 4x4 kernel as five bilinear reads; the corners, a few per cent of the weight, are left out.
+
+    Args:
+        image: ``(B, C, H, W)``.
+        px: ``(B, 2, h, w)`` pixels, centres at +0.5.
+
+    Returns:
+        ``(B, C, h, w)``; may overshoot the values around.
+
+    Source: Catmull and Rom 1974; five reads after Jimenez 2016.
+    """
+    corner = torch.floor(px - 0.5) + 0.5
+    f = px - corner
+    before, first, second, after = catmull_rom_weights(f)
+    middle = first + second
+    at_before, at_middle, at_after = corner - 1.0, corner + second / middle, corner + 2.0
+    total, result = 0.0, torch.zeros(())
+    for x, wx, y, wy in (
+        (at_middle, middle, at_middle, middle),
+        (at_before, before, at_middle, middle),
+        (at_after, after, at_middle, middle),
+        (at_middle, middle, at_before, before),
+        (at_middle, middle, at_after, after),
+    ):
+        weight = wx[:, 0:1] * wy[:, 1:2]
+        total = total + weight
+        result = result + weight * sample(image, torch.stack([x[:, 0], y[:, 1]], dim=1))
+    return result / total

@@ -10,6 +10,7 @@ from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.sampling import inside, sample
 from post.filters.edges import offsets, padded, windows
 from post.filters.signals import luminance
+from post.history.catmull_rom import catmull_rom
 from post.history.reproject import geometry_of, history_for, motion_of
 
 WINDOW = -4.0  # exp of this times squared pixels: a Blackman-Harris window narrowed until it nears a pixel's area
@@ -66,42 +67,6 @@ def taa(
         current = torch.where(seen, old + (current - old) / length, current)
     result = current / (1 - luminance(current).clamp(0.0, BRIGHTEST))
     return result, History(length=length, signals={"toned": current}, gbuffer=geometry_of(gbuffer))
-
-
-def catmull_rom(image: Tensor, px: Tensor) -> Tensor:
-    """Read a picture between its pixels without softening it; positions outside read the border.
-
-    The 4x4 kernel as five bilinear reads; the corners, a few per cent of the weight, are left out.
-
-    Args:
-        image: ``(B, C, H, W)``.
-        px: ``(B, 2, h, w)`` pixels, centres at +0.5.
-
-    Returns:
-        ``(B, C, h, w)``; may overshoot the values around.
-
-    Source: Catmull and Rom 1974; five reads after Jimenez 2016.
-    """
-    corner = torch.floor(px - 0.5) + 0.5
-    f = px - corner
-    before = f * (-0.5 + f * (1.0 - 0.5 * f))
-    first = 1.0 + f * f * (-2.5 + 1.5 * f)
-    second = f * (0.5 + f * (2.0 - 1.5 * f))
-    after = f * f * (-0.5 + 0.5 * f)
-    middle = first + second
-    at_before, at_middle, at_after = corner - 1.0, corner + second / middle, corner + 2.0
-    total, result = 0.0, torch.zeros(())
-    for x, wx, y, wy in (
-        (at_middle, middle, at_middle, middle),
-        (at_before, before, at_middle, middle),
-        (at_after, after, at_middle, middle),
-        (at_middle, middle, at_before, before),
-        (at_middle, middle, at_after, after),
-    ):
-        weight = wx[:, 0:1] * wy[:, 1:2]
-        total = total + weight
-        result = result + weight * sample(image, torch.stack([x[:, 0], y[:, 1]], dim=1))
-    return result / total
 
 
 def _resampled(image: Tensor, gbuffer: GBuffer) -> Tensor:

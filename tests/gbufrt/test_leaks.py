@@ -7,8 +7,8 @@ from voxels import DARK
 
 from gbufrt import Camera, Frame, Pipeline
 from post.presets import me1
-from tracer.gbuffer import gbuffer
-from tracer.render import render
+from tracer.frames import render
+from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Scene
 from tracer.scene.world import World

@@ -14,7 +14,7 @@ from voxels import pose
 from gbufrt import Frame, GBuffer, Pipeline
 from gbufrt.passes import Stage
 from post import TAA, Denoise, Temporal
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.scene.scene import Instance, Scene
 from tracer.scene.world import World
 

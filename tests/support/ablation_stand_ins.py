@@ -136,8 +136,8 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     calls.clear()
     stand_ins = {
         "post.presets": ("me1", fake_me1),
-        "tracer.render": ("render", fake_render),
-        "tracer.gbuffer": ("gbuffer", fake_gbuffer),
+        "tracer.frames": ("render", fake_render),
+        "tracer.gbuffers": ("gbuffer", fake_gbuffer),
         "tracer.worlds": ("load", fake_load),
     }
     for module, (name, value) in stand_ins.items():  # the packages hide some modules behind functions of their name

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from tracer import lens
-from tracer.gbuffer import gbuffer, seconds
+from tracer.gbuffers import gbuffer, seconds
 from tracer.lights.samples import Lights
 from tracer.lights.sky import irradiance_table
 from tracer.paths.diffuse import unblocked

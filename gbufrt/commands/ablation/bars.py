@@ -106,6 +106,21 @@ class Row:
         return asdict(self)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """What was found."""
+
+    records: list[Record]
+    rows: list[Row]
+    """The table that the report begins with."""
+    about: dict[str, Any]
+
+    @property
+    def failures(self) -> list[Record]:
+        """The records of what did not run."""
+        return [record for record in self.records if record.error is not None]
+
+
 def table(records: Sequence[Record]) -> list[Row]:
     """All rows, from the records of the full pipeline, and for the whole frame from those with a pass left out."""
     return [*(_row(bar, records) for bar in BARS), _whole(records)]

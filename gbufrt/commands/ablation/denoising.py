@@ -72,7 +72,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
 
 def noisy(place: Place, number: int) -> Frame:
     """A frame whose ``gi`` is one path-traced sample a pixel of all light, with what lies behind water and glass."""
-    from tracer.gbuffer import layers
+    from tracer.gbuffers import layers
 
     now, before = place.at(number), place.at(number - 1)
     g, behind = layers(

@@ -16,6 +16,7 @@ from torch import Tensor
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_leaves
 
+from gbufrt.commands.profile import around_passes
 from gbufrt.frame import Frame
 from gbufrt.pipeline import Pipeline
 
@@ -79,7 +80,7 @@ def repeated(frame: Frame, count: int) -> Iterator[Frame]:
 
 @contextmanager
 def _timed(pipeline: Pipeline, spent: dict[str, list[float]]) -> Iterator[None]:
-    with _around(pipeline, lambda _: time.perf_counter(), lambda n, t: spent[n].append(time.perf_counter() - t)):
+    with around_passes(pipeline, lambda _: time.perf_counter(), lambda n, t: spent[n].append(time.perf_counter() - t)):
         yield
 
 
@@ -94,23 +95,8 @@ def _weighed(pipeline: Pipeline, held: dict[str, float]) -> Iterator[None]:
         watch.__exit__(None, None, None)
         held[name] = watch.peak / MEGA
 
-    with _around(pipeline, begin, end):
+    with around_passes(pipeline, begin, end):
         yield
-
-
-@contextmanager
-def _around(pipeline: Pipeline, begin: Callable[[str], Any], end: Callable[[str, Any], Any]) -> Iterator[None]:
-    """Call ``begin`` and ``end`` around each pass."""
-    begun: dict[str, Any] = {}
-    hooks = []
-    for name, stage in pipeline.passes():
-        hooks.append(stage.register_forward_pre_hook(lambda *_, n=name: begun.update({n: begin(n)})))
-        hooks.append(stage.register_forward_hook(lambda *_, n=name: end(n, begun.pop(n))))
-    try:
-        yield
-    finally:
-        for hook in hooks:
-            hook.remove()
 
 
 class Allocations(TorchDispatchMode):

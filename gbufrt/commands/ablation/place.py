@@ -73,7 +73,7 @@ class Place:
     def still(self, jitter: int | None = None) -> Frame:
         """The frame at `time`, as if nothing ever moved; ``jitter`` chooses a step of the sequence that TAA wants."""
         from gbufrt.noise.noise import halton_jitter
-        from tracer.render import render
+        from tracer.frames import render
 
         camera = self.camera().with_jitter(None if jitter is None else halton_jitter(jitter))
 
@@ -86,7 +86,7 @@ class Place:
 
     def moving(self, number: int, light_samples: int) -> Frame:
         """Frame ``number`` of the moving path: camera and world go on by a frame's time."""
-        from tracer.render import render
+        from tracer.frames import render
 
         now, before = self.at(number), self.at(number - 1)
         camera, previous = self.camera(now), self.camera(before)
@@ -102,7 +102,7 @@ class Place:
 
     def geometry(self, number: int) -> GBuffer:
         """The G-buffer alone of frame ``number`` of the moving path; the sky's motion included."""
-        from tracer.gbuffer import gbuffer
+        from tracer.gbuffers import gbuffer
 
         now, before = self.at(number), self.at(number - 1)
         return gbuffer(

@@ -10,10 +10,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from gbufrt.commands.ablation.bars import Results
 from gbufrt.commands.ablation.charts import Point, dots, scatter
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.sections import SECTIONS, Section
-from gbufrt.commands.ablation.sweep import Results
 from gbufrt.commands.ablation.variants import FULL
 from gbufrt.files.output import write_text
 

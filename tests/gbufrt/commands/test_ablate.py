@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from ablation_stand_ins import calls, install
 
-import gbufrt.commands.ablation.sweep as sweep
+import gbufrt.commands.ablation.run as sweep
 from gbufrt.commands.ablation import Plan, Results, ablate
 from gbufrt.commands.ablation.cache import sources
 from gbufrt.commands.ablation.variants import parse_sweep, parse_variants

@@ -118,7 +118,7 @@ def fake_load(name: str) -> Scene:
 
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    for name, attribute, value in (("post.presets", "me1", fake_me1), ("tracer.render", "render", fake_render)):
+    for name, attribute, value in (("post.presets", "me1", fake_me1), ("tracer.frames", "render", fake_render)):
         module = types.ModuleType(name)
         setattr(module, attribute, value)
         monkeypatch.setitem(sys.modules, name, module)
@@ -240,7 +240,7 @@ def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsy
             raise KeyboardInterrupt
         return fake_render(*arguments, **options)
 
-    monkeypatch.setattr(sys.modules["tracer.render"], "render", interrupted)
+    monkeypatch.setattr(sys.modules["tracer.frames"], "render", interrupted)
     assert run("render", "--frames", "4", *SMALL, "--out", "out") == 130
     error = capsys.readouterr().err.strip().splitlines()[-1]
     assert error.startswith("gbufrt: interrupted")

@@ -10,7 +10,7 @@ from gbufrt import Camera
 from tracer.direct import drivers as direct_drivers
 from tracer.direct import lighting
 from tracer.direct import reference as direct
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.lights.emitters import lamps_of
 from tracer.lights.shadows import LEAST, MOST, UNBLOCKED, WEIGHT, Surface
 from tracer.scene.scene import Sun

@@ -9,7 +9,7 @@ from voxels import GLASS, LAMP, STONE, TABLE, WATER, pose, world
 
 from gbufrt import Camera, GBuffer
 from tracer.direct.lighting import light
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.lights.form_factor import rectangle_irradiance
 from tracer.lights.sky import sky_irradiance, sky_radiance, sun_radiance
 from tracer.scene.material import Material, MaterialTable

@@ -10,7 +10,7 @@ import torch
 from voxels import DARK, above, pose, random_scene
 
 from gbufrt import Camera
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.paths import op as path_ops
 from tracer.paths import radiance as path_radiance
 from tracer.scene.material import Material, MaterialTable

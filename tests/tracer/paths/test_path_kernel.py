@@ -11,7 +11,7 @@ import voxels
 from torch import Tensor
 
 from gbufrt import Camera
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.lights.samples import Lights
 from tracer.paths import integrators, on_screen_kernel
 from tracer.paths import op as path_ops

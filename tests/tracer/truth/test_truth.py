@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from voxels import GLASS, STONE, pose, random_world, world
 
 from gbufrt import Camera, GBuffer
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World

@@ -10,7 +10,7 @@ from voxels import DARK, LAMP, STONE, TABLE, WATER, above, pose, random_scene, r
 
 from gbufrt import Camera
 from tracer.direct.lighting import light
-from tracer.gbuffer import gbuffer
+from tracer.gbuffers import gbuffer
 from tracer.lights.emitters import lamps_of
 from tracer.lights.form_factor import rectangle_irradiance
 from tracer.lights.lamp_table import LampTable

@@ -10,7 +10,7 @@ from voxels import GLASS, LAMP, STONE, WATER
 
 from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
-from tracer.gbuffer import gbuffer, layers
+from tracer.gbuffers import gbuffer, layers
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, Instance, Scene
 from tracer.scene.world import World

@@ -5,36 +5,22 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor
 
-from gbufrt.commands.ablation.bars import Row, table
+from gbufrt.commands.ablation.bars import Results, table
 from gbufrt.commands.ablation.cache import Cache, default_folder, digest, sources
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.plan import Plan
 from gbufrt.commands.ablation.records import Record, Store, to_csv
+from gbufrt.commands.ablation.report import write_page
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.variants import FULL, Variant
 from gbufrt.commands.progress import progress
 from gbufrt.files.output import write_text
-
-
-@dataclass(frozen=True, kw_only=True)
-class Results:
-    """What was found."""
-
-    records: list[Record]
-    rows: list[Row]
-    """The table that the report begins with."""
-    about: dict[str, Any]
-
-    @property
-    def failures(self) -> list[Record]:
-        """The records of what did not run."""
-        return [record for record in self.records if record.error is not None]
 
 
 def ablate(plan: Plan) -> Results:
@@ -46,7 +32,6 @@ def ablate(plan: Plan) -> Results:
         ValueError: the plan cannot be meant, or a world or view does not exist.
         FileNotFoundError: a world's file does not exist.
     """
-    from gbufrt.commands.ablation.report import write_page
     from gbufrt.commands.session import check_folder
 
     plan.check()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from gbufrt import Camera, Frame, GBuffer
 from tracer.direct.lighting import light
-from tracer.gbuffer import layers, seconds
+from tracer.gbuffers import layers, seconds
 from tracer.lights.sky import environment
 from tracer.scene.scene import Scene
 

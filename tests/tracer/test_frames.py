@@ -8,7 +8,7 @@ import voxels
 from voxels import GLASS, LAMP, STONE
 
 from gbufrt import Camera
-from tracer.render import render
+from tracer.frames import render
 from tracer.scene.scene import Instance, Scene
 from tracer.scene.world import World
 
