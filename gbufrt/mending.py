@@ -124,13 +124,22 @@ def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
     return not sums or bool(torch.isfinite(torch.stack([total.double() for total in sums])).all())
 
 
-def held(depth: Tensor, hit: Tensor | None, normal: Tensor, far: float) -> tuple[Tensor, Tensor | None, Tensor]:
-    """Depth, hit and normal in which pixels that are not finite are misses; the same objects where all are finite."""
+def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:
+    """What functions that look all over the picture make of its geometry: pixels that are not finite are misses.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        normal: ``(B, 3, H, W)``.
+        far: the camera's, the depth of a miss.
+
+    Returns:
+        Depth, hit and normal; the same objects where all are finite.
+    """
     if all_finite(depth) and all_finite(normal):
         return depth, hit, normal
     lost = ~(torch.isfinite(depth) & torch.isfinite(normal).all(dim=1, keepdim=True))
-    stands = torch.ones_like(lost) if hit is None else hit
-    return torch.where(lost, far, depth), stands & ~lost, torch.where(lost, 0.0, normal)
+    return torch.where(lost, far, depth), hit & ~lost, torch.where(lost, 0.0, normal)
 
 
 def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
