@@ -75,7 +75,7 @@ def validate_signals(signals: Mapping[str, Tensor], hit: Tensor, prefix: str = "
         ValueError: names the first signal that breaks a rule.
     """
     for name, tensor in signals.items():
-        remedy = "; gbufrt.mending.mended replaces such pixels" if name in LIGHTS else ""
+        remedy = "; gbufrt.mending.mended mends light" if name in LIGHTS else ""
         check_finite(prefix + name, tensor, remedy)
         if name in LIGHTS:
             _check_not_negative(prefix + name, tensor)

@@ -178,3 +178,13 @@ def test_functions_hold_bad_pixels_too(kind):
             found, clean = call(), good[which]()
             assert torch.isfinite(found).all(), f"{kind} in {name} makes {which} not finite"
             assert beyond(found, clean, None) <= SHARE, f"{kind} in {name} spreads by {which}"
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_autofocus_looks_at_what_is_finite(kind):
+    camera = boxes.camera((3, 3))
+    depth = torch.full((1, 1, 3, 3), 5.0)
+    depth[..., 1, 1] = BAD[kind]
+    assert post.autofocus(depth, camera, region=1.0).tolist() == [5.0]
+    alone = post.autofocus(depth, camera, hit=torch.ones_like(depth, dtype=torch.bool))
+    assert alone.tolist() == [camera.far], "the middle is one pixel, which is none"
