@@ -14,7 +14,10 @@ import torch
 from kornia.geometry.depth import depth_to_normals
 from torch import Tensor
 
+from gbufrt.matrices import check_matrices
 from gbufrt.tree import map_tensors
+
+PARALLEL = 1e-9  # sine of the smallest angle between the line of sight and up
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,7 +27,8 @@ class Camera:
     Args:
         intrinsics: ``(B, 3, 3)``, pixels; pixel centres at +0.5. An orthographic camera reads the focal lengths as
             pixels per world unit.
-        world_from_view: ``(B, 4, 4)`` rigid transform from view space to world space.
+        world_from_view: ``(B, 4, 4)`` rigid transform from view space to world space: a rotation without scale, skew
+            or mirroring, and a position.
         size: ``(H, W)``.
         near: planar depth before which nothing is seen, world units.
         far: planar depth stored where nothing was hit, world units.
@@ -55,6 +59,7 @@ class Camera:
             raise ValueError(f"near and far must satisfy 0 < near < far, got near={self.near}, far={self.far}")
         if self.jitter is not None and self.jitter.shape != (batch, 2):
             raise ValueError(f"jitter must be ({batch},2) in pixels, got {_shape(self.jitter)}")
+        check_matrices(self.intrinsics, self.world_from_view, self.jitter)
 
     @staticmethod
     def from_intrinsics(
@@ -97,6 +102,9 @@ class Camera:
     ) -> Camera:
         """A camera at ``eye`` that looks at ``target``.
 
+        Its matrices lie on the device of the first tensor among eye, target and up, and are float64 where one of them
+        is a float64 tensor.
+
         Args:
             eye: ``(3,)`` or ``(B, 3)``, world.
             target: as ``eye``.
@@ -112,23 +120,31 @@ class Camera:
         """
         if not 0.0 < fov_y < 180.0:
             raise ValueError(f"fov_y must lie between 0 and 180 degrees, got {fov_y}")
-        eye, target = _vectors(eye), _vectors(target)
-        eye, target = torch.broadcast_tensors(eye, target)
+        tensors = [value for value in (eye, target, up) if isinstance(value, Tensor)]
+        device = tensors[0].device if tensors else None
+        dtype = torch.float64 if any(value.dtype == torch.float64 for value in tensors) else torch.float32
+        eye, target, up = torch.broadcast_tensors(*(_vectors(value, device) for value in (eye, target, up)))
         forward = target - eye
-        right = torch.linalg.cross(forward, _vectors(up).expand_as(forward))
-        if bool((right.norm(dim=-1) < 1e-9 * forward.norm(dim=-1).clamp_min(1e-9)).any()):
+        right = torch.linalg.cross(forward, up)
+        parallel = right.norm(dim=-1) < PARALLEL * forward.norm(dim=-1).clamp_min(PARALLEL)
+        if parallel.device.type != "meta" and bool(parallel.any()):
             raise ValueError("eye, target and up must not lie on one line; choose another up or target")
         forward = forward / forward.norm(dim=-1, keepdim=True)
         right = right / right.norm(dim=-1, keepdim=True)
-        pose = torch.eye(4, dtype=eye.dtype).repeat(eye.shape[0], 1, 1)
-        pose[:, :3, :3] = torch.stack([right, torch.linalg.cross(forward, right), forward], dim=-1)
-        pose[:, :3, 3] = eye
+        axes = torch.stack([right, torch.linalg.cross(forward, right), forward, eye], dim=-1)
+        last = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=eye.dtype, device=device)
+        pose = torch.cat([axes, last.expand(eye.shape[0], 1, 4)], dim=1)
         height, width = size
         spread = orthographic_height if orthographic_height is not None else 2 * math.tan(math.radians(fov_y) / 2)
         focal = height / spread
-        k = torch.tensor([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]], dtype=torch.float64)
+        k = torch.tensor([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]], dtype=dtype)
         return Camera.from_intrinsics(
-            k.float(), pose.float(), size=size, near=near, far=far, orthographic=orthographic_height is not None
+            k.to(device or "cpu"),
+            pose.to(dtype),
+            size=size,
+            near=near,
+            far=far,
+            orthographic=orthographic_height is not None,
         )
 
     @property
@@ -322,8 +338,8 @@ def _shape(tensor: Tensor) -> str:
     return "(" + ",".join(str(n) for n in tensor.shape) + ")"
 
 
-def _vectors(value: Any) -> Tensor:
-    tensor = torch.as_tensor(value, dtype=torch.float64)
+def _vectors(value: Any, device: torch.device | None) -> Tensor:
+    tensor = torch.as_tensor(value, dtype=torch.float64, device=device)
     tensor = tensor[None] if tensor.ndim == 1 else tensor
     if tensor.ndim != 2 or tensor.shape[1] != 3:
         raise ValueError(f"a position or direction must be (3,) or (B,3), got {_shape(tensor)}")

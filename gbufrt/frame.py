@@ -12,6 +12,7 @@ from torch import Tensor
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
 from gbufrt.tree import map_tensors
+from gbufrt.validation import validate_gbuffer, validate_signals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,6 +114,21 @@ class Frame:
         """Names of all channels, light and signals that are there."""
         signals = tuple(name for name in SIGNALS if getattr(self, name) is not None)
         return self.gbuffer.present + signals + tuple(self.extra)
+
+    def validate(self) -> None:
+        """Check G-buffer, light and signals against the conventions, and the same of what lies `behind`.
+
+        Raises:
+            ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
+                and a remedy.
+        """
+        layer: Frame | None = self
+        prefix = ""
+        while layer is not None:
+            validate_gbuffer(layer.gbuffer, prefix)
+            signals = {name: tensor for name in SIGNALS if (tensor := getattr(layer, name)) is not None}
+            validate_signals({**signals, **layer.extra}, layer.gbuffer.hit, prefix)
+            layer, prefix = layer.behind, f"{prefix}behind."
 
     def as_previous(self) -> Frame:
         """What the next frame may know of this one: geometry and unblurred light, detached."""

@@ -85,7 +85,8 @@ class GBuffer:
         """Check the values against the conventions.
 
         Raises:
-            ValueError: names the first channel that breaks a rule, the rule, and a remedy.
+            ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
+                and a remedy.
         """
         validate_gbuffer(self)
 

@@ -14,6 +14,7 @@ from torch import nn
 
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
+from gbufrt.mending import contained
 
 
 class Stage(nn.Module):
@@ -56,6 +57,10 @@ class Stage(nn.Module):
 class Pass(Stage, ABC):
     """A pass whose result depends on one frame alone."""
 
+    def __call__(self, frame: Frame) -> Frame:
+        """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
+        return super().__call__(contained(frame, self.reads | self.optional))
+
     @abstractmethod
     def forward(self, frame: Frame) -> Frame:
         """The frame with what ``writes`` names filled in."""
@@ -63,6 +68,10 @@ class Pass(Stage, ABC):
 
 class TemporalPass(Stage, ABC):
     """A pass that remembers: its state is a value that the caller keeps between frames."""
+
+    def __call__(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:
+        """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
+        return super().__call__(contained(frame, self.reads | self.optional), state)
 
     @abstractmethod
     def forward(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:

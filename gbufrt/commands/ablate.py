@@ -7,7 +7,17 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gbufrt.commands.options import Flag, Without, at_least, parse_names, parse_settings, parse_size
+from gbufrt.commands.options import (
+    MOST_COUNT,
+    MOST_FRAMES,
+    Flag,
+    Whole,
+    Without,
+    at_least,
+    parse_names,
+    parse_settings,
+    parse_size,
+)
 
 Names = Annotated[tuple[str, ...], Parameter(negative="")]
 
@@ -18,8 +28,8 @@ def ablate(
     views: Names = (),
     paths: Names = (),
     size: str = "480x270",
-    frames: int = 16,
-    samples: int = 32,
+    frames: Whole = 16,
+    samples: Whole = 32,
     preset: str = "high",
     composite: str = "physical",
     set: Without = (),
@@ -57,7 +67,8 @@ def ablate(
     from gbufrt.commands.ablation import ablate as measure
     from gbufrt.commands.session import Recipe
 
-    at_least("--frames", frames, 1)
+    at_least("--frames", frames, 1, MOST_FRAMES)
+    at_least("--samples", samples, 1, MOST_COUNT)
     recipe = Recipe(preset=preset, composite=composite, set=parse_settings(set))
     results = measure(
         Plan(

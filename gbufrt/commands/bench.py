@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.options import at_least, parse_names, parse_size
+from gbufrt.commands.options import MOST_COUNT, Whole, at_least, parse_names, parse_size
 
 TRACE_SIZE = (480, 854)
 MEGA = 1e6
@@ -24,7 +24,7 @@ def bench(
     *,
     presets: Annotated[tuple[str, ...], Parameter(negative="")] = ("high",),
     size: str = "960x540",
-    repeats: int = 5,
+    repeats: Whole = 5,
     device: str = "cpu",
     json: Path | None = None,
 ) -> None:
@@ -45,7 +45,7 @@ def bench(
     from gbufrt.files.output import write_text
 
     shape = parse_size(size)
-    at_least("--repeats", repeats, 1)
+    at_least("--repeats", repeats, 1, MOST_COUNT)
     open_device(device)
     names = parse_names(presets)
     for name in names:

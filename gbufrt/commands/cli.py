@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except BrokenPipeError:  # the reader, such as `head`, has seen enough
         sys.stderr.close()
         sys.exit(0)
-    except (CycloptsError, ValueError, TypeError, OSError, MemoryError) as error:
+    except (CycloptsError, ValueError, TypeError, OSError, MemoryError, OverflowError) as error:
         _fail(" ".join(str(error).split()) or type(error).__name__, 2)
     except RuntimeError as error:
         if "memory" not in str(error):  # torch has no type of its own for this on the CPU

@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
+MOST_FRAMES = 1_000_000
+MOST_WARMUP = 4096  # runs: after so many the noise begins anew
+MOST_COUNT = 1 << 20  # of samples, steps and whatever else a tunable counts
+MOST = (1 << 63) - 1  # of any whole number: what 64 bits hold
+
+
+def whole(kind: Any, tokens: Sequence[Token]) -> int:
+    """A whole number as it was typed: 1.5 is refused rather than rounded."""
+    text = tokens[0].value.strip()
+    digits = text[1:] if text[:1] in ("-", "+") else text
+    if not (digits.isascii() and digits.isdecimal()):
+        raise ValueError(f"must be a whole number, got {text!r}")
+    if len(digits) > len(str(MOST)) or abs(int(text)) > MOST:
+        raise ValueError(f"must be at most {MOST}, got a number of {len(digits)} digits")
+    return int(text)
+
+
+Whole = Annotated[int, Parameter(converter=whole)]
 Without = Annotated[tuple[str, ...], Parameter(negative="")]
 Flag = Annotated[bool, Parameter(negative="")]
 
@@ -31,7 +49,7 @@ class PassOptions:
     set: Without = ()
     """Tunable to change, as NAME=VALUE (gtao.radius=2.0); may be repeated. `gbufrt passes` lists the names."""
 
-    warmup: int | None = None
+    warmup: Whole | None = None
     """Times that the passes run over the first frame, taken as standing still, to fill their history. [default: 3]"""
 
     debug: Flag = False
@@ -61,10 +79,19 @@ def parse_size(text: str) -> tuple[int, int]:
     return sides[1], sides[0]
 
 
-def at_least(option: str, value: float, low: float) -> None:
-    """Raise ValueError where a number is too small, or not a number."""
+def at_least(option: str, value: float, low: float, high: float = float("inf")) -> None:
+    """Raise ValueError where a number is too small, larger than ``high``, infinite, or not a number."""
     if not low <= value < float("inf"):
         raise ValueError(f"{option} must be {low:g} or more, got {value:g}")
+    if value > high:
+        raise ValueError(f"{option} must be at most {high}, got {value}")
+
+
+def check_device(name: str) -> None:
+    """Raise ValueError unless ``name`` is ``cpu``, ``cuda`` or ``cuda:N``; whether it is there only torch can tell."""
+    kind, colon, number = name.partition(":")
+    if kind not in ("cpu", "cuda") or (colon and (kind == "cpu" or not number.isdecimal() or len(number) > 4)):
+        raise ValueError(f"--device must be cpu or cuda, got {name!r}")
 
 
 def parse_names(values: Iterable[str]) -> tuple[str, ...]:
@@ -96,19 +123,23 @@ def fitted(name: str, value: Any, present: Any) -> Any:
     if isinstance(present, bool) or isinstance(value, bool):
         fits, wanted = isinstance(value, bool) and isinstance(present, bool | None), "true or false"
     elif isinstance(present, float):
-        fits, wanted = isinstance(value, (int, float)), "a number"
+        fits, wanted = isinstance(value, (int, float)) and abs(value) < MOST, "a number"
         value = float(value) if fits else value
     elif isinstance(present, int):
-        fits, wanted = isinstance(value, int), "a whole number"
+        most = MOST if name.rpartition(".")[2] == "seed" else MOST_COUNT
+        fits, wanted = isinstance(value, int) and abs(value) <= most, f"a whole number of at most {most}"
     elif isinstance(present, str):
         fits, wanted = isinstance(value, str), "text"
     elif isinstance(present, (tuple, list)):
         fits, wanted = isinstance(value, (tuple, list)), f"a list of {len(present)}"
         value = tuple(value) if fits else value
+    elif isinstance(value, (int, float)):
+        fits, wanted = abs(value) < MOST, "a number"
     else:
         return value
     if not fits:
-        raise ValueError(f"--set {name} must be {wanted} (it is {present!r} now), got {value!r}")
+        shown = repr(value) if not isinstance(value, int) or abs(value) <= MOST else "a larger one than 64 bits hold"
+        raise ValueError(f"--set {name} must be {wanted} (it is {present!r} now), got {shown}")
     return value
 
 

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gbufrt.commands.options import PassOptions
+from gbufrt.commands.options import Flag, PassOptions
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Recipe
+    from gbufrt.frame import Frame
 
 
-def post(*files: Path, out: Path, options: PassOptions | None = None) -> None:
+def post(*files: Path, out: Path, strict: Flag = False, options: PassOptions | None = None) -> None:
     """Run the passes over EXR files that `gbufrt render` wrote, from their G-buffer and light alone.
 
     Results that passes stored in the files are not used. Without further options the pipeline is the one that the
     files were rendered with, and the pictures are the same; --without and --set change it, --preset starts anew.
     Frames that follow each other share their history, others start with their own.
 
+    Light that is not finite, as real renders have it, is mended (NaN becomes 0, infinity the largest value of its
+    channel) and told; geometry that is not is refused.
+
     Args:
         files: EXR files in order, or folders of them (their frame_*.exr).
         out: Folder to write to; made where it is missing.
+        strict: Mend nothing: refuse a frame in which any channel breaks a convention.
     """
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Runner, bare, check_folder, open_device, save
@@ -34,7 +40,7 @@ def post(*files: Path, out: Path, options: PassOptions | None = None) -> None:
     runner = Runner(recipe.build(), recipe.warmup)
     with progress("post", runner.runs(len(paths))) as doing:
         for path in paths:
-            frame = bare(read_exr(path)).to(device)
+            frame = sound(bare(read_exr(path)), path, strict=strict).to(device)
             result = runner(frame, doing(f"passes of {path.name}"))
             save(out, path.stem, result, notes={**notes[path], "pipeline": recipe.to_notes()}, debug=options.debug)
     print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
@@ -68,6 +74,26 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
     return paths
 
 
+def sound(frame: Frame, path: Path, *, strict: bool = False) -> Frame:
+    """The frame of ``path`` with finite light; what had to be mended is told in one line on stderr.
+
+    Raises:
+        ValueError: the geometry is not finite; or ``strict`` and any channel breaks a convention.
+    """
+    from gbufrt.mending import mended
+
+    try:
+        if strict:
+            frame.validate()
+        frame, report = mended(frame)
+    except ValueError as error:
+        hint = " (--strict mends nothing)" if strict else ""
+        raise ValueError(f"{path}: {error}{hint}") from error
+    if report:
+        print(f"gbufrt: {path}: mended {'; '.join(map(str, report))}", file=sys.stderr)
+    return frame
+
+
 def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path, dict[str, Any]]]:
     """The pipeline to run, and each file's notes; reads headers only, so that a bad file is found before work starts.
 
@@ -78,7 +104,7 @@ def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path
     from gbufrt.files.exr import read_notes
 
     notes = {path: read_notes(path) for path in paths}
-    recipes = [Recipe.of_notes(note) for note in notes.values()]
+    recipes = [Recipe.of_notes(note, source=str(path), warmup=options.warmup) for path, note in notes.items()]
     if options.preset is None and any(recipe != recipes[0] for recipe in recipes):
         raise ValueError("the files were rendered with different pipelines; say which to run with --preset")
     return Recipe.of(options, recipes[0]), notes

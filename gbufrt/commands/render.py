@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.options import Flag, PassOptions, at_least, parse_size
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, Flag, PassOptions, Whole, at_least, parse_size
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
@@ -21,12 +21,12 @@ def render(
     *,
     out: Path,
     view: str | None = None,
-    frames: int = 1,
+    frames: Whole = 1,
     size: str = "960x540",
     time: float = 0.0,
     fps: float = 24.0,
-    light_samples: int | None = None,
-    seed: Annotated[int | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
+    light_samples: Whole | None = None,
+    seed: Annotated[Whole | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
     resume: Flag = False,
     options: PassOptions | None = None,
 ) -> None:
@@ -68,25 +68,32 @@ def render(
     scene = shot.load().to(device)
     jitter = frames > 1 and wants_jitter(runner)
     notes = {"render": shot.notes(), "pipeline": recipe.to_notes()}
-    done = finished(out, frames, notes) if resume else 0
-    if done == frames:
+    missing = unfinished(out, frames, notes, jitter=jitter) if resume else list(range(frames))
+    if not missing:
         print(f"all {frames} frames are in {out} already")
         return
-    with progress("render", frames - done + runner.runs(frames)) as doing:
-        for index in range(frames):
-            if index < done:
+    anew = set(missing)
+    with progress("render", len(missing) + runner.runs(missing[-1] + 1)) as doing:
+        for index in range(missing[-1] + 1):
+            if index not in anew:
                 runner(bare(_read(out, index)).to(device), doing(f"reading frame {index} again"))
                 continue
             traced = shot.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
             result = runner(traced, doing(f"passes of frame {index}"))
             save(out, stem(index), result, notes=notes, debug=options.debug)
-    if recipe.warmup and not done:
-        times = "once" if recipe.warmup == 1 else f"{recipe.warmup} times"
+    _tell(out, missing, recipe.warmup)
+
+
+def _tell(out: Path, made: list[int], warmup: int) -> None:
+    """Say what has been written."""
+    if warmup and made[0] == 0:
+        times = "once" if warmup == 1 else f"{warmup} times"
         print(f"the passes ran {times} over frame 0, standing still, before it counted (--warmup)")
-    if frames - done > 1:
-        print(f"wrote {frames - done} frames to {out} ({stem(done)}.png and .exr to {stem(frames - 1)}.png and .exr)")
+    first, last = out / stem(made[0]), stem(made[-1])
+    if len(made) > 1:
+        print(f"wrote {len(made)} frames to {out} ({first.name}.png and .exr to {last}.png and .exr)")
     else:
-        print(f"wrote {out / stem(done)}.png, the picture, and {out / stem(done)}.exr, with everything that led to it")
+        print(f"wrote {first}.png, the picture, and {first}.exr, with everything that led to it")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,11 +111,11 @@ class Shot:
 
     def check(self) -> None:
         """Raise ValueError where a number makes no sense."""
-        at_least("--frames", self.frames, 1)
+        at_least("--frames", self.frames, 1, MOST_FRAMES)
         at_least("--time", self.time, 0.0)
         at_least("--fps", self.fps, 1e-3)
         if self.samples is not None:
-            at_least("--light-samples", self.samples, 1)
+            at_least("--light-samples", self.samples, 1, MOST_COUNT)
 
     def load(self) -> Scene:
         """The world.
@@ -173,28 +180,56 @@ def stem(index: int) -> str:
     return f"frame_{index:04d}"
 
 
-def finished(out: Path, frames: int, notes: dict[str, Any]) -> int:
-    """How many frames from the first on lie finished in ``out``.
+def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -> list[int]:
+    """Which frames do not lie finished in ``out``: their EXR whole to the last pixel, and their PNG beside it.
+
+    Args:
+        out: the folder.
+        frames: how many there are to be.
+        notes: what they must have been made with.
+        jitter: whether their camera must be jittered.
 
     Raises:
-        ValueError: they come from other options, so that the rest would not fit them.
+        ValueError: one comes from other options, so that the rest would not fit it.
     """
-    from gbufrt.files.exr import read_notes
+    from gbufrt.files.exr import read_exr, read_notes
 
+    missing = []
     for index in range(frames):
         path = out / f"{stem(index)}.exr"
-        if not path.exists():
-            return index
         try:
             found = read_notes(path)
-        except ValueError:  # damaged since: make it again
-            return index
-        for part, wanted in notes.items():
-            for key, value in wanted.items():
-                there = found.get(part, {}).get(key)
-                if there != value:
-                    raise ValueError(f"cannot resume: {path} has {key} {there!r}, not {value!r}; use another --out")
-    return frames
+            frame = read_exr(path)
+        except (FileNotFoundError, ValueError):  # not there, or damaged since: make it again
+            missing.append(index)
+            continue
+        _check_fits(path, found, notes)
+        if (frame.gbuffer.camera.jitter is not None) != jitter:
+            what = "a still, without the jitter of a sequence" if jitter else "part of a jittered sequence, not a still"
+            raise ValueError(f"cannot resume: {path} is {what}; use another --out")
+        if not _is_picture(path.with_suffix(".png"), frame.gbuffer.camera.size):
+            missing.append(index)
+    return missing
+
+
+def _check_fits(path: Path, found: dict[str, Any], notes: dict[str, Any]) -> None:
+    for part, wanted in notes.items():
+        stored = found.get(part)
+        for key, value in wanted.items():
+            there = stored.get(key) if isinstance(stored, dict) else None
+            if there != value:
+                raise ValueError(f"cannot resume: {path} has {key} {there!r}, not {value!r}; use another --out")
+
+
+def _is_picture(path: Path, size: tuple[int, int]) -> bool:
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            picture.load()
+            return picture.size == (size[1], size[0])
+    except (OSError, ValueError, SyntaxError):  # not there, or damaged: Pillow raises SyntaxError for broken PNGs
+        return False
 
 
 def _read(out: Path, index: int) -> Frame:

@@ -10,7 +10,15 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
-from gbufrt.commands.options import PassOptions, at_least, fitted, parse_names, parse_settings
+from gbufrt.commands.options import (
+    MOST_WARMUP,
+    PassOptions,
+    at_least,
+    check_device,
+    fitted,
+    parse_names,
+    parse_settings,
+)
 from gbufrt.commands.progress import Tick
 from gbufrt.files.exr import best_picture, write_exr
 from gbufrt.files.png import to_pil, write_png
@@ -47,27 +55,39 @@ class Recipe:
         if options.composite is not None:
             base = replace(base, composite=options.composite)
         warmup = base.warmup if options.warmup is None else options.warmup
-        at_least("--warmup", warmup, 0)
+        at_least("--warmup", warmup, 0, MOST_WARMUP)
         without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
         settings = {**base.set, **parse_settings(options.set)}
         return replace(base, without=without, set=settings, warmup=warmup)
 
     @staticmethod
-    def of_notes(notes: Mapping[str, Any]) -> Recipe:
-        """What `to_notes` wrote; the default where there is nothing that fits."""
+    def of_notes(notes: Mapping[str, Any], *, source: str = "the file", warmup: int | None = None) -> Recipe:
+        """What `to_notes` wrote; the default where there is nothing that fits.
+
+        Args:
+            notes: of a file.
+            source: its name, for the message.
+            warmup: takes the place of the file's.
+
+        Raises:
+            ValueError: the file asks for more warm-up runs than anyone means.
+        """
         found = notes.get("pipeline")
         if not isinstance(found, dict):
             return Recipe()
         try:
-            return Recipe(
+            recipe = Recipe(
                 preset=str(found["preset"]),
                 composite=str(found["composite"]),
                 without=tuple(map(str, found["without"])),
                 set=dict(found["set"]),
-                warmup=int(found["warmup"]),
+                warmup=int(found["warmup"]) if warmup is None else warmup,
             )
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             return Recipe()
+        if not 0 <= recipe.warmup <= MOST_WARMUP:
+            raise ValueError(f"{source} asks for more warm-up runs than {MOST_WARMUP}; say how many with --warmup")
+        return recipe
 
     def to_notes(self) -> dict[str, Any]:
         """The recipe as JSON values."""
@@ -166,9 +186,8 @@ def open_device(name: str) -> torch.device:
     Raises:
         ValueError: there is none.
     """
+    check_device(name)
     kind, _, number = name.partition(":")
-    if kind not in ("cpu", "cuda") or (number and not number.isdecimal()):
-        raise ValueError(f"--device must be cpu or cuda, got {name!r}")
     if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
         raise ValueError(f"--device {name}: there is no such CUDA device here; use --device cpu")
     return torch.device(name)

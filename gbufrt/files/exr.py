@@ -29,6 +29,8 @@ MAIN = "frame"
 SUFFIXES = {"depth": "Z", "motion_z": "Z", "hit": "A"}
 VECTORS = {"normal", "normal_geo", "bent_normal"}
 NUMBERS = {"float32": np.float32, "float64": np.float32, "bool": np.float16}  # what a type is stored as, else uint32
+MOST_INDEX = (1 << 31) - 1  # of a frame, which seeds the noise
+MOST_SECONDS = 1e12
 TYPES = ("float32", "bool", "int16", "int32", "int64")
 
 
@@ -149,14 +151,20 @@ def _unpack(head: Mapping[str, Any], parts: Mapping[str, Part]) -> Frame:
     )
     return Frame(
         gbuffer=gbuffer,
-        index=int(head["index"]),
-        time=float(head["time"]),
+        index=_number("index", head["index"], int, MOST_INDEX),
+        time=float(_number("time", head["time"], (int, float), MOST_SECONDS)),
         cut=None if head["cut"] is None else torch.tensor([bool(head["cut"])]),
         emitters_sampled=bool(head["emitters_sampled"]),
         behind=None if head["behind"] is None else _unpack(head["behind"], parts),
         extra={name: tensor for name, tensor in layers.items() if name not in CHANNELS and name not in SIGNALS},
         **{name: tensor for name, tensor in layers.items() if name in SIGNALS},
     )
+
+
+def _number(name: str, value: Any, kind: Any, most: float) -> Any:
+    if not isinstance(value, kind) or isinstance(value, bool) or not abs(value) <= most:
+        raise ValueError(f"its {name} must be a number of at most {most:g}")
+    return value
 
 
 def _planes(tensor: Tensor, name: str = "") -> Iterator[np.ndarray]:

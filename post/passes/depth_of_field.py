@@ -10,6 +10,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera, Frame, History, TemporalPass
+from gbufrt.mending import finite
 from post.shading.thin_lens import autofocus, circle_of_confusion
 
 CONFIDENT = 1e-3  # share of known background from which on it fills what a near edge uncovers
@@ -58,6 +59,7 @@ def depth_of_field(
     that adds up rather than multiplies; see `circle_of_confusion` for the lens.
     """
     _check(color, depth, max_radius_px, layer_step)
+    color, depth = finite(color), finite(depth, nan=camera.far)  # Fourier transforms would spread one bad pixel
     if focus_distance is None:
         focus_distance = autofocus(depth, camera, hit=hit)
     coc = circle_of_confusion(depth, camera, focus_distance=focus_distance, aperture_radius=aperture_radius, hit=hit)

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, History, TemporalPass
+from gbufrt.mending import finite
 from post.filters.signals import luminance
 
 BINS = 256
@@ -59,7 +60,7 @@ def exposure(
         raise ValueError(f"key must be positive, got {key}")
     if min_ev > max_ev:
         raise ValueError(f"min_ev must not exceed max_ev, got {min_ev} and {max_ev}")
-    found = _typical(luminance(color, 3), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
+    found = _typical(luminance(finite(color), 3), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
         before = torch.where(previous.isnan(), found, previous)
         seconds = torch.as_tensor(elapsed, dtype=found.dtype, device=found.device)

@@ -11,6 +11,7 @@ from torch import Tensor
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
 from gbufrt.compute.fusion import fusible
+from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from post.sweep import arcs as horizon
 from post.sweep import slices
@@ -98,6 +99,7 @@ def horizon_ao(
     """
     slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
+    depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device) * REACH
     around = slices.scene(camera, depth, normal, hit, torch.ones_like(depth))
     at = slices.receivers(camera, depth, normal)

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.directions import tangent_frame
+from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
 from gbufrt.sampling import sample
 from post.history.reproject import reproject
@@ -72,6 +73,8 @@ def march_gi(
     """
     if rays < 1:
         raise ValueError(f"rays must be at least 1, got {rays}")
+    depth, hit, normal = held(depth, hit, normal, camera.far)
+    light = finite(light)
     with torch.no_grad():
         points, facing = camera.unproject(depth), camera.rotate_to_view(normal)
         facing = torch.where(hit, facing, camera.to_eye(points))

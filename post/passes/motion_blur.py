@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.compute.fusion import fusible
+from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import inside, pixel_centers, sample
 
@@ -71,6 +72,7 @@ def motion_blur(
         raise ValueError(f"weights must be 'reconstruction' or 'similarity', got {weights!r}")
     if position not in ("center", "trailing"):
         raise ValueError(f"position must be 'center' or 'trailing', got {position!r}")
+    color, depth, motion = finite(color), finite(depth), finite(motion)
     first, last = (-0.5, 0.5) if position == "center" else (0.0, 1.0)
     share = torch.as_tensor(shutter, dtype=motion.dtype, device=motion.device).reshape(-1, 1, 1, 1)
     path = _limited(motion.to(color.dtype) * share, tile / max(-first, last))

@@ -11,6 +11,7 @@ from torch import Tensor
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
 from gbufrt.compute.fusion import fusible, scalar_form_fits
+from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
 from post.filters.upsample import upsample
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
@@ -87,8 +88,9 @@ def ssgi(
     if resolution not in (1, 2):
         raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
+    depth, hit, normal = held(depth, hit, normal, camera.far)
     solid = planar_thickness(camera, depth, hit, THICKNESS if thickness is None else thickness)
-    sent = torch.where(hit, light.to(depth.dtype), 0.0)
+    sent = torch.where(hit, finite(light).to(depth.dtype), 0.0)
     around = slices.scene(camera, depth, normal, hit, solid, light=sent)
     corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
     part = (..., slice(corner[0], None, resolution), slice(corner[1], None, resolution))

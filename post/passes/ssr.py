@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.environment import lookup_environment
+from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.sampling import gather, pixel_centers, sample
 from gbufrt.specular import DIELECTRIC_F0
@@ -93,6 +94,8 @@ def ssr(
         raise ValueError(f'method must be "ggx" or "cone", got {method!r}')
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
+    depth, hit, normal = held(depth, hit, normal, camera.far)
+    light, environment = finite(light), None if environment is None else finite(environment)
     f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
     far = camera.far if distance is None else distance
     with torch.no_grad():

@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.mending import finite
 from gbufrt.sampling import inside, sample
 from post.filters.edges import offsets, padded, windows
 from post.filters.signals import luminance
@@ -54,6 +55,7 @@ def taa(
             f"the history must be {tuple(gbuffer.depth.shape)} like the frame, got {tuple(history.length.shape)}; "
             "start with state=None after a change of size"
         )
+    color = finite(color)  # the history would keep a bad pixel for ever
     toned = color / (1 + luminance(color).clamp_min(0.0))
     current = _resampled(toned, gbuffer)
     length = torch.ones_like(gbuffer.depth)

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.mending import finite
 from post.filters.edges import spatial_moments, surface
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
 from post.history.antilag import (
@@ -79,7 +80,7 @@ def temporal(
     """
     if not 0.0 <= blend <= 1.0:
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
-    lead = lead or signal.shape[1]
+    lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     if history is None or history.gbuffer is None:
         light, one = luminance(signal, lead), torch.ones_like(signal[:, :1])
         moments = torch.cat([light, light * light], dim=1)

@@ -55,7 +55,7 @@ def circle_of_confusion(
 
 
 def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, region: float = 0.1) -> Tensor:
-    """Median depth of the surfaces at the middle of the picture; the camera's far where there is only sky.
+    """Median finite depth of the surfaces at the middle of the picture; the camera's far where there is only sky.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -73,7 +73,8 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
         raise ValueError(f"region must lie in (0, 1], got {region}")
     rows, columns = (max(1, round(n * region)) for n in depth.shape[-2:])
     top, left = (depth.shape[-2] - rows) // 2, (depth.shape[-1] - columns) // 2
-    middle = depth if hit is None else torch.where(hit, depth, torch.nan)
+    known = torch.isfinite(depth) if hit is None else hit & torch.isfinite(depth)
+    middle = torch.where(known, depth, torch.nan)
     found = middle[:, 0, top : top + rows, left : left + columns].flatten(1).nanmedian(dim=1).values
     return torch.where(found.isnan(), torch.as_tensor(camera.far, dtype=depth.dtype, device=depth.device), found)
 

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.compute.fusion import fusible, scalar_form_fits
+from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import gather
 from post.sweep import arcs as horizon
@@ -98,6 +99,7 @@ def bitmask_ao(
     """
     slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
+    depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
     if thickness is None:

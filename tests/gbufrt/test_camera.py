@@ -12,6 +12,14 @@ EYE = torch.eye(4)
 K = torch.tensor([[100.0, 0.0, 32.0], [0.0, 100.0, 24.0], [0.0, 0.0, 1.0]])
 
 
+def pose(**axes: tuple[float, float, float]) -> torch.Tensor:
+    """The identity with some of its axes, by name, replaced."""
+    matrix = EYE.clone()
+    for name, axis in axes.items():
+        matrix[:3, "xyz".index(name)] = torch.tensor(axis)
+    return matrix
+
+
 def make(**changes) -> Camera:
     return Camera.from_intrinsics(K, EYE, size=(48, 64), **changes)
 
@@ -125,6 +133,18 @@ def test_pixels_per_unit():
         ({"world_from_view": torch.eye(3)}, "world_from_view"),
         ({"intrinsics": torch.eye(4)}, "intrinsics"),
         ({"jitter": torch.zeros(3)}, "jitter"),
+        ({"jitter": torch.full((1, 2), torch.nan)}, "jitter must be finite"),
+        ({"intrinsics": K * 2}, "divide by the last element"),
+        ({"intrinsics": K + torch.tensor([[0, 0.5, 0], [0, 0, 0], [0, 0, 0]])}, "leave skew and flips out"),
+        ({"intrinsics": K * torch.tensor([[1.0], [-1.0], [1.0]])}, "fx and fy above 0"),
+        ({"intrinsics": K * torch.nan}, "intrinsics must be"),
+        ({"world_from_view": EYE * 2}, r"end in the row \(0, 0, 0, 1\)"),
+        ({"world_from_view": pose(x=(2.0, 0.0, 0.0))}, "lengths 2, 1, 1; divide"),
+        ({"world_from_view": pose(x=(1.001, 0.0, 0.0))}, "lengths 1.001, 1, 1"),
+        ({"world_from_view": pose(y=(0.6, 0.8, 0.0))}, "skewed, with a cosine of 0.6"),
+        ({"world_from_view": pose(y=(0.0, -1.0, 0.0))}, "it mirrors; negate one"),
+        ({"world_from_view": EYE * torch.nan}, "must be finite"),
+        ({"world_from_view": torch.stack([EYE, pose(z=(0.0, 0.0, -1.0))])}, "it mirrors"),
     ],
 )
 def test_bad_cameras_name_the_argument(changes, message):
@@ -138,3 +158,41 @@ def test_look_at_refuses_degenerate_views():
         Camera.look_at((0, 5, 0), (0, 0, 0), size=(4, 4))
     with pytest.raises(ValueError, match="fov_y"):
         Camera.look_at((0, 0, 5), (0, 0, 0), size=(4, 4), fov_y=180)
+
+
+def test_taken_poses_survive_the_way_there_and_back():
+    """What the tolerance lets through is inverted as well as its digits allow."""
+    generator = torch.Generator().manual_seed(3)
+    rotation = torch.linalg.qr(torch.randn(8, 3, 3, generator=generator, dtype=torch.float64))[0]
+    rotation = rotation * torch.linalg.det(rotation)[:, None, None]
+    for digits in (5, 12):
+        matrix = torch.eye(4, dtype=torch.float64).repeat(8, 1, 1)
+        matrix[:, :3, :3] = (rotation * 10**digits).round() / 10**digits
+        matrix[:, :3, 3] = torch.randn(8, 3, generator=generator, dtype=torch.float64)
+        camera = Camera.from_intrinsics(K, matrix, size=(4, 4))
+        points = torch.randn(8, 3, 4, 4, generator=generator, dtype=torch.float64)
+        back = camera.to_view(camera.to_world(points))
+        torch.testing.assert_close(back, points, atol=10.0 ** (1 - digits), rtol=0)
+
+
+def test_look_at_keeps_devices_and_float64():
+    eye, target = torch.tensor([0.0, 1.0, 5.0]), (0.0, 0.0, 0.0)
+    here = Camera.look_at(eye, target, size=(4, 6))
+    assert (here.device.type, here.intrinsics.dtype, here.world_from_view.dtype) == ("cpu", *(torch.float32,) * 2)
+    for tensors in ((eye.to("meta"), target), (target, eye.to("meta")), (eye.expand(3, 3).to("meta"), target)):
+        there = Camera.look_at(*tensors, size=(4, 6))
+        assert (there.intrinsics.device.type, there.world_from_view.device.type) == ("meta", "meta")
+        assert there.world_from_view.shape == (there.batch, 4, 4)
+    up = torch.tensor([0.0, 1.0, 0.0])
+    assert Camera.look_at(eye.to("meta"), target, up=up.to("meta"), size=(4, 6)).device.type == "meta"
+    double = Camera.look_at(eye.double() / 3, target, size=(4, 6), fov_y=37.0)
+    assert (double.intrinsics.dtype, double.world_from_view.dtype) == (torch.float64, torch.float64)
+    assert float(double.position[0, 2]) == 5.0 / 3.0
+    assert Camera.look_at(eye, target, up=up.double(), size=(4, 6)).world_from_view.dtype == torch.float64
+
+
+def test_look_at_has_a_gradient():
+    eye = torch.tensor([0.0, 1.0, 5.0], requires_grad=True)
+    Camera.look_at(eye, (0.0, 0.0, 0.0), size=(4, 6)).world_from_view.square().sum().backward()
+    assert eye.grad is not None
+    assert float(eye.grad.abs().sum()) > 0

@@ -8,44 +8,16 @@ from typing import Any
 import boxes
 import pytest
 import torch
-from torch import Tensor
+from stages import PASSES, dress, run, written
 
 import post
-from gbufrt import CHANNELS, SIGNALS, Camera, Frame, Pass, Pipeline, Stage, TemporalPass
+from gbufrt import CHANNELS, SIGNALS, Camera, Pass, Stage, TemporalPass
 from gbufrt.tree import map_tensors
 
-PASSES = sorted(
-    (v for v in vars(post).values() if inspect.isclass(v) and issubclass(v, Stage) and not inspect.isabstract(v)),
-    key=lambda c: c.__name__,
-)
 FUNCTIONS = sorted(
     (v for v in vars(post).values() if inspect.isfunction(v) and v.__module__.startswith("post.")),
     key=lambda f: f.__name__,
 )
-
-
-def dress(frame: Frame) -> Frame:
-    """Fill every signal, so that any pass can run on its own."""
-    shape, generator = frame.gbuffer.depth.shape, torch.Generator().manual_seed(5)
-
-    def noise(channels: int) -> Tensor:
-        one = torch.rand(1, channels, *shape[2:], generator=generator, dtype=torch.float64)
-        return one.to(frame.gbuffer.depth).expand(shape[0], -1, -1, -1).contiguous()
-
-    assert frame.radiance is not None
-    lit = frame.radiance + 0.1
-    return frame.replace(
-        ao=noise(1),
-        sky_visibility=noise(1),
-        bent_normal=frame.gbuffer.normal,
-        gi=0.2 * noise(3),
-        reflection=0.2 * noise(3),
-        reflection_confidence=noise(1),
-        reflection_distance=1 + noise(1),
-        composite=lit,
-        color=lit,
-        image=lit.clamp(0, 1),
-    )
 
 
 def cameras(count: int, size: tuple[int, int], **options: Any) -> Camera:
@@ -59,19 +31,6 @@ def cameras(count: int, size: tuple[int, int], **options: Any) -> Camera:
         far=one.far,
         orthographic=one.orthographic,
     )
-
-
-def run(stage: Stage, frame: Frame, times: int = 2) -> Frame:
-    """A few frames through one pass; temporal passes keep their state."""
-    pipeline, state = Pipeline(given=stage.reads - set(CHANNELS), stage=stage), None
-    result = frame
-    for step in range(times):
-        result, state = pipeline(frame.replace(index=frame.index + step), state)
-    return result
-
-
-def written(stage: Stage, frame: Frame) -> dict[str, Tensor]:
-    return {name: frame.read(name) for name in sorted(stage.writes) if frame.get(name) is not None}
 
 
 @pytest.fixture(params=PASSES, ids=lambda c: c.__name__)

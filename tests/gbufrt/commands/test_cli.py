@@ -234,6 +234,118 @@ def test_resume_continues_exactly(capsys: pytest.CaptureFixture[str]):
     assert_same_results("whole", "parts")
 
 
+def sequence(folder: str, *, frames: int = 4, code: int = 0, **options: str) -> None:
+    extra = [part for name, value in options.items() for part in (f"--{name}", value)]
+    assert run("render", "--frames", str(frames), *SMALL, "--out", folder, "--resume", *extra) == code
+
+
+@pytest.mark.parametrize("index", [0, 1, 3])
+@pytest.mark.parametrize("damage", ["cut short", "no picture", "half a picture"])
+def test_resume_makes_damaged_frames_anew(index: int, damage: str, capsys: pytest.CaptureFixture[str]):
+    sequence("whole")
+    sequence("parts")
+    kept = {n: Path(f"parts/frame_{n:04d}.exr").stat().st_mtime_ns for n in range(4) if n != index}
+    exr, png = Path(f"parts/frame_{index:04d}.exr"), Path(f"parts/frame_{index:04d}.png")
+    data, picture = exr.read_bytes(), png.read_bytes()
+    if damage == "cut short":
+        exr.write_bytes(data[: len(data) * 3 // 4])
+        assert read_notes(exr)  # the header alone does not tell
+    elif damage == "no picture":
+        png.unlink()
+    else:
+        png.write_bytes(picture[: len(picture) // 2])
+    capsys.readouterr()
+    sequence("parts")
+    assert f"wrote {Path('parts') / f'frame_{index:04d}.png'}" in capsys.readouterr().out
+    assert_same_results("whole", "parts")
+    assert png.read_bytes() == picture
+    assert kept == {n: Path(f"parts/frame_{n:04d}.exr").stat().st_mtime_ns for n in kept}
+
+
+def test_a_still_is_no_beginning_of_a_sequence(capsys: pytest.CaptureFixture[str]):
+    sequence("out", frames=1)
+    before = files("out"), Path("out/frame_0000.exr").read_bytes()
+    capsys.readouterr()
+    sequence("out", frames=3, code=2)
+    error = capsys.readouterr().err
+    assert "frame_0000.exr is a still, without the jitter of a sequence; use another --out" in error
+    assert before == (files("out"), Path("out/frame_0000.exr").read_bytes())
+    sequence("other", frames=3)
+    capsys.readouterr()
+    sequence("other", frames=1, code=2)
+    assert "part of a jittered sequence, not a still" in capsys.readouterr().err
+    sequence("plain", frames=1, without="display,taa")
+    sequence("plain", frames=2, without="display,taa")  # no pass wants jitter: a still is a beginning like any other
+
+
+def bad_frame(**changes: tuple[float, int]) -> Frame:
+    """A frame whose channels hold a bad value in so many pixels."""
+    frame = boxes.frame(boxes.camera((16, 24)))
+    for name, (value, count) in changes.items():
+        tensor = frame.read(name).clone()
+        tensor.flatten(2)[:, :, 100 : 100 + count] = value
+        known = name in ("depth", "normal", "albedo", "emission")
+        frame = frame.replace(gbuffer=frame.gbuffer.replace(**{name: tensor})) if known else frame.write(name, tensor)
+    return frame
+
+
+def test_post_mends_light_and_tells(capsys: pytest.CaptureFixture[str]):
+    write_exr("good.exr", boxes.frame(boxes.camera((16, 24))))
+    frame = bad_frame(radiance=(torch.nan, 3), ambient=(torch.inf, 1), emission=(-torch.inf, 2))
+    write_exr("a.exr", frame.replace(behind=bad_frame(environment=(torch.nan, 2))))
+    assert run("post", "good.exr", "--out", "b", "--strict") == 0
+    assert "mended" not in capsys.readouterr().err
+    assert run("post", "a.exr", "--out", "b") == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "mended" in line]
+    assert told == [
+        "gbufrt: a.exr: mended emission: 2 pixels (2 infinite to 0); radiance: 3 pixels (3 NaN to 0); "
+        "ambient: 1 pixel (1 infinite to 0.4); behind.environment: 2 pixels (2 NaN to 0)"
+    ]
+    found = read_exr("b/a.exr")
+    found.validate()
+    picture, clean = read_exr("b/a.exr").read("image"), read_exr("b/good.exr").read("image")
+    assert int(((picture - clean).abs().amax(1) > 1e-6).sum()) == 3
+    assert run("post", "a.exr", "--out", "c", "--strict") == 2
+    error = capsys.readouterr().err
+    assert "a.exr: emission must be finite, but 2 pixels are not, such as -inf at" in error
+    assert error.count("\n") == 1
+    assert not Path("c").exists()
+
+
+@pytest.mark.parametrize(("name", "value"), [("depth", torch.nan), ("normal", torch.inf), ("albedo", torch.nan)])
+def test_post_refuses_geometry(name: str, value: float, capsys: pytest.CaptureFixture[str]):
+    write_exr("a.exr", bad_frame(**{name: (value, 5)}))
+    for extra in ((), ("--strict",)):
+        assert run("post", "a.exr", "--out", "b", *extra) == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"gbufrt: a.exr: {name} must be finite, but 5 pixels are not")
+        assert error.count("\n") == 1
+    assert not Path("b").exists()
+
+
+def test_post_bounds_what_notes_ask_for(capsys: pytest.CaptureFixture[str]):
+    frame = boxes.frame(boxes.camera((16, 24)))
+    recipe = Recipe().to_notes()
+    for name, changes, message in (
+        ("a", {"warmup": 10**12}, "a.exr asks for more warm-up runs than 4096; say how many with --warmup"),
+        ("b", {"warmup": -1}, "b.exr asks for more"),
+        ("c", {"set": {"speckle.taps": 10**12}}, "--set speckle.taps must be a whole number of at most 1048576"),
+    ):
+        write_exr(f"{name}.exr", frame, notes={"pipeline": {**recipe, **changes}})
+        assert run("post", f"{name}.exr", "--out", "out") == 2
+        error = capsys.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
+    assert not Path("out").exists()
+    assert run("post", "a.exr", "--out", "out", "--warmup", "2") == 0
+    write_exr("d.exr", frame, notes={"pipeline": {**recipe, "warmup": float("inf")}})
+    assert run("post", "d.exr", "--out", "out") == 0  # no number at all: as if nothing had been said
+    for name, changes in (("index", {"index": 10**30}), ("time", {"time": float("inf")}), ("index", {"index": 1.5})):
+        write_exr("e.exr", frame.replace(**changes))
+        assert run("post", "e.exr", "--out", "out") == 2
+        assert f"e.exr is damaged: its {name} must be a number of at most" in capsys.readouterr().err
+
+
 def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     def interrupted(*arguments: Any, **options: Any) -> Frame:
         if options["index"] == 2:
@@ -276,6 +388,22 @@ def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsy
         (("hollow",), "world 'hollow' is empty"),
         (("missing.vox", "--seed", "3"), "--seed is for built-in worlds"),
         (("--device", "tpu"), "--device must be cpu or cuda, got 'tpu'"),
+        (("--device", "cpu:3"), "--device must be cpu or cuda, got 'cpu:3'"),
+        (("--device", "cpu:"), "--device must be cpu or cuda"),
+        (("--device", "cuda:9999999999999"), "--device must be cpu or cuda"),
+        (("--frames", "1.5"), "--frames: must be a whole number, got '1.5'"),
+        (("--frames", "1e2"), "--frames: must be a whole number"),
+        (("--frames", "9" * 30), "--frames: must be at most 9223372036854775807"),
+        (("--frames", str(2**62)), "--frames must be at most 1000000"),
+        (("--light-samples", "9" * 5000), "--light-samples: must be at most 9223372036854775807"),
+        (("--light-samples", "2.5"), "--light-samples: must be a whole number"),
+        (("--warmup", "1000000000000"), "--warmup must be at most 4096"),
+        (("--warmup", "2.5"), "--warmup: must be a whole number"),
+        (("--seed", str(2**70)), "--seed: must be at most"),
+        (("--set", f"speckle.taps={2**80}"), "--set speckle.taps must be a whole number of at most 1048576"),
+        (("--set", f"speckle.taps={2**40}"), "got 1099511627776"),
+        (("--set", f"speckle.radius={10**400}"), "--set speckle.radius must be a number"),
+        (("--set", "speckle.radius=1e999"), "--set speckle.radius must be a number"),
         (("--device", "cuda:99"), "there is no such CUDA device here; use --device cpu"),
         (("--config", "missing.toml"), "missing.toml does not exist"),
         (("--colour",), "--colour"),

@@ -1,0 +1,183 @@
+"""Pixels that are not finite: mended where they are light, refused or held to themselves where they are geometry.
+
+Light that is NaN becomes 0, infinite light the largest finite value of its channel (in its element of the batch), and
+light of minus infinity 0. A pixel whose depth or normal is not finite cannot be mended; what passes make of it is a
+miss.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from gbufrt.frame import SIGNALS, Frame
+from gbufrt.gbuffer import CHANNELS, GBuffer
+from gbufrt.validation import all_finite, check_finite, pixels
+
+SURFACE = ("depth", "normal", "normal_geo")  # without these a pixel shows no surface
+WHOLE = ("motion", "bent_normal")  # vectors of which no component means anything without the others
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mended:
+    """What `mended` did to one channel.
+
+    Args:
+        channel: its name, with the prefix ``behind.`` for what lies behind the first surface.
+        pixels: how many pixels were mended.
+        nan: how many of them held a NaN, which became 0.
+        largest: what infinite light became; None where there was none.
+    """
+
+    channel: str
+    pixels: int
+    nan: int
+    largest: float | None
+
+    def __str__(self) -> str:
+        what = [f"{self.nan} NaN to 0"] if self.nan else []
+        what += [] if self.largest is None else [f"{self.pixels - self.nan} infinite to {self.largest:.4g}"]
+        return f"{self.channel}: {self.pixels} pixel{'' if self.pixels == 1 else 's'} ({', '.join(what)})"
+
+
+def mended(frame: Frame) -> tuple[Frame, tuple[Mended, ...]]:
+    """The frame with finite light, and what was done to it.
+
+    Light, emission and signals are mended as the module says, in ``behind`` too; ``previous`` is left alone. The frame
+    itself comes back where there is nothing to mend.
+
+    Raises:
+        ValueError: another G-buffer channel is not finite: names the channel, how many pixels, and one of them.
+    """
+    return _mended(frame, "")
+
+
+def _mended(frame: Frame, prefix: str) -> tuple[Frame, tuple[Mended, ...]]:
+    g, done = frame.gbuffer, []
+    for name in g.present:
+        if name != "emission":
+            remedy = "; only light can be mended: render the frame again without them"
+            check_finite(prefix + name, getattr(g, name), remedy)
+    for name in ("emission", *SIGNALS, *frame.extra):
+        before = frame.get(name)
+        if before is None or (after := finite(before)) is before:
+            continue
+        done.append(_account(prefix + name, before, after))
+        frame = _with(frame, name, after)
+    if frame.behind is not None:
+        behind, more = _mended(frame.behind, f"{prefix}behind.")
+        frame, done = (frame.replace(behind=behind) if more else frame), [*done, *more]
+    return frame, tuple(done)
+
+
+def finite(tensor: Tensor, *, nan: float = 0.0) -> Tensor:
+    """``tensor`` without NaN and infinity; the same object where there are none.
+
+    Args:
+        tensor: ``(B, ...)`` of any type.
+        nan: what NaN and minus infinity become.
+
+    Returns:
+        As ``tensor``. Where it was infinite it is the largest finite value of its element of the batch, at least
+        ``nan``. Gradients pass through all other places.
+    """
+    if not tensor.is_floating_point() or all_finite(tensor):
+        return tensor
+    known = torch.isfinite(tensor)
+    if bool(known.all()):  # large numbers whose sum overflows
+        return tensor
+    largest = torch.where(known, tensor.detach(), nan).flatten(1).amax(1).clamp_min(nan)
+    largest = largest.view(-1, *(1,) * (tensor.ndim - 1))
+    return torch.where(known, tensor, torch.where(tensor == torch.inf, largest, nan))
+
+
+def contained(frame: Frame, names: Iterable[str]) -> Frame:
+    """The frame as a pass may read it: channels and signals called ``names`` hold no NaN or infinity to spread.
+
+    What is light, a signal or a material is made `finite`, with the clear value for NaN; where depth or normal is not,
+    the pixel is a miss. The same for ``behind`` and ``previous``. The frame itself comes back where all is finite, at
+    the price of one sum over each channel.
+    """
+    names = tuple(names)
+    if _clean(frame, names):
+        return frame
+    frame = frame.replace(gbuffer=g) if (g := _geometry(frame.gbuffer, names)) is not frame.gbuffer else frame
+    for name in names:
+        before = None if name in CHANNELS else frame.get(name)
+        if before is not None and (after := _signal(name, before)) is not before:
+            frame = frame.write(name, after)
+    for layer in ("behind", "previous"):
+        other: Frame | None = getattr(frame, layer)
+        if other is not None and (held := contained(other, names)) is not other:
+            frame = frame.replace(**{layer: held})
+    return frame
+
+
+def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
+    """Whether all sums are finite; one answer for all, for which a GPU is waited for once."""
+    layers = [layer for layer in (frame, frame.behind, frame.previous) if layer is not None]
+    every = [tensor for layer in layers for name in names if (tensor := layer.get(name)) is not None]
+    sums = [tensor.detach().sum() for tensor in every if tensor.is_floating_point()]
+    return not sums or bool(torch.isfinite(torch.stack([total.double() for total in sums])).all())
+
+
+def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:
+    """What functions that look all over the picture make of its geometry: pixels that are not finite are misses.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        normal: ``(B, 3, H, W)``.
+        far: the camera's, the depth of a miss.
+
+    Returns:
+        Depth, hit and normal; the same objects where all are finite.
+    """
+    if all_finite(depth) and all_finite(normal):
+        return depth, hit, normal
+    lost = ~(torch.isfinite(depth) & torch.isfinite(normal).all(dim=1, keepdim=True))
+    return torch.where(lost, far, depth), hit & ~lost, torch.where(lost, 0.0, normal)
+
+
+def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
+    bad = [name for name in names if name in CHANNELS and not _is_finite(getattr(g, name))]
+    if not bad:
+        return g
+    lost = torch.zeros_like(g.hit)
+    for name in set(bad) & set(SURFACE):
+        lost = lost | ~torch.isfinite(getattr(g, name)).all(dim=1, keepdim=True)
+    changes: dict[str, Tensor] = {"hit": g.hit & ~lost}
+    for name in g.present:
+        if name != "hit":
+            clear = g.camera.far if name == "depth" else CHANNELS[name].clear
+            tensor = torch.where(lost, torch.tensor(clear).to(getattr(g, name)), getattr(g, name))
+            changes[name] = _signal(name, tensor) if name in bad else tensor
+    return g.replace(**changes)
+
+
+def _signal(name: str, tensor: Tensor) -> Tensor:
+    row = SIGNALS.get(name) or CHANNELS.get(name)
+    if name in WHOLE and not _is_finite(tensor):
+        return torch.where(torch.isfinite(tensor).all(dim=1, keepdim=True), tensor, 0.0)
+    return finite(tensor, nan=0.0 if row is None else row.clear)
+
+
+def _is_finite(tensor: Tensor | None) -> bool:
+    if tensor is None or not tensor.is_floating_point() or all_finite(tensor):
+        return True
+    return bool(torch.isfinite(tensor).all())
+
+
+def _account(name: str, before: Tensor, after: Tensor) -> Mended:
+    nan, infinite = torch.isnan(before), torch.isinf(before)
+    largest = float(after[infinite].max()) if bool(infinite.any()) else None
+    return Mended(channel=name, pixels=pixels(nan | infinite), nan=pixels(nan), largest=largest)
+
+
+def _with(frame: Frame, name: str, tensor: Tensor) -> Frame:
+    if name in CHANNELS:
+        return frame.replace(gbuffer=frame.gbuffer.replace(**{name: tensor}))
+    return frame.write(name, tensor)
