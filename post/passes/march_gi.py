@@ -11,6 +11,7 @@ from gbufrt import Camera, Frame, Pass
 from gbufrt.noise.noise import PLASTIC, blue_noise
 from gbufrt.sampling import sample
 from post.history.reproject import reproject
+from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
 from post.shading.ggx import tangent_frame
 from post.shading.lobes import dot, unit
@@ -41,8 +42,10 @@ def march_gi(
 
     Three rays of four go about the normal half way between ``normal`` and ``bent_normal``, cosine-distributed, the
     fourth about ``normal``; each is weighted by the true cosine over the density of the mixture, so that the estimate
-    is unbiased. A ray that ends at a side that the camera does not see brings nothing and sees no sky. Differentiable
-    in ``light`` and ``albedo``.
+    is unbiased. A ray that ends at a side that the camera does not see brings nothing and sees no sky.
+
+    Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``bent_normal``, and what they hit
+    moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -73,28 +76,27 @@ def march_gi(
     if rays < 1:
         raise ValueError(f"rays must be at least 1, got {rays}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
+    points, facing = camera.unproject(depth), camera.rotate_to_view(normal)
+    facing = torch.where(hit, facing, camera.to_eye(points))
+    axis = facing if bent_normal is None else unit(facing + camera.rotate_to_view(bent_normal))
+    axis = torch.where(dot(axis, facing) > 0.1, axis, facing)
     with torch.no_grad():
-        points, facing = camera.unproject(depth), camera.rotate_to_view(normal)
-        facing = torch.where(hit, facing, camera.to_eye(points))
         flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
         hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
-        axis = facing if bent_normal is None else unit(facing + camera.rotate_to_view(bent_normal))
-        axis = torch.where(dot(axis, facing) > 0.1, axis, facing)
         upward = facing if normal_geo is None else camera.rotate_to_view(normal_geo)
         noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)[None]
     gathered, open_sky = torch.zeros_like(light), torch.zeros_like(depth)
     for i in range(rays):
-        with torch.no_grad():
-            place = index * rays + i
-            direction = _cosine_ray(facing if place % PLAIN == PLAIN - 1 else axis, noise, place)
-            cosine, about = dot(direction, facing).clamp_min(0.0), dot(direction, axis).clamp_min(0.0)
-            weight = cosine / ((1 - 1 / PLAIN) * about + cosine / PLAIN).clamp_min(1e-6)
-            weight = torch.where(hit & (dot(direction, upward) > 0), weight, 0.0)
-            flying = torch.where(weight > 0, direction, 0.0)
-            hits = march_rays(hierarchy, points, flying, camera, steps=steps, distance=distance)
-            lit = weight * hits.hit * hits.agreement
-            open_sky = open_sky + weight * ~(hits.hit | hits.blocked)
-        gathered = gathered + lit * sample(light, hits.px)
+        place = index * rays + i
+        direction = _cosine_ray(facing if place % PLAIN == PLAIN - 1 else axis, noise, place)
+        cosine, about = dot(direction, facing).clamp_min(0.0), dot(direction, axis).clamp_min(0.0)
+        weight = cosine / ((1 - 1 / PLAIN) * about + cosine / PLAIN).clamp_min(1e-6)
+        weight = torch.where(hit & (dot(direction, upward) > 0), weight, 0.0)
+        flying = torch.where(weight > 0, direction, 0.0)
+        hits = march_rays(hierarchy, points, flying, camera, steps=steps, distance=distance)
+        hits = attach_hits(hits, depth, flat, points, flying, camera)
+        open_sky = open_sky + weight * ~(hits.hit | hits.blocked)
+        gathered = gathered + weight * hits.hit * hits.agreement * sample(light, hits.px)
     sky = torch.where(hit, (open_sky / rays).clamp(0.0, 1.0), 1.0)
     return albedo * gathered / rays, sky
 

@@ -13,6 +13,7 @@ from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.sampling import gather, pixel_centers, sample
 from gbufrt.specular import DIELECTRIC_F0
 from post.filters.signals import luminance
+from post.march.attached import attach_hits
 from post.march.rays import Hits, depth_hierarchy, march_rays
 from post.shading.ggx import specular_f0
 from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
@@ -54,8 +55,10 @@ def ssr(
     A ray that meets a visible surface brings ``light``. A ray that meets nothing brings the environment, times how open
     the sky is to it: as open as to what it was last in front of, or within the cone around ``bent_normal`` that
     ``visibility`` leaves open. So windows mirror the sky, and interiors do not fill with it. A ray that ends at what
-    the camera does not see brings some of the light of the surface next to it, at confidence 0. Differentiable in
-    ``light``, ``environment`` and ``f0``; the rays themselves carry no gradient.
+    the camera does not see brings some of the light of the surface next to it, at confidence 0.
+
+    Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
+    moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -96,26 +99,23 @@ def ssr(
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
     far = camera.far if distance is None else distance
+    flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
+    surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
+    hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
     with torch.no_grad():
-        surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
-        flat = normal if normal_geo is None else normal_geo
-        hierarchy = depth_hierarchy(
-            depth, flat, camera, hit=hit, thickness=THICKNESS if thickness is None else thickness
-        )
-        trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
         rays = torch.where(roughness < MIRROR, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
+    trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i in range(samples):
-        with torch.no_grad():
-            taken = (surface.hit & (i < rays)).to(depth)
-            lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
-            reflected = throughput(lobe)
-            flies = (lobe.weight > 0).to(depth)
-            marching = lobe.direction * (flies * trust > 0)
-            hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
-            confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
-            world = camera.rotate_to_world(lobe.direction)
-            sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
+        taken = (surface.hit & (i < rays)).to(depth)
+        lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
+        reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
+        marching = lobe.direction * (flies * trust > 0)
+        hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
+        hits = attach_hits(hits, depth, flat, surface.points, marching, camera)
+        confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
+        world = camera.rotate_to_world(lobe.direction)
+        sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
         incoming = _incoming(light, environment, hits, confidence, world, sky)
         incoming = incoming * _firefly_factor(incoming, light, hit, roughness, hits.blocked)
         if reuse:
@@ -160,8 +160,8 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
         return torch.ones_like(hits.distance)
     share = visibility
     if bent is not None:
-        edge = (1 - visibility).clamp(0.0, 1.0).sqrt()
-        soft = (0.3 * visibility.clamp(0.0, 1.0).sqrt()).clamp_min(1e-3)
+        edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
+        soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
         ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
         share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
     last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
@@ -180,7 +180,6 @@ def _incoming(
     return guessed + (seen - guessed) * confidence
 
 
-@torch.no_grad()
 def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
     """At most 1: holds guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
     mean = (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)

@@ -131,7 +131,7 @@ def sample_visible_normal(view: Tensor, alpha: Tensor, u: Tensor) -> Tensor:
     stretched = stretched / (stretched * stretched).sum(1, keepdim=True).clamp_min(1e-20).sqrt()
     azimuth = 2 * math.pi * u[:, 1:2]
     z = (1 - u[:, 0:1]) * (1 + stretched[:, 2:]) - stretched[:, 2:]
-    radius = (1 - z * z).clamp_min(0.0).sqrt()
+    radius = (1 - z * z).clamp_min(1e-30).sqrt()  # not of 0, where its slope is infinite
     half = torch.cat([radius * azimuth.cos(), radius * azimuth.sin(), z], dim=1) + stretched
     half = torch.cat([alpha * half[:, :2], half[:, 2:].clamp_min(1e-7)], dim=1)
     return half / (half * half).sum(1, keepdim=True).sqrt()
