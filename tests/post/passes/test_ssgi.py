@@ -228,6 +228,14 @@ def test_soft_and_dithered_sectors_agree_on_average(tunables: dict[str, Any], ap
         assert soft == pytest.approx(hard, rel=apart)
 
 
+def test_the_sky_that_senders_see_has_its_gradient() -> None:
+    """The coarse sweep over it is covered by fractions, too: dithered bits would pass nothing on."""
+    frame = boxes.frame(boxes.camera(SIZE))
+    thickness = frame.read("thickness").clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(sent_light(frame, thickness=thickness).sum(), thickness)
+    assert float(gradient.abs().max()) > 1e-3
+
+
 def test_gradients_match_finite_differences_and_are_not_zero() -> None:
     g = boxes.frame(boxes.camera((5, 6))).to(torch.float64).gbuffer
     depth = g.depth.clone().requires_grad_()
