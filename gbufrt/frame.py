@@ -131,10 +131,9 @@ class Frame:
             layer, prefix = layer.behind, f"{prefix}behind."
 
     def as_previous(self) -> Frame:
-        """What the next frame may know of this one: geometry and unblurred light, detached."""
+        """What the next frame may know of this one: geometry and unblurred light."""
         keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "composite")}
-        kept = Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
-        return kept.detach()
+        return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
 
 
 SIGNALS = channels_of(Frame)

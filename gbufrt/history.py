@@ -1,4 +1,7 @@
-"""What a temporal pass, and a pipeline of them, carries from one frame to the next, as a plain value."""
+"""What a temporal pass, and a pipeline of them, carries from one frame to the next, as a plain value.
+
+A pass leaves its gradients' graph in the state; a pipeline detaches it unless told to keep it.
+"""
 
 from __future__ import annotations
 

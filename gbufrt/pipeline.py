@@ -66,15 +66,28 @@ class Pipeline(TemporalPass):
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
             self.writes = frozenset().union(*(stage.writes for _, stage in self._stages()))
 
-    def forward(self, frame: Frame, state: PipelineState | None = None) -> tuple[Frame, PipelineState]:
-        """Run every stage. ``frame.previous`` is filled from the state; ``frame.cut`` resets what may not be kept."""
+    def __call__(
+        self, frame: Frame, state: PipelineState | None = None, *, keep_graph: bool = False
+    ) -> tuple[Frame, PipelineState]:
+        """`forward`; each stage by itself holds pixels that are not finite."""
+        return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)
+
+    def forward(
+        self, frame: Frame, state: PipelineState | None = None, *, keep_graph: bool = False
+    ) -> tuple[Frame, PipelineState]:
+        """Run every stage. ``frame.previous`` is filled from the state; ``frame.cut`` resets what may not be kept.
+
+        The state comes back detached, so that neither gradients nor memory reach past one frame. ``keep_graph`` leaves
+        its graph in place, for gradients through time: memory then grows with every frame.
+        """
         if state is not None and frame.cut is not None and bool(frame.cut.any()):
             state = state.reset(frame.cut)
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
         with fused_kernels() if self.fused else nullcontext():
             frame, after = self._run(frame, state)
-        return frame.replace(previous=None), PipelineState(stages=after.stages, previous=frame.as_previous())
+        after = PipelineState(stages=after.stages, previous=frame.as_previous())
+        return frame.replace(previous=None), after if keep_graph else after.detach()
 
     def _run(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
         if self.layer == "behind":
@@ -98,11 +111,11 @@ class Pipeline(TemporalPass):
                 frame = stage(frame)
         return frame, PipelineState(stages=after)
 
-    def stream(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Run over consecutive frames, threading the state."""
+    def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:
+        """Run over consecutive frames, threading the state; ``keep_graph`` as in `forward`."""
         state = None
         for frame in frames:
-            result, state = self(frame, state)
+            result, state = self(frame, state, keep_graph=keep_graph)
             yield result
 
     def passes(self) -> Iterator[tuple[str, Stage]]:

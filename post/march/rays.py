@@ -59,15 +59,20 @@ class Hits(NamedTuple):
 
 @torch.no_grad()
 def depth_hierarchy(
-    depth: Tensor, hit: Tensor, normal: Tensor, camera: Camera, *, thickness: Tensor | float = 0.5
+    depth: Tensor,
+    normal: Tensor,
+    camera: Camera,
+    *,
+    hit: Tensor | None = None,
+    thickness: Tensor | float = 0.5,
 ) -> Hierarchy:
     """Prepare a depth picture for `march_rays`.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
-        hit: ``(B, 1, H, W)`` bool; where False the sky is seen, which stops no ray.
         normal: ``(B, 3, H, W)`` world space, unit; the geometric one where there is a choice.
         camera: the camera that saw them.
+        hit: ``(B, 1, H, W)`` bool; where False the sky is seen, which stops no ray; by default every pixel.
         thickness: how far solids reach behind their fronts: ``(B, 1, H, W)`` along the view ray as the G-buffer holds
             it, or one assumed length for all. World units.
 
@@ -77,6 +82,7 @@ def depth_hierarchy(
     Raises:
         ValueError: a shape does not fit the camera.
     """
+    hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     for name, tensor, channels in (("depth", depth, 1), ("hit", hit, 1), ("normal", normal, 3)):
         if tensor.shape != (camera.batch, channels, *camera.size):
             expected = f"({camera.batch},{channels},{camera.height},{camera.width})"

@@ -181,8 +181,8 @@ class DepthOfField(TemporalPass):
     def __init__(
         self,
         *,
-        focus_distance: float | None = None,
-        aperture_radius: float = 0.05,
+        focus_distance: float | Tensor | None = None,
+        aperture_radius: float | Tensor = 0.05,
         max_radius_px: float = 32.0,
         layer_step: float = 0.12,
         focus_speed: float = 0.15,
@@ -209,7 +209,7 @@ class DepthOfField(TemporalPass):
         g = frame.gbuffer
         target = autofocus(g.depth, g.camera, hit=g.hit, region=self.focus_region)
         if self.focus_distance is not None:
-            target = torch.full_like(target, self.focus_distance)
+            target = torch.zeros_like(target) + self.focus_distance
         if state is None:
             return target
         before = state.signals["focus_distance"].flatten()

@@ -13,53 +13,56 @@ from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
 from gbufrt.sampling import sample
 from post.history.reproject import reproject
+from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
 from post.shading.lobes import dot, unit
 
+THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 PLAIN = 4  # every so many-th ray goes about the normal itself, so that no direction is left out
 TYPICAL_REFLECTANCE = 0.3  # of a scene, for how much of endless feedback belongs to a number of bounces
 
 
 def march_gi(
     depth: Tensor,
-    hit: Tensor,
     normal: Tensor,
+    camera: Camera,
     light: Tensor,
     albedo: Tensor,
-    camera: Camera,
+    *,
+    hit: Tensor | None = None,
     bent_normal: Tensor | None = None,
     normal_geo: Tensor | None = None,
-    thickness: Tensor | None = None,
+    thickness: Tensor | float | None = None,
     index: int = 0,
-    *,
     rays: int = 8,
     steps: int = 48,
     distance: float = 50.0,
-    assumed_thickness: float = 0.5,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor]:
     """Light that surfaces get from what the screen shows of their surroundings, and how much sky they see.
 
     Three rays of four go about the normal half way between ``normal`` and ``bent_normal``, cosine-distributed, the
     fourth about ``normal``; each is weighted by the true cosine over the density of the mixture, so that the estimate
-    is unbiased. A ray that ends at a side that the camera does not see brings nothing and sees no sky. Differentiable
-    in ``light`` and ``albedo``.
+    is unbiased. A ray that ends at a side that the camera does not see brings nothing and sees no sky.
+
+    Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``bent_normal``, and what they hit
+    moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
-        hit: ``(B, 1, H, W)`` bool.
         normal: ``(B, 3, H, W)`` world space, unit.
+        camera: of the picture.
         light: ``(B, 3, H, W)`` linear radiance that each pixel's surface sends; see `bounce_light`.
         albedo: ``(B, 3, H, W)`` of the diffuse part.
-        camera: the camera that saw them.
+        hit: ``(B, 1, H, W)`` bool; by default every pixel.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
-        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units.
+        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units; or one assumed for everything;
+            by default 0.5.
         index: frame number, for the noise.
         rays: rays a pixel.
         steps: see `post.march.rays.march_rays`.
         distance: how far rays go, world units.
-        assumed_thickness: used where ``thickness`` is absent, world units.
         seed: another seed, another noise.
 
     Returns:
@@ -73,33 +76,30 @@ def march_gi(
     """
     if rays < 1:
         raise ValueError(f"rays must be at least 1, got {rays}")
+    hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     light = finite(light)
+    points, facing = camera.unproject(depth), camera.rotate_to_view(normal)
+    facing = torch.where(hit, facing, camera.to_eye(points))
+    axis = facing if bent_normal is None else unit(facing + camera.rotate_to_view(bent_normal))
+    axis = torch.where(dot(axis, facing) > 0.1, axis, facing)
     with torch.no_grad():
-        points, facing = camera.unproject(depth), camera.rotate_to_view(normal)
-        facing = torch.where(hit, facing, camera.to_eye(points))
-        flat, solid = (
-            normal if normal_geo is None else normal_geo,
-            assumed_thickness if thickness is None else thickness,
-        )
-        hierarchy = depth_hierarchy(depth, hit, flat, camera, thickness=solid)
-        axis = facing if bent_normal is None else unit(facing + camera.rotate_to_view(bent_normal))
-        axis = torch.where(dot(axis, facing) > 0.1, axis, facing)
+        flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
+        hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
         upward = facing if normal_geo is None else camera.rotate_to_view(normal_geo)
         noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)[None]
     gathered, open_sky = torch.zeros_like(light), torch.zeros_like(depth)
     for i in range(rays):
-        with torch.no_grad():
-            place = index * rays + i
-            direction = _cosine_ray(facing if place % PLAIN == PLAIN - 1 else axis, noise, place)
-            cosine, about = dot(direction, facing).clamp_min(0.0), dot(direction, axis).clamp_min(0.0)
-            weight = cosine / ((1 - 1 / PLAIN) * about + cosine / PLAIN).clamp_min(1e-6)
-            weight = torch.where(hit & (dot(direction, upward) > 0), weight, 0.0)
-            flying = torch.where(weight > 0, direction, 0.0)
-            hits = march_rays(hierarchy, points, flying, camera, steps=steps, distance=distance)
-            lit = weight * hits.hit * hits.agreement
-            open_sky = open_sky + weight * ~(hits.hit | hits.blocked)
-        gathered = gathered + lit * sample(light, hits.px)
+        place = index * rays + i
+        direction = _cosine_ray(facing if place % PLAIN == PLAIN - 1 else axis, noise, place)
+        cosine, about = dot(direction, facing).clamp_min(0.0), dot(direction, axis).clamp_min(0.0)
+        weight = cosine / ((1 - 1 / PLAIN) * about + cosine / PLAIN).clamp_min(1e-6)
+        weight = torch.where(hit & (dot(direction, upward) > 0), weight, 0.0)
+        flying = torch.where(weight > 0, direction, 0.0)
+        hits = march_rays(hierarchy, points, flying, camera, steps=steps, distance=distance)
+        hits = attach_hits(hits, depth, flat, points, flying, camera)
+        open_sky = open_sky + weight * ~(hits.hit | hits.blocked)
+        gathered = gathered + weight * hits.hit * hits.agreement * sample(light, hits.px)
     sky = torch.where(hit, (open_sky / rays).clamp(0.0, 1.0), 1.0)
     return albedo * gathered / rays, sky
 
@@ -172,7 +172,7 @@ class MarchGI(Pass):
         bounces: int = 2,
         steps: int = 48,
         distance: float = 50.0,
-        assumed_thickness: float = 0.5,
+        assumed_thickness: float = THICKNESS,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -187,6 +187,8 @@ class MarchGI(Pass):
         g, tunables = frame.gbuffer, self.tunables()
         light = bounce_light(frame, bounces=tunables.pop("bounces"))
         albedo = frame.read("albedo") if g.metallic is None else frame.read("albedo") * (1 - g.metallic)
-        shape = (g.depth, g.hit, g.normal, light, albedo, g.camera, frame.bent_normal, g.normal_geo, g.thickness)
-        gi, sky_visibility = march_gi(*shape, frame.index, **tunables)
+        assumed = tunables.pop("assumed_thickness")
+        known = {"hit": g.hit, "bent_normal": frame.bent_normal, "normal_geo": g.normal_geo, "index": frame.index}
+        known |= {"thickness": assumed if g.thickness is None else g.thickness}
+        gi, sky_visibility = march_gi(g.depth, g.normal, g.camera, light, albedo, **known, **tunables)
         return frame.replace(gi=gi, sky_visibility=sky_visibility)

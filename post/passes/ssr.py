@@ -14,11 +14,13 @@ from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.sampling import gather, pixel_centers, sample
 from gbufrt.specular import DIELECTRIC_F0
 from post.filters.signals import luminance
+from post.march.attached import attach_hits
 from post.march.rays import Hits, depth_hierarchy, march_rays
 from post.shading.ggx import specular_f0
 from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
 
 Method = Literal["ggx", "cone"]
+THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
 UNSEEN = 0.5  # of what the surface next to an unseen one sends, as a guess of what that one sends
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: what one sample may bring
@@ -28,23 +30,22 @@ MIRROR = 0.03  # roughness below which all samples are the same ray
 
 def ssr(
     depth: Tensor,
-    hit: Tensor,
     normal: Tensor,
-    roughness: Tensor,
-    light: Tensor,
     camera: Camera,
+    light: Tensor,
+    roughness: Tensor,
+    *,
+    hit: Tensor | None = None,
     f0: Tensor | None = None,
     normal_geo: Tensor | None = None,
-    thickness: Tensor | None = None,
+    thickness: Tensor | float | None = None,
     environment: Tensor | None = None,
     visibility: Tensor | None = None,
     bent_normal: Tensor | None = None,
     index: int = 0,
-    *,
     samples: int = 4,
     steps: int = 64,
     distance: float | None = None,
-    assumed_thickness: float = 0.5,
     roughness_cutoff: float = 1.0,
     reuse: int = 0,
     method: Method = "ggx",
@@ -55,19 +56,22 @@ def ssr(
     A ray that meets a visible surface brings ``light``. A ray that meets nothing brings the environment, times how open
     the sky is to it: as open as to what it was last in front of, or within the cone around ``bent_normal`` that
     ``visibility`` leaves open. So windows mirror the sky, and interiors do not fill with it. A ray that ends at what
-    the camera does not see brings some of the light of the surface next to it, at confidence 0. Differentiable in
-    ``light``, ``environment`` and ``f0``; the rays themselves carry no gradient.
+    the camera does not see brings some of the light of the surface next to it, at confidence 0.
+
+    Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
+    moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
-        hit: ``(B, 1, H, W)`` bool.
         normal: ``(B, 3, H, W)`` world space, unit.
-        roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
+        camera: of the picture.
         light: ``(B, 3, H, W)`` linear radiance that each pixel's surface sends; see `outgoing_light`.
-        camera: the camera that saw them.
+        roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
+        hit: ``(B, 1, H, W)`` bool; by default every pixel.
         f0: ``(B, 3, H, W)`` reflectance at normal incidence; 0.04 where absent.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
-        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units.
+        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units; or one assumed for everything;
+            by default 0.5.
         environment: ``(B, 3, h, w)`` lat-long sky; black where absent.
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
@@ -75,7 +79,6 @@ def ssr(
         samples: rays a pixel at roughness 1; half as many at 0, and one for a mirror.
         steps: see `march_rays`.
         distance: how far rays go, world units; None for as far as the camera sees.
-        assumed_thickness: used where ``thickness`` is absent, world units.
         roughness_cutoff: above it rays give way to the environment alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel takes into account, 0 to 8.
         method: ``"ggx"`` samples visible microfacets; ``"cone"`` a cone of roughness x 45 degrees.
@@ -94,29 +97,28 @@ def ssr(
         raise ValueError(f'method must be "ggx" or "cone", got {method!r}')
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
+    hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     light, environment = finite(light), None if environment is None else finite(environment)
     f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
     far = camera.far if distance is None else distance
+    flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
+    surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
+    hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
     with torch.no_grad():
-        surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
-        flat = normal if normal_geo is None else normal_geo
-        solid = assumed_thickness if thickness is None else thickness
-        hierarchy = depth_hierarchy(depth, hit, flat, camera, thickness=solid)
-        trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
         rays = torch.where(roughness < MIRROR, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
+    trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i in range(samples):
-        with torch.no_grad():
-            taken = (surface.hit & (i < rays)).to(depth)
-            lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
-            reflected = throughput(lobe)
-            flies = (lobe.weight > 0).to(depth)
-            marching = lobe.direction * (flies * trust > 0)
-            hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
-            confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
-            world = camera.rotate_to_world(lobe.direction)
-            sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
+        taken = (surface.hit & (i < rays)).to(depth)
+        lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
+        reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
+        marching = lobe.direction * (flies * trust > 0)
+        hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
+        hits = attach_hits(hits, depth, flat, surface.points, marching, camera)
+        confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
+        world = camera.rotate_to_world(lobe.direction)
+        sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
         incoming = _incoming(light, environment, hits, confidence, world, sky)
         incoming = incoming * _firefly_factor(incoming, light, hit, roughness, hits.blocked)
         if reuse:
@@ -161,8 +163,8 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
         return torch.ones_like(hits.distance)
     share = visibility
     if bent is not None:
-        edge = (1 - visibility).clamp(0.0, 1.0).sqrt()
-        soft = (0.3 * visibility.clamp(0.0, 1.0).sqrt()).clamp_min(1e-3)
+        edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
+        soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
         ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
         share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
     last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
@@ -181,7 +183,6 @@ def _incoming(
     return guessed + (seen - guessed) * confidence
 
 
-@torch.no_grad()
 def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
     """At most 1: holds guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
     mean = (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
@@ -228,7 +229,7 @@ class SSR(Pass):
         samples: int = 4,
         steps: int = 64,
         distance: float | None = None,
-        assumed_thickness: float = 0.5,
+        assumed_thickness: float = THICKNESS,
         roughness_cutoff: float = 1.0,
         reuse: int = 0,
         method: Method = "ggx",
@@ -245,11 +246,14 @@ class SSR(Pass):
         self.seed = seed
 
     def forward(self, frame: Frame) -> Frame:
-        g, light = frame.gbuffer, outgoing_light(frame)
+        g, tunables = frame.gbuffer, self.tunables()
+        assumed = tunables.pop("assumed_thickness")
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
-        surface = (g.depth, g.hit, g.normal, frame.read("roughness"), light, g.camera, _f0(frame), g.normal_geo)
-        sky = (frame.environment, visibility, frame.bent_normal)
-        reflection, confidence, distance = ssr(*surface, g.thickness, *sky, frame.index, **self.tunables())
+        known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
+        known |= {"thickness": assumed if g.thickness is None else g.thickness, "index": frame.index}
+        known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
+        surface = (g.depth, g.normal, g.camera, outgoing_light(frame), frame.read("roughness"))
+        reflection, confidence, distance = ssr(*surface, **known, **tunables)
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
 
 

@@ -41,7 +41,8 @@ def specular_albedo(gbuffer: GBuffer) -> Tensor:
     Source: see `gbufrt.specular.directional_albedo`.
     """
     g = gbuffer
-    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
+    toward = g.camera.to_eye(g.camera.unproject(g.depth.detach()))  # the same at any depth
+    eye = g.camera.rotate_to_world(toward)
     cosine = (eye * g.normal).sum(1, keepdim=True).clamp(0.0, 1.0)
     roughness = torch.zeros_like(cosine) if g.roughness is None else g.roughness
     return torch.where(g.hit, directional_albedo(cosine, roughness), 0.0)

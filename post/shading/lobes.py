@@ -97,7 +97,7 @@ def cone_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
     cosine = dot(surface.eye, surface.normal)
     axis = unit(2 * cosine * surface.normal - surface.eye)
     tangent, bitangent = tangent_frame(axis)
-    widest = (surface.alpha.sqrt() * math.radians(CONE_DEGREES)).sin()
+    widest = (surface.alpha.clamp_min(1e-20).sqrt() * math.radians(CONE_DEGREES)).sin()
     sine, azimuth = u[:, 0:1].sqrt() * widest, 2 * math.pi * u[:, 1:2]
     along = (1 - sine * sine).clamp_min(0.0).sqrt()
     direction = tangent * (sine * azimuth.cos()) + bitangent * (sine * azimuth.sin()) + axis * along
@@ -129,7 +129,7 @@ def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor
         surface: the reflecting pixels.
         lobe: one ray of each.
         ends: ``(B, 4, H, W)`` where rays ended: a view-space point and 1, or for rays without end a direction and 0.
-        incoming: ``(B, 3, H, W)`` radiance that they brought; differentiable.
+        incoming: ``(B, 3, H, W)`` radiance that they brought.
         count: how many neighbours, up to 8.
 
     Returns:
@@ -138,24 +138,22 @@ def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor
     Source: Stachowiak 2015 (ray reuse by ratio estimator).
     """
     total, weights = incoming * lobe.weight, lobe.weight
-    with torch.no_grad():
-        alpha, cos_view = surface.alpha.clamp_min(SHARP_ALPHA), dot(surface.normal, surface.eye).clamp(1e-3, 1.0)
-        masked = 1 + smith_lambda(cos_view, alpha)
-        reflected, members = throughput(lobe), lobe.taken
-        near = 0.01 * dot(surface.points, surface.points).sqrt()
-        packed = [surface.points, surface.normal, surface.alpha, ends, lobe.pdf, lobe.weight, lobe.taken, reflected]
-        packed = torch.cat(packed, dim=1)
+    alpha, cos_view = surface.alpha.clamp_min(SHARP_ALPHA), dot(surface.normal, surface.eye).clamp(1e-3, 1.0)
+    masked = 1 + smith_lambda(cos_view, alpha)
+    reflected, members = throughput(lobe), lobe.taken
+    near = 0.01 * dot(surface.points, surface.points).sqrt()
+    packed = [surface.points, surface.normal, surface.alpha, ends, lobe.pdf, lobe.weight, lobe.taken, reflected]
+    packed = torch.cat(packed, dim=1)
     for dx, dy in NEIGHBORS[:count]:
-        with torch.no_grad():
-            parts = shifted(packed, dx, dy).split([3, 3, 1, 3, 1, 1, 1, 1, 3], dim=1)
-            points, normal, other, end, found, pdf, flies, taken, reflects = parts
-            alike = (taken > 0) & (surface.alpha >= SHARP_ALPHA) & ((other - surface.alpha).abs() < 0.1)
-            alike &= (dot(surface.normal, normal) > 0.9) & (dot(points - surface.points, surface.normal).abs() < near)
-            light = torch.where(found > 0, unit(end - surface.points), end)
-            cos_light, half = dot(surface.normal, light), unit(light + surface.eye)
-            value = ggx_distribution(dot(surface.normal, half), alpha)
-            value = value / (4 * cos_view * (masked + smith_lambda(cos_light, alpha)))
-            weight = torch.where(alike & (flies > 0) & (cos_light > 0), value / pdf.clamp_min(1e-6), 0.0)
-            reflected, members = reflected + reflects * alike, members + alike
+        parts = shifted(packed, dx, dy).split([3, 3, 1, 3, 1, 1, 1, 1, 3], dim=1)
+        points, normal, other, end, found, pdf, flies, taken, reflects = parts
+        alike = (taken > 0) & (surface.alpha >= SHARP_ALPHA) & ((other - surface.alpha).abs() < 0.1)
+        alike &= (dot(surface.normal, normal) > 0.9) & (dot(points - surface.points, surface.normal).abs() < near)
+        light = torch.where(found > 0, unit(end - surface.points), end)
+        cos_light, half = dot(surface.normal, light), unit(light + surface.eye)
+        value = ggx_distribution(dot(surface.normal, half), alpha)
+        value = value / (4 * cos_view * (masked + smith_lambda(cos_light, alpha)))
+        weight = torch.where(alike & (flies > 0) & (cos_light > 0), value / pdf.clamp_min(1e-6), 0.0)
+        reflected, members = reflected + reflects * alike, members + alike
         total, weights = total + weight * shifted(incoming, dx, dy), weights + weight
     return total / weights.clamp_min(1e-9), reflected / members.clamp_min(1)

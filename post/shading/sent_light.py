@@ -19,7 +19,7 @@ BRIGHTEST = 0.9  # share of the light before it that any bounce may have
 def sent_light(
     frame: Frame,
     *,
-    distance: float | None = None,
+    distance: float | Tensor | None = None,
     thickness: Tensor | float | None = None,
     steps: int = 12,
     bounces: int = 1,
@@ -82,10 +82,12 @@ def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int)
     return light - last + last / (1 - ratio.clamp(0.0, BRIGHTEST))
 
 
-def _sky_share(frame: Frame, distance: float | None, thickness: Tensor | float | None, steps: int) -> Tensor | float:
+def _sky_share(
+    frame: Frame, distance: float | Tensor | None, thickness: Tensor | float | None, steps: int
+) -> Tensor | float:
     if distance is not None:
         return 1.0 if frame.ao is None else frame.ao
     g = frame.gbuffer
     coarse = max(steps // SKY_COARSER, 1)
-    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse, "soft": False}
+    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse}
     return bitmask_ao(g.depth, g.normal, g.camera, hit=g.hit, thickness=thickness, index=frame.index, **sweep)[0]

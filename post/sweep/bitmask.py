@@ -103,7 +103,7 @@ def bitmask_ao(
     reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
     if thickness is None:
-        thickness = THICKNESS if reach is None else THICKNESS * float(reach.detach())
+        thickness = THICKNESS if reach is None else THICKNESS * reach
     unseen = 0.0 if reach is None else hidden * reach
     solid = planar_thickness(camera, depth, hit, thickness, unseen)
     around = slices.scene(camera, depth, normal, hit, solid)

@@ -15,14 +15,22 @@ FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
 
 
 def no_cover(like: Tensor, soft: bool) -> Tensor:
-    """Sectors none of which is covered: a mask ``(B, h, w)``, or fractions ``(SECTORS, B, h, w)`` when soft."""
+    """Sectors none of which is covered: a mask ``(B, h, w)``, or ``(3, SECTORS, B, h, w)`` when soft.
+
+    That is the covered fraction of each sector, and the ends of the part of it that is covered.
+    """
     if soft:
-        return like.new_zeros(SECTORS, *like.shape)
+        empty = like.new_zeros(3, SECTORS, *like.shape)
+        empty[1] = 1.0
+        return empty
     return torch.zeros_like(like, dtype=torch.int32)
 
 
 def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tensor) -> tuple[Tensor, Tensor]:
-    """Cover the sectors between two shares of the arc; also returns what is new in the cover."""
+    """Cover the sectors between two shares of the arc; also returns what is new in the cover.
+
+    Soft fractions are what dithered bits are on average: two covers of one sector add up but for where they overlap.
+    """
     if covered.dtype == torch.int32:
         first = (low * SECTORS + dither).int()
         last = torch.maximum((high * SECTORS + dither).int(), first)
@@ -30,9 +38,15 @@ def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tens
         bits = ((one << last) - (one << first)) * near.int()
         return covered | bits, bits & ~covered
     edge = torch.arange(SECTORS, dtype=low.dtype, device=low.device).view(-1, 1, 1, 1)
-    part = ((high * SECTORS - edge).clamp(0, 1) - (low * SECTORS - edge).clamp(0, 1)).clamp_min(0) * near
-    after = torch.maximum(covered, part)
-    return after, after - covered
+    begin, end = (low * SECTORS - edge).clamp(0, 1), (high * SECTORS - edge).clamp(0, 1)
+    part, (before, first, last) = (end - begin).clamp_min(0), covered
+    shared = (torch.minimum(end, last) - torch.maximum(begin, first)).clamp_min(0)
+    fresh = torch.maximum((part - shared).clamp_min(0) * near, part * near - before).clamp_min(0)
+    fresh = torch.minimum(fresh, 1 - before)
+    counts, apart = part * near > 0, (begin > last) | (end < first)
+    first = torch.where(counts, torch.where(apart, begin, torch.minimum(first, begin)), first)
+    last = torch.where(counts, torch.where(apart, end, torch.maximum(last, end)), last)
+    return torch.stack([before + fresh, first, last]), fresh
 
 
 def group_shares(sectors: Tensor) -> Tensor:
@@ -42,18 +56,23 @@ def group_shares(sectors: Tensor) -> Tensor:
         field = (1 << PER_GROUP) - 1
         counts = torch.stack([(counts >> (PER_GROUP * g)) & field for g in range(GROUPS)])
         return counts.to(torch.get_default_dtype()) / PER_GROUP
-    return sectors.unflatten(0, (GROUPS, PER_GROUP)).mean(1)
+    return _fractions(sectors).unflatten(0, (GROUPS, PER_GROUP)).mean(1)
 
 
 def share(sectors: Tensor) -> Tensor:
     """``(B, h, w)``: share of all sectors that is set."""
     if sectors.dtype != torch.int32:
-        return sectors.mean(0)
+        return _fractions(sectors).mean(0)
     counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
     field = (1 << PER_GROUP) - 1
     halves = counts + (counts >> (SECTORS // 2))  # sums of up to 10 still fit a field
     total = (halves & field) + ((halves >> PER_GROUP) & field) + ((halves >> (2 * PER_GROUP)) & field)
     return total.to(torch.get_default_dtype()) / SECTORS
+
+
+def _fractions(sectors: Tensor) -> Tensor:
+    """``(SECTORS, B, h, w)`` of a soft cover, or of what is new in it."""
+    return sectors[0] if sectors.ndim == 5 else sectors
 
 
 def slice_sums(cut: Slice, covered: Tensor, openness: Tensor | float = 1.0) -> Tensor:

@@ -25,8 +25,8 @@ def planar_thickness(
         camera: of the picture.
         depth: ``(B, 1, H, W)`` planar view z, world units.
         hit: ``(B, 1, H, W)`` bool.
-        thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything, which is
-            taken as it is.
+        thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything, a number
+            or 0-dim tensor, which is taken as it is.
         hidden: added to what is measured, world units, for what lies behind unseen.
 
     Returns:
@@ -34,8 +34,8 @@ def planar_thickness(
     """
     toward = -camera.to_eye(camera.unproject(torch.ones_like(depth)))[:, 2:]
     limit = (UNBOUNDED * depth).detach()
-    if not isinstance(thickness, Tensor):
-        return torch.minimum(torch.full_like(depth, thickness), limit) * toward
+    if not isinstance(thickness, Tensor) or thickness.ndim == 0:
+        return torch.minimum(torch.as_tensor(thickness).to(depth).expand_as(depth), limit) * toward
     back = depth + torch.minimum(thickness.to(depth.dtype), limit) * toward
     return bodies(depth, hit, back) - depth + hidden * toward
 

@@ -123,3 +123,28 @@ def test_functions_are_documented(function):
     missing = [n for n in names if f"{n}:" not in doc and f"{n}``" not in doc]
     assert not missing, f"{function.__name__} does not document {missing}"
     assert all(p.kind is not p.VAR_KEYWORD for p in inspect.signature(function).parameters.values())
+
+
+@pytest.mark.parametrize("function", [post.gtao, post.bitmask_ao, post.ssgi, post.ssr, post.march_gi])
+def test_gatherers_take_their_arguments_in_one_order(function):
+    """``(depth, normal, camera, light, material)``, and all that is optional by name."""
+    parameters = list(inspect.signature(function).parameters.values())
+    order = [p.name for p in parameters if p.kind is not p.KEYWORD_ONLY]
+    material = {"ssr": "roughness"}.get(function.__name__, "albedo")
+    assert order == ["depth", "normal", "camera", "light", material][: len(order)]
+    optional = [p for p in parameters if p.kind is p.KEYWORD_ONLY]
+    assert all(p.default is not p.empty for p in optional)
+    assert {"hit", "thickness", "index", "seed"} <= {p.name for p in optional}
+
+
+@pytest.mark.parametrize("function", [post.ssr, post.march_gi])
+def test_hit_is_every_pixel_and_thickness_half_a_unit_by_default(function):
+    frame = boxes.frame(boxes.camera((24, 32)))
+    g = frame.gbuffer
+    inputs = (g.depth, g.normal + 1e-3, g.camera, frame.read("radiance"))
+    material = g.roughness if function is post.ssr else g.albedo
+    every = torch.ones_like(g.hit)
+    plain, said = function(*inputs, material), function(*inputs, material, hit=every, thickness=0.5)
+    assert all(torch.equal(a, b) for a, b in zip(plain, said, strict=True))
+    deep = function(*inputs, material, hit=every, thickness=torch.full_like(g.depth, 9.0))
+    assert not all(torch.equal(a, b) for a, b in zip(plain, deep, strict=True))

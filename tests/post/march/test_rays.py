@@ -30,7 +30,7 @@ def mirror(
     g = frame.gbuffer
     points, directions = mirrors.reflected(frame)
     solid = g.thickness if assumed is None else assumed
-    hierarchy = depth_hierarchy(g.depth, g.hit, g.normal, g.camera, thickness=solid)
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=solid)
     flying = g.camera.rotate_to_view(directions)
     hits = march_rays(hierarchy, g.points_view(), flying, g.camera, compiled=compiled, **options)
     return hits, mirrors.meet(g.camera, points, directions)
@@ -76,7 +76,7 @@ def test_an_open_floor_never_meets_itself(compiled, half):
     frame = boxes.frame(boxes.camera((60, 80)), boxes=boxes.ROOM[:1])
     g = frame.gbuffer
     depth = g.depth.half().float() if half else g.depth
-    hierarchy = depth_hierarchy(depth, g.hit, g.normal, g.camera)
+    hierarchy = depth_hierarchy(depth, g.normal, g.camera, hit=g.hit)
     points = g.camera.unproject(depth)
     generator = torch.Generator().manual_seed(1)
     wild = torch.randn(points.shape, generator=generator)
@@ -100,11 +100,11 @@ def pole_scene() -> tuple:
 def test_rays_pass_behind_what_is_thin(compiled):
     g, start, way = pole_scene()
     assert g.thickness is not None
-    measured = depth_hierarchy(g.depth, g.hit, g.normal, g.camera, thickness=g.thickness)
+    measured = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
     hits = march_rays(measured, start, way, g.camera, compiled=compiled)
     assert hits.hit.all()
     assert abs(float(hits.distance) - (1 + 0.25**2) ** 0.5 * 4) < 1e-3, "it meets the wall at x = 1"
-    thick = depth_hierarchy(g.depth, g.hit, g.normal, g.camera, thickness=20.0)
+    thick = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=20.0)
     hits = march_rays(thick, start, way, g.camera, compiled=compiled)
     assert hits.blocked.all(), "a pole taken for a slab stops the ray, at a side that nobody sees"
     assert not hits.hit.any()
@@ -114,7 +114,7 @@ def test_rays_pass_behind_what_is_thin(compiled):
 def test_what_goes_on_behind_a_pole_ends_rays(compiled):
     g, start, _ = pole_scene()
     way = g.camera.rotate_to_view(torch.tensor([3.0, 0.0, -1.0])[None, :, None, None] / 10**0.5)
-    hierarchy = depth_hierarchy(g.depth, g.hit, g.normal, g.camera, thickness=g.thickness)
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
     hits = march_rays(hierarchy, start, way, g.camera, compiled=compiled)
     assert hits.blocked.all(), "it meets the wall at x = 0, where the pole hides it"
     assert abs(float(hits.distance) - 10**0.5) < 1e-3
@@ -147,7 +147,7 @@ def test_steps_and_distance_end_rays():
 def test_sky_stops_no_ray_and_nothing_flies_from_nowhere():
     frame = boxes.frame(boxes.camera((20, 30)), boxes=boxes.ROOM + 500)
     g = frame.gbuffer
-    hierarchy = depth_hierarchy(g.depth, g.hit, g.normal, g.camera)
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit)
     origins = g.camera.unproject(torch.full_like(g.depth, 5.0))
     for directions in (torch.zeros_like(origins), torch.nn.functional.normalize(torch.ones_like(origins), dim=1)):
         hits = march_rays(hierarchy, origins, directions, g.camera)
@@ -176,8 +176,8 @@ def test_batch_equals_loop_and_any_size():
 def test_wrong_arguments():
     g = boxes.frame(boxes.camera((8, 8))).gbuffer
     with pytest.raises(ValueError, match=r"depth must be \(1,1,8,8\)"):
-        depth_hierarchy(g.depth[..., :4], g.hit, g.normal, g.camera)
-    hierarchy = depth_hierarchy(g.depth, g.hit, g.normal, g.camera)
+        depth_hierarchy(g.depth[..., :4], g.normal, g.camera, hit=g.hit)
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit)
     with pytest.raises(ValueError, match="steps"):
         march_rays(hierarchy, g.points_view(), g.normal, g.camera, steps=0)
 
@@ -186,7 +186,7 @@ def test_operator_is_registered_properly():
     from post.march.kernel import march_rays_cpu
 
     g = boxes.frame(boxes.camera((6, 8))).gbuffer
-    hierarchy = depth_hierarchy(g.depth, g.hit, g.normal, g.camera)
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit)
     lens = torch.ones(1, 4, dtype=torch.float64)
     arguments = (*hierarchy, lens, g.points_view(), g.normal, 0.05, False, 10.0, 8)
     torch.library.opcheck(march_rays_cpu, arguments, test_utils=("test_schema", "test_faketensor"))
@@ -197,7 +197,7 @@ def test_second_process_compiles_nothing():
     code = (
         "import torch; from gbufrt import Camera; from post.march.rays import depth_hierarchy, march_rays;"
         "c = Camera.look_at((0, 0, 3), (0, 0, 0), size=(4, 4)); o = torch.ones(1, 1, 4, 4);"
-        "h = depth_hierarchy(o, o > 0, o.expand(-1, 3, -1, -1), c); march_rays(h, c.unproject(o), c.unproject(o), c);"
+        "h = depth_hierarchy(o, o.expand(-1, 3, -1, -1), c); march_rays(h, c.unproject(o), c.unproject(o), c);"
         "from post.march.kernel import _march_all as f; print(sum(f.stats.cache_misses.values()))"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

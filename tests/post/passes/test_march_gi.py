@@ -20,7 +20,7 @@ from post.passes.march_gi import MarchGI, bounce_light, feedback_gain, march_gi
 def inputs(frame: Frame) -> tuple[Any, ...]:
     g = frame.gbuffer
     assert g.albedo is not None
-    return g.depth, g.hit, g.normal, frame.read("radiance"), g.albedo, g.camera
+    return g.depth, g.normal, g.camera, frame.read("radiance"), g.albedo
 
 
 def scene(size: tuple[int, int] = (30, 40), **options: Any) -> Frame:
@@ -47,7 +47,15 @@ def test_agrees_with_brute_force(tilted, orthographic):
     g = frame.gbuffer
     lean = torch.nn.functional.normalize(g.normal + torch.tensor([0.5, 0.6, 0.3])[None, :, None, None], dim=1)
     bent = torch.where(g.hit, lean, 0.0) if tilted else None
-    gi, sky = march_gi(*inputs(frame), bent_normal=bent, thickness=g.thickness, rays=48, steps=128, distance=100.0)
+    gi, sky = march_gi(
+        *inputs(frame),
+        hit=frame.gbuffer.hit,
+        bent_normal=bent,
+        thickness=g.thickness,
+        rays=48,
+        steps=128,
+        distance=100.0,
+    )
     true_gi, true_sky = brute_force(frame)
     hit = g.hit.expand_as(gi)
     error = ((gi - true_gi)[hit].square().sum() / true_gi[hit].square().sum()).item()
@@ -58,7 +66,7 @@ def test_agrees_with_brute_force(tilted, orthographic):
 
 def test_open_plane_is_neutral():
     frame = boxes.frame(boxes.camera((30, 40)), boxes=boxes.ROOM[:1])
-    gi, sky = march_gi(*inputs(frame), rays=4)
+    gi, sky = march_gi(*inputs(frame), hit=frame.gbuffer.hit, rays=4)
     assert gi.abs().max() == 0
     assert torch.allclose(sky, torch.ones_like(sky))
 
@@ -71,7 +79,7 @@ def test_a_corner_sees_half_of_each_wall():
     g = frame.gbuffer
     wall = (frame.read("material_id") == 2).float().expand(-1, 3, -1, -1)
     white = torch.ones_like(wall)
-    gi, _ = march_gi(g.depth, g.hit, g.normal, wall, white, camera, rays=128, steps=128, distance=2000.0)
+    gi, _ = march_gi(g.depth, g.normal, camera, wall, white, hit=g.hit, rays=128, steps=128, distance=2000.0)
     points = g.camera.to_world(g.points_view())
     foot = g.hit & (g.normal[:, 1:2] > 0.5) & (points[:, 2:3] < -5.0) & (points[:, 0:1].abs() < 10.0)
     assert foot.sum() > 3
@@ -116,7 +124,14 @@ def test_module_equals_function():
     g = frame.gbuffer
     result = MarchGI(rays=3, bounces=1, seed=2)(frame.replace(bent_normal=g.normal, index=5))
     gi, sky = march_gi(
-        *inputs(frame), bent_normal=g.normal, normal_geo=g.normal_geo, thickness=g.thickness, index=5, rays=3, seed=2
+        *inputs(frame),
+        hit=frame.gbuffer.hit,
+        bent_normal=g.normal,
+        normal_geo=g.normal_geo,
+        thickness=g.thickness,
+        index=5,
+        rays=3,
+        seed=2,
     )
     assert torch.equal(result.read("gi"), gi)
     assert torch.equal(result.read("sky_visibility"), sky)
@@ -154,11 +169,11 @@ def test_awkward_frames(case):
 
 def test_gradients_reach_light_and_albedo():
     frame = boxes.frame(boxes.camera((6, 8))).to(torch.float64)
-    depth, hit, normal, light, albedo, camera = inputs(frame)
+    depth, normal, camera, light, albedo = inputs(frame)
     light, albedo = light.clone().requires_grad_(), albedo.clone().requires_grad_()
 
     def run(light: Tensor, albedo: Tensor) -> Tensor:
-        return march_gi(depth, hit, normal, light, albedo, camera, rays=4)[0]
+        return march_gi(depth, normal, camera, light, albedo, hit=frame.gbuffer.hit, rays=4)[0]
 
     assert torch.autograd.gradcheck(run, (light, albedo), fast_mode=True)
     run(light, albedo).sum().backward()

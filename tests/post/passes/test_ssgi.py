@@ -198,6 +198,44 @@ def test_batch_is_the_same_as_one_by_one_and_module_is_the_function() -> None:
         assert torch.equal(alone.read("sky_visibility"), expected[1])
 
 
+@pytest.mark.parametrize("tunables", [{}, {"resolution": 2}, {"distance": 4.0}])
+def test_a_gradient_in_light_or_albedo_leaves_the_result_alone(tunables: dict[str, Any]) -> None:
+    frame = boxes.frame(boxes.camera(SIZE))
+    g, light, albedo = frame.gbuffer, frame.read("radiance"), frame.read("albedo")
+    wanted = ssgi(g.depth, g.normal, g.camera, light, albedo, hit=g.hit, **tunables)
+    leaves = light.clone().requires_grad_(), albedo.clone().requires_grad_()
+    found = ssgi(g.depth, g.normal, g.camera, *leaves, hit=g.hit, **tunables)
+    for a, b in zip(found, wanted, strict=True):
+        torch.testing.assert_close(a, b, atol=1e-6, rtol=1e-5)
+    way = torch.rand(light.shape, generator=torch.Generator().manual_seed(2))
+    along = ssgi(g.depth, g.normal, g.camera, way, albedo, hit=g.hit, **tunables)[0]  # linear in light
+    gradient = torch.autograd.grad(found[0].sum(), leaves)
+    assert float((gradient[0] * way).sum()) == pytest.approx(float(along.sum()), rel=1e-3)
+    assert float((gradient[1] * albedo).sum()) == pytest.approx(float(wanted[0].sum()), rel=1e-4)
+
+
+@pytest.mark.parametrize(("tunables", "apart"), [({}, 2e-3), ({"thickness": 0.5}, 2e-3), ({"distance": 4.0}, 1e-2)])
+def test_soft_and_dithered_sectors_agree_on_average(tunables: dict[str, Any], apart: float) -> None:
+    """Within a distance the soft form fades there, where the dithered one ends."""
+    frame = boxes.frame(boxes.camera(SIZE))
+    g, totals = frame.gbuffer, []
+    for leaf in (g.depth, g.depth.clone().requires_grad_()):
+        sweep: dict[str, Any] = {"hit": g.hit, "thickness": g.thickness, **tunables}
+        inputs = (leaf, g.normal, g.camera, frame.read("radiance"), frame.read("albedo"))
+        frames = [ssgi(*inputs, index=i, **sweep) for i in range(6)]
+        totals.append([float(sum(f[k].detach().mean() for f in frames)) for k in (0, 1)])
+    for hard, soft in zip(*totals, strict=True):
+        assert soft == pytest.approx(hard, rel=apart)
+
+
+def test_the_sky_that_senders_see_has_its_gradient() -> None:
+    """The coarse sweep over it is covered by fractions, too: dithered bits would pass nothing on."""
+    frame = boxes.frame(boxes.camera(SIZE))
+    thickness = frame.read("thickness").clone().requires_grad_()
+    (gradient,) = torch.autograd.grad(sent_light(frame, thickness=thickness).sum(), thickness)
+    assert float(gradient.abs().max()) > 1e-3
+
+
 def test_gradients_match_finite_differences_and_are_not_zero() -> None:
     g = boxes.frame(boxes.camera((5, 6))).to(torch.float64).gbuffer
     depth = g.depth.clone().requires_grad_()

@@ -228,8 +228,8 @@ def test_module_equals_function():
     result = SSR(samples=2, steps=32, reuse=2, seed=3)(frame)
     light = outgoing_light(frame)
     by_hand = ssr(
-        g.depth, g.hit, g.normal, g.roughness, light, g.camera, torch.ones_like(light), g.normal_geo, g.thickness,
-        frame.environment, samples=2, steps=32, reuse=2, seed=3,
+        g.depth, g.normal, g.camera, light, g.roughness, hit=g.hit, f0=torch.ones_like(light), normal_geo=g.normal_geo,
+        thickness=g.thickness, environment=frame.environment, samples=2, steps=32, reuse=2, seed=3,
     )  # fmt: skip
     for name, tensor in zip(("reflection", "reflection_confidence", "reflection_distance"), by_hand, strict=True):
         assert torch.equal(result.read(name), tensor)
@@ -268,8 +268,8 @@ def test_gradients_reach_light_sky_and_reflectance():
     def run(light: Tensor, f0: Tensor, environment: Tensor) -> Tensor:
         assert g.roughness is not None
         return ssr(
-            g.depth, g.hit, g.normal, g.roughness, light, g.camera, f0, None, g.thickness, environment,
-            samples=2, reuse=2,
+            g.depth, g.normal, g.camera, light, g.roughness, hit=g.hit, f0=f0, thickness=g.thickness,
+            environment=environment, samples=2, reuse=2,
         )[0]  # fmt: skip
 
     assert torch.autograd.gradcheck(run, (light, f0, environment), fast_mode=True)

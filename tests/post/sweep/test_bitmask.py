@@ -110,6 +110,40 @@ def test_soft_sectors_agree_with_dithered_ones() -> None:
     assert float((soft - hard).abs().mean()) < 0.005
 
 
+def test_soft_sectors_are_the_mean_of_dithered_ones() -> None:
+    """Bodies of taps that abut or overlap, as sweeps see them; the mean over evenly spaced dithers is exact."""
+    generator, steps = torch.Generator().manual_seed(4), 6
+    ends = torch.rand(steps, 1, 8, 9, generator=generator).cumsum(0) * 0.08
+    slack = 0.02 * torch.rand(steps, 1, 8, 9, generator=generator)
+    dithers = (torch.arange(600) + 0.5) / 600
+    total = torch.zeros(SECTORS, 1, 8, 9)
+    for dither in dithers:
+        mask = no_cover(ends[0], soft=False)
+        for i in range(steps - 1):
+            mask, _ = cover(mask, ends[i] - slack[i], ends[i + 1], torch.ones(1, 8, 9), dither.expand(1, 8, 9))
+        total += torch.stack([(mask >> bit) & 1 for bit in range(SECTORS)]) / len(dithers)
+    covered, gained = no_cover(ends[0], soft=True), torch.zeros(1, 8, 9)
+    for i in range(steps - 1):
+        covered, fresh = cover(covered, ends[i] - slack[i], ends[i + 1], torch.ones(1, 8, 9), ends[i])
+        gained = gained + share(fresh)
+    torch.testing.assert_close(covered[0], total, atol=4e-3, rtol=0)
+    torch.testing.assert_close(gained, share(covered))
+
+
+def test_the_default_thickness_has_the_gradient_of_the_radius() -> None:
+    """With the radius for a thickness, solids reach as deep as it does: half of its gradient went missing."""
+    g = boxes.frame(boxes.camera((8, 10))).to(torch.float64).gbuffer
+    radius = torch.tensor(3.0, dtype=torch.float64)
+
+    def run(radius: Tensor) -> Tensor:
+        sweep: dict[str, Any] = {"hit": g.hit, "radius": radius, "directions": 2, "steps": 3, "soft": True}
+        return bitmask_ao(g.depth, g.normal, g.camera, **sweep)[0].sum()
+
+    (gradient,) = torch.autograd.grad(run(leaf := radius.clone().requires_grad_()), leaf)
+    wanted = (run(radius + 1e-6) - run(radius - 1e-6)) / 2e-6
+    assert float(gradient) == pytest.approx(float(wanted), rel=1e-3)
+
+
 def test_gradients_match_finite_differences_and_are_not_zero() -> None:
     g = boxes.frame(boxes.camera((8, 10))).to(torch.float64).gbuffer
     assert g.thickness is not None
