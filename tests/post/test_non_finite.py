@@ -11,7 +11,7 @@ from stages import PASSES, dress, run, written
 from torch import Tensor
 
 import post
-from gbufrt import CHANNELS, Frame, GBuffer, Pipeline, Stage, TemporalPass
+from gbufrt import CHANNELS, Frame, Pipeline, Stage, TemporalPass
 
 SIZE = (72, 96)
 AT = (40, 50)  # row and column, on the floor before the box
@@ -144,18 +144,20 @@ def test_every_pass_says_how_far_it_reaches():
     assert {c.__name__ for c in PASSES} == set(REACH)
 
 
-def calls(g: GBuffer, color: Tensor, env: Tensor) -> dict[str, Any]:
+def calls(frame: Frame) -> dict[str, Any]:
     """The functions that look all over the picture, or remember, by name."""
+    g, color, env = frame.gbuffer, frame.read("radiance"), frame.read("environment")
+    albedo, roughness, motion = (frame.read(name) for name in ("albedo", "roughness", "motion"))
     shape = (g.depth, g.normal, g.camera)
     return {
         "gtao": lambda: post.gtao(*shape, hit=g.hit)[0],
         "gtao horizon": lambda: post.gtao(*shape, hit=g.hit, method="horizon")[0],
         "gtao without hit": lambda: post.gtao(*shape)[0],
-        "ssgi": lambda: post.ssgi(*shape, color, g.albedo, hit=g.hit)[0],
-        "march_gi": lambda: post.march_gi(g.depth, g.hit, g.normal, color, g.albedo, g.camera)[0],
-        "ssr": lambda: post.ssr(g.depth, g.hit, g.normal, g.roughness, color, g.camera, environment=env)[0],
+        "ssgi": lambda: post.ssgi(*shape, color, albedo, hit=g.hit)[0],
+        "march_gi": lambda: post.march_gi(g.depth, g.hit, g.normal, color, albedo, g.camera)[0],
+        "ssr": lambda: post.ssr(g.depth, g.hit, g.normal, roughness, color, g.camera, environment=env)[0],
         "exposure": lambda: post.exposure(color)[0],
-        "motion_blur": lambda: post.motion_blur(color, g.depth, g.motion),
+        "motion_blur": lambda: post.motion_blur(color, g.depth, motion),
         "depth_of_field": lambda: post.depth_of_field(color, g.depth, g.camera, hit=g.hit, aperture_radius=0.5),
         "depth_of_field without hit": lambda: post.depth_of_field(color, g.depth, g.camera),
         "autofocus": lambda: post.autofocus(g.depth, g.camera)[:, None, None, None],
@@ -168,11 +170,10 @@ def calls(g: GBuffer, color: Tensor, env: Tensor) -> dict[str, Any]:
 def test_functions_hold_bad_pixels_too(kind):
     """Those of them that look all over the picture: the rest reach as far as their taps do, whatever is there."""
     frame = boxes.frame(boxes.camera(SIZE), previous=boxes.camera(SIZE, dx=0.05))
-    g, light, env = frame.gbuffer, frame.read("radiance"), frame.read("environment")
-    good = calls(g, light, env)
+    good = calls(frame)
     for name in ("depth", "normal", "motion", "radiance", "environment"):
         bad = spoiled(frame, name, BAD[kind])
-        for which, call in calls(bad.gbuffer, bad.read("radiance"), bad.read("environment")).items():
+        for which, call in calls(bad).items():
             if which in ("temporal", "taa") and name in CHANNELS:
                 continue  # a G-buffer is held where a frame enters its pass
             found, clean = call(), good[which]()
