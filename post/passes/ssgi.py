@@ -109,14 +109,14 @@ def ssgi(
     if compiled is None:
         with torch.set_grad_enabled(soft):
             compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
-    sums = None if compiled and not lit else _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
+    sums = at.z.new_empty(0) if compiled and not lit else _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
     if compiled:
         from post.sweep.op import sweep
 
         asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
         with torch.no_grad():
             found = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]
-        sums = found if sums is None else sums + (found - sums).detach()  # the same numbers, and the light's gradient
+        sums = sums + (found - sums).detach() if lit else found  # the same numbers, and the light's gradient
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:

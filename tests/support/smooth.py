@@ -82,4 +82,4 @@ def compare(
         assert bool(torch.isfinite(gradient).all())
         size = (weight * fine).norm().clamp_min(1e-12)
         found.append(torch.stack([(gradient * way).sum(), (weight * fine).sum()]) / size)
-    return torch.stack(found).unbind(1)
+    return torch.stack([a for a, _ in found]), torch.stack([b for _, b in found])
