@@ -10,23 +10,22 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
-from gbufrt.compute.fusion import fusible, scalar_form_fits
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.fusion import fusible
 from gbufrt.noise.noise import blue_noise
 from post.filters.upsample import upsample
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import arcs as horizon
 from post.sweep import slices
-from post.sweep.arcs import Tap
 from post.sweep.bitmask import blocked, overlap, own_solid, start
+from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE
+from post.sweep.layout import Receivers, Scene, Tap
+from post.sweep.op import sweep
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
-from post.sweep.sectors import GROUPS, cover, no_cover, share, slice_sums
-from post.sweep.slices import Receivers, Scene
+from post.sweep.sectors import cover, no_cover, share, slice_sums
 from post.sweep.thickness import planar_thickness
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
-LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
-ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
-FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
 
 
@@ -70,14 +69,15 @@ def ssgi(
         resolution: 1, or 2 to sweep at every second pixel both ways and bring the result to all along surfaces.
         index: frame number, for the noise.
         seed: another seed, another noise.
-        compiled: use the compiled kernel; by default as `post.bitmask_ao` does.
+        compiled: whether to use the kernel; by default as `post.bitmask_ao` does.
 
     Returns:
         gi ``(B, 3, H, W)``, outgoing linear radiance with albedo included; sky_visibility ``(B, 1, H, W)``, 1 open
         (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2.
+        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2, or a
+                kernel is wished for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
@@ -97,15 +97,11 @@ def ssgi(
     sky = sky_beyond(camera, hit, normal) if distance is None else None
     radii = () if distance is None else (depth.new_tensor(distance),)
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
-    if compiled is None:
-        compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
-    if compiled:
-        from post.sweep.op import sweep
-
+    if form_of(around.picture, around.origin_x, at.x, at.nx, compiled=compiled, fuses=True) is Form.REFERENCE:
+        sums = _sweep(around, at, noise, radii, sky, **sizes)
+    else:
         asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
         sums = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]
-    else:
-        sums = _sweep(around, at, noise, radii, sky, **sizes)
     visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
