@@ -35,21 +35,37 @@ def is_scalar(value: Any) -> bool:
 
 
 class Target:
-    """A device that bodies are compiled for.
+    """A device that bodies are compiled for, and how.
 
     Args:
-        compiler: makes a helper, one whose own helpers are compiled, callable from compiled code.
+        jit: numba's compiler for the device.
+        helper: its options for what bodies call.
+        entry: its options for a body that a driver calls as ``item``.
+        driver: its options for drivers.
     """
 
-    def __init__(self, compiler: Callable[[FunctionType], Any]) -> None:
-        self._compiler = compiler
+    def __init__(
+        self, jit: Callable[..., Any], *, helper: dict[str, Any], entry: dict[str, Any], driver: dict[str, Any]
+    ) -> None:
+        self._helper, self._entry, self._driver = jit(**helper), jit(**entry), jit(**driver)
+        self._options = f"{helper} {entry} {driver}"
         self._compiled: dict[FunctionType, Any] = {}
 
+    def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
+        """numba's dispatcher for a driver, and for the body that it calls as ``item`` if it serves every body.
+
+        numba looks for machine code under the name of a function, which here says all that the code depends on.
+        """
+        replaced = {} if item is None else {"item": self._entry(self.bind(item))}
+        bound = self.bind(driver, **replaced)
+        key = fingerprint(driver, self._options, item)
+        bound.__qualname__ = f"{name}-{key}"
+        return self._driver(bound)
+
     def bind(self, function: FunctionType, **replaced: Any) -> FunctionType:
-        """A copy of a function in whose globals marked functions are compiled; ``replaced`` are other globals."""
-        named = references(function) | replaced
-        space = {name: self._resolve(value, function) for name, value in named.items()}
-        space |= {"__builtins__": builtins, "__name__": function.__module__}
+        """A copy of a function in whose globals marked functions are compiled, and ``replaced`` are others."""
+        space = {name: self._resolve(value, function) for name, value in references(function).items()}
+        space |= {"__builtins__": builtins, "__name__": function.__module__, **replaced}
         copy = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
         copy.__qualname__ = function.__qualname__
         return copy
@@ -57,7 +73,7 @@ class Target:
     def helper(self, function: FunctionType) -> Any:
         """The compiled form of a marked function, one for all that call it."""
         if function not in self._compiled:
-            self._compiled[function] = self._compiler(self.bind(function))
+            self._compiled[function] = self._helper(self.bind(function))
         return self._compiled[function]
 
     def _resolve(self, value: Any, user: FunctionType) -> Any:
@@ -92,31 +108,35 @@ def references(function: FunctionType) -> dict[str, Any]:
     return {name: function.__globals__[name] for name in sorted(names) if name in function.__globals__}
 
 
-def fingerprint(function: FunctionType, **replaced: Any) -> str:
+def fingerprint(function: FunctionType, options: str = "", item: FunctionType | None = None) -> str:
     """A name for what a function does: other code or another constant, here or in what it calls, gives another.
 
     Line numbers, comments, docstrings and annotations do not count.
 
     Args:
         function: a body or driver.
-        replaced: other values for globals that it names, as `Target.bind` takes them.
+        options: what else machine code depends on.
+        item: what the function calls as ``item``, if not what its module has under that name.
 
     Raises:
         TypeError: it names something that is neither a number, tuple, array, type or module, nor a marked function.
     """
-    digest, done = hashlib.sha256(), dict.fromkeys([function])
-    pending = [function]
+    digest = hashlib.sha256(options.encode())
+    pending = [function] if item is None else [function, item]
+    done = set(pending)
     while pending:
         one = pending.pop()
+        named = {
+            name: x for name, x in references(one).items() if item is None or name != "item" or one is not function
+        }
         for text in _describe_code(one.__code__, one):
             digest.update(text.encode() + b"\0")
-        named = references(one) | (replaced if one is function else {})
         for name, value in named.items():
             for text in (name, *_describe(value, one)):
                 digest.update(text.encode() + b"\0")
             for called in _called(value, one):
                 if called not in done:
-                    done[called] = None
+                    done.add(called)
                     pending.append(called)
     return digest.hexdigest()[:16]
 

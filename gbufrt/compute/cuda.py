@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from types import FunctionType
 from typing import Any
 
 import torch
@@ -20,7 +19,7 @@ from gbufrt.compute.kernel import Kernel, array
 
 BLOCK = 128  # threads: enough to hide the latency of memory, few enough that items of one block lie close together
 
-CUDA = Target(cuda.jit(device=True))
+CUDA = Target(cuda.jit, helper={"device": True}, entry={"device": True}, driver={"cache": True})
 
 
 def item(i: int, *arguments: Any) -> None:
@@ -33,25 +32,10 @@ def _each(count, arguments):
         item(i, *arguments)
 
 
-class _Launch:
-    """A CUDA kernel that takes as many threads as there are items, on the stream that torch works on."""
-
-    def __init__(self, loop: FunctionType) -> None:
-        self._kernel = cuda.jit(cache=True)(loop)
-
-    @property
-    def stats(self) -> Any:
-        return self._kernel.stats
-
-    def __call__(self, count: int, arguments: tuple[Any, ...]) -> None:
-        stream = cuda.external_stream(torch.cuda.current_stream().cuda_stream) if torch.cuda.is_available() else 0
-        self._kernel[-(-count // BLOCK), BLOCK, stream](count, arguments)
-
-
 @cache
 def kernel_of(body: Callable[..., Any]) -> Kernel:
     """The CUDA kernel of a body, one item a thread."""
-    return Kernel(_each, CUDA, _Launch, item=body)
+    return Kernel(_each, CUDA, item=body)
 
 
 def launch(body: Callable[..., Any], count: int, arguments: Sequence[Tensor | float]) -> None:
@@ -60,11 +44,13 @@ def launch(body: Callable[..., Any], count: int, arguments: Sequence[Tensor | fl
         return  # CUDA has no empty grids
     device = next((x.device for x in arguments if isinstance(x, Tensor) and x.is_cuda), None)
     given = tuple(_device_array(x) if isinstance(x, Tensor) else x for x in arguments)
+    blocks = -(-count // BLOCK)
     if device is None:
-        kernel_of(body)(count, given)
+        kernel_of(body)(count, given, grid=(blocks, BLOCK))
         return
     with torch.cuda.device(device), cuda.gpus[device.index]:
-        kernel_of(body)(count, given)
+        stream = cuda.external_stream(torch.cuda.current_stream().cuda_stream)
+        kernel_of(body)(count, given, grid=(blocks, BLOCK, stream))
 
 
 def _device_array(tensor: Tensor) -> Any:

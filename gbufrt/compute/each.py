@@ -8,7 +8,7 @@ from typing import Any
 from numba import prange
 from torch import Tensor
 
-from gbufrt.compute.kernel import CPU, Kernel, array, parallel, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, threads
 
 ROWS = 64  # items handed to a thread at a time
 
@@ -33,7 +33,7 @@ class Each:
 
     def __init__(self, body: Callable[..., Any]) -> None:
         self.body = body
-        self.on_cpu = Kernel(_each, CPU, parallel, item=body)
+        self.on_cpu = Kernel(_each, CPU, item=body)
 
     def __call__(self, count: int, *arguments: Tensor | float) -> None:
         """Run the body where the tensors lie.

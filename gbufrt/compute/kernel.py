@@ -15,8 +15,7 @@ cache off, so it is an argument.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, partial
-from types import FunctionType
+from functools import cache
 from typing import Any
 
 import numba
@@ -24,15 +23,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt.compute.bodies import Target, fingerprint, scalar
+from gbufrt.compute.bodies import Target, scalar
 
-__all__ = ["CPU", "Kernel", "array", "driver", "parallel", "scalar", "threads"]
+__all__ = ["CPU", "Kernel", "array", "driver", "scalar", "threads"]
 
-CPU = Target(numba.njit(nogil=True, error_model="numpy"))  # helpers are cached as part of their driver
-
-
-parallel = partial(numba.njit, cache=True, nogil=True, parallel=True, error_model="numpy")
-"""Compiles a driver for the CPU."""
+_PLAIN = {"nogil": True, "error_model": "numpy"}
+CPU = Target(
+    numba.njit,
+    helper=_PLAIN,  # cached as part of their driver
+    entry=_PLAIN | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
+    driver=_PLAIN | {"cache": True, "parallel": True},
+)
 
 
 class Kernel:
@@ -40,48 +41,37 @@ class Kernel:
 
     Args:
         loop: the driver: plain Python that calls bodies marked `scalar`.
-        target: of its helpers.
-        compiler: of the driver itself, to what is called and has numba's ``stats``.
-        item: what the driver calls by this name, if it serves every body.
+        target: what it is compiled for.
+        item: the body that the driver calls by this name, if it serves every body.
     """
 
-    def __init__(
-        self,
-        loop: Callable[..., Any],
-        target: Target,
-        compiler: Callable[[FunctionType], Any],
-        *,
-        item: Callable[..., Any] | None = None,
-    ) -> None:
-        assert isinstance(loop, FunctionType)
-        self._loop, self._target, self._compiler = loop, target, compiler
-        self._replaced = {} if item is None else {"item": item}
-        self.name = loop.__qualname__ if item is None else f"{item.__module__}.{item.__qualname__}"
+    def __init__(self, loop: Callable[..., Any], target: Target, *, item: Callable[..., Any] | None = None) -> None:
+        self._parts: Any = loop, item
+        self._target = target
+        body = loop if item is None else item
+        self.name = f"{body.__module__}.{body.__qualname__}"
         self._compiled: Any = None
 
-    def __call__(self, *arguments: Any) -> None:
+    def __call__(self, *arguments: Any, grid: tuple[Any, ...] | None = None) -> None:
+        """Run the driver; ``grid`` is the blocks, threads and stream of a CUDA kernel."""
         if self._compiled is None:
-            self._first_call(*arguments)
+            self._first_call(arguments, grid)
         else:
-            self._compiled(*arguments)
-
-    @property
-    def compiled(self) -> Any:
-        """The driver for its target, under a name that says what it does: by its name numba finds machine code."""
-        if self._compiled is None:
-            loop = self._target.bind(self._loop, **self._replaced)
-            loop.__qualname__ = f"{self.name}-{fingerprint(self._loop, **self._replaced)}"
-            self._compiled = self._compiler(loop)
-        return self._compiled
+            self._run(arguments, grid)
 
     @property
     def misses(self) -> int:
         """How often it was compiled in this process, rather than read from the cache."""
-        return sum(self.compiled.stats.cache_misses.values())
+        return 0 if self._compiled is None else sum(self._compiled.stats.cache_misses.values())
 
-    def _first_call(self, *arguments: Any) -> None:
-        """The one place from which a kernel is made and first called in a process."""
-        self.compiled(*arguments)
+    def _first_call(self, arguments: tuple[Any, ...], grid: tuple[Any, ...] | None) -> None:
+        """The one place where a kernel is made and, for the first time in a process, called."""
+        self._compiled = self._target.compile(*self._parts, self.name)
+        self._run(arguments, grid)
+
+    def _run(self, arguments: tuple[Any, ...], grid: tuple[Any, ...] | None) -> None:
+        run = self._compiled if grid is None else self._compiled[grid]
+        run(*arguments)
 
 
 def driver(loop: Callable[..., Any]) -> Kernel:
@@ -89,7 +79,7 @@ def driver(loop: Callable[..., Any]) -> Kernel:
 
     Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground.
     """
-    return Kernel(loop, CPU, parallel)
+    return Kernel(loop, CPU)
 
 
 def threads() -> int:

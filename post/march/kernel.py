@@ -161,26 +161,26 @@ def _ray(planes, pyramid, table, lens, ox, oy, oz, dx, dy, dz, near, orthographi
 @scalar
 def march(i, out, planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps):
     """See `post.march.op.march_rays_cpu`: one ray, written to its place in ``out``."""
-    height, width = origins.shape[2], origins.shape[3]
-    b, y, x = i // (height * width), i // width % height, i % width
+    b = 0 if origins.shape[0] == 1 else i // origins.shape[2]
+    k = i - b * origins.shape[2]
     px, py, travelled, agreement, status = _ray(
         planes[b],
         pyramid[b],
         table,
         lens[b],
-        np.float64(origins[b, 0, y, x]),
-        np.float64(origins[b, 1, y, x]),
-        np.float64(origins[b, 2, y, x]),
-        np.float64(directions[b, 0, y, x]),
-        np.float64(directions[b, 1, y, x]),
-        np.float64(directions[b, 2, y, x]),
+        np.float64(origins[b, 0, k]),
+        np.float64(origins[b, 1, k]),
+        np.float64(origins[b, 2, k]),
+        np.float64(directions[b, 0, k]),
+        np.float64(directions[b, 1, k]),
+        np.float64(directions[b, 2, k]),
         near,
         orthographic,
         distance,
         steps,
     )
-    out[b, 0, y, x] = px
-    out[b, 1, y, x] = py
-    out[b, 2, y, x] = travelled
-    out[b, 3, y, x] = agreement
-    out[b, 4, y, x] = status
+    out[b, 0, k] = px
+    out[b, 1, k] = py
+    out[b, 2, k] = travelled
+    out[b, 3, k] = agreement
+    out[b, 4, k] = status

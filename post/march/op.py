@@ -25,11 +25,11 @@ def march_rays_cpu(
     """``(B, 5, h, w)`` float32: px x, px y, distance, agreement, status. Inputs as `post.march.rays` lays them out."""
     from post.march.drivers import march_each
 
-    batch, _, *size = origins.shape
-    out = origins.new_empty((batch, 5, *size), dtype=torch.float32)
+    origins, directions, size = origins.flatten(2), directions.flatten(2), origins.shape[2:]
+    out = origins.new_empty((len(origins), 5, origins.shape[2]), dtype=torch.float32)
     inputs = (planes, pyramid, table, lens, origins, directions)
-    march_each(batch * size[0] * size[1], out, *inputs, near, orthographic, distance, steps)
-    return out
+    march_each(len(origins) * origins.shape[2], out, *inputs, near, orthographic, distance, steps)
+    return out.unflatten(2, size)
 
 
 @march_rays_cpu.register_fake

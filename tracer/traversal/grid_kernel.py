@@ -104,7 +104,7 @@ def _beyond(o, d, t, low, size, through):
     """One coordinate of the cell after a cube that is left at ``t``, through the face across this axis or another."""
     last = low + size - 1
     out = last + 1 if d > 0 else low - 1
-    along = min(max(math.floor(o + d * t), low), last)
+    along = min(max(int(math.floor(o + d * t)), low), last)  # noqa: RUF046 - CUDA floors to a float
     return out if through else along
 
 
