@@ -27,7 +27,7 @@ def item(i: int, *arguments: Any) -> None:
 
 
 def _each(count, arguments):
-    i = cuda.grid(1)
+    i = cuda.grid(1)  # pyright: ignore[reportCallIssue]
     if i < count:
         item(i, *arguments)
 

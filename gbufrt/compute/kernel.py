@@ -66,7 +66,8 @@ class Kernel:
 
     def _first_call(self, arguments: tuple[Any, ...], grid: tuple[Any, ...] | None) -> None:
         """The one place where a kernel is made and, for the first time in a process, called."""
-        self._compiled = self._target.compile(*self._parts, self.name)
+        loop, item = self._parts
+        self._compiled = self._target.compile(loop, item, self.name)
         self._run(arguments, grid)
 
     def _run(self, arguments: tuple[Any, ...], grid: tuple[Any, ...] | None) -> None:

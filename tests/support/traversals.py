@@ -4,6 +4,7 @@ form by numba's simulator and saves what it finds: ``NUMBA_ENABLE_CUDASIM=1 pyth
 from __future__ import annotations
 
 import sys
+from typing import Any
 
 import torch
 import voxels
@@ -35,7 +36,7 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     directions = torch.nn.functional.normalize(torch.stack([x, -y, torch.ones_like(x)], dim=-1), dim=-1)
     directions = directions.expand(2, *SIZE, 3).to(device)
     origins = torch.tensor([8.6, 6.4, -3.2], device=device).expand_as(directions)
-    given = {"poses": things.poses([0.0, 0.6]).to(device)}
+    given: dict[str, Any] = {"poses": things.poses([0.0, 0.6]).to(device)}
     first = trace(things, origins, directions, mask=MASK_PRIMARY, **given)
     behind = trace(things, origins, directions, beyond=first, mask=MASK_ALL, t_max=30.0, **given)
     inside = trace(things, torch.tensor([5.1, 2.2, 5.3], device=device).expand_as(directions), -directions, **given)
