@@ -6,35 +6,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt import specular
-from gbufrt.compute.kernel import array, checksum
-from tracer import texture
-from tracer.direct import lighting
-from tracer.lights import kernel as light_kernel
-from tracer.lights import lamp_table, shadows, sky, sky_table, spherical_rectangle
-from tracer.lights import samples as light_samples
+from gbufrt.compute.kernel import array
+from tracer.lights import sky
 from tracer.lights.kernel import DISC, GLOW, TOWARD
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import Lights
 from tracer.lights.sky_table import SkyTable
-from tracer.paths import diffuse as matt_paths
-from tracer.paths import meet as paths
-from tracer.paths import meet_kernel, path_kernel, seen, seen_kernel, shot_kernel
-from tracer.paths import radiance as light_paths
 from tracer.paths.meet import Vertices
 from tracer.paths.seen import Picture
-from tracer.sampling import scatter_kernel
-from tracer.scene import grids, scene
 from tracer.scene.scene import Scene
-from tracer.traversal import kernel as walk_kernel
-from tracer.traversal import rays as traversal
 from tracer.traversal.rays import grid_from_world
 
-KERNELS = (walk_kernel, scatter_kernel, light_kernel, meet_kernel, seen_kernel, path_kernel, shot_kernel)
-LIGHTS = (lamp_table, light_paths, light_samples, lighting, matt_paths, sky, sky_table, spherical_rectangle)
-CONSTANTS = (grids, paths, scene, seen, shadows, specular, texture, traversal)
-SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
-"""Changes with everything that is compiled into paths."""
 COLUMNS = {
     "points": 3,
     "normals": 3,
