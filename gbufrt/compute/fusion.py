@@ -10,7 +10,6 @@ from contextvars import ContextVar
 from typing import Any, ParamSpec, TypeVar
 
 import torch
-from torch import Tensor
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -28,11 +27,9 @@ def fused_kernels() -> Iterator[None]:
         _fusing.reset(token)
 
 
-def scalar_form_fits(*tensors: Tensor | None) -> bool:
-    """Whether a compiled CPU kernel may take these: float32 on the CPU, no gradient wanted, not in `fused_kernels`."""
-    given = [t for t in tensors if t is not None]
-    wanted = torch.is_grad_enabled() and any(t.requires_grad for t in given)
-    return not (wanted or _fusing.get()) and all(t.device.type == "cpu" and t.dtype == torch.float32 for t in given)
+def fusing() -> bool:
+    """Whether this runs inside `fused_kernels`."""
+    return _fusing.get()
 
 
 def fusible(function: Callable[P, R]) -> Callable[P, R]:

@@ -1,4 +1,4 @@
-"""The compiled form of `post.march.rays.march_rays`: one screen-space ray as a scalar body, and its driver.
+"""The compiled form of `post.march.rays.march_rays`: one screen-space ray as a scalar body.
 
 Every name and step is that of the torch reference in `post.march.reference`, which is the definition. ``q`` is
 nearness: 1 / z for a perspective camera, -z for an orthographic one. Along a ray and over a plane it is linear in the
@@ -10,17 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import torch
-from numba import prange
-from torch import Tensor
 
-from gbufrt.compute import kernel
-
-LEFT, HIT, BLOCKED, SPENT, BEHIND = 0, 1, 2, 3, 4  # repeated, for numba's cache sees changes of this file only
-TOLERANCE = 3e-4
+from gbufrt.compute.kernel import scalar
+from post.march.constants import BEHIND, BLOCKED, HIT, LEFT, SPENT, TOLERANCE
 
 
-@kernel.scalar
+@scalar
 def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
     """How the ray from (ax, ay, qa) in pixel j to (bx, by, qb) meets pixel i's surface: status, share, agreement."""
     q, gx, gy, back = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2], planes[iy, ix, 3]
@@ -41,7 +36,7 @@ def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
     return BEHIND, 0.0, 0.0
 
 
-@kernel.scalar
+@scalar
 def _continued(planes, ix, iy, x0, y0, dx, dy, share, leave, qa, qb):
     """Where the ray, between two shares of it, crosses pixel i's plane continued out of that pixel; -1 where not."""
     if ix < 0:
@@ -54,9 +49,9 @@ def _continued(planes, ix, iy, x0, y0, dx, dy, share, leave, qa, qb):
     return share + front_a / (front_a - front_b) * (leave - share)
 
 
-@kernel.scalar
+@scalar
 def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps):
-    """Walk the cells that the ray passes: status, share of the ray, pixel column and row, agreement.
+    """Traverse the cells that the ray passes: status, share of the ray, pixel column and row, agreement.
 
     The pixel is what the ray met or, where it met nothing, what it was last in front of.
     """
@@ -112,7 +107,7 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
     return status, share, min(max(ix, 0), width - 1), min(max(iy, 0), height - 1), 0.0
 
 
-@kernel.scalar
+@scalar
 def _same_surface(planes, ix, iy, jx, jy, flat, steep):
     """Whether pixel j continues the plane of pixel i."""
     if jx < 0 or jy < 0 or jx >= planes.shape[1] or jy >= planes.shape[0]:
@@ -122,7 +117,7 @@ def _same_surface(planes, ix, iy, jx, jy, flat, steep):
     return abs(planes[jy, jx, 0] - expected) <= 0.25 * (flat + steep * abs(q))
 
 
-@kernel.scalar
+@scalar
 def _snap(planes, ix, iy, x, y, flat, steep):
     """The place in pixel i nearest to (x, y) where a bilinear read mixes in no other surface."""
     x, y = min(max(x, ix + 0.0), ix + 1.0), min(max(y, iy + 0.0), iy + 1.0)
@@ -135,7 +130,7 @@ def _snap(planes, ix, iy, x, y, flat, steep):
     return (x if keep_x else ix + 0.5), (y if keep_y else iy + 0.5)
 
 
-@kernel.scalar
+@scalar
 def _ray(planes, pyramid, table, lens, ox, oy, oz, dx, dy, dz, near, orthographic, distance, steps):
     """One ray from view-space origin and unit direction: px x, px y, distance, agreement, status."""
     if dx * dx + dy * dy + dz * dz < 0.5 or (oz <= near and not orthographic):
@@ -163,57 +158,29 @@ def _ray(planes, pyramid, table, lens, ox, oy, oz, dx, dy, dz, near, orthographi
     return x, y, travelled, agreement, status
 
 
-@kernel.driver
-def _march_all(out, planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps, threads):
-    batch, _, height, width = origins.shape
-    for thread in prange(threads):
-        for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            surfaces, cells, lens_b = planes[b], pyramid[b], lens[b]
-            for x in range(width):
-                px, py, travelled, agreement, status = _ray(
-                    surfaces,
-                    cells,
-                    table,
-                    lens_b,
-                    np.float64(origins[b, 0, y, x]),
-                    np.float64(origins[b, 1, y, x]),
-                    np.float64(origins[b, 2, y, x]),
-                    np.float64(directions[b, 0, y, x]),
-                    np.float64(directions[b, 1, y, x]),
-                    np.float64(directions[b, 2, y, x]),
-                    near,
-                    orthographic,
-                    distance,
-                    steps,
-                )
-                out[b, 0, y, x] = px
-                out[b, 1, y, x] = py
-                out[b, 2, y, x] = travelled
-                out[b, 3, y, x] = agreement
-                out[b, 4, y, x] = status
-
-
-@torch.library.custom_op("gbufrt::march_rays", mutates_args=())
-def march_rays_cpu(
-    planes: Tensor,
-    pyramid: Tensor,
-    table: Tensor,
-    lens: Tensor,
-    origins: Tensor,
-    directions: Tensor,
-    near: float,
-    orthographic: bool,
-    distance: float,
-    steps: int,
-) -> Tensor:
-    """``(B, 5, h, w)`` float32: px x, px y, distance, agreement, status. Inputs as `post.march.rays` lays them out."""
-    out = np.empty((origins.shape[0], 5, *origins.shape[2:]), dtype=np.float32)
-    inputs = [kernel.array(t) for t in (planes, pyramid, table, lens, origins, directions)]
-    _march_all(out, *inputs, near, orthographic, distance, steps, kernel.threads())
-    return torch.from_numpy(out)
-
-
-@march_rays_cpu.register_fake
-def _(planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps):
-    return origins.new_empty((origins.shape[0], 5, *origins.shape[2:]), dtype=torch.float32)
+@scalar
+def march(i, out, planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps):
+    """See `post.march.op.march_rays_cpu`: one ray, written to its place in ``out``."""
+    b = 0 if origins.shape[0] == 1 else i // origins.shape[2]
+    k = i - b * origins.shape[2]
+    px, py, travelled, agreement, status = _ray(
+        planes[b],
+        pyramid[b],
+        table,
+        lens[b],
+        np.float64(origins[b, 0, k]),
+        np.float64(origins[b, 1, k]),
+        np.float64(origins[b, 2, k]),
+        np.float64(directions[b, 0, k]),
+        np.float64(directions[b, 1, k]),
+        np.float64(directions[b, 2, k]),
+        near,
+        orthographic,
+        distance,
+        steps,
+    )
+    out[b, 0, k] = px
+    out[b, 1, k] = py
+    out[b, 2, k] = travelled
+    out[b, 3, k] = agreement
+    out[b, 4, k] = status

@@ -20,7 +20,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
-from post.march.reference import BLOCKED, HIT, SPENT, march_rays_reference
+from post.march.constants import BLOCKED, HIT, SPENT
+from post.march.op import march
 
 TOP_LEVEL = 7  # cells of 128 pixels
 NOTHING = 1e30  # nearness of a back that no ray is in front of; its negative: of a front that no ray is behind
@@ -144,13 +145,13 @@ def march_rays(
         camera: the camera of the hierarchy.
         steps: with how many pixels a ray may be compared one by one; what it skips in the pyramid does not count.
         distance: how far it may go, world units.
-        compiled: use the compiled kernel; by default on the CPU. The reference runs elsewhere.
+        compiled: whether to use the kernel; by default on the CPU. The reference runs elsewhere.
 
     Returns:
         See `Hits`.
 
     Raises:
-        ValueError: steps or distance is not positive.
+        ValueError: steps or distance is not positive, or a kernel is wished for on a device that has none.
     """
     if steps < 1 or not distance > 0:
         raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")
@@ -158,11 +159,7 @@ def march_rays(
     lens = torch.stack([k[:, 0, 0], k[:, 1, 1], k[:, 0, 2], k[:, 1, 2]], dim=1)
     if camera.jitter is not None:  # positions in the picture that was sampled, as camera.project(jittered=True) gives
         lens[:, 2:] -= camera.jitter.double()
-    if compiled if compiled is not None else origins.device.type == "cpu":
-        from post.march.kernel import march_rays_cpu as run
-    else:
-        run = march_rays_reference
-    out = run(
+    out = march(
         *hierarchy,
         lens,
         origins.float(),
@@ -171,6 +168,7 @@ def march_rays(
         camera.orthographic,
         float(distance),
         int(steps),
+        compiled=compiled,
     ).to(origins.dtype)
     status = out[:, 4:5]
     return Hits(out[:, :2], status == HIT, status == BLOCKED, status == SPENT, out[:, 2:3], out[:, 3:4])

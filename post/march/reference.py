@@ -8,9 +8,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-LEFT, HIT, BLOCKED, SPENT = 0, 1, 2, 3
-BEHIND = 4  # goes on behind a pixel's solid: no end of a ray
-TOLERANCE = 3e-4  # of nearness: how far behind a plane a ray must be to have crossed it; above depth's own error
+from post.march.constants import BEHIND, BLOCKED, HIT, LEFT, SPENT, TOLERANCE
 
 
 def march_rays_reference(

@@ -10,24 +10,23 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
-from gbufrt.compute.fusion import fusible, scalar_form_fits
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.fusion import fusible
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
 from post.filters.upsample import upsample
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import arcs as horizon
 from post.sweep import slices
-from post.sweep.arcs import Tap
 from post.sweep.bitmask import blocked, overlap, own_solid, start
+from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE
+from post.sweep.layout import Receivers, Scene, Tap
+from post.sweep.op import sweep
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
-from post.sweep.sectors import GROUPS, cover, no_cover, share, slice_sums
-from post.sweep.slices import Receivers, Scene
+from post.sweep.sectors import cover, no_cover, share, slice_sums
 from post.sweep.thickness import planar_thickness
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
-LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
-ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
-FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
 
 
@@ -76,14 +75,15 @@ def ssgi(
         resolution: 1, or 2 to sweep at every second pixel both ways and bring the result to all along surfaces.
         index: frame number, for the noise.
         seed: another seed, another noise.
-        compiled: use the compiled kernel; by default as `post.bitmask_ao` does.
+        compiled: whether to use the kernel; by default as `post.bitmask_ao` does.
 
     Returns:
         gi ``(B, 3, H, W)``, outgoing linear radiance with albedo included; sky_visibility ``(B, 1, H, W)``, 1 open
         (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2.
+        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2, or a
+                kernel is wished for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
@@ -106,13 +106,11 @@ def ssgi(
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
     soft = torch.is_grad_enabled() and any(t.requires_grad for t in (at.z, solid, *radii))
     lit = torch.is_grad_enabled() and not soft and light.requires_grad
-    if compiled is None:
-        with torch.set_grad_enabled(soft):
-            compiled = scalar_form_fits(around.picture, around.origin_x, at.x, at.nx)
-    sums = at.z.new_empty(0) if compiled and not lit else _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
-    if compiled:
-        from post.sweep.op import sweep
-
+    with torch.set_grad_enabled(soft):  # a gradient in the light alone takes the kernel's numbers
+        form = form_of(around.picture, around.origin_x, at.x, at.nx, compiled=compiled, fuses=True)
+    by_reference = form is Form.REFERENCE
+    sums = _sweep(around, at, noise, radii, sky, **sizes, soft=soft) if by_reference or lit else at.z.new_empty(0)
+    if not by_reference:
         asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
         with torch.no_grad():
             found = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]

@@ -1,7 +1,7 @@
 """What the slice sweeps (GTAO, bitmask, screen-space GI) share: taps, the arc's measure, and what the slices add up to.
 
 A slice is a plane through the ray of a pixel. Angles in it are measured from the direction toward the eye (theta) or
-from the normal projected into the slice (alpha = theta - n). A sweep walks along the slice in the picture, first to
+from the normal projected into the slice (alpha = theta - n). A sweep goes along the slice in the picture, first to
 one side and then to the other; the other side is the mirror image: tangent, n and their sine change sign.
 """
 
@@ -9,55 +9,14 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.sampling import gather
-from post.sweep.slices import Receivers, Scene, Slice
-
-SNAP = 1e-6  # rounding by which a tap in the receiver's plane might seem to rise above it
-
-
-class Tap(NamedTuple):
-    """What stands at one step along a slice, as the receiver sees it. All planes ``(B, h, w)``."""
-
-    front_rise: Tensor
-    """Height above the receiver's plane (over the length of the projected normal) of the visible front."""
-    front_run: Tensor
-    """Along the receiver's plane within the slice, away from the receiver on this side."""
-    back_rise: Tensor
-    back_run: Tensor
-    z: Tensor
-    """Planar depth of the front and, below, of the back; equal where nothing stands."""
-    back_z: Tensor
-    x: Tensor
-    """With ``y``: slope (perspective) or place (orthographic) of the ray through the tap."""
-    y: Tensor
-    seen: Tensor
-    """``(B, C, h, w)``: the other channels of the scene's picture."""
-
-
-class Side(NamedTuple):
-    """One side of a slice, outwards from the receiver."""
-
-    cut: Slice
-    """The slice; for the other side its mirror image."""
-    dx: Tensor
-    """Unit direction in the picture. Planes ``(B, h, w)``."""
-    dy: Tensor
-    length: Tensor
-    """Pixels that a world unit spans."""
-    frame: Tensor
-    """Pixels to the picture's border."""
-    border: Tensor
-    """Pixels to the end of its margin."""
-    half: Tensor
-    """1 / (2 measure)."""
-    whole: Tensor
-    """Share of the arc's measure on this side of the direction toward the eye; both sides add up to 1."""
+from post.sweep.constants import SNAP
+from post.sweep.layout import Receivers, Scene, Side, Slice, Tap
 
 
 def sides(around: Scene, at: Receivers, cut: Slice) -> tuple[Side, Side]:

@@ -8,19 +8,20 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.compute.fusion import fusible, scalar_form_fits
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.fusion import fusible
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import gather
 from post.sweep import arcs as horizon
 from post.sweep import slices
-from post.sweep.arcs import Side, Tap
+from post.sweep.constants import EDGE, GROUPS
+from post.sweep.layout import Receivers, Scene, Side, Tap
+from post.sweep.op import sweep
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
-from post.sweep.sectors import GROUPS, cover, no_cover, slice_sums
-from post.sweep.slices import Receivers, Scene
+from post.sweep.sectors import cover, no_cover, slice_sums
 from post.sweep.thickness import planar_thickness
 
-EDGE = 0.3  # of the rise since the tap before: how far a surface goes on, on average, past the last tap to meet it
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
 THICKNESS = 1.0  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
 
@@ -85,7 +86,7 @@ def bitmask_ao(
             default where gradients are wanted. Otherwise edges are dithered.
         index: frame number, for the noise.
         seed: another seed, another noise.
-        compiled: use the compiled kernel; by default for float32 on the CPU, where edges are dithered, no gradient is
+        compiled: whether to use the kernel; by default for float32 on the CPU, where edges are dithered, no gradient is
             wanted and fusion is off.
 
     Returns:
@@ -93,7 +94,8 @@ def bitmask_ao(
         length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps, scales or radius are not positive, or soft edges are to be compiled.
+        ValueError: directions, steps, scales or radius are not positive, or a kernel is wished for with soft edges, or
+                for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
@@ -115,16 +117,13 @@ def bitmask_ao(
     sky = None if radii else sky_beyond(camera, hit, normal)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
-    if compiled is None:
-        compiled = not soft and scalar_form_fits(around.picture, around.origin_x, at.x, at.nx, reach)
     if compiled and soft:
         raise ValueError("soft edges have no compiled form; leave compiled at None or False")
-    if compiled:
-        from post.sweep.op import sweep
-
-        every = sweep(around, at, hit, noise, radii, sky, **sizes)
-    else:
+    wish = False if soft else compiled
+    if form_of(around.picture, around.origin_x, at.x, at.nx, reach, compiled=wish, fuses=True) is Form.REFERENCE:
         every = _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
+    else:
+        every = sweep(around, at, hit, noise, radii, sky, **sizes)
     found = [horizon.finish(at, camera, hit, sums, normal) for sums in every]
     return horizon.mean_of_scales(found, hit, normal)
 

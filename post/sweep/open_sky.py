@@ -10,12 +10,11 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.sampling import gather
 from post.sweep import arcs as horizon
-from post.sweep.arcs import Side
-from post.sweep.slices import Receivers, Scene, Slice
+from post.sweep.constants import FREE
+from post.sweep.layout import Receivers, Scene, Side, Slice
 
 WALL = 0.25  # of a ceiling: what walls at the border, above the horizon, tell of a roof
 CEILING = 0.5  # cosine with straight down from which on a surface is a ceiling
-FREE = 0.5  # sine of the elevation from which on nothing but a roof closes a direction
 LITTLE = 1e-3  # share of the border that is no evidence
 
 

@@ -7,21 +7,19 @@ definition.
 from __future__ import annotations
 
 import math
-import sys
 
 import numpy as np
 
-from gbufrt.compute import kernel
-from post.sweep import open_sky, sectors
-from post.sweep.sectors import FIRST_BITS, PER_GROUP
+from gbufrt.compute.kernel import scalar
+from post.sweep import constants
+from post.sweep.constants import FIRST_BITS, PER_GROUP
 from post.sweep.slice_kernel import HALF, ONE, ZERO, leaves_hit
 
-SECTORS, GROUPS, FREE = np.float32(sectors.SECTORS), np.float32(sectors.GROUPS), np.float32(open_sky.FREE)
+SECTORS, GROUPS, FREE = np.float32(constants.SECTORS), np.float32(constants.GROUPS), np.float32(constants.FREE)
 FIELD = (1 << PER_GROUP) - 1
-SOURCES = kernel.checksum(open_sky, sectors, sys.modules[__name__])
 
 
-@kernel.scalar
+@scalar
 def bits_between(low, high, dither):
     """The sectors between two shares of the arc, see `sectors.cover`."""
     first = np.int32(low * SECTORS + dither)
@@ -29,7 +27,7 @@ def bits_between(low, high, dither):
     return np.int32((1 << last) - (1 << first))
 
 
-@kernel.scalar
+@scalar
 def group_counts(bits):
     """How many sectors of each group are set, in a field of bits each; see `sectors.group_shares`."""
     counts = bits & FIRST_BITS
@@ -38,16 +36,16 @@ def group_counts(bits):
     return counts
 
 
-@kernel.scalar
+@scalar
 def share(bits):
     """See `sectors.share`."""
     counts, total = group_counts(bits), 0
-    for group in range(sectors.GROUPS):
+    for group in range(constants.GROUPS):
         total += (counts >> (PER_GROUP * group)) & FIELD
     return np.float32(total) / SECTORS
 
 
-@kernel.scalar
+@scalar
 def mean_direction(terms, sin_n, which):
     """See `horizon.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
     value = terms[terms.shape[0] - 1, which]
@@ -56,7 +54,7 @@ def mean_direction(terms, sin_n, which):
     return value
 
 
-@kernel.scalar
+@scalar
 def _open_share(sky, cut, group, rise, run, seam, hits):
     """See `open_sky.open_share`: of one group."""
     lift = cut.hx * sky[2] + cut.hy * sky[3] + cut.hz * sky[4]
@@ -67,31 +65,31 @@ def _open_share(sky, cut, group, rise, run, seam, hits):
     return ONE - unknown * (ONE - sky[0] * min(max(elevation / FREE, ZERO), ONE))
 
 
-@kernel.scalar
+@scalar
 def fill_groups(groups, around, at, cut, right, left):
     """What a slice's masks share: of each group, its mean direction (2) and how far it is open where not covered."""
     sky, terms = around.sky, around.terms
     hits = (leaves_hit(around, at, right), leaves_hit(around, at, left))
-    for group in range(sectors.GROUPS):
+    for group in range(constants.GROUPS):
         rise = mean_direction(terms, cut.sin_n, group)
-        run = mean_direction(terms, cut.sin_n, sectors.GROUPS + group)
+        run = mean_direction(terms, cut.sin_n, constants.GROUPS + group)
         groups[group, 0], groups[group, 1] = rise, run
         groups[group, 2] = _open_share(sky, cut, group, rise, run, left.whole, hits) if sky.shape[0] > 0 else ONE
 
 
-@kernel.scalar
+@scalar
 def _add_direction(sums, cut, rise, run):
     sums[0] += rise * cut.hx + run * cut.tx
     sums[1] += rise * cut.hy + run * cut.ty
     sums[2] += rise * cut.hz + run * cut.tz
 
 
-@kernel.scalar
+@scalar
 def add_slice(sums, groups, cut, bits):
     """See `sectors.slice_sums`."""
     counts = group_counts(bits)
     opened, open_rise, open_run, whole_rise, whole_run = ZERO, ZERO, ZERO, ZERO, ZERO
-    for group in range(sectors.GROUPS):
+    for group in range(constants.GROUPS):
         rise, run = groups[group, 0], groups[group, 1]
         covered = np.float32((counts >> (PER_GROUP * group)) & FIELD) / np.float32(PER_GROUP)
         part = (ONE - covered) * groups[group, 2]

@@ -6,12 +6,8 @@ import torch
 from torch import Tensor
 
 from post.sweep import arcs as horizon
-from post.sweep.slices import Slice
-
-SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
-GROUPS = 6  # of sectors, one mean direction each
-PER_GROUP = SECTORS // GROUPS
-FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
+from post.sweep.constants import FIRST_BITS, GROUPS, PER_GROUP, SECTORS
+from post.sweep.layout import Slice
 
 
 def no_cover(like: Tensor, soft: bool) -> Tensor:

@@ -8,32 +8,27 @@ would turn them into doubles, which round to other pixels and sectors.
 from __future__ import annotations
 
 import math
-import sys
 from collections import namedtuple
 from typing import Any
 
 import numpy as np
 
-from gbufrt.compute import kernel
-from post.sweep import arcs as horizon
-from post.sweep import slices
-from post.sweep.arcs import Side
-from post.sweep.slices import Slice
+from gbufrt.compute.kernel import scalar
+from post.sweep import constants
+from post.sweep.layout import Receivers, Side, Slice
 
-BIAS, FIRST = np.float32(slices.BIAS), np.float32(slices.FIRST)
-SNAP = np.float32(horizon.SNAP)
+BIAS, FIRST, SNAP = np.float32(constants.BIAS), np.float32(constants.FIRST), np.float32(constants.SNAP)
 ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
 QUARTER, HALF_TURN = np.float32(math.pi / 2), np.float32(math.pi)
 FOLD = np.float32(math.tan(math.pi / 8))
-SOURCES = kernel.checksum(slices, horizon, kernel, sys.modules[__name__])
 
 Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
-"""What is the same for all receivers of a picture, see `sweep_ops.sweep_cpu`."""
+"""What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
 Tap = namedtuple("Tap", "front_rise front_run back_rise back_run z back_z x y i j")
 """See `horizon.Tap`; column and row in the picture in place of what else is seen there."""
 
 
-@kernel.scalar
+@scalar
 def atan2(y, x):
     """The angle of (x, y), to 2e-7: libraries' scalar form takes most of a sweep's time.
 
@@ -52,7 +47,22 @@ def atan2(y, x):
     return -angle if y < ZERO else angle
 
 
-@kernel.scalar
+@scalar
+def receiver_at(planes, aspect, b, y, x):
+    """One of `slices.Receivers`."""
+    one = planes[:, b, y, x]
+    return Receivers(
+        one[0], one[1], one[2], one[3], one[4], one[5], one[6], one[7], one[8], one[9], one[10], one[11], aspect
+    )
+
+
+@scalar
+def dice_at(random, which, y, x):
+    """See `slices.slice_noise`."""
+    return random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
+
+
+@scalar
 def cut_slice(at, cos_psi, sin_psi):
     """See `slices.cut_slice`."""
     length = ONE / math.sqrt(ONE - at.vx * at.vx)
@@ -91,7 +101,7 @@ def cut_slice(at, cos_psi, sin_psi):
     )
 
 
-@kernel.scalar
+@scalar
 def side_of(around, at, cut, sign):
     """See `horizon.sides`: the right side for ``sign`` 1, the left one for -1."""
     length: Any = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
@@ -121,7 +131,7 @@ def side_of(around, at, cut, sign):
     return Side(mirrored, dx, dy, length, frame, border, half, whole if sign > ZERO else ONE - whole)
 
 
-@kernel.scalar
+@scalar
 def _border(around, edge, at, dx, dy):
     """See `horizon._borders`."""
     height, width = around.picture.shape[:2]
@@ -132,7 +142,7 @@ def _border(around, edge, at, dx, dy):
     return min(x, y)
 
 
-@kernel.scalar
+@scalar
 def _pixel(around, at, side, px):
     """Whole column and row ``px`` pixels from the receiver, and the same held to the picture."""
     column, row = np.rint(at.column + side.dx * px), np.rint(at.row + side.dy * px)
@@ -141,7 +151,7 @@ def _pixel(around, at, side, px):
     return column, row, i, j
 
 
-@kernel.scalar
+@scalar
 def look(around, at, side, px):
     """See `horizon.look`."""
     cut, rays = side.cut, around.rays
@@ -158,7 +168,7 @@ def look(around, at, side, px):
     return Tap(rise, run, rise + solid * rise_by_z, run + solid * run_by_z, z, z + solid, x, y, i, j)
 
 
-@kernel.scalar
+@scalar
 def arc_measure(rise, run, side):
     """See `horizon.arc_measure`."""
     if rise < ZERO:
@@ -169,7 +179,7 @@ def arc_measure(rise, run, side):
     return max(min(share + SNAP, side.whole), ZERO)
 
 
-@kernel.scalar
+@scalar
 def fill_spread(spread, jitter, beyond):
     """Shares of its reach at which a side's taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
     for i in range(spread.shape[0]):
@@ -177,7 +187,7 @@ def fill_spread(spread, jitter, beyond):
         spread[i] = t * t * math.sqrt(t) if beyond else t * math.sqrt(t)
 
 
-@kernel.scalar
+@scalar
 def leaves_hit(around, at, side):
     """See `open_sky.leaves_hit`."""
     _, _, i, j = _pixel(around, at, side, side.frame)

@@ -6,7 +6,6 @@ Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -16,84 +15,14 @@ from gbufrt import CHANNELS, SIGNALS, Camera
 from gbufrt.channels import check_tensor
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import margin
+from post.sweep.constants import BIAS, FIRST
+from post.sweep.layout import Receivers, Scene, Slice
 
 BAND_PIXELS = 32768  # what one core's cache holds of all planes; also torch's smallest share of work for a thread
-BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it blocks anything
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
-FIRST = 0.5  # pixels to the nearest tap
 WITHIN = 1.5  # power of the taps' spread in a sweep that ends at a radius
 BEYOND = 2.5  # and in one over the whole picture, where what is near counts most
-
-
-class Scene(NamedTuple):
-    """What taps read: pictures continued past their border, then one empty pixel, and how pixels become points."""
-
-    picture: Tensor
-    """``(B, C, H + 2 m + 2, W + 2 m + 2)`` with a margin of m pixels, see `post.sweep.margin`: planar depth, planar
-    depth of the back minus that of the front, and what else is seen. Nothing stands where the two depths agree."""
-    origin_x: Tensor
-    """``(B, 1, 1)``: slope (perspective) or place (orthographic) of the ray through column 0 of the padded picture."""
-    origin_y: Tensor
-    pitch_x: Tensor
-    """``(B, 1, 1)``: change of slope or place from one pixel to the next."""
-    pitch_y: Tensor
-    margin: int
-    """Pixels between the picture's border and the empty one."""
-
-
-class Receivers(NamedTuple):
-    """The pixels that look around them. All planes ``(B, h, w)`` unless said otherwise, view space."""
-
-    column: Tensor
-    """In the padded picture."""
-    row: Tensor
-    x: Tensor
-    y: Tensor
-    z: Tensor
-    nx: Tensor
-    ny: Tensor
-    nz: Tensor
-    vx: Tensor
-    """Toward the eye, unit length."""
-    vy: Tensor
-    vz: Tensor
-    scale: Tensor
-    """Pixels along x that a world unit across the view spans here."""
-    aspect: Tensor
-    """``(B, 1, 1)``: pixels along y for each pixel along x."""
-
-
-class Slice(NamedTuple):
-    """One slice of every receiver. All planes ``(B, h, w)``."""
-
-    nx: Tensor
-    """Normal divided by the length of its projection into the slice."""
-    ny: Tensor
-    nz: Tensor
-    hx: Tensor
-    """Unit vector in the slice: the projected normal."""
-    hy: Tensor
-    hz: Tensor
-    tx: Tensor
-    """Unit vector in the slice, across the projected normal."""
-    ty: Tensor
-    tz: Tensor
-    level: Tensor
-    """Height of the receiver's plane along (nx, ny, nz), bias included."""
-    place: Tensor
-    """Of the receiver along (tx, ty, tz)."""
-    cos_n: Tensor
-    """Of the angle n from the direction toward the eye to the projected normal."""
-    sin_n: Tensor
-    n: Tensor
-    measure: Tensor
-    """Cosine-weighted measure of the whole arc, cos n + n sin n."""
-    weight: Tensor
-    """Share of this slice in the hemisphere: measure times the length of the projected normal."""
-    step_x: Tensor
-    """Pixels that a world unit along the slice, across the ray, spans."""
-    step_y: Tensor
 
 
 def scene(

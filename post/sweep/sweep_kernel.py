@@ -1,19 +1,18 @@
 """The compiled form of the sweeps of `post.sweep.bitmask` and `post.ssgi`: one slice of one receiver as a scalar body.
 
 Every name and step is that of the torch references there, which are the definition, in the form without gradients. What
-can change nothing is left out: the angles of taps that block nothing. `post.sweep.op` holds the driver.
+can change nothing is left out: the angles of taps that block nothing. `post.sweep.drivers` hands out the receivers.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute import kernel
-from post.sweep import bitmask, sector_kernel, slice_kernel
+from gbufrt.compute.kernel import scalar
+from post.sweep import constants
 from post.sweep.sector_kernel import add_slice, bits_between, fill_groups, share
 from post.sweep.slice_kernel import (
     FIRST,
@@ -28,61 +27,59 @@ from post.sweep.slice_kernel import (
     side_of,
 )
 
-_GATHER = sys.modules["post.passes.ssgi"]  # in the package, its name is that of its function
-EDGE, LEDGE = np.float32(bitmask.EDGE), np.float32(_GATHER.LEDGE)
-ALIKE, FLATNESS = np.float32(_GATHER.ALIKE), np.float32(_GATHER.FLATNESS)
+EDGE, LEDGE = np.float32(constants.EDGE), np.float32(constants.LEDGE)
+ALIKE, FLATNESS = np.float32(constants.ALIKE), np.float32(constants.FLATNESS)
 UNKNOWN = np.float32(-1)
 LIGHT, NORMAL = 2, 5  # first channels of the scene's picture
-SOURCES = slice_kernel.SOURCES ^ sector_kernel.SOURCES ^ kernel.checksum(bitmask, _GATHER, sys.modules[__name__])
 
 Front = namedtuple("Front", "share rise run distance z back_z")
 Scratch = namedtuple("Scratch", "covered light groups spread")
 Plane = namedtuple("Plane", "x y z nx ny nz")
 
 
-@kernel.scalar
+@scalar
 def _start(around, at, side):
     """See `bitmask.start`."""
     own = around.picture[np.int32(at.row), np.int32(at.column), 1]
     return Front(side.whole, ZERO, ZERO, ZERO, at.z, at.z + own)
 
 
-@kernel.scalar
+@scalar
 def _next_front(tap, side, distance):
     """The tap as the one before the next; its share of the arc is measured when it is asked for."""
     known = side.whole if tap.front_rise < ZERO else UNKNOWN
     return Front(known, tap.front_rise, tap.front_run, distance, tap.z, tap.back_z)
 
 
-@kernel.scalar
+@scalar
 def _share_of(front, side):
     return arc_measure(front.rise, front.run, side) if front.share < ZERO else front.share
 
 
-@kernel.scalar
+@scalar
 def _overlap(tap, before):
     """See `bitmask.overlap`."""
     return min(tap.back_z, before.back_z) - max(tap.z, before.z)
 
 
-@kernel.scalar
+@scalar
 def _distance(tap):
     return math.sqrt(tap.front_rise * tap.front_rise + tap.front_run * tap.front_run + TINY)
 
 
-@kernel.scalar
+@scalar
 def _below(tap, before, side):
     """Whether neither the tap nor the one before rises above the receiver's plane: together they block nothing."""
     return tap.front_rise < ZERO and tap.back_rise < ZERO and before.share == side.whole
 
 
-@kernel.scalar
+@scalar
 def _crosses(before, distance, radius):
     """Whether a body that reaches from the tap before to this one crosses a radius."""
     return before.distance > ZERO and before.distance < radius and distance >= radius
 
 
-@kernel.scalar
+@scalar
 def _front_at_the_radius(tap, before, side, radii, distance):
     """See `bitmask._front_at_the_radius`."""
     radius = radii[radii.shape[0] - 1]
@@ -94,13 +91,13 @@ def _front_at_the_radius(tap, before, side, radii, distance):
     return arc_measure(rise + (before.rise - rise) * left, run + (before.run - run) * left, side)
 
 
-@kernel.scalar
+@scalar
 def _bits(low, high, seam, right, dither):
     """The sectors between two shares of a side."""
     return bits_between(seam + low, seam + high, dither) if right else bits_between(seam - high, seam - low, dither)
 
 
-@kernel.scalar
+@scalar
 def _occlude_side(covered, spread, around, at, side, seam, right, dither):
     """What the taps of one side cover, for each radius."""
     radii = around.radii
@@ -129,7 +126,7 @@ def _occlude_side(covered, spread, around, at, side, seam, right, dither):
         before = _next_front(tap, side, distance)
 
 
-@kernel.scalar
+@scalar
 def occlude(sums, scratch, around, at, dice):
     """See `bitmask._slice`: add a slice to the sums of each radius."""
     covered, cut = scratch.covered, cut_slice(at, dice[0], dice[1])
@@ -144,7 +141,7 @@ def occlude(sums, scratch, around, at, dice):
         add_slice(sums[s], scratch.groups, cut, covered[s])
 
 
-@kernel.scalar
+@scalar
 def _plane(around, tap):
     """See `ssgi._plane`."""
     x, y = (tap.x, tap.y) if around.parallel else (tap.x * tap.z, tap.y * tap.z)
@@ -152,7 +149,7 @@ def _plane(around, tap):
     return Plane(x, y, tap.z, seen[NORMAL], seen[NORMAL + 1], seen[NORMAL + 2])
 
 
-@kernel.scalar
+@scalar
 def _flat(one, other):
     """See `ssgi._flat`."""
     if not one.nx * other.nx + one.ny * other.ny + one.nz * other.nz > HALF:
@@ -162,7 +159,7 @@ def _flat(one, other):
     return FLATNESS * math.sqrt(dx * dx + dy * dy + dz * dz + TINY) > off
 
 
-@kernel.scalar
+@scalar
 def _edge_on(plane, before, at):
     """See `ssgi._edge_on`."""
     if plane.nx * at.nx + plane.ny * at.ny + plane.nz * at.nz <= ALIKE:
@@ -175,13 +172,13 @@ def _edge_on(plane, before, at):
     return toward_eye > off_plane
 
 
-@kernel.scalar
+@scalar
 def _facing(plane, at):
     """See `ssgi._facing`."""
     return (at.x - plane.x) * plane.nx + (at.y - plane.y) * plane.ny + (at.z - plane.z) * plane.nz > ZERO
 
 
-@kernel.scalar
+@scalar
 def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
     """Shares of a side between which a tap blocks, see `bitmask.blocked`."""
     first = arc_measure(tap.front_rise, tap.front_run, side)
@@ -197,7 +194,7 @@ def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
     return low, high
 
 
-@kernel.scalar
+@scalar
 def _gather_side(light, covered, spread, around, at, side, seam, right, dither):
     """The sectors that are covered after one side; the light that its taps bring is added to ``light``."""
     radii = around.radii
@@ -232,7 +229,7 @@ def _gather_side(light, covered, spread, around, at, side, seam, right, dither):
     return covered
 
 
-@kernel.scalar
+@scalar
 def gather(sums, scratch, around, at, dice):
     """See `ssgi._slice`: add a slice to the sums."""
     covered, light, cut = np.int32(0), scratch.light, cut_slice(at, dice[0], dice[1])

@@ -199,7 +199,8 @@ def test_gradients_reach_past_frames_only_where_asked(keep_graph):
     pipeline, lights = Pipeline(inner=Pipeline(trail=Trail())), [torch.ones(1, 3, 6, 8) for _ in range(2)]
     frames = [small(i, radiance=light.requires_grad_()) for i, light in enumerate(lights)]
     _, state = pipeline(frames[0], keep_graph=keep_graph)
-    tensors = [state.stages["inner"].stages["trail"].signals["total"], state.previous.composite]
+    assert state.previous is not None
+    tensors = [state.stages["inner"].stages["trail"].signals["total"], state.previous.read("composite")]
     assert [t.requires_grad for t in tensors] == [keep_graph] * 2
     by_hand, streamed = pipeline(frames[1], state)[0], list(pipeline.stream(frames, keep_graph=keep_graph))[1]
     for last in (by_hand, streamed):

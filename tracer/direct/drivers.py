@@ -11,69 +11,51 @@ import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt import specular
-from gbufrt.compute.kernel import array, checksum, driver, threads
-from gbufrt.noise import noise
+from gbufrt.compute.kernel import array, driver, threads
 from tracer.direct import kernel as direct_kernel
 from tracer.direct import reference as direct
 from tracer.direct.kernel import Shining
-from tracer.lights import shadows
 from tracer.lights.emitters import Lamps
 from tracer.lights.shadows import LEAST, MOST, ShadowRays
-from tracer.sampling import scatter_kernel
-from tracer.scene import grids, scene
 from tracer.scene.scene import Sun
-from tracer.traversal import kernel as walk_kernel
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
 
 ROWS = 64  # pixels handed out at a time
 
 
-def _compiled(sources: int) -> tuple[Any, ...]:
-    """The drivers, compiled anew when ``sources`` change; see `gbufrt.compute.kernel`."""
-
-    @driver
-    def sun_all(space, axes, sine, pixels, turned, begin, end, lanes, sums):
-        numbers, points, normals = pixels
-        for lane in prange(lanes):
-            for start in range(lane * ROWS, len(numbers), lanes * ROWS):
-                for i in range(start, min(start + ROWS, len(numbers))):
-                    point, normal = triple(points, numbers[i], 0), triple(normals, numbers[i], 0)
-                    direct_kernel.sun(space, axes, sine, point, normal, turned, i, begin, end, sums[i])
-        return sources
-
-    @driver
-    def lamp_all(space, shining, lamp, pixels, turned, begin, end, lanes, widest, sums):
-        numbers, points, normals = pixels
-        for lane in prange(lanes):
-            each = np.empty(widest)
-            for start in range(lane * ROWS, len(numbers), lanes * ROWS):
-                for i in range(start, min(start + ROWS, len(numbers))):
-                    point, normal = triple(points, numbers[i], 0), triple(normals, numbers[i], 0)
-                    which = lamp[numbers[i] % len(lamp)]
-                    direct_kernel.lamp(space, shining, which, point, normal, turned, i, begin, end, each, sums[i])
-        return sources
-
-    @driver
-    def choose_all(shining, pixels, known, dice, lanes, levels, chosen, scale):
-        numbers, points, normals = pixels
-        for lane in prange(lanes):
-            power = np.empty(len(levels))
-            for start in range(lane * ROWS, len(numbers), lanes * ROWS):
-                for k in range(start, min(start + ROWS, len(numbers))):
-                    i = numbers[k]
-                    point, normal = triple(points, i, 0), triple(normals, i, 0)
-                    chosen[i], scale[i] = direct_kernel.choose(
-                        shining, point, normal, known[i], dice[i], power, levels, i
-                    )
-        return sources
-
-    return sun_all, lamp_all, choose_all
+@driver
+def sun_all(space, axes, sine, pixels, turned, begin, end, lanes, sums):
+    numbers, points, normals = pixels
+    for lane in prange(lanes):
+        for start in range(lane * ROWS, len(numbers), lanes * ROWS):
+            for i in range(start, min(start + ROWS, len(numbers))):
+                point, normal = triple(points, numbers[i], 0), triple(normals, numbers[i], 0)
+                direct_kernel.sun(space, axes, sine, point, normal, turned, i, begin, end, sums[i])
 
 
-SOURCES = checksum(direct_kernel, walk_kernel, scatter_kernel, specular, direct, shadows, grids, scene, noise)
-sun_all, lamp_all, choose_all = _compiled(SOURCES)
+@driver
+def lamp_all(space, shining, lamp, pixels, turned, begin, end, lanes, widest, sums):
+    numbers, points, normals = pixels
+    for lane in prange(lanes):
+        each = np.empty(widest)
+        for start in range(lane * ROWS, len(numbers), lanes * ROWS):
+            for i in range(start, min(start + ROWS, len(numbers))):
+                point, normal = triple(points, numbers[i], 0), triple(normals, numbers[i], 0)
+                which = lamp[numbers[i] % len(lamp)]
+                direct_kernel.lamp(space, shining, which, point, normal, turned, i, begin, end, each, sums[i])
+
+
+@driver
+def choose_all(shining, pixels, known, dice, lanes, levels, chosen, scale):
+    numbers, points, normals = pixels
+    for lane in prange(lanes):
+        power = np.empty(len(levels))
+        for start in range(lane * ROWS, len(numbers), lanes * ROWS):
+            for k in range(start, min(start + ROWS, len(numbers))):
+                i = numbers[k]
+                point, normal = triple(points, i, 0), triple(normals, i, 0)
+                chosen[i], scale[i] = direct_kernel.choose(shining, point, normal, known[i], dice[i], power, levels, i)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.noise.noise import blue_noise
-from tracer.direct import reference
 from tracer.direct.reference import Direct
-from tracer.lights.emitters import lamps_of
+from tracer.lights.emitters import Lamps, lamps_of
 from tracer.lights.shadows import Surface, arriving
 from tracer.lights.sky import sky_irradiance, sky_radiance, sun_radiance
 from tracer.scene.scene import Scene
@@ -86,7 +85,7 @@ def light(
 def _irradiance(scene: Scene, surface: Surface, poses: Tensor, noise: Tensor, samples: int) -> Tensor:
     """``(3, H, W)`` from the sun and all lamps, for one picture."""
     lamps = lamps_of(scene, poses)
-    direct = _form(surface.points).Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
+    direct = _direct(scene, poses, surface, lamps)
     arrived = torch.zeros_like(surface.points).view(3, *surface.size)
     if scene.sun is not None:
         wanted = surface.lit.view(surface.size)
@@ -109,13 +108,13 @@ def _lamp_light(direct: Direct, noise: Tensor, samples: int, known: Tensor) -> T
     return arrived + coming * (radiance[chosen].T * scale).view_as(coming)
 
 
-def _form(like: Tensor) -> Any:
-    """Compiled on the CPU, the torch reference elsewhere."""
-    if not like.is_cpu:
-        return reference
-    from tracer.direct import drivers as direct_drivers
+def _direct(scene: Scene, poses: Tensor, surface: Surface, lamps: Lamps) -> Direct:
+    """What shines on a surface, in the form that its device has."""
+    if form_of(surface.points.detach()) is Form.REFERENCE:
+        return Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
+    from tracer.direct import drivers
 
-    return direct_drivers
+    return drivers.Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
 
 
 def lifted(gbuffer: GBuffer) -> Tensor:

@@ -14,7 +14,7 @@ from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.interaction import MOST_PASS, Vertices
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
-from tracer.paths.tables import SOURCES, arrays_of, camera_of, picture_of, surfaces_of
+from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
 from tracer.sampling.progressive import Values
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.kernel import triple
@@ -22,73 +22,62 @@ from tracer.traversal.kernel import triple
 ROWS = 64  # rays handed out at a time
 
 
-def _compiled(sources: int) -> tuple[Any, ...]:
-    """The drivers, compiled anew when ``sources`` change; see `gbufrt.compute.kernel`."""
-
-    @driver
-    def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
-        origins, directions, spans, known = rays
-        for lane in prange(lanes):
-            tables = interaction_kernel.assembled(arrays)
-            for begin in range(lane * ROWS, len(origins), lanes * ROWS):
-                for i in range(begin, min(begin + ROWS, len(origins))):
-                    origin, direction, mask = triple(origins, i, 0), triple(directions, i, 0), MASK_PRIMARY
-                    t0, t1, detail = triple(spans, i, 0)
-                    isect = interaction_kernel.intersect(
-                        tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
-                    )
-                    light, onscreen = path_kernel.radiance(
-                        tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event
-                    )
-                    out[i, 0], out[i, 1], out[i, 2] = light
-                    out[i, 3], out[i, 4], out[i, 5] = onscreen
-        return sources
-
-    @driver
-    def occlusion_all(arrays, camera, picture, surfaces, u, radius, lanes, out):
-        for lane in prange(lanes):
-            tables = interaction_kernel.assembled(arrays)
-            for begin in range(lane * ROWS, len(out), lanes * ROWS):
-                for i in range(begin, min(begin + ROWS, len(out))):
-                    at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-                    ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
-                    out[i, 0], out[i, 4] = ao, known
-                    out[i, 1], out[i, 2], out[i, 3] = bent
-        return sources
-
-    @driver
-    def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
-        for lane in prange(lanes):
-            tables = interaction_kernel.assembled(arrays)
-            for begin in range(lane * ROWS, len(out), lanes * ROWS):
-                for i in range(begin, min(begin + ROWS, len(out))):
-                    at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-                    gi, onscreen, above, visible = integrator_kernel.indirect(
-                        tables, camera, picture, at, u, i, bounces
-                    )
-                    out[i, 0], out[i, 1], out[i, 2] = gi
-                    out[i, 3], out[i, 4], out[i, 5] = onscreen
-                    out[i, 6], out[i, 7], out[i, 8] = above
-                    out[i, 9] = visible
-        return sources
-
-    @driver
-    def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
-        for lane in prange(lanes):
-            tables = interaction_kernel.assembled(arrays)
-            for begin in range(lane * ROWS, len(out), lanes * ROWS):
-                for i in range(begin, min(begin + ROWS, len(out))):
-                    at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-                    light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
-                    out[i, 0], out[i, 1], out[i, 2] = light
-                    out[i, 3], out[i, 4], out[i, 5] = onscreen
-                    out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
-        return sources
-
-    return radiance_all, occlusion_all, indirect_all, reflected_all
+@driver
+def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
+    origins, directions, spans, known = rays
+    for lane in prange(lanes):
+        tables = interaction_kernel.assembled(arrays)
+        for begin in range(lane * ROWS, len(origins), lanes * ROWS):
+            for i in range(begin, min(begin + ROWS, len(origins))):
+                origin, direction, mask = triple(origins, i, 0), triple(directions, i, 0), MASK_PRIMARY
+                t0, t1, detail = triple(spans, i, 0)
+                isect = interaction_kernel.intersect(
+                    tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
+                )
+                light, onscreen = path_kernel.radiance(
+                    tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event
+                )
+                out[i, 0], out[i, 1], out[i, 2] = light
+                out[i, 3], out[i, 4], out[i, 5] = onscreen
 
 
-radiance_all, occlusion_all, indirect_all, reflected_all = _compiled(SOURCES)
+@driver
+def occlusion_all(arrays, camera, picture, surfaces, u, radius, lanes, out):
+    for lane in prange(lanes):
+        tables = interaction_kernel.assembled(arrays)
+        for begin in range(lane * ROWS, len(out), lanes * ROWS):
+            for i in range(begin, min(begin + ROWS, len(out))):
+                at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+                ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
+                out[i, 0], out[i, 4] = ao, known
+                out[i, 1], out[i, 2], out[i, 3] = bent
+
+
+@driver
+def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
+    for lane in prange(lanes):
+        tables = interaction_kernel.assembled(arrays)
+        for begin in range(lane * ROWS, len(out), lanes * ROWS):
+            for i in range(begin, min(begin + ROWS, len(out))):
+                at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+                gi, onscreen, above, visible = integrator_kernel.indirect(tables, camera, picture, at, u, i, bounces)
+                out[i, 0], out[i, 1], out[i, 2] = gi
+                out[i, 3], out[i, 4], out[i, 5] = onscreen
+                out[i, 6], out[i, 7], out[i, 8] = above
+                out[i, 9] = visible
+
+
+@driver
+def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
+    for lane in prange(lanes):
+        tables = interaction_kernel.assembled(arrays)
+        for begin in range(lane * ROWS, len(out), lanes * ROWS):
+            for i in range(begin, min(begin + ROWS, len(out))):
+                at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+                light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
+                out[i, 0], out[i, 1], out[i, 2] = light
+                out[i, 3], out[i, 4], out[i, 5] = onscreen
+                out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
 
 
 def radiance(

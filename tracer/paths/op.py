@@ -6,6 +6,7 @@ from typing import Any
 
 from torch import Tensor
 
+from gbufrt.compute.dispatch import Form, form_of
 from tracer.lights.samples import Lights
 from tracer.paths import integrators
 from tracer.paths import radiance as path_radiance
@@ -18,17 +19,29 @@ from tracer.scene.scene import Scene
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
     """See `tracer.paths.integrators.occlusion`."""
-    return _form(u, integrators).occlusion(scene, at, start, u, radius)
+    if form_of(u) is Form.REFERENCE:
+        return integrators.occlusion(scene, at, start, u, radius)
+    from tracer.paths import drivers
+
+    return drivers.occlusion(scene, at, start, u, radius)
 
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
     """See `tracer.paths.integrators.indirect`."""
-    return _form(u, integrators).indirect(scene, at, start, u, bounces)
+    if form_of(u) is Form.REFERENCE:
+        return integrators.indirect(scene, at, start, u, bounces)
+    from tracer.paths import drivers
+
+    return drivers.indirect(scene, at, start, u, bounces)
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
     """See `tracer.paths.integrators.reflected`."""
-    return _form(u, integrators).reflected(scene, at, start, u, sharp)
+    if form_of(u) is Form.REFERENCE:
+        return integrators.reflected(scene, at, start, u, sharp)
+    from tracer.paths import drivers
+
+    return drivers.reflected(scene, at, start, u, sharp)
 
 
 def radiance(
@@ -49,14 +62,16 @@ def radiance(
     known: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """See `tracer.paths.radiance.radiance`."""
-    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
-    given = {"bounces": bounces, "poses": poses, "next_event": next_event, "picture": picture, "known": known}
-    return _form(u, path_radiance).radiance(scene, lights, origins, directions, u, **given, **first)
+    first: dict[str, Any] = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
+    given: dict[str, Any] = {
+        "bounces": bounces,
+        "poses": poses,
+        "next_event": next_event,
+        "picture": picture,
+        "known": known,
+    }
+    if form_of(u) is Form.REFERENCE:
+        return path_radiance.radiance(scene, lights, origins, directions, u, **given, **first)
+    from tracer.paths import drivers
 
-
-def _form(like: Tensor, reference: Any) -> Any:
-    if not like.is_cpu:
-        return reference
-    from tracer.paths import drivers as path_drivers
-
-    return path_drivers
+    return drivers.radiance(scene, lights, origins, directions, u, **given, **first)

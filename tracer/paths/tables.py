@@ -6,49 +6,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt import specular
-from gbufrt.compute.kernel import array, checksum
-from tracer import texture
-from tracer.direct import lighting
-from tracer.lights import kernel as light_kernel
-from tracer.lights import lamp_table, shadows, sky, sky_table, spherical_rectangle
-from tracer.lights import samples as light_samples
+from gbufrt.compute.kernel import array
+from tracer.lights import sky
 from tracer.lights.kernel import DISC, GLOW, TOWARD
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import Lights
 from tracer.lights.sky_table import SkyTable
-from tracer.paths import (
-    diffuse,
-    integrator_kernel,
-    interaction,
-    interaction_kernel,
-    on_screen,
-    on_screen_kernel,
-    path_kernel,
-)
-from tracer.paths import radiance as path_radiance
 from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
-from tracer.sampling import scatter_kernel
-from tracer.scene import grids, scene
 from tracer.scene.scene import Scene
-from tracer.traversal import kernel as walk_kernel
-from tracer.traversal import rays as traversal
 from tracer.traversal.rays import grid_from_world
 
-KERNELS = (
-    walk_kernel,
-    scatter_kernel,
-    light_kernel,
-    interaction_kernel,
-    on_screen_kernel,
-    path_kernel,
-    integrator_kernel,
-)
-LIGHTS = (lamp_table, path_radiance, light_samples, lighting, diffuse, sky, sky_table, spherical_rectangle)
-CONSTANTS = (grids, interaction, scene, on_screen, shadows, specular, texture, traversal)
-SOURCES = checksum(*KERNELS, *LIGHTS, *CONSTANTS)
-"""Changes with everything that is compiled into paths."""
 COLUMNS = {
     "points": 3,
     "normals": 3,

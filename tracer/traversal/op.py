@@ -1,4 +1,4 @@
-"""The three walks through voxels as torch operators: compiled on the CPU, the torch reference elsewhere.
+"""The three traversals of voxels as torch operators: kernels on the CPU and on CUDA, the torch reference elsewhere.
 
 They share these arguments:
     rays: origins and directions, ``(N, 3)`` float32 world space, those of the first of B batch elements first, with t
@@ -15,6 +15,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from gbufrt.compute.dispatch import Form, form_of
 from tracer.traversal import reference
 
 
@@ -30,21 +31,21 @@ def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask:
         material, entry (-1 on a miss), face (2 x axis, + 1 where the ray falls along it), whether it is the back of the
         medium that the ray leaves, and the voxel.
     """
-    if left.is_cpu:
-        from tracer.traversal import drivers as kernel
+    if _form(rays, grids) is Form.REFERENCE:
+        return reference.surface(rays, grids, left, mask)
+    from tracer.traversal import drivers
 
-        return kernel.surface(rays, grids, left, mask)
-    return reference.surface(rays, grids, left, mask)
+    return drivers.surface(rays, grids, left, mask)
 
 
 @torch.library.custom_op("tracer::transmit", mutates_args=())
 def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
     """``(N, 3)`` float32: the share of light that comes through; 0 behind anything opaque."""
-    if rays[0].is_cpu:
-        from tracer.traversal import drivers as kernel
+    if _form(rays, grids) is Form.REFERENCE:
+        return reference.transmit(rays, grids, mask)
+    from tracer.traversal import drivers
 
-        return kernel.transmit(rays, grids, mask)
-    return reference.transmit(rays, grids, mask)
+    return drivers.transmit(rays, grids, mask)
 
 
 @torch.library.custom_op("tracer::runs", mutates_args=())
@@ -56,11 +57,11 @@ def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Ten
     Returns:
         ``(N, 2)`` float32, in t: through voxels that are not air, and through the first ones of the same material.
     """
-    if starts.is_cpu:
-        from tracer.traversal import drivers as kernel
+    if _form(rays, grids) is Form.REFERENCE:
+        return reference.runs(rays, grids, starts)
+    from tracer.traversal import drivers
 
-        return kernel.runs(rays, grids, starts)
-    return reference.runs(rays, grids, starts)
+    return drivers.runs(rays, grids, starts)
 
 
 @surface.register_fake
@@ -77,3 +78,7 @@ def _(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
 @runs.register_fake
 def _(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
     return starts.new_empty(starts.shape[0], 2, dtype=torch.float32)
+
+
+def _form(rays: Sequence[Tensor], grids: Sequence[Tensor]) -> Form:
+    return form_of(*rays[:3], *grids, cuda=True)

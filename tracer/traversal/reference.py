@@ -1,7 +1,7 @@
 """Voxel traversal in plain torch: the definition of what a ray meets, the oracle of the compiled kernel's tests, and
 what runs where there is no compiled kernel.
 
-All rays walk in step through one grid after another. A ray crosses an empty brick in one step and anything else voxel
+All rays state in step through one grid after another. A ray crosses an empty brick in one step and anything else voxel
 by voxel, in grid coordinates and double precision. A ray that starts exactly on a face is in the voxel it heads into.
 The arguments are those of the operators in `tracer.traversal.op`.
 """
@@ -26,7 +26,7 @@ TINY = 1e-30
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Walk:
+class Traversal:
     """Rays inside one grid. ``axis`` is the last face's axis; ``medium`` a voxel id of the grid, or SOLID."""
 
     ray: Tensor
@@ -38,7 +38,7 @@ class Walk:
     axis: Tensor
     medium: Tensor
 
-    def __getitem__(self, keep: Tensor) -> Walk:
+    def __getitem__(self, keep: Tensor) -> Traversal:
         return map_tensors(lambda x: x[keep], self)
 
     def at(self, t: Tensor) -> Tensor:
@@ -75,17 +75,17 @@ def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask:
     numbers[:, 0], ids[:, 1] = torch.inf, -1
     for entry in _seen(grids, mask):
         voxels = Voxels(grids, entry)
-        walk = _enter(voxels, rays, rays[2][:, 0].double(), nearest)
-        silent = torch.zeros_like(walk.ray, dtype=torch.bool)
+        state = _enter(voxels, rays, rays[2][:, 0].double(), nearest)
+        silent = torch.zeros_like(state.ray, dtype=torch.bool)
         if len(left):
-            start = left.long()[walk.ray]
+            start = left.long()[state.ray]
             silent = start[:, 1] == entry
-            walk = replace(
-                walk,
-                medium=torch.where(silent, start[:, 0] - voxels.row[MATERIAL], walk.medium),
-                cell=torch.where(silent[:, None], start[:, 2:] - voxels.corner, walk.cell),
+            state = replace(
+                state,
+                medium=torch.where(silent, start[:, 0] - voxels.row[MATERIAL], state.medium),
+                cell=torch.where(silent[:, None], start[:, 2:] - voxels.corner, state.cell),
             )
-        _first_surface(voxels, walk, silent, numbers, ids, nearest)
+        _first_surface(voxels, state, silent, numbers, ids, nearest)
     return numbers, ids
 
 
@@ -94,25 +94,25 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
     passed = rays[0].new_ones(len(rays[0]), 3, dtype=torch.float32)
     for entry in _seen(grids, mask):
         voxels = Voxels(grids, entry)
-        walk = _enter(voxels, rays, *rays[2].double().unbind(1))
-        within = walk.medium != 0  # begins in what it is about to leave, by a face that is still to come
-        walk = replace(walk, medium=torch.where(within, walk.medium, 0))
-        began = walk.t.clone()
-        while walk.ray.numel():
-            value, empty = voxels.look(walk.cell)
-            passed[walk.ray[voxels.is_opaque(value)]] = 0.0
-            changed = value != walk.medium
-            length = walk.t - began
-            _attenuate(voxels, passed, walk[changed], length[changed])
-            _enter_face(passed, walk[changed & ((value > 0) | within)])
-            began, within = torch.where(changed, walk.t, began), within & ~changed
-            walk, inside = _step(voxels, replace(walk, medium=value), empty)
-            over = ~inside | (walk.t >= walk.t_end)
-            length = torch.minimum(walk.t, walk.t_end) - began
-            _attenuate(voxels, passed, walk[over], length[over])
-            _enter_face(passed, walk[within & ~inside & (walk.t < walk.t_end)])
-            going = ~over & (passed[walk.ray].amax(1) > 0)
-            walk, began, within = walk[going], began[going], within[going]
+        state = _enter(voxels, rays, *rays[2].double().unbind(1))
+        within = state.medium != 0  # begins in what it is about to leave, by a face that is still to come
+        state = replace(state, medium=torch.where(within, state.medium, 0))
+        began = state.t.clone()
+        while state.ray.numel():
+            value, empty = voxels.look(state.cell)
+            passed[state.ray[voxels.is_opaque(value)]] = 0.0
+            changed = value != state.medium
+            length = state.t - began
+            _attenuate(voxels, passed, state[changed], length[changed])
+            _enter_face(passed, state[changed & ((value > 0) | within)])
+            began, within = torch.where(changed, state.t, began), within & ~changed
+            state, inside = _step(voxels, replace(state, medium=value), empty)
+            over = ~inside | (state.t >= state.t_end)
+            length = torch.minimum(state.t, state.t_end) - began
+            _attenuate(voxels, passed, state[over], length[over])
+            _enter_face(passed, state[within & ~inside & (state.t < state.t_end)])
+            going = ~over & (passed[state.ray].amax(1) > 0)
+            state, began, within = state[going], began[going], within[going]
     return passed
 
 
@@ -122,23 +122,23 @@ def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Ten
     t0, t1 = rays[2].double().unbind(1)
     for entry in range(len(grids[2])):
         voxels = Voxels(grids, entry)
-        walk = _enter(voxels, rays, torch.zeros_like(t0), t1)
-        walk = walk[starts[walk.ray, 1] == entry]
-        start = starts.long()[walk.ray]
+        state = _enter(voxels, rays, torch.zeros_like(t0), t1)
+        state = state[starts[state.ray, 1] == entry]
+        start = starts.long()[state.ray]
         medium, cell = start[:, 0] - voxels.row[MATERIAL], start[:, 2:] - voxels.corner
-        walk = replace(walk, t=t0[walk.ray], cell=cell, medium=medium)
-        same = torch.ones_like(walk.ray, dtype=torch.bool)
-        while walk.ray.numel():
-            value, empty = voxels.look(walk.cell)
-            same = same & (value == walk.medium)
+        state = replace(state, t=t0[state.ray], cell=cell, medium=medium)
+        same = torch.ones_like(state.ray, dtype=torch.bool)
+        while state.ray.numel():
+            value, empty = voxels.look(state.cell)
+            same = same & (value == state.medium)
             solid = value > 0
-            walk, same, empty = walk[solid], same[solid], empty[solid]
-            walk, inside = _step(voxels, walk, empty)
-            length = (torch.minimum(walk.t, walk.t_end) - t0[walk.ray]).clamp_min(0).float()
-            lengths[walk.ray, 0] = length
-            lengths[walk.ray[same], 1] = length[same]
-            going = inside & (walk.t < walk.t_end)
-            walk, same = walk[going], same[going]
+            state, same, empty = state[solid], same[solid], empty[solid]
+            state, inside = _step(voxels, state, empty)
+            length = (torch.minimum(state.t, state.t_end) - t0[state.ray]).clamp_min(0).float()
+            lengths[state.ray, 0] = length
+            lengths[state.ray[same], 1] = length[same]
+            going = inside & (state.t < state.t_end)
+            state, same = state[going], same[going]
     return lengths
 
 
@@ -146,7 +146,7 @@ def _seen(grids: Sequence[Tensor], mask: int) -> list[int]:
     return [entry for entry, own in enumerate(grids[2][:, MASK].tolist()) if own & mask]
 
 
-def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor) -> Walk:
+def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor) -> Traversal:
     """The rays that meet the grid's bounds, at the place where they do."""
     origins, directions, _, transforms = rays
     matrix = transforms[:, voxels.entry]
@@ -165,68 +165,70 @@ def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor)
     place = origin + direction * t[:, None]
     cell = torch.where((direction < 0) & (place == place.floor()), place - 1, place.floor())[ray]
     cell = torch.minimum(torch.maximum(cell.long(), voxels.low), voxels.high - 1)
-    walk = Walk(
+    state = Traversal(
         ray=ray, origin=origin[ray], direction=direction[ray], t=t[ray], t_end=t_max[ray], cell=cell, axis=axis[ray],
         medium=torch.zeros_like(ray),
     )  # fmt: skip
-    value, _ = voxels.look(walk.cell)
+    value, _ = voxels.look(state.cell)
     within = torch.where(voxels.is_opaque(value), SOLID, value)
-    return replace(walk, medium=torch.where(enter[ray] > t_min[ray], 0, within))
+    return replace(state, medium=torch.where(enter[ray] > t_min[ray], 0, within))
 
 
-def _first_surface(voxels: Voxels, walk: Walk, silent: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor) -> None:
-    """Walk on to where the medium changes, and write what is there into the rows of the rays."""
-    while walk.ray.numel():
-        value, empty = voxels.look(walk.cell)
-        out = (walk.medium == SOLID) & ~voxels.is_opaque(value)
-        out = out | (silent & (walk.medium > 0) & (value == 0))
-        medium = torch.where(out, value, walk.medium)
+def _first_surface(
+    voxels: Voxels, state: Traversal, silent: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor
+) -> None:
+    """Go on to where the medium changes, and write what is there into the rows of the rays."""
+    while state.ray.numel():
+        value, empty = voxels.look(state.cell)
+        out = (state.medium == SOLID) & ~voxels.is_opaque(value)
+        out = out | (silent & (state.medium > 0) & (value == 0))
+        medium = torch.where(out, value, state.medium)
         stops = (value != medium) & (medium != SOLID)
-        _write(voxels, walk[stops], value[stops], numbers, ids, nearest)
-        walk, silent, empty = replace(walk, medium=medium)[~stops], silent[~stops], empty[~stops]
-        walk, inside = _step(voxels, walk, empty)
-        before_end = walk.t < walk.t_end
-        leaves = ~inside & before_end & (walk.medium > 0) & ~silent
-        _write(voxels, walk[leaves], torch.zeros_like(walk.ray[leaves]), numbers, ids, nearest)
-        walk, silent = walk[inside & before_end], silent[inside & before_end]
+        _write(voxels, state[stops], value[stops], numbers, ids, nearest)
+        state, silent, empty = replace(state, medium=medium)[~stops], silent[~stops], empty[~stops]
+        state, inside = _step(voxels, state, empty)
+        before_end = state.t < state.t_end
+        leaves = ~inside & before_end & (state.medium > 0) & ~silent
+        _write(voxels, state[leaves], torch.zeros_like(state.ray[leaves]), numbers, ids, nearest)
+        state, silent = state[inside & before_end], silent[inside & before_end]
 
 
-def _step(voxels: Voxels, walk: Walk, empty: Tensor) -> tuple[Walk, Tensor]:
+def _step(voxels: Voxels, state: Traversal, empty: Tensor) -> tuple[Traversal, Tensor]:
     """Leave the voxel, or the whole brick where it is empty; and whether that is still within the grid's bounds."""
     size = torch.where(empty, BRICK, 1)[:, None]
-    low = torch.div(walk.cell, size, rounding_mode="floor") * size
-    forward = walk.direction > 0
-    t, axis = ((torch.where(forward, low + size, low) - walk.origin) * (1 / walk.direction)).min(dim=1)
-    beside = torch.minimum(torch.maximum(walk.at(t).floor().long(), low), low + size - 1)
+    low = torch.div(state.cell, size, rounding_mode="floor") * size
+    forward = state.direction > 0
+    t, axis = ((torch.where(forward, low + size, low) - state.origin) * (1 / state.direction)).min(dim=1)
+    beside = torch.minimum(torch.maximum(state.at(t).floor().long(), low), low + size - 1)
     through = torch.nn.functional.one_hot(axis, 3).bool()
     cell = torch.where(through, torch.where(forward, low + size, low - 1), beside)
     inside = ((cell >= voxels.low) & (cell < voxels.high)).all(dim=1)
-    return replace(walk, t=t, axis=axis, cell=cell), inside
+    return replace(state, t=t, axis=axis, cell=cell), inside
 
 
-def _write(voxels: Voxels, walk: Walk, value: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor) -> None:
+def _write(voxels: Voxels, state: Traversal, value: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor) -> None:
     """Store hits. Where ``value`` is air, the surface is the back of the medium that the ray leaves."""
     back = value == 0
-    falling = walk.direction.gather(1, walk.axis[:, None])[:, 0] < 0
-    through = torch.nn.functional.one_hot(walk.axis, 3)
+    falling = state.direction.gather(1, state.axis[:, None])[:, 0] < 0
+    through = torch.nn.functional.one_hot(state.axis, 3)
     behind = torch.where(falling, -1, 1)[:, None] * through
-    cell = torch.where(back[:, None], walk.cell - behind, walk.cell)
-    material = torch.where(back, walk.medium, value) + voxels.row[MATERIAL]
-    face = walk.axis * 2 + falling
+    cell = torch.where(back[:, None], state.cell - behind, state.cell)
+    material = torch.where(back, state.medium, value) + voxels.row[MATERIAL]
+    face = state.axis * 2 + falling
     row: list[Any] = [material, torch.full_like(material, voxels.entry), face, back]
-    numbers[walk.ray] = torch.cat([walk.t[:, None], walk.at(walk.t) + voxels.corner], dim=1).float()
-    ids[walk.ray] = torch.cat([torch.stack(row, dim=1), cell + voxels.corner], dim=1).int()
-    nearest[walk.ray] = walk.t
+    numbers[state.ray] = torch.cat([state.t[:, None], state.at(state.t) + voxels.corner], dim=1).float()
+    ids[state.ray] = torch.cat([torch.stack(row, dim=1), cell + voxels.corner], dim=1).int()
+    nearest[state.ray] = state.t
 
 
-def _attenuate(voxels: Voxels, passed: Tensor, walk: Walk, length: Tensor) -> None:
+def _attenuate(voxels: Voxels, passed: Tensor, state: Traversal, length: Tensor) -> None:
     """Multiply the light of rays by what comes through ``length`` of the medium that they are in."""
-    row = voxels.media[(walk.medium + voxels.row[MATERIAL]).clamp_min(0)].double()
+    row = voxels.media[(state.medium + voxels.row[MATERIAL]).clamp_min(0)].double()
     factor = (1 - row[:, :1]) * row[:, 1:] ** length.clamp_min(0)[:, None]
-    passed[walk.ray] *= torch.where(walk.medium[:, None] > 0, factor, 1.0).float()
+    passed[state.ray] *= torch.where(state.medium[:, None] > 0, factor, 1.0).float()
 
 
-def _enter_face(passed: Tensor, walk: Walk) -> None:
+def _enter_face(passed: Tensor, state: Traversal) -> None:
     """Multiply the light of rays by what the dielectric face that they go through does not mirror."""
-    along = walk.direction.gather(1, walk.axis[:, None])[:, 0].abs() / walk.direction.norm(dim=1)
-    passed[walk.ray] *= (1 - schlick(along, DIELECTRIC_F0))[:, None].float()
+    along = state.direction.gather(1, state.axis[:, None])[:, 0].abs() / state.direction.norm(dim=1)
+    passed[state.ray] *= (1 - schlick(along, DIELECTRIC_F0))[:, None].float()

@@ -7,6 +7,7 @@ import torch
 from voxels import polished_scene
 
 from gbufrt import Camera
+from gbufrt.compute.dispatch import Form
 from tracer.direct import drivers as direct_drivers
 from tracer.direct import lighting
 from tracer.direct import reference as direct
@@ -82,7 +83,7 @@ def test_a_whole_picture_is_lit_the_same(monkeypatch: pytest.MonkeyPatch):
     scene = polished_scene(3)
     buffer = gbuffer(scene, Camera.look_at((14, 16, 19), (0, 2, 0), size=(40, 48)), time=0.3)
     found = lighting.light(scene, buffer, poses=scene.poses([0.3]), samples=8)[0]
-    monkeypatch.setattr(lighting, "_form", lambda _: direct)
+    monkeypatch.setattr(lighting, "form_of", lambda _: Form.REFERENCE)
     wanted = lighting.light(scene, buffer, poses=scene.poses([0.3]), samples=8)[0]
     off = (found - wanted).abs() > 1e-3 + 1e-2 * wanted
     assert off.any(1).float().mean() < 0.01

@@ -13,7 +13,7 @@ import voxels
 
 from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Scene
 from tracer.traversal import rays as traversal
-from tracer.traversal import reference as traversal_reference
+from tracer.traversal import reference as reference_form
 from tracer.traversal.rays import Hits, run_lengths, trace, transmission
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -25,7 +25,7 @@ def reference(monkeypatch: pytest.MonkeyPatch):
 
     def switch() -> None:
         for name in ("surface", "transmit", "runs"):
-            monkeypatch.setattr(traversal.ops, name, getattr(traversal_reference, name))
+            monkeypatch.setattr(traversal.ops, name, getattr(reference_form, name))
 
     return switch
 
@@ -99,7 +99,7 @@ hits = traversal.trace(scene, *rays, poses=poses)
 traversal.transmission(scene, *rays, poses=poses)
 traversal.run_lengths(scene, *rays, hits, poses=poses)
 from tracer.traversal import drivers as k
-print(sum(sum(f.stats.cache_misses.values()) for f in (k.surface_all, k.transmit_all, k.runs_all)))
+print(sum(f.on_cpu.misses for f in (k.surface_each, k.transmit_each, k.runs_each)))
 """
     exec(compile(code.rpartition("from tracer")[0], "first process", "exec"), {})
     environment = os.environ | {"OMP_NUM_THREADS": "1"}

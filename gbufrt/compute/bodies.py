@@ -1,0 +1,202 @@
+"""Scalar bodies: plain Python functions of one item, bound to a target, and told apart by what they do.
+
+A body is written once, in Python arithmetic over scalars, tuples and flat arrays. A compiler types it only if every
+helper that it calls is compiled for the same target. `Target` makes copies of functions whose globals are those
+compiled helpers; `fingerprint` names a function by its own code and by all code and all constants that it reaches, in
+whatever files they lie: the key under which machine code is kept.
+"""
+
+from __future__ import annotations
+
+import builtins
+import dis
+import hashlib
+from collections.abc import Callable, Iterator
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any, TypeVar
+
+import numpy as np
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+NUMBERS = (bool, int, float, complex, str, bytes, np.generic, type(None), type(Ellipsis))
+FOREIGN = ("numpy", "numba", "numba_cuda")  # whose functions a compiler knows by name
+
+
+def scalar(function: F) -> F:
+    """Mark a body or helper that works on one item, so that kernels may call it; it stays a plain function."""
+    function.__scalar__ = True  # type: ignore[attr-defined]
+    return function
+
+
+def is_scalar(value: Any) -> bool:
+    """Whether a value is a function marked `scalar`."""
+    return isinstance(value, FunctionType) and hasattr(value, "__scalar__")
+
+
+class Target:
+    """A device that bodies are compiled for, and how.
+
+    Args:
+        jit: numba's compiler for the device.
+        helper: its options for what bodies call.
+        entry: its options for a body that a driver calls as ``item``.
+        driver: its options for drivers.
+    """
+
+    def __init__(
+        self, jit: Callable[..., Any], *, helper: dict[str, Any], entry: dict[str, Any], driver: dict[str, Any]
+    ) -> None:
+        self._helper, self._entry, self._driver = jit(**helper), jit(**entry), jit(**driver)
+        self._options = f"{helper} {entry} {driver}"
+        self._compiled: dict[FunctionType, Any] = {}
+
+    def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
+        """numba's dispatcher for a driver, and for the body that it calls as ``item`` if it serves every body.
+
+        numba looks for machine code under the name of a function, which here says all that the code depends on.
+        """
+        replaced = {} if item is None else {"item": self._entry(self.bind(item))}
+        bound = self.bind(driver, **replaced)
+        key = fingerprint(driver, self._options, item)
+        bound.__qualname__ = f"{name}-{key}"
+        return self._driver(bound)
+
+    def bind(self, function: FunctionType, **replaced: Any) -> FunctionType:
+        """A copy of a function in whose globals marked functions are compiled, and ``replaced`` are others."""
+        space = {name: self._resolve(value, function) for name, value in references(function).items()}
+        space |= {"__builtins__": builtins, "__name__": function.__module__, **replaced}
+        copy = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
+        copy.__qualname__ = function.__qualname__
+        return copy
+
+    def helper(self, function: FunctionType) -> Any:
+        """The compiled form of a marked function, one for all that call it."""
+        if function not in self._compiled:
+            self._compiled[function] = self._helper(self.bind(function))
+        return self._compiled[function]
+
+    def _resolve(self, value: Any, user: FunctionType) -> Any:
+        if is_scalar(value):
+            return self.helper(value)
+        if isinstance(value, ModuleType):
+            marked = {name: self.helper(x) for name, x in _attributes(value, user) if is_scalar(x)}
+            if marked:
+                module = ModuleType(value.__name__)
+                module.__dict__.update(vars(value) | marked)
+                return module
+        return value
+
+
+def references(function: FunctionType) -> dict[str, Any]:
+    """The globals that a function names, without builtins.
+
+    Raises:
+        TypeError: it closes over variables, of which no compiled code could be kept.
+    """
+    if function.__closure__:
+        raise TypeError(
+            f"{_name(function)} must not close over variables to be compiled, but does over "
+            f"{', '.join(function.__code__.co_freevars)}: pass them, or make them constants of the module"
+        )
+    names = {
+        step.argval
+        for code in _codes(function.__code__)
+        for step in dis.get_instructions(code)
+        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME")
+    }
+    return {name: function.__globals__[name] for name in sorted(names) if name in function.__globals__}
+
+
+def fingerprint(function: FunctionType, options: str = "", item: FunctionType | None = None) -> str:
+    """A name for what a function does: other code or another constant, here or in what it calls, gives another.
+
+    Line numbers, comments, docstrings and annotations do not count.
+
+    Args:
+        function: a body or driver.
+        options: what else machine code depends on.
+        item: what the function calls as ``item``, if not what its module has under that name.
+
+    Raises:
+        TypeError: it names something that is neither a number, tuple, array, type or module, nor a marked function.
+    """
+    digest = hashlib.sha256(options.encode())
+    pending = [function] if item is None else [function, item]
+    done = set(pending)
+    while pending:
+        one = pending.pop()
+        named = {
+            name: x for name, x in references(one).items() if item is None or name != "item" or one is not function
+        }
+        for text in _describe_code(one.__code__, one):
+            digest.update(text.encode() + b"\0")
+        for name, value in named.items():
+            for text in (name, *_describe(value, one)):
+                digest.update(text.encode() + b"\0")
+            for called in _called(value, one):
+                if called not in done:
+                    done.add(called)
+                    pending.append(called)
+    return digest.hexdigest()[:16]
+
+
+def _called(value: Any, user: FunctionType) -> list[FunctionType]:
+    values = [x for _, x in _attributes(value, user)] if isinstance(value, ModuleType) else [value]
+    return [x for x in values if is_scalar(x)]
+
+
+def _describe(value: Any, user: FunctionType) -> Iterator[str]:
+    """What a global is, as text that is equal in every process."""
+    if isinstance(value, ModuleType):
+        yield value.__name__
+        if value.__name__.split(".")[0] not in FOREIGN:
+            for name, inner in _attributes(value, user):
+                yield from (name, *_describe(inner, user))
+    elif isinstance(value, NUMBERS):
+        yield f"{type(value).__name__} {value!r}"
+    elif isinstance(value, (tuple, frozenset)):
+        yield f"{type(value).__name__} {len(value)}"
+        parts = [" ".join(_describe(inner, user)) for inner in value]
+        yield from sorted(parts) if isinstance(value, frozenset) else parts
+    elif isinstance(value, np.ndarray):
+        yield f"array {value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+    elif isinstance(value, type):
+        yield f"type {_name(value)} {getattr(value, '_fields', '')}"
+    elif is_scalar(value) or isinstance(value, (BuiltinFunctionType, np.ufunc)) or _is_foreign(value):
+        yield f"function {_name(value)}"
+    else:
+        raise TypeError(
+            f"{_name(user)} names {getattr(value, '__name__', repr(value))}, a {type(value).__name__}: compiled code "
+            "may name numbers, tuples, arrays, types, modules, and functions marked with @scalar"
+        )
+
+
+def _describe_code(code: CodeType, user: FunctionType) -> Iterator[str]:
+    yield f"{code.co_name} {code.co_argcount} {code.co_flags} {code.co_names} {code.co_varnames} {code.co_code.hex()}"
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _describe_code(constant, user)
+        elif constant is None or constant is not user.__doc__:
+            yield " ".join(_describe(constant, user))
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _attributes(module: ModuleType, user: FunctionType) -> list[tuple[str, Any]]:
+    """What a function may mean by the attributes of a module: those that its code names."""
+    names = {name for code in _codes(user.__code__) for name in code.co_names}
+    return [(name, getattr(module, name)) for name in sorted(names) if hasattr(module, name)]
+
+
+def _is_foreign(value: Any) -> bool:
+    return str(getattr(value, "__module__", "")).split(".")[0] in FOREIGN
+
+
+def _name(value: Any) -> str:
+    return f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', getattr(value, '__name__', value))}"

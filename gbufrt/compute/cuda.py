@@ -1,0 +1,57 @@
+"""Scalar bodies on NVIDIA GPUs, by numba-cuda: the extra ``gbufrt[cuda]``.
+
+With ``NUMBA_ENABLE_CUDASIM=1`` in the environment before numba is imported, numba simulates a GPU: slowly and without
+types, but that tests the logic where there is none. Tensors then lie on the CPU.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import torch
+from numba import cuda
+from torch import Tensor
+
+from gbufrt.compute.bodies import Target
+from gbufrt.compute.kernel import Kernel, array
+
+BLOCK = 128  # threads: enough to hide the latency of memory, few enough that items of one block lie close together
+
+CUDA = Target(cuda.jit, helper={"device": True}, entry={"device": True}, driver={"cache": True})
+
+
+def item(i: int, *arguments: Any) -> None:
+    """Stands for the body in the kernel below."""
+
+
+def _each(count, arguments):
+    i = cuda.grid(1)  # pyright: ignore[reportCallIssue]
+    if i < count:
+        item(i, *arguments)
+
+
+@cache
+def kernel_of(body: Callable[..., Any]) -> Kernel:
+    """The CUDA kernel of a body, one item a thread."""
+    return Kernel(_each, CUDA, item=body)
+
+
+def launch(body: Callable[..., Any], count: int, arguments: Sequence[Tensor | float]) -> None:
+    """See `gbufrt.compute.each.Each.on_cuda`."""
+    if count == 0:
+        return  # CUDA has no empty grids
+    device = next((x.device for x in arguments if isinstance(x, Tensor) and x.is_cuda), None)
+    given = tuple(_device_array(x) if isinstance(x, Tensor) else x for x in arguments)
+    blocks = -(-count // BLOCK)
+    if device is None:
+        kernel_of(body)(count, given, grid=(blocks, BLOCK))
+        return
+    with torch.cuda.device(device), cuda.gpus[device.index]:
+        stream = cuda.external_stream(torch.cuda.current_stream().cuda_stream)
+        kernel_of(body)(count, given, grid=(blocks, BLOCK, stream))
+
+
+def _device_array(tensor: Tensor) -> Any:
+    return cuda.as_cuda_array(tensor.detach().contiguous()) if tensor.is_cuda else array(tensor)

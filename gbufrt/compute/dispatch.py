@@ -1,0 +1,74 @@
+"""Which form of an operation runs: a kernel for the device where its tensors lie, or the torch reference."""
+
+from __future__ import annotations
+
+from enum import Enum
+from functools import cache
+from importlib.util import find_spec
+
+import torch
+from torch import Tensor
+
+from gbufrt.compute.fusion import fusing
+
+
+class Form(Enum):
+    """How an operation may run."""
+
+    REFERENCE = "torch reference"
+    CPU = "CPU kernel"
+    CUDA = "CUDA kernel"
+
+
+def form_of(*tensors: Tensor | None, compiled: bool | None = None, cuda: bool = False, fuses: bool = False) -> Form:
+    """The form of an operation that runs for tensors.
+
+    Kernels take float32 (and integers) on one device and give no gradients.
+
+    Args:
+        tensors: what the operation reads, as far as that decides; None counts for nothing.
+        compiled: the user's wish: True for a kernel even where gradients are lost, False for the reference; by default
+            a kernel wherever one fits.
+        cuda: whether the operation has a CUDA form. It runs where numba-cuda is installed and finds a GPU.
+        fuses: whether the reference is `gbufrt.compute.fusion.fusible`, and so what runs inside `fused_kernels`.
+
+    Returns:
+        The form.
+
+    Raises:
+        ValueError: a kernel is wished for, but there is none for these tensors.
+    """
+    given = [t for t in tensors if t is not None]
+    kernel = _kernel_form(given, cuda)
+    if compiled:
+        if kernel is Form.REFERENCE:
+            kinds = sorted({f"{str(t.dtype).removeprefix('torch.')} on {t.device}" for t in given})
+            raise ValueError(
+                f"compiled must be None or False for {', '.join(kinds)}: there is a kernel for float32 on "
+                f"{'the CPU or CUDA with numba-cuda' if cuda else 'the CPU'} only"
+            )
+        return kernel
+    wants_gradient = torch.is_grad_enabled() and any(t.requires_grad for t in given)
+    if compiled is False or wants_gradient or (fuses and fusing()):
+        return Form.REFERENCE
+    return kernel
+
+
+def _kernel_form(tensors: list[Tensor], cuda: bool) -> Form:
+    devices = {t.device for t in tensors}
+    if len(devices) != 1 or any(t.is_floating_point() and t.dtype != torch.float32 for t in tensors):
+        return Form.REFERENCE
+    kind = devices.pop().type
+    if kind == "cpu":
+        return Form.CPU
+    return Form.CUDA if kind == "cuda" and cuda and _cuda_compiles() else Form.REFERENCE
+
+
+@cache
+def _cuda_compiles() -> bool:
+    """Whether numba-cuda is there, with a GPU and the compiler that it needs."""
+    if find_spec("numba_cuda") is None:
+        return False
+    from numba import cuda
+
+    return bool(cuda.is_available())

@@ -1,0 +1,54 @@
+"""A scalar body over many items that share nothing, on the CPU or on a GPU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import prange
+from torch import Tensor
+
+from gbufrt.compute.kernel import CPU, Kernel, array, threads
+
+ROWS = 64  # items handed to a thread at a time
+
+
+def item(i: int, *arguments: Any) -> None:
+    """Stands for the body in the loop below."""
+
+
+def _each(count, lanes, arguments):
+    for lane in prange(lanes):
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            for i in range(begin, min(begin + ROWS, count)):
+                item(i, *arguments)
+
+
+class Each:
+    """``body(i, *arguments)`` for every i below a count.
+
+    Args:
+        body: marked `scalar`; takes the number of its item, then flat arrays and numbers, no tuples of them.
+    """
+
+    def __init__(self, body: Callable[..., Any]) -> None:
+        self.body = body
+        self.on_cpu = Kernel(_each, CPU, item=body)
+
+    def __call__(self, count: int, *arguments: Tensor | float) -> None:
+        """Run the body where the tensors lie.
+
+        Args:
+            count: the number of items.
+            arguments: of the body, after the number of the item. Tensors that it writes to must be contiguous.
+        """
+        if any(isinstance(x, Tensor) and x.is_cuda for x in arguments):
+            self.on_cuda(count, *arguments)
+        else:
+            self.on_cpu(count, threads(), tuple(array(x) if isinstance(x, Tensor) else x for x in arguments))
+
+    def on_cuda(self, count: int, *arguments: Tensor | float) -> None:
+        """As a call, on the GPU, or in numba's simulator of one, for which tensors lie on the CPU."""
+        from gbufrt.compute.cuda import launch
+
+        launch(self.body, count, arguments)

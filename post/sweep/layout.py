@@ -1,0 +1,116 @@
+"""What the sweeps hand around, in the torch references as planes and in the kernels as single numbers."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from torch import Tensor
+
+
+class Scene(NamedTuple):
+    """What taps read: pictures continued past their border, then one empty pixel, and how pixels become points."""
+
+    picture: Tensor
+    """``(B, C, H + 2 m + 2, W + 2 m + 2)`` with a margin of m pixels, see `post.sweep.margin`: planar depth, planar
+    depth of the back minus that of the front, and what else is seen. Nothing stands where the two depths agree."""
+    origin_x: Tensor
+    """``(B, 1, 1)``: slope (perspective) or place (orthographic) of the ray through column 0 of the padded picture."""
+    origin_y: Tensor
+    pitch_x: Tensor
+    """``(B, 1, 1)``: change of slope or place from one pixel to the next."""
+    pitch_y: Tensor
+    margin: int
+    """Pixels between the picture's border and the empty one."""
+
+
+class Receivers(NamedTuple):
+    """The pixels that look around them. All planes ``(B, h, w)`` unless said otherwise, view space."""
+
+    column: Tensor
+    """In the padded picture."""
+    row: Tensor
+    x: Tensor
+    y: Tensor
+    z: Tensor
+    nx: Tensor
+    ny: Tensor
+    nz: Tensor
+    vx: Tensor
+    """Toward the eye, unit length."""
+    vy: Tensor
+    vz: Tensor
+    scale: Tensor
+    """Pixels along x that a world unit across the view spans here."""
+    aspect: Tensor
+    """``(B, 1, 1)``: pixels along y for each pixel along x."""
+
+
+class Slice(NamedTuple):
+    """One slice of every receiver. All planes ``(B, h, w)``."""
+
+    nx: Tensor
+    """Normal divided by the length of its projection into the slice."""
+    ny: Tensor
+    nz: Tensor
+    hx: Tensor
+    """Unit vector in the slice: the projected normal."""
+    hy: Tensor
+    hz: Tensor
+    tx: Tensor
+    """Unit vector in the slice, across the projected normal."""
+    ty: Tensor
+    tz: Tensor
+    level: Tensor
+    """Height of the receiver's plane along (nx, ny, nz), bias included."""
+    place: Tensor
+    """Of the receiver along (tx, ty, tz)."""
+    cos_n: Tensor
+    """Of the angle n from the direction toward the eye to the projected normal."""
+    sin_n: Tensor
+    n: Tensor
+    measure: Tensor
+    """Cosine-weighted measure of the whole arc, cos n + n sin n."""
+    weight: Tensor
+    """Share of this slice in the hemisphere: measure times the length of the projected normal."""
+    step_x: Tensor
+    """Pixels that a world unit along the slice, across the ray, spans."""
+    step_y: Tensor
+
+
+class Tap(NamedTuple):
+    """What stands at one step along a slice, as the receiver sees it. All planes ``(B, h, w)``."""
+
+    front_rise: Tensor
+    """Height above the receiver's plane (over the length of the projected normal) of the visible front."""
+    front_run: Tensor
+    """Along the receiver's plane within the slice, away from the receiver on this side."""
+    back_rise: Tensor
+    back_run: Tensor
+    z: Tensor
+    """Planar depth of the front and, below, of the back; equal where nothing stands."""
+    back_z: Tensor
+    x: Tensor
+    """With ``y``: slope (perspective) or place (orthographic) of the ray through the tap."""
+    y: Tensor
+    seen: Tensor
+    """``(B, C, h, w)``: the other channels of the scene's picture."""
+
+
+class Side(NamedTuple):
+    """One side of a slice, outwards from the receiver."""
+
+    cut: Slice
+    """The slice; for the other side its mirror image."""
+    dx: Tensor
+    """Unit direction in the picture. Planes ``(B, h, w)``."""
+    dy: Tensor
+    length: Tensor
+    """Pixels that a world unit spans."""
+    frame: Tensor
+    """Pixels to the picture's border."""
+    border: Tensor
+    """Pixels to the end of its margin."""
+    half: Tensor
+    """1 / (2 measure)."""
+    whole: Tensor
+    """Share of the arc's measure on this side of the direction toward the eye; both sides add up to 1."""

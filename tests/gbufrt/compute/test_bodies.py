@@ -1,0 +1,107 @@
+"""How bodies find their helpers, and what the machine code that is kept of them depends on."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from gbufrt.compute.bodies import fingerprint, is_scalar, scalar
+from gbufrt.compute.each import Each
+
+HELPERS = """
+from gbufrt.compute.kernel import scalar
+STEP = 2.0
+@scalar
+def twice(x):
+    '''A docstring.'''
+    return {twice}
+@scalar
+def unused(x):
+    return {unused}
+"""
+BODIES = """
+from gbufrt.compute.kernel import scalar
+import {name}_helpers as other
+from {name}_helpers import twice
+@scalar
+def body(i, out):
+    out[i] = twice(out[i]) + other.{constant}
+"""
+RUN = """
+import sys, torch
+sys.path.insert(0, sys.argv[1])
+from gbufrt.compute.each import Each
+from some_bodies import body
+each, out = Each(body), torch.arange(4.0)
+each(4, out)
+print(each.on_cpu.misses, *out.tolist())
+"""
+
+
+def write(folder: Path, name: str = "some", *, twice: str = "2 * x", unused: str = "x", constant: str = "STEP") -> None:
+    (folder / f"{name}_helpers.py").write_text(HELPERS.format(twice=twice, unused=unused))
+    (folder / f"{name}_bodies.py").write_text(BODIES.format(name=name, constant=constant))
+
+
+def run(folder: Path) -> list[float]:
+    """How often a process of its own compiled the body, and what that made of 0, 1, 2 and 3."""
+    done = subprocess.run([sys.executable, "-c", RUN, str(folder)], capture_output=True, text=True, check=True)
+    return [float(x) for x in done.stdout.split()]
+
+
+def test_a_helper_edited_in_another_file_is_compiled_anew_and_nothing_else_is(tmp_path: Path) -> None:
+    seed = int.from_bytes(str(tmp_path).encode(), "big") % 10007  # nobody else's cache has this code
+    write(tmp_path, twice=f"2 * x + {seed}")
+    doubled = [seed + 2 * x + 2 for x in range(4)]
+    assert run(tmp_path) == [1, *doubled]
+    assert run(tmp_path) == [0, *doubled]
+    write(tmp_path, twice=f"2 * x + {seed}  # the same", unused="x + 1")
+    assert run(tmp_path) == [0, *doubled]
+    write(tmp_path, twice=f"3 * x + {seed}")
+    assert run(tmp_path) == [1, *(seed + 3 * x + 2 for x in range(4))]
+
+
+def test_fingerprints_change_with_code_and_constants_that_are_reached() -> None:
+    def made(value: Any) -> FunctionType:
+        space: dict[str, Any] = {"scalar": scalar, "VALUE": value, "__name__": "made"}
+        exec("@scalar\ndef body(i, out):\n    out[i] = VALUE\n", space)
+        return space["body"]
+
+    values = [1, 1.0, True, np.float32(1), (1, 2), (1, (2,)), np.arange(3), np.arange(3.0), np.arange(4), int, float]
+    found = [fingerprint(made(value)) for value in values]
+    assert len(set(found)) == len(values)
+    assert [fingerprint(made(value)) for value in values] == found
+    with pytest.raises(TypeError, match=r"made.body names .*, a dict: compiled code may name numbers"):
+        fingerprint(made({}))
+
+
+def test_bodies_are_plain_functions_that_call_marked_functions_only(tmp_path: Path, monkeypatch) -> None:
+    write(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    bodies, helpers = importlib.import_module("some_bodies"), importlib.import_module("some_helpers")
+    out = [5.0]
+    bodies.body(0, out)
+    assert out == [12.0]
+    assert is_scalar(helpers.twice)
+    monkeypatch.setattr(bodies, "twice", lambda x: x)
+    with pytest.raises(TypeError, match=r"some_bodies.body names <lambda>, a function: .* marked with @scalar"):
+        fingerprint(bodies.body)
+
+
+def test_a_body_must_not_close_over_anything() -> None:
+    offset = 1.0
+
+    @scalar
+    def body(i, out):
+        out[i] = offset
+
+    with pytest.raises(TypeError, match="must not close over variables to be compiled, but does over offset"):
+        Each(body)(1, torch.zeros(1))

@@ -1,0 +1,67 @@
+"""All three traversals over a few rays, for tests that compare their forms. Run as a script, it answers in the CUDA
+form by numba's simulator and saves what it finds: ``NUMBA_ENABLE_CUDASIM=1 python traversals.py FILE``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import torch
+import voxels
+from torch import Tensor
+from voxels import GLASS, STONE, WATER
+
+from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SHADOW, Instance, Scene
+from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+
+SIZE = (8, 12)
+
+
+def scene() -> Scene:
+    """A floor and a wall, with a pane of glass and a pool; a small turned block of glass and stone stands before it."""
+    world = voxels.world(
+        (18, 14, 18), (STONE, (0, 0, 0), (18, 1, 18)), (STONE, (0, 0, 15), (18, 14, 18)), (WATER, (2, 1, 2), (8, 3, 9)),
+        (GLASS, (9, 1, 8), (17, 11, 9)),
+    )  # fmt: skip
+    model = voxels.world((3, 6, 3), (STONE, (0, 0, 0), (3, 3, 3)), (GLASS, (0, 3, 0), (3, 6, 3)), origin=(-1, 0, -1))
+    block = Instance(model=model, pose=lambda t: voxels.pose((7.0, 2.0, 11.0 + t), yaw=0.5), scale=0.9)
+    return Scene(world=world, instances=(block,))
+
+
+def answers(device: str = "cpu") -> dict[str, Tensor]:
+    """What two batches of 12x8 rays meet at two times, what lies behind, how much light comes through; and what rays
+    meet that begin in the pool."""
+    things = scene().to(device)
+    y, x = torch.meshgrid(torch.linspace(-0.45, 0.75, SIZE[0]), torch.linspace(-0.8, 0.8, SIZE[1]), indexing="ij")
+    directions = torch.nn.functional.normalize(torch.stack([x, -y, torch.ones_like(x)], dim=-1), dim=-1)
+    directions = directions.expand(2, *SIZE, 3).to(device)
+    origins = torch.tensor([8.6, 6.4, -3.2], device=device).expand_as(directions)
+    given: dict[str, Any] = {"poses": things.poses([0.0, 0.6]).to(device)}
+    first = trace(things, origins, directions, mask=MASK_PRIMARY, **given)
+    behind = trace(things, origins, directions, beyond=first, mask=MASK_ALL, t_max=30.0, **given)
+    inside = trace(things, torch.tensor([5.1, 2.2, 5.3], device=device).expand_as(directions), -directions, **given)
+    found = {
+        "transmission": transmission(things, origins, directions, mask=MASK_SHADOW, t_max=16.0, **given),
+        "runs": torch.stack(run_lengths(things, origins, directions, first, cap=5.0, **given)),
+    }
+    for name, hits in (("first", first), ("behind", behind), ("inside", inside)):
+        found |= {f"{name} {key}": value for key, value in numbers(hits).items()}
+    return {key: value.cpu() for key, value in found.items()}
+
+
+def numbers(hits: Hits) -> dict[str, Tensor]:
+    """What hits hold where there are any; 0 elsewhere."""
+    keep = hits.hit
+    fields = ("material", "instance", "cell", "face", "back_face", "t", "local", "normal")
+    values = {name: getattr(hits, name) for name in fields}
+    return {"hit": keep} | {
+        name: torch.where(keep if value.ndim == keep.ndim else keep[..., None], value, 0)
+        for name, value in values.items()
+    }
+
+
+if __name__ == "__main__":
+    from gbufrt.compute.each import Each
+
+    Each.__call__ = Each.on_cuda  # the simulator's arrays lie on the CPU, where the CPU's kernels would take them
+    torch.save(answers(), sys.argv[1])

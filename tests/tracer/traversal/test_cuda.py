@@ -1,0 +1,67 @@
+"""The CUDA form of the traversals, on a GPU or in numba's simulator of one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+import traversals
+from torch import Tensor
+
+from gbufrt.compute.dispatch import Form, form_of
+from tracer.traversal import op, reference
+
+SCRIPT = Path(traversals.__file__)
+ROOT = SCRIPT.parents[2]
+
+
+def same(found: dict[str, Tensor], wanted: dict[str, Tensor]) -> None:
+    assert found.keys() == wanted.keys()
+    for name, want in wanted.items():
+        torch.testing.assert_close(
+            found[name], want, rtol=1e-6, atol=1e-5, msg=lambda text, name=name: f"{name}: {text}"
+        )
+
+
+def covers_what_matters(wanted: dict[str, Tensor]) -> None:
+    """World and instance, air and glass, front and back are all among the answers."""
+    assert wanted["first instance"].unique().tolist() == [0, 1]
+    assert wanted["inside back_face"].any()
+    assert ((wanted["transmission"] > 0) & (wanted["transmission"] < 1)).any()
+    assert wanted["transmission"].min() == 0
+    assert (wanted["runs"][0] > wanted["runs"][1]).any()
+    assert not torch.equal(wanted["first t"][0], wanted["first t"][1])
+
+
+@pytest.fixture
+def wanted(monkeypatch: pytest.MonkeyPatch) -> dict[str, Tensor]:
+    """The answers of the torch reference."""
+    with monkeypatch.context() as patch:
+        for name in ("surface", "transmit", "runs"):
+            patch.setattr(op, name, getattr(reference, name))
+        return traversals.answers()
+
+
+def test_the_cpu_form_answers_as_the_reference(wanted: dict[str, Tensor]) -> None:
+    covers_what_matters(wanted)
+    same(traversals.answers(), wanted)
+
+
+def test_the_simulated_cuda_form_answers_as_the_reference(wanted: dict[str, Tensor], tmp_path: Path) -> None:
+    out = tmp_path / "answers.pt"
+    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": paths}
+    done = subprocess.run([sys.executable, str(SCRIPT), str(out)], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    same(torch.load(out), wanted)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU")
+def test_the_cuda_form_answers_as_the_reference(wanted: dict[str, Tensor]) -> None:
+    pytest.importorskip("numba_cuda")
+    assert form_of(torch.zeros(1, device="cuda"), cuda=True) is Form.CUDA
+    same(traversals.answers("cuda"), wanted)
