@@ -14,15 +14,15 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numba
 import numpy as np
-import torch
 from torch import Tensor
+
+from gbufrt.compute.threads import threads as threads
 
 
 def scalar(function: Callable[..., Any]) -> Any:
@@ -44,27 +44,6 @@ def checksum(*modules: ModuleType) -> int:
     for module in modules:
         total = zlib.crc32(Path(str(module.__file__)).read_bytes(), total)
     return total
-
-
-def threads() -> int:
-    """How many threads a driver may use: torch's own number, but no more than numba has.
-
-    numba is told so as well. Threads that it wakes and has no work for spin while they wait: two processes of one
-    thread each would slow one another down several times.
-    """
-    _start()
-    count = max(1, min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
-    numba.set_num_threads(count)
-    return count
-
-
-@cache
-def _start() -> None:
-    """Start numba's threads, once, as it would at the first kernel; but as it shares OpenMP with torch, and then sets
-    the number of torch's threads too, put that back."""
-    count = torch.get_num_threads()
-    numba.get_num_threads()
-    torch.set_num_threads(count)
 
 
 def array(tensor: Tensor) -> np.ndarray:
