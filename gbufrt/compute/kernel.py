@@ -5,7 +5,7 @@ A marching loop (a voxel traversal, a screen-space ray) is written once as plain
 the driver. Beside each stands a torch reference: the definition, the oracle of the tests, and what runs on devices for
 which there is no compiled form.
 
-numba caches machine code beside the source file, so a second process compiles nothing. Two traps: the cache notices
+`gbufrt.compute.cache` keeps the machine code, so a second process compiles nothing. Two traps: the cache notices
 changes in the file of the driver only, so where bodies lie in other files, the driver closes over their `checksum`; and
 asking numba for its thread count inside a kernel switches the cache off, so it is an argument.
 """
@@ -22,6 +22,7 @@ import numba
 import numpy as np
 from torch import Tensor
 
+from gbufrt.compute.cache import kept
 from gbufrt.compute.threads import threads as threads
 
 
@@ -35,7 +36,7 @@ def driver(function: Callable[..., Any]) -> Any:
 
     Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground.
     """
-    return numba.njit(cache=True, nogil=True, parallel=True, error_model="numpy")(function)
+    return kept(numba.njit(nogil=True, parallel=True, error_model="numpy")(function))
 
 
 def checksum(*modules: ModuleType) -> int:
