@@ -79,6 +79,16 @@ def test_processes_that_start_at_once_share_a_cold_cache(folder: Path):
     assert told(run(folder, "float32", "int64")) == (NEVER, "")
 
 
+def test_two_forms_made_at_once_are_told_apart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Both processes have looked for what is there before either of them writes."""
+    monkeypatch.setattr(cache._Files, "_load_index", lambda self: {})
+    one, other = (cache._Files(str(tmp_path), "squares", "stamp") for _ in range(2))
+    one.save("float", 1)
+    other.save("int", 2)
+    monkeypatch.undo()
+    assert (other.load("float"), one.load("int")) == (1, 2)
+
+
 def test_a_damaged_file_is_made_again(folder: Path):
     told(run(folder, "float32"))
     (kept,) = (folder / "__pycache__").glob("*.nbc")
