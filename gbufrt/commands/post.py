@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gbufrt.commands.checks import check_folder, check_options
 from gbufrt.commands.options import PassOptions
 
 if TYPE_CHECKING:
@@ -22,14 +23,16 @@ def post(*files: Path, out: Path, options: PassOptions | None = None) -> None:
         files: EXR files in order, or folders of them (their frame_*.exr).
         out: Folder to write to; made where it is missing.
     """
-    from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Runner, bare, check_folder, open_device, save
-    from gbufrt.files.exr import read_exr
-
     options = options or PassOptions()
-    device = open_device(options.device)
+    check_options(options)
     check_folder(out)
     paths = gathered(files, out)
+
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import Runner, bare, open_device, save
+    from gbufrt.files.exr import read_exr
+
+    device = open_device(options.device)
     recipe, notes = recorded(paths, options)
     runner = Runner(recipe.build(), recipe.warmup)
     with progress("post", runner.runs(len(paths))) as doing:

@@ -10,6 +10,7 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
+from gbufrt.commands.checks import check_device
 from gbufrt.commands.options import PassOptions, at_least, fitted, parse_names, parse_settings
 from gbufrt.commands.progress import Tick
 from gbufrt.files.exr import best_picture, write_exr
@@ -146,29 +147,14 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
     write_exr(folder / f"{stem}.exr", frame, notes=notes)
 
 
-def check_folder(path: Path) -> Path:
-    """``--out`` as a path that is, or can become, a folder; nothing is made yet.
-
-    Raises:
-        ValueError: a file is in the way.
-    """
-    for folder in (path, *path.parents):
-        if folder.exists():
-            if not folder.is_dir():
-                raise ValueError(f"--out {path} must be a folder, but {folder} is a file; choose another name")
-            break
-    return path
-
-
 def open_device(name: str) -> torch.device:
     """The device called ``name``.
 
     Raises:
         ValueError: there is none.
     """
+    check_device(name)
     kind, _, number = name.partition(":")
-    if kind not in ("cpu", "cuda") or (number and not number.isdecimal()):
-        raise ValueError(f"--device must be cpu or cuda, got {name!r}")
     if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
         raise ValueError(f"--device {name}: there is no such CUDA device here; use --device cpu")
     return torch.device(name)
