@@ -62,12 +62,14 @@ def render(
     check_options(options)
     check_folder(out)
 
+    from gbufrt.commands.ahead import compile_ahead
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Recipe, Runner, bare, open_device, save
 
     recipe = Recipe.of(options)
     device = open_device(options.device)
     runner = Runner(recipe.build(), recipe.warmup)
+    kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = shot.load().to(device)
     jitter = frames > 1 and wants_jitter(runner)
     notes = {"render": shot.notes(), "pipeline": recipe.to_notes()}
@@ -81,6 +83,7 @@ def render(
                 runner(bare(_read(out, index)).to(device), doing(f"reading frame {index} again"))
                 continue
             traced = shot.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
+            kernels_are_ready()
             result = runner(traced, doing(f"passes of frame {index}"))
             save(out, stem(index), result, notes=notes, debug=options.debug)
     if recipe.warmup and not done:

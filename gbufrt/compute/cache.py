@@ -63,6 +63,18 @@ def watch(watcher: Watcher) -> Iterator[None]:
         _watchers.remove(watcher)
 
 
+def missing(dispatcher: Any) -> bool:
+    """Whether no compiled form of a driver, from its present source, is kept."""
+    files = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    return isinstance(files, _Files) and files.empty()
+
+
+def tell(begins: bool) -> None:
+    """Tell those who `watch` that drivers begin to be compiled, or are."""
+    for watcher in tuple(_watchers):
+        watcher(begins)
+
+
 class _Files(IndexDataCacheFile):
     """One file for each compiled form; its name says on what it depends."""
 
@@ -81,6 +93,9 @@ class _Files(IndexDataCacheFile):
             return self._load_data(self._path(key).name)
         except DAMAGED:
             return None
+
+    def empty(self) -> bool:
+        return not any(Path(self._cache_path).glob(f"{self._stem()}*.nbc"))
 
     def _path(self, key: Any) -> Path:
         return Path(self._cache_path, f"{self._stem()}{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc")
@@ -133,15 +148,12 @@ class _Listener(event.Listener):
     """Tells the watchers of drivers; of what these call, nothing more."""
 
     def on_start(self, event: Any) -> None:
-        self._tell(event, True)
+        if event.data["dispatcher"] in _drivers:
+            tell(True)
 
     def on_end(self, event: Any) -> None:
-        self._tell(event, False)
-
-    def _tell(self, event: Any, begins: bool) -> None:
         if event.data["dispatcher"] in _drivers:
-            for watcher in tuple(_watchers):
-                watcher(begins)
+            tell(False)
 
 
 @cache
