@@ -14,16 +14,17 @@ endif
 .PHONY: install demo test check clean
 install: .venv/installed
 
+# --no-compile: most modules are never imported; those that are get compiled then
 .venv/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[dev]'
 	@touch $@
 
 demo: install
 	$(BIN)/gbufrt render --size 640x360 --warmup 1 --out demo
 
 test: install
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2  # two workers of one thread: more would wait for one another
+	OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE $(BIN)/python -m pytest -n 2  # two workers of one thread: more would wait for one another
 
 check: install
 	$(BIN)/ruff check --no-cache .

@@ -8,6 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from gbufrt.compute.threads import wait_passively
+
 if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from gbufrt.frame import SIGNALS, Frame
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from gbufrt.pipeline import Pipeline
 
 __version__ = "0.1.0"
+wait_passively()  # before anything here loads torch
 
 _HOMES = {
     "camera": ("Camera",),

@@ -207,7 +207,8 @@ class Pipeline(TemporalPass):
     def compile(self, *args: Any, **kwargs: Any) -> None:
         """Fuse the passes' fixed-tap functions with `torch.compile` from the next call on.
 
-        The first call of each function takes tens of seconds; where compilation fails, eager code runs.
+        Experimental: each function takes from tens of seconds to minutes to compile at its first call, and the whole
+        of `me1` did not finish in ten minutes on two cores. Where compilation fails, eager code runs.
         """
         self.fused = True
 

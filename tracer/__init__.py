@@ -1,5 +1,6 @@
 """The tracer: voxel worlds, the G-buffers and direct light that a camera sees of them, and ray-traced truth."""
 
+import gbufrt as gbufrt  # first: says how threads wait, before torch is loaded
 from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
 from tracer.frames import render
 from tracer.gbuffers import gbuffer

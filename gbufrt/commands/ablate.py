@@ -7,6 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from gbufrt.commands.checks import COMPOSITES, PRESETS, SUBJECTS, check_folder, check_name, check_world
 from gbufrt.commands.options import (
     MOST_COUNT,
     MOST_FRAMES,
@@ -63,18 +64,27 @@ def ablate(
         cache: Folder where truth is kept. [default: the user's cache]
         resume: Go on with what is finished in OUT, as far as nothing it depends on has changed.
     """
+    shape, settings, subjects = parse_size(size), parse_settings(set), parse_names(only)
+    at_least("--frames", frames, 1, MOST_FRAMES)
+    at_least("--samples", samples, 1, MOST_COUNT)
+    check_name("--preset", preset, PRESETS)
+    check_name("--composite", composite, COMPOSITES)
+    for subject in subjects:
+        check_name("--only", subject, SUBJECTS)
+    for world in worlds or ("builtin",):
+        check_world(world, (*parse_names(views), *parse_names(paths)))
+    check_folder(out)
+
     from gbufrt.commands.ablation import Plan
     from gbufrt.commands.ablation import ablate as measure
     from gbufrt.commands.session import Recipe
 
-    at_least("--frames", frames, 1, MOST_FRAMES)
-    at_least("--samples", samples, 1, MOST_COUNT)
-    recipe = Recipe(preset=preset, composite=composite, set=parse_settings(set))
+    recipe = Recipe(preset=preset, composite=composite, set=settings)
     results = measure(
         Plan(
             out=out, worlds=worlds or ("builtin",), views=parse_names(views), paths=parse_names(paths),
-            size=parse_size(size), frames=frames, samples=samples, recipe=recipe, variants=parse_names(variants),
-            sweeps=parse_names(sweep), only=parse_names(only), cache=cache, resume=resume,
+            size=shape, frames=frames, samples=samples, recipe=recipe, variants=parse_names(variants),
+            sweeps=parse_names(sweep), only=subjects, cache=cache, resume=resume,
         )
     )  # fmt: skip
     from gbufrt.commands.ablation.report import show

@@ -14,7 +14,9 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.options import MOST_COUNT, Whole, at_least, parse_names, parse_size
+from gbufrt.commands.busy import beside, cores, fair_slowdown
+from gbufrt.commands.checks import PRESETS, check_name
+from gbufrt.commands.options import MOST_COUNT, Whole, at_least, check_device, parse_names, parse_size
 
 TRACE_SIZE = (480, 854)
 MEGA = 1e6
@@ -26,6 +28,7 @@ def bench(
     size: str = "960x540",
     repeats: Whole = 5,
     device: str = "cpu",
+    busy: Whole = 0,
     json: Path | None = None,
 ) -> None:
     """Time every pass of a preset, the tracing of primary rays, and take the peak memory.
@@ -38,18 +41,23 @@ def bench(
         size: Width x height of the frame in pixels.
         repeats: Runs that each median is taken over; one run before them does not count.
         device: cpu, or cuda where there is a CUDA device.
+        busy: Also run the passes beside this many busy processes, and tell how their time compares with the fair
+            share of the machine's cores: 1 is fair, more means that threads wait for one another.
         json: Also write the figures to this file.
     """
-    from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Recipe, open_device
-    from gbufrt.files.output import write_text
-
     shape = parse_size(size)
     at_least("--repeats", repeats, 1, MOST_COUNT)
-    open_device(device)
+    at_least("--busy", busy, 0, MOST_COUNT)
+    check_device(device)
     names = parse_names(presets)
     for name in names:
-        Recipe(preset=name).build()
+        check_name("--presets", name, PRESETS)
+
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import open_device
+    from gbufrt.files.output import write_text
+
+    open_device(device)
     figures: dict[str, Any] = {"machine": machine(), "size": [shape[1], shape[0]], "device": device, "presets": {}}
     with progress("bench", 1 + len(names)) as doing, tempfile.TemporaryDirectory() as folder:
         tick = doing("tracing")
@@ -58,7 +66,7 @@ def bench(
         tick()
         for name in names:
             tick = doing(f"preset {name}")
-            figures["presets"][name] = _in_own_process(frame, name, repeats, device)
+            figures["presets"][name] = _in_own_process(frame, name, repeats, device, busy)
             tick()
     _show(figures)
     if json is not None:
@@ -101,7 +109,7 @@ def time_rays(repeats: int, device: str = "cpu", size: tuple[int, int] = TRACE_S
     return {"ms": middle * 1e3, "mrays_per_s": size[0] * size[1] / middle / MEGA}
 
 
-def time_passes(path: Path, preset: str, repeats: int, device: str) -> dict[str, Any]:
+def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 0) -> dict[str, Any]:
     """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file."""
     import torch
 
@@ -119,15 +127,26 @@ def time_passes(path: Path, preset: str, repeats: int, device: str) -> dict[str,
     def end(name: str, begun: float) -> None:
         spent[name].append((now(name) - begun) * 1e3)
 
-    state, totals = None, []
-    with torch.no_grad(), around_passes(pipeline, now, end):
+    def total() -> float:
+        state, totals = None, []
         for index in range(repeats + 1):
             start = time.perf_counter()
             _, state = pipeline(frame.replace(index=index), state)
             _wait(device)
             totals.append((time.perf_counter() - start) * 1e3)
-    passes = {name: median(times[1:]) for name, times in spent.items()}
-    return {"passes_ms": passes, "total_ms": median(totals[1:]), "peak_mb": peak_memory()}
+        return median(totals[1:])
+
+    with torch.no_grad():
+        with around_passes(pipeline, now, end):
+            alone = total()
+        passes = {name: median(times[1:]) for name, times in spent.items()}
+        figures: dict[str, Any] = {"passes_ms": passes, "total_ms": alone, "peak_mb": peak_memory()}
+        if busy:
+            with beside(busy):
+                crowded = total()
+            share = crowded / (alone * fair_slowdown(torch.get_num_threads(), busy, cores()))
+            figures["busy"] = {"processes": busy, "total_ms": crowded, "over_fair_share": share}
+    return figures
 
 
 def peak_memory() -> float | None:
@@ -185,6 +204,11 @@ def _show(figures: dict[str, Any]) -> None:
     table.add_section()
     table.add_row("all passes", *(f"{found['total_ms']:.1f}" for found in presets.values()))
     table.add_row("peak memory, MB", *(f"{found['peak_mb'] or 0:.0f}" for found in presets.values()))
+    crowded = [found["busy"] for found in presets.values() if "busy" in found]
+    if crowded:
+        title = f"beside {crowded[0]['processes']} busy processes"
+        table.add_row(title, *(f"{found['total_ms']:.1f}" for found in crowded))
+        table.add_row("  over its fair share", *(f"{found['over_fair_share']:.2f}" for found in crowded))
     console, rays = Console(), figures["rays"]
     console.print(figures["machine"], markup=False, highlight=False)
     width, height = figures["size"]

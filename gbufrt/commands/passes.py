@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gbufrt.commands.checks import check_options
 from gbufrt.commands.options import PassOptions
 
 
@@ -11,6 +12,8 @@ def passes(options: PassOptions | None = None) -> None:
     Stages are what --without takes, a whole branch (gi) or a part of it (gi.accumulate). Tunables go by their full
     name or by any end of it that fits only one; a pass may go by its own name (gtao.radius).
     """
+    check_options(options or PassOptions())
+
     from rich.console import Console
     from rich.markup import escape
     from rich.padding import Padding

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gbufrt.commands.checks import check_folder, check_options
 from gbufrt.commands.options import Flag, PassOptions
 
 if TYPE_CHECKING:
@@ -28,14 +29,16 @@ def post(*files: Path, out: Path, strict: Flag = False, options: PassOptions | N
         out: Folder to write to; made where it is missing.
         strict: Mend nothing: refuse a frame in which any channel breaks a convention.
     """
-    from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Runner, bare, check_folder, open_device, save
-    from gbufrt.files.exr import read_exr
-
     options = options or PassOptions()
-    device = open_device(options.device)
+    check_options(options)
     check_folder(out)
     paths = gathered(files, out)
+
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import Runner, bare, open_device, save
+    from gbufrt.files.exr import read_exr
+
+    device = open_device(options.device)
     recipe, notes = recorded(paths, options)
     runner = Runner(recipe.build(), recipe.warmup)
     with progress("post", runner.runs(len(paths))) as doing:

@@ -10,11 +10,15 @@ from datetime import timedelta
 
 Tick = Callable[[], None]
 LOG_SECONDS = 10.0
+COMPILING = "compiling kernels (once on this machine)"
 
 
 @contextmanager
 def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
-    """Gives a function that takes what is being done and returns a tick, to be called after each step."""
+    """Gives a function that takes what is being done and returns a tick, to be called after each step.
+
+    It also says when kernels are compiled, which makes the first step after an installation a slow one.
+    """
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -25,19 +29,40 @@ def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
         TimeRemainingColumn,
     )
 
+    from gbufrt.compute.cache import watch
+
     console = Console(stderr=True)
     if not console.is_terminal:
-        yield _log(title, steps)
+        with watch(_log_compiling(title)):
+            yield _log(title, steps)
         return
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, TextColumn("left"), TimeRemainingColumn(), console=console) as bar:
-        task = bar.add_task(title, total=steps)
+        task, now = bar.add_task(title, total=steps), title
 
         def doing(what: str) -> Tick:
-            bar.update(task, description=f"{title}: {what}")
+            nonlocal now
+            now = f"{title}: {what}"
+            bar.update(task, description=now)
             return lambda: bar.advance(task)
 
-        yield doing
+        def compiling(begins: bool) -> None:
+            bar.update(task, description=f"{title}: {COMPILING}" if begins else now)
+
+        with watch(compiling):
+            yield doing
+
+
+def _log_compiling(title: str) -> Callable[[bool], None]:
+    told = False
+
+    def compiling(begins: bool) -> None:
+        nonlocal told
+        if begins and not told:
+            told = True
+            print(f"{title}: {COMPILING}", file=sys.stderr, flush=True)
+
+    return compiling
 
 
 def _log(title: str, steps: int) -> Callable[[str], Tick]:

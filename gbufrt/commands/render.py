@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from gbufrt.commands.checks import check_folder, check_options, check_world
 from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, Flag, PassOptions, Whole, at_least, parse_size
 
 if TYPE_CHECKING:
@@ -46,9 +47,6 @@ def render(
         light_samples: Rays to each light per pixel; more is smoother and slower.
         resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
     """
-    from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Recipe, Runner, bare, check_folder, open_device, save
-
     options = options or PassOptions()
     shot = Shot(
         world=world,
@@ -60,11 +58,18 @@ def render(
         samples=light_samples,
         seed=seed,
     )
+    shot.check()
+    check_options(options)
+    check_folder(out)
+
+    from gbufrt.commands.ahead import compile_ahead
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import Recipe, Runner, bare, open_device, save
+
     recipe = Recipe.of(options)
     device = open_device(options.device)
-    check_folder(out)
-    shot.check()
     runner = Runner(recipe.build(), recipe.warmup)
+    kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = shot.load().to(device)
     jitter = frames > 1 and wants_jitter(runner)
     notes = {"render": shot.notes(), "pipeline": recipe.to_notes()}
@@ -79,6 +84,7 @@ def render(
                 runner(bare(_read(out, index)).to(device), doing(f"reading frame {index} again"))
                 continue
             traced = shot.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
+            kernels_are_ready()
             result = runner(traced, doing(f"passes of frame {index}"))
             save(out, stem(index), result, notes=notes, debug=options.debug)
     _tell(out, missing, recipe.warmup)
@@ -110,12 +116,18 @@ class Shot:
     seed: int | None
 
     def check(self) -> None:
-        """Raise ValueError where a number makes no sense."""
+        """Find what cannot be meant, as far as it can be told without the world.
+
+        Raises:
+            ValueError: a number that makes no sense; there is no such world or view.
+            FileNotFoundError: there is no such file.
+        """
         at_least("--frames", self.frames, 1, MOST_FRAMES)
         at_least("--time", self.time, 0.0)
         at_least("--fps", self.fps, 1e-3)
         if self.samples is not None:
             at_least("--light-samples", self.samples, 1, MOST_COUNT)
+        check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
     def load(self) -> Scene:
         """The world.

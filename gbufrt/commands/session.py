@@ -166,20 +166,6 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
     write_exr(folder / f"{stem}.exr", frame, notes=notes)
 
 
-def check_folder(path: Path) -> Path:
-    """``--out`` as a path that is, or can become, a folder; nothing is made yet.
-
-    Raises:
-        ValueError: a file is in the way.
-    """
-    for folder in (path, *path.parents):
-        if folder.exists():
-            if not folder.is_dir():
-                raise ValueError(f"--out {path} must be a folder, but {folder} is a file; choose another name")
-            break
-    return path
-
-
 def open_device(name: str) -> torch.device:
     """The device called ``name``.
 

@@ -7,23 +7,24 @@ work in, a `driver` written by hand hands out the items, on the CPU. A `torch.li
 and `gbufrt.compute.dispatch` says which form runs. Beside each stands a torch reference: the definition, the oracle of
 the tests, and what runs where there is no kernel.
 
-numba caches machine code, so a second process compiles nothing. Its own key covers the file of the driver only; ours
-covers all code and constants that a driver reaches. Asking numba for its thread count inside a kernel switches the
-cache off, so it is an argument.
+`gbufrt.compute.cache` keeps the machine code, so a second process compiles nothing; its key covers all code and
+constants that a driver reaches, see `gbufrt.compute.bodies`. Asking numba for its thread count inside a kernel switches
+the cache off, so it is an argument.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cached_property
 from typing import Any
 
 import numba
 import numpy as np
-import torch
 from torch import Tensor
 
 from gbufrt.compute.bodies import Target, scalar
+from gbufrt.compute.cache import kept, missing
+from gbufrt.compute.threads import threads
 
 __all__ = ["CPU", "Kernel", "array", "driver", "scalar", "threads"]
 
@@ -32,7 +33,7 @@ CPU = Target(
     numba.njit,
     helper=_PLAIN,  # cached as part of their driver
     entry=_PLAIN | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
-    driver=_PLAIN | {"cache": True, "parallel": True},
+    driver=_PLAIN | {"parallel": True},
 )
 
 
@@ -50,29 +51,28 @@ class Kernel:
         self._target = target
         body = loop if item is None else item
         self.name = f"{body.__module__}.{body.__qualname__}"
-        self._compiled: Any = None
 
     def __call__(self, *arguments: Any, grid: tuple[Any, ...] | None = None) -> None:
         """Run the driver; ``grid`` is the blocks, threads and stream of a CUDA kernel."""
-        if self._compiled is None:
-            self._first_call(arguments, grid)
-        else:
-            self._run(arguments, grid)
+        run = self.dispatcher if grid is None else self.dispatcher[grid]
+        run(*arguments)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """numba's, which compiles, or reads what is kept, when it is called with types that are new to it."""
+        loop, item = self._parts
+        compiled = self._target.compile(loop, item, self.name)
+        return kept(compiled) if self._target is CPU else compiled
 
     @property
     def misses(self) -> int:
         """How often it was compiled in this process, rather than read from the cache."""
-        return 0 if self._compiled is None else sum(self._compiled.stats.cache_misses.values())
+        return sum(self.dispatcher.stats.cache_misses.values())
 
-    def _first_call(self, arguments: tuple[Any, ...], grid: tuple[Any, ...] | None) -> None:
-        """The one place where a kernel is made and, for the first time in a process, called."""
-        loop, item = self._parts
-        self._compiled = self._target.compile(loop, item, self.name)
-        self._run(arguments, grid)
-
-    def _run(self, arguments: tuple[Any, ...], grid: tuple[Any, ...] | None) -> None:
-        run = self._compiled if grid is None else self._compiled[grid]
-        run(*arguments)
+    @property
+    def missing(self) -> bool:
+        """Whether no compiled form of it is kept."""
+        return missing(self.dispatcher)
 
 
 def driver(loop: Callable[..., Any]) -> Kernel:
@@ -81,27 +81,6 @@ def driver(loop: Callable[..., Any]) -> Kernel:
     Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground.
     """
     return Kernel(loop, CPU)
-
-
-def threads() -> int:
-    """How many threads a driver may use: torch's own number, but no more than numba has.
-
-    numba is told so as well. Threads that it wakes and has no work for spin while they wait: two processes of one
-    thread each would slow one another down several times.
-    """
-    _start()
-    count = max(1, min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
-    numba.set_num_threads(count)
-    return count
-
-
-@cache
-def _start() -> None:
-    """Start numba's threads, once, as it would at the first kernel; but as it shares OpenMP with torch, and then sets
-    the number of torch's threads too, put that back."""
-    count = torch.get_num_threads()
-    numba.get_num_threads()
-    torch.set_num_threads(count)
 
 
 def array(tensor: Tensor) -> np.ndarray:

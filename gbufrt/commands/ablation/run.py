@@ -19,6 +19,7 @@ from gbufrt.commands.ablation.records import Record, Store, to_csv
 from gbufrt.commands.ablation.report import write_page
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.variants import FULL, Variant
+from gbufrt.commands.checks import check_folder
 from gbufrt.commands.progress import progress
 from gbufrt.files.output import write_text
 
@@ -32,7 +33,6 @@ def ablate(plan: Plan) -> Results:
         ValueError: the plan cannot be meant, or a world or view does not exist.
         FileNotFoundError: a world's file does not exist.
     """
-    from gbufrt.commands.session import check_folder
 
     plan.check()
     check_folder(plan.out)

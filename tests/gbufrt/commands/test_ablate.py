@@ -184,15 +184,15 @@ def test_truth_is_kept_by_content(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--only", "shadows"], "--only must be among ao"),
+        (["--only", "shadows"], "--only must be ao, gi"),
         (["--views", "nowhere"], "no view 'nowhere'"),
         (["--frames", "0"], "--frames must be 1 or more"),
         (["--samples", "0"], "--samples must be 1 or more"),
         (["--size", "0x3"], "--size"),
         (["--sweep", "fakeao.radius"], "--sweep must be NAME=LOW:HIGH:COUNT"),
         (["--variants", "rubbish"], "neither a group"),
-        (["--preset", "best"], "preset must be low or high"),
-        (["missing.vox"], "no such file"),
+        (["--preset", "best"], "--preset must be low, medium"),
+        (["missing.vox"], "missing.vox does not exist"),
         (["--out", "file"], "--out file must be a folder"),
     ],
 )

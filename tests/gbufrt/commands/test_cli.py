@@ -123,6 +123,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
         setattr(module, attribute, value)
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setattr("tracer.worlds.load", fake_load)
+    monkeypatch.setattr("gbufrt.commands.checks.WORLDS", {"builtin": ("front", "above"), "hollow": ()})
     monkeypatch.chdir(tmp_path)
 
 
@@ -381,7 +382,7 @@ def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsy
         (("--set", "speckle.taps=2.5"), "must be a whole number"),
         (("--set", "speckle.soft=1"), "must be true or false"),
         (("--set", "speckle.radius=-1"), "radius must be positive, in world units, got -1.0"),
-        (("--preset", "huge"), "preset must be low or high, got 'huge'"),
+        (("--preset", "huge"), "preset must be low, medium, high or ultra, got 'huge'"),
         (("--composite", "both"), "composite must be physical or me1, got 'both'"),
         (("--view", "below"), "no view 'below' in world 'builtin'; it has front, above"),
         (("missing.vox",), "missing.vox does not exist; check the path"),

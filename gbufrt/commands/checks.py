@@ -1,0 +1,71 @@
+"""What can be told about arguments before torch is loaded, which takes seconds. Imports none of it.
+
+The names here stand for those that worlds, presets and subjects define; a test holds them equal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from gbufrt.commands.options import MOST_WARMUP, PassOptions, at_least, check_device, parse_settings
+
+PRESETS = ("low", "medium", "high", "ultra")
+COMPOSITES = ("physical", "me1")
+VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
+WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
+"""Built-in worlds, and the names of their views."""
+SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise")
+
+
+def check_options(options: PassOptions) -> None:
+    """Raise ValueError where a preset, composite, setting, warm-up or device cannot be meant."""
+    if options.preset is not None:
+        check_name("--preset", options.preset, PRESETS)
+    if options.composite is not None:
+        check_name("--composite", options.composite, COMPOSITES)
+    if options.warmup is not None:
+        at_least("--warmup", options.warmup, 0, MOST_WARMUP)
+    parse_settings(options.set)
+    check_device(options.device)
+
+
+def check_name(option: str, name: str, known: Iterable[str]) -> None:
+    """Raise ValueError where a name is not among those that are known."""
+    names = list(known)
+    if name not in names:
+        raise ValueError(f"{option} must be {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
+
+
+def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = None) -> None:
+    """Find that a world, or a view of a built-in one, does not exist.
+
+    Raises:
+        ValueError: there is no such world or view, or a seed for a file.
+        FileNotFoundError: there is no such file.
+    """
+    builtin = ", ".join(WORLDS)
+    if world in WORLDS:
+        for view in views:
+            if view not in WORLDS[world]:
+                raise ValueError(f"no view {view!r} in world {world!r}; it has {', '.join(WORLDS[world])}")
+    elif seed is not None:
+        raise ValueError(f"--seed is for built-in worlds ({builtin}); leave it out for {world}")
+    elif Path(world).suffix.lower() != ".vox":
+        raise ValueError(f"no world {world!r}; there are {builtin}, or give a path to a .vox file")
+    elif not Path(world).is_file():
+        raise FileNotFoundError(f"{world} does not exist; check the path, or name a world: {builtin}")
+
+
+def check_folder(path: Path) -> Path:
+    """``--out`` as a path that is, or can become, a folder; nothing is made yet.
+
+    Raises:
+        ValueError: a file is in the way.
+    """
+    for folder in (path, *path.parents):
+        if folder.exists():
+            if not folder.is_dir():
+                raise ValueError(f"--out {path} must be a folder, but {folder} is a file; choose another name")
+            break
+    return path

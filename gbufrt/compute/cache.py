@@ -1,0 +1,161 @@
+"""Where compiled kernels are kept between processes, and who is told while they are compiled.
+
+numba keeps machine code in ``__pycache__`` beside the source or, where that is read-only, in the user's cache; both
+yield to ``NUMBA_CACHE_DIR``. Two things are done otherwise here. Where numba finds no place (a read-only installation
+and an unwritable HOME, as in containers), a folder of this user under the system's temporary one takes their part. And
+every compiled form has a file named by what it depends on, written in one step, without an index that two processes
+could write at once: one would then load the machine code of the other.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+from weakref import WeakSet
+
+import numba
+from numba.core import event
+from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+DAMAGED = (OSError, EOFError, pickle.UnpicklingError)
+Watcher = Callable[[bool], None]
+
+_drivers: WeakSet[Any] = WeakSet()
+_watchers: list[Watcher] = []
+
+
+def kept(dispatcher: Any) -> Any:
+    """The dispatcher of a driver, whose compiled forms are kept on disk, and told of to those who `watch`."""
+    _listen()
+    _drivers.add(dispatcher)
+    function = dispatcher.py_func
+    try:
+        dispatcher._cache = _Cache(function)
+    except RuntimeError as error:
+        if "no locator" not in str(error):
+            raise
+        folder = _temporary()
+        if folder is not None:
+            before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, folder  # pyright: ignore
+            try:
+                dispatcher._cache = _Cache(function)
+            finally:
+                numba.config.CACHE_DIR = before  # pyright: ignore
+    return dispatcher
+
+
+@contextmanager
+def watch(watcher: Watcher) -> Iterator[None]:
+    """Call ``watcher(True)`` when a driver begins to be compiled, and ``watcher(False)`` when it is done."""
+    _watchers.append(watcher)
+    try:
+        yield
+    finally:
+        _watchers.remove(watcher)
+
+
+def missing(dispatcher: Any) -> bool:
+    """Whether no compiled form of a driver, from its present source, is kept."""
+    files = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    return isinstance(files, _Files) and files.empty()
+
+
+def tell(begins: bool) -> None:
+    """Tell those who `watch` that drivers begin to be compiled, or are."""
+    for watcher in tuple(_watchers):
+        watcher(begins)
+
+
+class _Files(IndexDataCacheFile):
+    """One file for each compiled form; its name says on what it depends."""
+
+    def save(self, key: Any, data: Any) -> None:
+        path = self._path(key)
+        try:
+            self._save_data(path.name, data)
+            for other in path.parent.glob(f"{self._base()}.*.nbc"):
+                if not other.name.startswith(self._stem()):  # of a source that is no more
+                    other.unlink(missing_ok=True)
+        except OSError:  # a full disk: what cannot be kept still runs
+            return
+
+    def load(self, key: Any) -> Any:
+        try:
+            return self._load_data(self._path(key).name)
+        except DAMAGED:
+            return None
+
+    def empty(self) -> bool:
+        return not any(Path(self._cache_path).glob(f"{self._stem()}*.nbc"))
+
+    def _path(self, key: Any) -> Path:
+        return Path(self._cache_path, f"{self._stem()}{hashlib.sha256(repr(key).encode()).hexdigest()[:24]}.nbc")
+
+    def _stem(self) -> str:
+        source = hashlib.sha256(repr((self._version, self._source_stamp)).encode()).hexdigest()
+        return f"{self._base()}.{source[:12]}."
+
+    def _base(self) -> str:
+        return str(self._index_name).removesuffix(".nbi")
+
+
+class _Cache(FunctionCache):
+    """numba's cache of a function, over `_Files`."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        numbas = self._cache_file
+        self._cache_file = _Files(self._cache_path, self._impl.filename_base, numbas._source_stamp)
+
+
+@cache
+def _temporary() -> str | None:
+    """A folder for want of a better one, told of on stderr; None where there is not even that."""
+    folder = Path(tempfile.gettempdir(), f"gbufrt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}")
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if not _private(folder):
+            folder = Path(tempfile.mkdtemp(prefix="gbufrt-kernels-"))
+    except OSError:
+        _tell("no folder is writable to keep compiled kernels in: each process compiles them anew, for a minute")
+        return None
+    _tell(f"compiled kernels are kept in {folder}, and compiled anew, for a minute, when that is gone")
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)  # for processes that this one starts
+    return str(folder)
+
+
+def _private(folder: Path) -> bool:
+    """Whether nobody else can put code into a folder whose name they can guess."""
+    found = folder.lstat()
+    mine = not hasattr(os, "getuid") or found.st_uid == os.getuid()
+    return stat.S_ISDIR(found.st_mode) and mine and (os.name == "nt" or not found.st_mode & 0o077)
+
+
+def _tell(what: str) -> None:
+    sys.stderr.write(f"gbufrt: {what}; to keep them, set NUMBA_CACHE_DIR to a writable folder that stays\n")
+
+
+class _Listener(event.Listener):
+    """Tells the watchers of drivers; of what these call, nothing more."""
+
+    def on_start(self, event: Any) -> None:
+        if event.data["dispatcher"] in _drivers:
+            tell(True)
+
+    def on_end(self, event: Any) -> None:
+        if event.data["dispatcher"] in _drivers:
+            tell(False)
+
+
+@cache
+def _listen() -> None:
+    event.register("numba:compile", _Listener())

@@ -1,0 +1,52 @@
+"""How many threads compute, and how they wait. Imports neither torch nor numba before they are needed.
+
+Both hand work to OpenMP threads, which by default spin for milliseconds after each piece of work. A core that another
+process could use is then kept busy by waiting, and where more threads are busy than there are cores, one that has work
+waits for one that has none: beside five busy processes on two cores a frame took ten times its fair share.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+
+CHOICES = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME")
+"""What a user may have set for how OpenMP waits; any of them is left as it is."""
+
+
+def wait_passively() -> None:
+    """Let idle threads sleep, unless the environment says otherwise.
+
+    OpenMP reads this once, when torch is loaded: it does nothing in a process that imported torch before gbufrt (set
+    ``OMP_WAIT_POLICY=PASSIVE`` there). Processes that this one starts inherit it.
+    """
+    if not any(name in os.environ for name in CHOICES):
+        os.environ["OMP_WAIT_POLICY"] = "PASSIVE"
+
+
+def threads() -> int:
+    """How many threads a driver may use: torch's own number, but no more than numba has.
+
+    numba is told so as well, so that it wakes no thread that has no work.
+    """
+    import numba
+    import torch
+
+    _start()
+    count = max(1, min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
+    numba.set_num_threads(count)
+    return count
+
+
+@cache
+def _start() -> None:
+    """Start numba's threads, once, as the first kernel would, but keep torch's number of threads.
+
+    numba's OpenMP layer sets that number as well.
+    """
+    import numba
+    import torch
+
+    count = torch.get_num_threads()
+    numba.get_num_threads()
+    torch.set_num_threads(count)

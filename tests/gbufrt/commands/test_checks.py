@@ -1,0 +1,102 @@
+"""Wrong arguments are answered before torch is loaded, and by names that are those of the code."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from gbufrt.commands import checks
+
+WRONG = (
+    ("render --size 0x0 --out out", "--size must be"),
+    ("render --frames 0 --out out", "--frames must be 1 or more"),
+    ("render --fps 0 --out out", "--fps must be"),
+    ("render nowhere --out out", "no world 'nowhere'; there are builtin, valley, terrain"),
+    ("render missing.vox --out out", "missing.vox does not exist"),
+    ("render missing.vox --seed 1 --out out", "--seed is for built-in worlds"),
+    ("render --view below --out out", "no view 'below' in world 'builtin'; it has village, lake,"),
+    ("render --preset huge --out out", "--preset must be low, medium, high or ultra, got 'huge'"),
+    ("render --composite both --out out", "--composite must be physical or me1, got 'both'"),
+    ("render --set radius --out out", "--set must be NAME=VALUE"),
+    ("render --warmup -1 --out out", "--warmup must be 0 or more"),
+    ("render --device tpu --out out", "--device must be cpu or cuda"),
+    ("render --out file", "--out file must be a folder"),
+    ("post --out out", "no files given"),
+    ("post missing.exr --out out", "missing.exr does not exist"),
+    ("post file.exr --out file", "--out file must be a folder"),
+    ("post file.exr --out out --preset huge", "--preset must be"),
+    ("post file.exr --out out --set =3", "--set must be NAME=VALUE"),
+    ("post file.exr --out out --device tpu", "--device must be cpu or cuda"),
+    ("passes --preset huge", "--preset must be"),
+    ("ablate --out out --size 4", "--size must be"),
+    ("ablate --out out --frames 0", "--frames must be 1 or more"),
+    ("ablate --out out --samples 0", "--samples must be 1 or more"),
+    ("ablate --out out --preset huge", "--preset must be"),
+    ("ablate --out out --composite both", "--composite must be"),
+    ("ablate --out out --set radius", "--set must be NAME=VALUE"),
+    ("ablate --out out --only sound", "--only must be ao, gi,"),
+    ("ablate --out out --views below", "no view 'below'"),
+    ("ablate terrain --out out --paths orbit", "no view 'orbit' in world 'terrain'; it has horizon"),
+    ("ablate missing.vox --out out", "missing.vox does not exist"),
+    ("ablate --out file", "--out file must be a folder"),
+    ("bench --size 4", "--size must be"),
+    ("bench --repeats 0", "--repeats must be 1 or more"),
+    ("bench --busy -1", "--busy must be 0 or more"),
+    ("bench --presets huge", "--presets must be low, medium, high or ultra"),
+    ("bench --device tpu", "--device must be cpu or cuda"),
+)
+CODE = """
+import sys
+from gbufrt.commands.cli import main
+for line in sys.argv[1:]:
+    try:
+        main(line.split())
+    except SystemExit as done:
+        print(done.code, *sorted({'torch', 'numba'} & set(sys.modules)))
+"""
+
+
+def test_wrong_arguments_are_answered_before_torch_is_loaded(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "file.exr").write_text("")
+    lines = [line for line, _ in WRONG]
+    root = str(Path(checks.__file__).parents[2])
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {root!r})\n{CODE}", *lines]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    errors = done.stderr.splitlines()
+    assert len(errors) == len(WRONG), done.stderr
+    for (line, message), said, code in zip(WRONG, errors, done.stdout.splitlines(), strict=True):
+        assert message in said, (line, said)
+        assert code == "2", f"{line}: exit code and heavy modules: {code}"
+    assert not (tmp_path / "out").exists()
+
+
+def test_names_are_those_of_the_code():
+    from gbufrt.commands.ablation.plan import SUBJECTS
+    from post.passes.composite import Mode
+    from post.presets import Preset
+    from tracer.worlds import WORLDS, terrain
+    from tracer.worlds.views import views
+
+    assert get_args(Preset) == checks.PRESETS
+    assert get_args(Mode) == checks.COMPOSITES
+    assert SUBJECTS == checks.SUBJECTS
+    assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
+    assert tuple(views()) == checks.WORLDS["builtin"] == checks.WORLDS["valley"]
+    assert tuple(terrain((16, 16, 16)).views) == checks.WORLDS["terrain"]
+
+
+def test_a_folder_may_be_made_or_be_there(tmp_path: Path):
+    assert checks.check_folder(tmp_path / "deep" / "deeper") == tmp_path / "deep" / "deeper"
+    assert checks.check_folder(tmp_path) == tmp_path
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("world", ["builtin", "terrain"])
+def test_what_is_right_passes(world: str):
+    checks.check_world(world, checks.WORLDS[world], seed=3)
+    checks.check_device("cuda:1")
