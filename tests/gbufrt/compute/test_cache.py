@@ -72,10 +72,10 @@ def test_a_second_process_compiles_nothing(folder: Path):
 
 
 def test_processes_that_start_at_once_share_a_cold_cache(folder: Path):
-    """Two of them ask for the same form, a third for another one, at the same time."""
-    kinds = (("float32",), ("float32",), ("int64",))
-    for process in [run(folder, *kind) for kind in kinds]:
-        assert told(process) == (ONCE, "")
+    """Two of them ask for the same form, a third for another one, at the same time; a late one may find it kept."""
+    same, late, other = [run(folder, kind) for kind in ("float32", "float32", "int64")]
+    assert {told(same), told(late)} in ({(ONCE, "")}, {(ONCE, ""), (NEVER, "")})
+    assert told(other) == (ONCE, "")
     assert told(run(folder, "float32", "int64")) == (NEVER, "")
 
 
