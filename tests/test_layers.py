@@ -99,10 +99,10 @@ def upward(imports: Mapping[str, set[str]], rooms: Mapping[str, int]) -> list[st
         for target in sorted(targets):
             there, theirs = target.split(".")[0], room_of(target, rooms)
             if there != package:
-                allowed = (there == "gbufrt" and theirs != FRONT_DOOR) or own == FRONT_DOOR
+                allowed = there == "gbufrt" and theirs != FRONT_DOOR
             else:
                 allowed = own is None or own == theirs or (theirs is not None and rooms[theirs] < rooms[own])
-            if not allowed:
+            if not allowed and own != FRONT_DOOR:
                 wrong.append(f"{name} -> {target}")
     return wrong
 
