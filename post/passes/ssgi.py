@@ -18,12 +18,12 @@ from post.sweep import arcs as horizon
 from post.sweep import slices
 from post.sweep.arcs import Tap
 from post.sweep.bitmask import blocked, overlap, own_solid, start
+from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sweep.sectors import GROUPS, cover, no_cover, share, slice_sums
 from post.sweep.slices import Receivers, Scene
 from post.sweep.thickness import planar_thickness
 
-THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
 ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
@@ -63,7 +63,7 @@ def ssgi(
         albedo: ``(B, 3, H, W)`` diffuse albedo of receivers.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
-            0.5. Taps that lie in one plane are one body whatever the thickness.
+            guessed, see `post.thickness_from_depth`. Taps that lie in one plane are one body whatever the thickness.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
         distance: how far light is gathered, world units; None for the whole picture.
@@ -87,7 +87,8 @@ def ssgi(
     if resolution not in (1, 2):
         raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    solid = planar_thickness(camera, depth, hit, THICKNESS if thickness is None else thickness)
+    thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
+    solid = planar_thickness(camera, depth, hit, thickness)
     sent = torch.where(hit, light.to(depth.dtype), 0.0)
     around = slices.scene(camera, depth, normal, hit, solid, light=sent)
     corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
@@ -251,7 +252,7 @@ class SSGI(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
-        thickness = self.thickness if g.thickness is None else g.thickness
+        thickness = known_thickness(g, self.thickness)
         bounces = {"bounces": self.bounces, "bounce_loss": self.bounce_loss}
         light = sent_light(frame, distance=self.distance, thickness=thickness, steps=self.steps, **bounces)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)

@@ -14,6 +14,7 @@ from gbufrt.sampling import gather
 from post.sweep import arcs as horizon
 from post.sweep import slices
 from post.sweep.arcs import Side, Tap
+from post.sweep.chords import thickness_from_depth
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sweep.sectors import GROUPS, cover, no_cover, slice_sums
 from post.sweep.slices import Receivers, Scene
@@ -21,7 +22,6 @@ from post.sweep.thickness import planar_thickness
 
 EDGE = 0.3  # of the rise since the tap before: how far a surface goes on, on average, past the last tap to meet it
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
-THICKNESS = 1.0  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
 
 
 class Front(NamedTuple):
@@ -73,7 +73,7 @@ def bitmask_ao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
-            the radius.
+            guessed, see `post.thickness_from_depth`.
         radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit:
             then directions that leave the picture uncovered are open as far as `post.sweep.open_sky` holds likely.
         directions: slices, each through the pixel to both sides.
@@ -100,8 +100,7 @@ def bitmask_ao(
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
-    if thickness is None:
-        thickness = THICKNESS if reach is None else THICKNESS * float(reach.detach())
+    thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     unseen = 0.0 if reach is None else hidden * reach
     solid = planar_thickness(camera, depth, hit, thickness, unseen)
     around = slices.scene(camera, depth, normal, hit, solid)
