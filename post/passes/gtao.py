@@ -50,7 +50,8 @@ def gtao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: for the bitmask: ``(B, 1, H, W)`` measured along the view ray, world units, or one assumed for
-            everything; by default guessed, see `post.thickness_from_depth`. Horizons take everything to be solid to its end.
+            everything; by default guessed, see `post.thickness_from_depth`. Horizons take everything to be solid to its
+            end.
         radius: world units; a 0-dim tensor to get its gradient.
         directions: slices through each pixel.
         steps: taps on each side of a slice.
