@@ -27,6 +27,7 @@ from post.passes.vignette import Vignette, vignette
 from post.presets import me1
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao
+from post.sweep.chords import thickness_from_depth
 
 __all__ = [
     "FXAA",
@@ -70,6 +71,7 @@ __all__ = [
     "ssr",
     "taa",
     "temporal",
+    "thickness_from_depth",
     "tone_map",
     "vignette",
 ]

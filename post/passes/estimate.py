@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import torch
@@ -10,10 +11,11 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.filters.signals import luminance
+from post.sweep.chords import thickness_from_depth
 
 TINY = 1e-12
 DISTANCE_COST = 1e-3  # relative difference in depth that one pixel of way outweighs in the search for motion
-ESTIMATES = ("motion", "motion_z", "roughness", "metallic")
+ESTIMATES = ("motion", "motion_z", "roughness", "metallic", "thickness")
 
 
 def normals_from_depth(
@@ -161,46 +163,63 @@ def metallic_from_color(color: Tensor, *, dark: float = 0.2, bright: float = 0.8
 
 
 class EstimateMissing(Pass):
-    """Fill motion, roughness and metalness where the G-buffer lacks them; channels that are there stay.
+    """Fill motion, roughness, metalness and thickness where the G-buffer lacks them; channels that are there stay.
 
-    For every channel filled, the frame's extra signals get ``<channel>_estimated``, ``(B, 1, H, W)`` of ones. See
-    `motion_from_depth`, `roughness_from_color` and `metallic_from_color`; normals, which every G-buffer has, are for
-    `normals_from_depth` to guess before one is built.
+    ``channels`` are those to fill: ``EstimateMissing(channels=("thickness",))`` leaves all others alone. For every
+    channel filled, the frame's extra signals get ``<channel>_estimated``, ``(B, 1, H, W)`` of ones. See
+    `motion_from_depth`, `roughness_from_color`, `metallic_from_color` and `thickness_from_depth`; normals, which every
+    G-buffer has, are for `normals_from_depth` to guess before one is built.
+
+    Raises:
+        ValueError: there is no such channel to estimate.
     """
 
-    reads = frozenset({"depth", "hit"})
-    optional = frozenset({"radiance", "albedo"})
+    reads = frozenset({"depth", "hit", "normal"})
+    optional = frozenset({"radiance", "albedo", "object_id"})
     writes = frozenset(ESTIMATES) | frozenset(f"{name}_estimated" for name in ESTIMATES)
 
-    def __init__(self, *, search_radius: int = 2, roughness_scale: float = 4.0) -> None:
+    def __init__(
+        self, *, search_radius: int = 2, roughness_scale: float = 4.0, channels: str | Sequence[str] = ESTIMATES
+    ) -> None:
         super().__init__()
+        self.channels = (channels,) if isinstance(channels, str) else tuple(channels)
+        if unknown := [name for name in self.channels if name not in ESTIMATES]:
+            raise ValueError(f"channels must be some of {', '.join(ESTIMATES)}, got {', '.join(map(repr, unknown))}")
         self.search_radius, self.roughness_scale = search_radius, roughness_scale
+        self.writes = frozenset(self.channels) | frozenset(f"{name}_estimated" for name in self.channels)
 
     def forward(self, frame: Frame) -> Frame:
-        guesses = {**self._motion(frame), **self._material(frame)}
-        guesses = {name: guess for name, guess in guesses.items() if getattr(frame.gbuffer, name) is None}
+        missing = frozenset(name for name in self.channels if getattr(frame.gbuffer, name) is None)
+        guesses = {**self._motion(frame, missing), **self._material(frame, missing), **self._solid(frame, missing)}
+        guesses = {name: guess for name, guess in guesses.items() if name in missing}
         frame = frame.replace(gbuffer=frame.gbuffer.replace(**guesses))
         for name in guesses:
             frame = frame.write(f"{name}_estimated", torch.ones_like(frame.gbuffer.depth))
         return frame
 
-    def _motion(self, frame: Frame) -> dict[str, Tensor]:
+    def _motion(self, frame: Frame, missing: frozenset[str]) -> dict[str, Tensor]:
         g, previous = frame.gbuffer, None if frame.previous is None else frame.previous.gbuffer
         camera = g.previous_camera or (previous.camera if previous is not None else None)
-        if camera is None or g.motion is not None:
+        if camera is None or g.motion is not None or not missing & {"motion", "motion_z"}:
             return {}
         before = g.depth if previous is None else previous.depth
         radius = 0 if previous is None else self.search_radius
         motion, motion_z = motion_from_depth(g.depth, g.camera, before, camera, hit=g.hit, radius=radius)
         return {"motion": motion, "motion_z": motion_z}
 
-    def _material(self, frame: Frame) -> dict[str, Tensor]:
+    def _material(self, frame: Frame, missing: frozenset[str]) -> dict[str, Tensor]:
         g = frame.gbuffer
         color = g.albedo if g.albedo is not None else frame.radiance
-        if color is None:
+        if color is None or not missing & {"roughness", "metallic"}:
             return {}
         rough = torch.where(g.hit, roughness_from_color(color, scale=self.roughness_scale), 1.0)
         return {"roughness": rough, "metallic": torch.where(g.hit, metallic_from_color(color), 0.0)}
+
+    def _solid(self, frame: Frame, missing: frozenset[str]) -> dict[str, Tensor]:
+        if "thickness" not in missing:
+            return {}
+        g = frame.gbuffer
+        return {"thickness": thickness_from_depth(g.depth, g.normal, g.camera, hit=g.hit, object_id=g.object_id)}
 
 
 def _size(image: Tensor) -> tuple[int, int]:

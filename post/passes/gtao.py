@@ -17,6 +17,7 @@ from post.sweep import arcs as horizon
 from post.sweep import slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
+from post.sweep.chords import known_thickness
 from post.sweep.slices import Receivers, Scene, Slice
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
@@ -50,7 +51,8 @@ def gtao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: for the bitmask: ``(B, 1, H, W)`` measured along the view ray, world units, or one assumed for
-            everything; by default each scale's radius. Horizons take everything to be solid to its end.
+            everything; by default guessed, see `post.thickness_from_depth`. Horizons take everything to be solid to its
+            end.
         radius: world units; a 0-dim tensor to get its gradient.
         directions: slices through each pixel.
         steps: taps on each side of a slice.
@@ -186,10 +188,13 @@ def _arc_direction(side: Side, theta: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class GTAO(Pass):
-    """Ambient occlusion and bent normals; a measured ``thickness`` channel goes before the assumed one. See `gtao`."""
+    """Ambient occlusion and bent normals; a ``thickness`` channel goes before the tunable, that before a guess.
+
+    See `gtao`.
+    """
 
     reads = frozenset({"depth", "hit", "normal"})
-    optional = frozenset({"thickness"})
+    optional = frozenset({"thickness", "object_id"})
     writes = frozenset({"ao", "bent_normal"})
 
     def __init__(
@@ -210,6 +215,7 @@ class GTAO(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g = frame.gbuffer
-        tunables = {**self.tunables(), "thickness": self.thickness if g.thickness is None else g.thickness}
+        solid = None if self.method == "horizon" else known_thickness(g, self.thickness)
+        tunables = {**self.tunables(), "thickness": solid}
         ao, bent_normal = gtao(g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)
         return frame.replace(ao=ao, bent_normal=bent_normal)

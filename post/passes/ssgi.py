@@ -19,6 +19,7 @@ from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import arcs as horizon
 from post.sweep import slices
 from post.sweep.bitmask import blocked, overlap, own_solid, start
+from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE
 from post.sweep.layout import Receivers, Scene, Tap
 from post.sweep.op import sweep
@@ -26,7 +27,6 @@ from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sweep.sectors import cover, no_cover, share, slice_sums
 from post.sweep.thickness import planar_thickness
 
-THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
 
 
@@ -67,7 +67,7 @@ def ssgi(
         albedo: ``(B, 3, H, W)`` diffuse albedo of receivers.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
-            0.5. Taps that lie in one plane are one body whatever the thickness.
+            guessed, see `post.thickness_from_depth`. Taps that lie in one plane are one body whatever the thickness.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
         distance: how far light is gathered, world units, a 0-dim tensor to get its gradient; None for the whole
@@ -94,7 +94,8 @@ def ssgi(
         raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
-    solid = planar_thickness(camera, depth, hit, THICKNESS if thickness is None else thickness)
+    thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
+    solid = planar_thickness(camera, depth, hit, thickness)
     sent = torch.where(hit, finite(light).to(depth.dtype), 0.0)
     around = slices.scene(camera, depth, normal, hit, solid, light=sent)
     corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
@@ -260,7 +261,7 @@ class SSGI(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
-        thickness = self.thickness if g.thickness is None else g.thickness
+        thickness = known_thickness(g, self.thickness)
         bounces = {"bounces": self.bounces, "bounce_loss": self.bounce_loss}
         light = sent_light(frame, distance=self.distance, thickness=thickness, steps=self.steps, **bounces)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)

@@ -15,6 +15,7 @@ from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import gather
 from post.sweep import arcs as horizon
 from post.sweep import slices
+from post.sweep.chords import thickness_from_depth
 from post.sweep.constants import EDGE, GROUPS
 from post.sweep.layout import Receivers, Scene, Side, Tap
 from post.sweep.op import sweep
@@ -23,7 +24,6 @@ from post.sweep.sectors import cover, no_cover, slice_sums
 from post.sweep.thickness import planar_thickness
 
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
-THICKNESS = 1.0  # assumed, in radii (in world units without a radius), where there is neither measurement nor guess
 
 
 class Front(NamedTuple):
@@ -75,7 +75,7 @@ def bitmask_ao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
-            the radius.
+            guessed, see `post.thickness_from_depth`.
         radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit:
             then directions that leave the picture uncovered are open as far as `post.sweep.open_sky` holds likely.
         directions: slices, each through the pixel to both sides.
@@ -104,8 +104,7 @@ def bitmask_ao(
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
-    if thickness is None:
-        thickness = THICKNESS if reach is None else THICKNESS * reach
+    thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     unseen = 0.0 if reach is None else hidden * reach
     solid = planar_thickness(camera, depth, hit, thickness, unseen)
     around = slices.scene(camera, depth, normal, hit, solid)
