@@ -8,11 +8,11 @@ import pytest
 import torch
 from court import posts
 from torch import Tensor
-from tracer.gbuffer import gbuffer
 
 import tracer
 from gbufrt import GBuffer
 from post import gtao
+from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Scene, View
 from tracer.scene.world import World

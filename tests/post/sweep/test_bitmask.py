@@ -130,8 +130,8 @@ def test_soft_sectors_are_the_mean_of_dithered_ones() -> None:
     torch.testing.assert_close(gained, share(covered))
 
 
-def test_the_default_thickness_has_the_gradient_of_the_radius() -> None:
-    """With the radius for a thickness, solids reach as deep as it does: half of its gradient went missing."""
+def test_the_gradient_of_the_radius_is_whole_without_a_thickness() -> None:
+    """Nothing that the default thickness makes of the radius may be left out of its gradient."""
     g = boxes.frame(boxes.camera((8, 10))).to(torch.float64).gbuffer
     radius = torch.tensor(3.0, dtype=torch.float64)
 
