@@ -105,6 +105,15 @@ def test_a_pillar_is_split_from_its_floor() -> None:
     assert float(found.max()) < 1.0
 
 
+def test_a_low_wall_across_the_picture_is_about_as_deep_as_it_is_high() -> None:
+    """From below its top: it ends there, and in the crease with the floor."""
+    camera = Camera.look_at((0, 0.5, 6), (0, 0.4, 0), size=(96, 60), fov_y=35.0, far=100.0)
+    floor = [[-40.0, -1.0, -40.0], [40.0, 0.0, 40.0]]
+    g = boxes.frame(camera, boxes=torch.tensor([[[-40.0, 0.0, -1.0], [40.0, 0.8, 0.0]], floor])).gbuffer
+    found = thickness_from_depth(g.depth, g.normal, camera, hit=g.hit)[g.normal[:, 2:] > 0.9]
+    assert float(found.median()) == pytest.approx(FULLNESS * 0.8, rel=0.15)
+
+
 def test_sky_alone_has_none() -> None:
     frame = boxes.frame(boxes.camera((24, 32)), boxes=boxes.ROOM + 500)
     assert float(guess(frame).abs().max()) == 0.0
@@ -114,7 +123,9 @@ def test_sky_alone_has_none() -> None:
 
 def test_batch_equals_loop_and_precisions_agree() -> None:
     one, other = boxes.camera((36, 47)), boxes.camera((36, 47), dx=0.4)
-    fields = {name: torch.cat([getattr(c, name) for c in (one, other)]) for name in ("intrinsics", "world_from_view")}
+    fields: dict[str, Any] = {
+        name: torch.cat([getattr(c, name) for c in (one, other)]) for name in ("intrinsics", "world_from_view")
+    }
     both = guess(boxes.frame(Camera(**fields, size=one.size, near=one.near, far=one.far)))
     for b, camera in enumerate((one, other)):
         torch.testing.assert_close(both[b : b + 1], guess(boxes.frame(camera)))
@@ -150,7 +161,7 @@ def test_the_gradient_of_a_radius_survives_the_default() -> None:
 def test_sweeps_take_a_measurement_then_a_number_then_the_guess() -> None:
     frame = boxes.frame(boxes.camera((36, 48)))
     bare = frame.replace(gbuffer=frame.gbuffer.replace(thickness=None))
-    g, guessed = frame.gbuffer, guess(frame)
+    guessed = guess(frame)
     filled = EstimateMissing(channels="thickness")(bare)
     assert filled.gbuffer.thickness is not None
     assert torch.equal(filled.gbuffer.thickness, guessed)
@@ -160,13 +171,15 @@ def test_sweeps_take_a_measurement_then_a_number_then_the_guess() -> None:
         assert not torch.equal(stage(bare).read(name), stage(frame).read(name))
         assert torch.equal(stage.tuned(thickness=0.3)(frame).read(name), stage(frame).read(name))
         assert not torch.equal(stage.tuned(thickness=0.3)(bare).read(name), stage(bare).read(name))
+
+
+def test_functions_guess_as_they_do_with_the_guess_given() -> None:
+    frame = boxes.frame(boxes.camera((36, 48)))
+    g, light, albedo = frame.gbuffer, frame.read("radiance"), frame.read("albedo")
     whole = thickness_from_depth(g.depth, g.normal, g.camera, hit=g.hit)
-    for given in (None, whole):
-        ao, _ = gtao(g.depth, g.normal, g.camera, hit=g.hit, thickness=given, radius=2.0)
-        light, albedo = frame.read("radiance"), frame.read("albedo")
-        gi, _, _ = ssgi(g.depth, g.normal, g.camera, light, albedo, hit=g.hit, thickness=given)
-        if given is None:
-            kept = ao, gi
-        else:
-            assert torch.equal(ao, kept[0])
-            assert torch.equal(gi, kept[1])
+
+    def swept(thickness: Tensor | None) -> tuple[Tensor, Tensor]:
+        ao, _ = gtao(g.depth, g.normal, g.camera, hit=g.hit, thickness=thickness, radius=2.0)
+        return ao, ssgi(g.depth, g.normal, g.camera, light, albedo, hit=g.hit, thickness=thickness)[0]
+
+    assert all(torch.equal(*pair) for pair in zip(swept(None), swept(whole), strict=True))
