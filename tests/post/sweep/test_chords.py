@@ -114,6 +114,18 @@ def test_a_low_wall_across_the_picture_is_about_as_deep_as_it_is_high() -> None:
     assert float(found.median()) == pytest.approx(FULLNESS * 0.8, rel=0.15)
 
 
+def test_walls_do_not_end_in_the_corners_of_a_room() -> None:
+    """A corner is farther away than its side walls, and tells of no way out behind them."""
+    camera = Camera.look_at((0, 2, 6), (0, 2, 0), size=(48, 64), fov_y=50.0, far=100.0)
+    sides = [[[-4.0, 0.0, -9.0], [-3.0, 5.0, 20.0]], [[3.0, 0.0, -9.0], [4.0, 5.0, 20.0]]]
+    rest = [[[-4.0, -1.0, -9.0], [4.0, 0.0, 20.0]], [[-4.0, 0.0, -9.0], [4.0, 5.0, -8.0]]]
+    g = boxes.frame(camera, boxes=torch.tensor([*sides, *rest])).gbuffer
+    point = camera.to_world(g.points_view())
+    beside = (g.normal[:, :1].abs() > 0.9) & (point[:, 2:] < -2) & (point[:, 1:2] < 3)  # open above 5
+    assert int(beside.sum()) > 50
+    assert float(thickness_from_depth(g.depth, g.normal, camera, hit=g.hit)[beside].min()) > 1.5
+
+
 def test_sky_alone_has_none() -> None:
     frame = boxes.frame(boxes.camera((24, 32)), boxes=boxes.ROOM + 500)
     assert float(guess(frame).abs().max()) == 0.0
