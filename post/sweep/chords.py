@@ -22,8 +22,8 @@ from gbufrt import GBuffer
 from gbufrt.camera import Camera
 
 # Fitted to ray-traced AO in six views of the built-in world at 240x135, by the radius and scales of samples/fit_ao.py,
-# and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, and at most 0.0005
-# more for half or twice of any but TOLERANCE (3: 0.0638, and 0.02 more in the Cornell box).
+# and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, for twice or half of
+# any at most 0.0007 more (but 0.0012 for half of WIDER); FULLNESS keeps GI from rising in the Cornell box.
 TOLERANCE = 1.5  # pixels that a neighbour may lie off a pixel's plane and belong to the same body
 CREASE = 0.7  # cosine between normals below which a concave bend parts two bodies, as a pillar and its floor
 FULLNESS = 0.75  # mean length of what lies behind a front, in those of its box: bodies are rounder (a cylinder: 0.79)

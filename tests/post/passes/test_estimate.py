@@ -108,6 +108,18 @@ def test_pass_fills_what_is_missing_and_says_so():
     assert not EstimateMissing()(full).extra
 
 
+def test_only_the_chosen_channels_are_filled():
+    full = boxes.frame(boxes.camera(SIZE))
+    bare = full.replace(gbuffer=full.gbuffer.replace(roughness=None, metallic=None, thickness=None))
+    stage = EstimateMissing(channels=("thickness", "metallic"))
+    filled = stage(bare)
+    assert filled.gbuffer.roughness is None
+    assert set(filled.extra) == {"thickness_estimated", "metallic_estimated"}
+    assert stage.writes == {"thickness", "metallic"} | set(filled.extra)
+    filled.gbuffer.validate()
+    assert "thickness_estimated" in EstimateMissing()(bare).extra
+
+
 def test_sky_alone_stays_empty():
     frame: Frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM + 500)
     g = frame.gbuffer.replace(roughness=None, metallic=None, motion=None, motion_z=None)
@@ -124,5 +136,7 @@ def test_bad_input():
         normals_from_depth(depth, camera, method="best")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="radius"):
         motion_from_depth(depth, camera, depth, camera, radius=-1)
+    with pytest.raises(ValueError, match=r"channels must be some of motion, .*, got 'depth'"):
+        EstimateMissing(channels="depth")
     with pytest.raises(ValueError, match="dark must be less than bright"):
         metallic_from_color(torch.rand(1, 3, 4, 4), dark=0.9, bright=0.1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import boxes
@@ -106,6 +105,27 @@ def test_a_pillar_is_split_from_its_floor() -> None:
     assert float(found.max()) < 1.0
 
 
+def test_a_low_wall_across_the_picture_is_about_as_deep_as_it_is_high() -> None:
+    """From below its top: it ends there, and in the crease with the floor."""
+    camera = Camera.look_at((0, 0.5, 6), (0, 0.4, 0), size=(96, 60), fov_y=35.0, far=100.0)
+    floor = [[-40.0, -1.0, -40.0], [40.0, 0.0, 40.0]]
+    g = boxes.frame(camera, boxes=torch.tensor([[[-40.0, 0.0, -1.0], [40.0, 0.8, 0.0]], floor])).gbuffer
+    found = thickness_from_depth(g.depth, g.normal, camera, hit=g.hit)[g.normal[:, 2:] > 0.9]
+    assert float(found.median()) == pytest.approx(FULLNESS * 0.8, rel=0.15)
+
+
+def test_walls_do_not_end_in_the_corners_of_a_room() -> None:
+    """A corner is farther away than its side walls, and tells of no way out behind them."""
+    camera = Camera.look_at((0, 2, 6), (0, 2, 0), size=(48, 64), fov_y=50.0, far=100.0)
+    sides = [[[-4.0, 0.0, -9.0], [-3.0, 5.0, 20.0]], [[3.0, 0.0, -9.0], [4.0, 5.0, 20.0]]]
+    rest = [[[-4.0, -1.0, -9.0], [4.0, 0.0, 20.0]], [[-4.0, 0.0, -9.0], [4.0, 5.0, -8.0]]]
+    g = boxes.frame(camera, boxes=torch.tensor([*sides, *rest])).gbuffer
+    point = camera.to_world(g.points_view())
+    beside = (g.normal[:, :1].abs() > 0.9) & (point[:, 2:] < -2) & (point[:, 1:2] < 3)  # open above 5
+    assert int(beside.sum()) > 50
+    assert float(thickness_from_depth(g.depth, g.normal, camera, hit=g.hit)[beside].min()) > 1.5
+
+
 def test_sky_alone_has_none() -> None:
     frame = boxes.frame(boxes.camera((24, 32)), boxes=boxes.ROOM + 500)
     assert float(guess(frame).abs().max()) == 0.0
@@ -115,9 +135,10 @@ def test_sky_alone_has_none() -> None:
 
 def test_batch_equals_loop_and_precisions_agree() -> None:
     one, other = boxes.camera((36, 47)), boxes.camera((36, 47), dx=0.4)
-    fields = {name: torch.cat([getattr(c, name) for c in (one, other)]) for name in ("intrinsics", "world_from_view")}
-    pair = replace(one, **fields)
-    both = guess(boxes.frame(pair))
+    fields: dict[str, Any] = {
+        name: torch.cat([getattr(c, name) for c in (one, other)]) for name in ("intrinsics", "world_from_view")
+    }
+    both = guess(boxes.frame(Camera(**fields, size=one.size, near=one.near, far=one.far)))
     for b, camera in enumerate((one, other)):
         torch.testing.assert_close(both[b : b + 1], guess(boxes.frame(camera)))
     double = guess(boxes.frame(one).to(torch.float64))
@@ -152,7 +173,7 @@ def test_the_gradient_of_a_radius_survives_the_default() -> None:
 def test_sweeps_take_a_measurement_then_a_number_then_the_guess() -> None:
     frame = boxes.frame(boxes.camera((36, 48)))
     bare = frame.replace(gbuffer=frame.gbuffer.replace(thickness=None))
-    g, guessed = frame.gbuffer, guess(frame)
+    guessed = guess(frame)
     filled = EstimateMissing(channels="thickness")(bare)
     assert filled.gbuffer.thickness is not None
     assert torch.equal(filled.gbuffer.thickness, guessed)
@@ -162,12 +183,15 @@ def test_sweeps_take_a_measurement_then_a_number_then_the_guess() -> None:
         assert not torch.equal(stage(bare).read(name), stage(frame).read(name))
         assert torch.equal(stage.tuned(thickness=0.3)(frame).read(name), stage(frame).read(name))
         assert not torch.equal(stage.tuned(thickness=0.3)(bare).read(name), stage(bare).read(name))
+
+
+def test_functions_guess_as_they_do_with_the_guess_given() -> None:
+    frame = boxes.frame(boxes.camera((36, 48)))
+    g, light, albedo = frame.gbuffer, frame.read("radiance"), frame.read("albedo")
     whole = thickness_from_depth(g.depth, g.normal, g.camera, hit=g.hit)
-    found = []
-    for given in (None, whole):
-        ao, _ = gtao(g.depth, g.normal, g.camera, hit=g.hit, thickness=given, radius=2.0)
-        light, albedo = frame.read("radiance"), frame.read("albedo")
-        gi, _, _ = ssgi(g.depth, g.normal, g.camera, light, albedo, hit=g.hit, thickness=given)
-        found.append((ao, gi))
-    assert torch.equal(found[0][0], found[1][0])
-    assert torch.equal(found[0][1], found[1][1])
+
+    def swept(thickness: Tensor | None) -> tuple[Tensor, Tensor]:
+        ao, _ = gtao(g.depth, g.normal, g.camera, hit=g.hit, thickness=thickness, radius=2.0)
+        return ao, ssgi(g.depth, g.normal, g.camera, light, albedo, hit=g.hit, thickness=thickness)[0]
+
+    assert all(torch.equal(*pair) for pair in zip(swept(None), swept(whole), strict=True))
