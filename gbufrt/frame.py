@@ -26,7 +26,7 @@ class Frame:
 
     gbuffer: GBuffer
     index: int = 0
-    """Frame number: with the seed, the only source of noise."""
+    """Frame number: with ``seed``, the only source of noise."""
     time: float = 0.0
     """Seconds."""
     cut: Tensor | None = None

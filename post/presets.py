@@ -1,4 +1,4 @@
-"""ME1 pipelines: the order of passes and the numbers of the seed, from low to ultra."""
+"""ME1 pipelines: the order of passes and the numbers of ME1 Path Tracing, from low to ultra."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ EXPOSURE_KEY = 0.34
 AO_BLUR = 6.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
 GI_STEPS = 36  # taps on each side of a slice: two thirds of them lose a twentieth of the light in the gaps
-RAYS_PER_GI_SLICE = 6  # of the seed: a slice looks to both sides, and time adds directions but no taps between
+RAYS_PER_GI_SLICE = 6  # of ME1's GI rays: a slice looks to both sides with several taps each
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """One row of the seed's table; distances in metres."""
+    """One row of ME1's table of presets; distances in metres."""
 
     ao_directions: int
     ao_scales: int
@@ -77,14 +77,14 @@ def me1(
 ) -> Pipeline:
     """The ME1 pipeline: AO, GI and reflections, estimated, denoised and accumulated; their composite; lens; display.
 
-    Fourteen passes of the seed make the composite and its history (here the history is the pipeline's state, not
+    Fourteen passes of ME1 make the composite and its history (here the history is the pipeline's state, not
     passes). Anti-aliasing, motion blur, depth of field, exposure, tone curve and vignette follow.
 
     Args:
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
         composite: ``physical`` takes sky visibility and GI from one sweep over the whole picture, so that nothing is
-            counted twice; ``me1`` is the seed's formula, with its distances and its loss of 0.6 a bounce.
-        units_per_metre: world units a metre, for the seed's distances.
+            counted twice; ``me1`` is its own formula, with its distances and its loss of 0.6 a bounce.
+        units_per_metre: world units a metre, for the distances of that game.
         tunables: changes by dotted name, see `Pipeline.with_tunables`.
 
     Returns:

@@ -14,7 +14,7 @@ from gbufrt.sampling import shifted
 from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, smith_lambda
 from post.shading.ggx import grazing, reflection_pdf
 
-CONE_DEGREES = 45.0  # half angle of the seed's cone at roughness 1
+CONE_DEGREES = 45.0  # half angle of ME1's cone at roughness 1
 SHARP_ALPHA = 1e-2  # below this roughness squared a neighbour's ray is no ray of ours
 NEIGHBORS = ((1, -2), (-2, -1), (2, 1), (-1, 2), (3, -1), (-1, -3), (1, 3), (-3, 1))
 

@@ -38,7 +38,7 @@ def sent_light(
         steps: see `post.ssgi`.
         bounces: 1 for direct and sky light alone; more adds the GI of the frame before, which over the frames becomes
             the sum of all bounces.
-        bounce_loss: factor on the light of further bounces (the seed's composite: 0.6).
+        bounce_loss: factor on the light of further bounces (0.6 in ME1's composite).
 
     Returns:
         ``(B, 3, H, W)`` outgoing linear radiance.

@@ -107,7 +107,7 @@ def test_module_is_thin_and_documented(stage):
     body = [line for line in source if line.strip()][1:]
     assert len(body) <= 12, f"{cls.__name__}.forward is {len(body)} lines: move work into its function"
     assert cls.__doc__
-    assert len(stage.tunables()) <= 9, "at most eight tunables, and the seed"
+    assert len(stage.tunables()) <= 9, "at most eight tunables, besides `seed`"
     assert type(stage)(**stage.tunables()).tunables() == stage.tunables()
     parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]
     assert all(p.kind is p.KEYWORD_ONLY for p in parameters)

@@ -1,4 +1,4 @@
-"""The ME1 pipelines: the seed's numbers, awkward frames, long paths, and what each stage is worth."""
+"""The ME1 pipelines: their numbers, awkward frames, long paths, and what each stage is worth."""
 
 from __future__ import annotations
 
