@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.focus import median_depth
 from gbufrt.tree import map_tensors
 from tracer.sampling.sequence import disc
 from tracer.scene.scene import MASK_PRIMARY, Scene
@@ -61,7 +62,7 @@ def focus_distance(
     rate: float = 0.1,
     region: float = 0.05,
 ) -> Tensor:
-    """What a camera focuses on: the mean depth that a few central rays find, approached over the frames.
+    """What a camera focuses on: the median depth that a few central rays find, approached over the frames.
 
     Args:
         scene: what is there.
@@ -90,9 +91,8 @@ def focus_distance(
         hits = trace(
             scene, origins, directions, poses=poses, mask=MASK_PRIMARY, t_min=one.near / along, t_max=one.far / along
         )
-        depths = (hits.t * along)[hits.hit]
-        found.append(depths.mean() if len(depths) else depths.new_tensor(one.far))
-    target = torch.stack(found)
+        found.append(torch.where(hits.hit, hits.t * along, torch.nan))
+    target = median_depth(torch.stack(found), camera.far)
     if previous is None:
         return target
     return torch.lerp(

@@ -34,8 +34,9 @@ def composite(
     Exact when visibility and gi come from one sweep of unlimited radius: what is not blocked sees the sky, what is
     blocked sends light. What the surface mirrors never gets under it: in an even light it shows no more than arrives.
 
-    ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the formula of ME1 Path Tracing
-    with a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps stay lamps.
+    ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the formula of ME1
+    Path Tracing with a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps
+    stay lamps.
 
     Args:
         radiance: ``(B, 3, H, W)`` direct light and emission, outgoing linear radiance.

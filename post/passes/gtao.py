@@ -13,12 +13,11 @@ from gbufrt.camera import Camera
 from gbufrt.compute.fusion import fusible
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
-from post.sweep import arcs as horizon
-from post.sweep import slices
+from post.sweep import arcs, slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import known_thickness
-from post.sweep.slices import Receivers, Scene, Slice
+from post.sweep.slices import PaddedView, Receivers, Slice
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
 REACH = 1.457  # radii: fading occluders as far as this block about as much as all within the radius (XeGTAO)
@@ -57,7 +56,7 @@ def gtao(
         directions: slices through each pixel.
         steps: taps on each side of a slice.
         scales: how many radii.
-        method: ``bitmask`` (see `post.bitmask_ao`) or ``horizon`` (see `post.horizon_ao`).
+        method: ``bitmask`` (see `post.bitmask_ao`) or ``horizon`` (Jimenez et al. 2016).
         hidden: for the bitmask, see `post.bitmask_ao`.
         index: frame number, for the noise.
         seed: another seed, another noise.
@@ -109,14 +108,14 @@ def horizon_ao(
     for scale in range(scales):
         places = {"index": index, "dims": 3, "seed": seed * scales + scale, "device": depth.device}
         sums = _sweep(around, at, blue_noise(*camera.size, **places).to(depth), reach * 2**scale, *how)
-        found.append(horizon.finish(at, camera, hit, sums, normal))
-    return horizon.mean_of_scales(found, hit, normal)
+        found.append(arcs.finish(at, camera, hit, sums, normal))
+    return arcs.mean_of_scales(found, hit, normal)
 
 
 def _sweep(
-    around: Scene, at: Receivers, noise: Tensor, reach: Tensor, directions: int, steps: int, parallel: bool
+    around: PaddedView, at: Receivers, noise: Tensor, reach: Tensor, directions: int, steps: int, parallel: bool
 ) -> Tensor:
-    """``(8, B, h, w)``: the sums of `horizon.finish`."""
+    """``(8, B, h, w)``: the sums of `arcs.finish`."""
     rows = []
     for cut, band in slices.bands(at):
         sums = torch.zeros(8, *band.z.shape, dtype=band.z.dtype, device=band.z.device)
@@ -129,7 +128,7 @@ def _sweep(
 
 @fusible
 def _slice(
-    around: Scene,
+    around: PaddedView,
     at: Receivers,
     cos_psi: Tensor,
     sin_psi: Tensor,
@@ -138,26 +137,26 @@ def _slice(
     steps: int,
     parallel: bool,
 ) -> Tensor:
-    """What one slice adds to the sums of `horizon.finish`."""
+    """What one slice adds to the sums of `arcs.finish`."""
     cut = slices.cut_slice(at, cos_psi, sin_psi)
     total = torch.zeros(8, *at.z.shape, dtype=at.z.dtype, device=at.z.device)
-    for side in horizon.sides(around, at, cut):
+    for side in arcs.sides(around, at, cut):
         reach_px = torch.minimum(radius * side.length, side.border).detach()
         lowest = -side.cut.sin_n  # cosine of the hemisphere's own horizon, n + pi/2 from the eye
         highest = lowest
         for i in range(steps):
-            tap = horizon.look(around, at, side, slices.tap_pixels(reach_px, i, jitter, steps, slices.WITHIN), parallel)
+            tap = arcs.look(around, at, side, slices.tap_pixels(reach_px, i, jitter, steps, slices.WITHIN), parallel)
             distance = (tap.front_rise * tap.front_rise + tap.front_run * tap.front_run + 1e-20).sqrt()
             cosine = (tap.front_rise * side.cut.cos_n - tap.front_run * side.cut.sin_n) / distance
             weight = ((radius - distance) / (FALLOFF * radius)).clamp(0, 1) * (tap.back_z - tap.z)
-            weight = weight * horizon.step(tap.front_rise)
+            weight = weight * arcs.step(tap.front_rise)
             highest = torch.maximum(highest, lowest + (cosine - lowest) * weight)
         total = total + _arc_sums(side, cut, highest)
     return total
 
 
 def _arc_sums(side: Side, cut: Slice, highest: Tensor) -> Tensor:
-    """One side's part of the sums of `horizon.finish`, open from the eye's direction down to a horizon."""
+    """One side's part of the sums of `arcs.finish`, open from the eye's direction down to a horizon."""
     limit = 1 - 1e-6
     end = side.cut.n + math.pi / 2
     theta = torch.minimum(highest.clamp(-limit, limit).acos(), end)

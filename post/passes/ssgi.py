@@ -16,12 +16,11 @@ from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
 from post.filters.upsample import upsample
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
-from post.sweep import arcs as horizon
-from post.sweep import slices
+from post.sweep import arcs, slices
 from post.sweep.bitmask import blocked, overlap, own_solid, start
 from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE
-from post.sweep.layout import Receivers, Scene, Tap
+from post.sweep.layout import PaddedView, Receivers, Tap
 from post.sweep.op import sweep
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sweep.sectors import cover, no_cover, share, slice_sums
@@ -116,7 +115,7 @@ def ssgi(
         with torch.no_grad():
             found = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]
         sums = sums + (found - sums).detach() if lit else found  # the same numbers, and the light's gradient
-    visibility, bent = horizon.finish(at, camera, hit[part], sums[:8], normal[part])
+    visibility, bent = arcs.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
         found = upsample(found, depth, normal, camera, hit=hit, stride=2, offset=corner)
@@ -131,7 +130,7 @@ def ssgi(
 
 
 def _sweep(
-    around: Scene,
+    around: PaddedView,
     at: Receivers,
     noise: Tensor,
     radii: tuple[Tensor, ...],
@@ -142,7 +141,7 @@ def _sweep(
     parallel: bool,
     soft: bool,
 ) -> Tensor:
-    """``(11, B, h, w)``: the sums of `horizon.finish`, and the light of all slices."""
+    """``(11, B, h, w)``: the sums of `arcs.finish`, and the light of all slices."""
     rows = []
     for cut, band in slices.bands(at):
         sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
@@ -155,7 +154,7 @@ def _sweep(
 
 @fusible
 def _slice(
-    around: Scene,
+    around: PaddedView,
     at: Receivers,
     cos_psi: Tensor,
     sin_psi: Tensor,
@@ -171,15 +170,15 @@ def _slice(
     cut = slices.cut_slice(at, cos_psi, sin_psi)
     covered, own = no_cover(at.z, soft), own_solid(around, at)
     gathered = at.z.new_zeros(3, *at.z.shape)
-    right, left = horizon.sides(around, at, cut)
+    right, left = arcs.sides(around, at, cut)
     for side in (right, left):
         farthest = torch.minimum(side.frame, radii[0] * side.length) if radii else side.frame
         before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
         for i in range(steps):
             px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)
-            tap = horizon.look(around, at, side, px, parallel)
+            tap = arcs.look(around, at, side, px, parallel)
             next_plane = _plane(tap, parallel)
-            ledge = LEDGE * horizon.step(overlap(tap, before)) * _edge_on(next_plane, plane, at)
+            ledge = LEDGE * arcs.step(overlap(tap, before)) * _edge_on(next_plane, plane, at)
             (found,), before = blocked(tap, before, side, radii, soft, _flat(next_plane, plane))
             plane = next_plane
             if side is right:
@@ -208,17 +207,17 @@ def _flat(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> Tensor:
     off = torch.maximum(
         (dx * one[3] + dy * one[4] + dz * one[5]).abs(), (dx * other[3] + dy * other[4] + dz * other[5]).abs()
     )
-    alike = horizon.step(one[3] * other[3] + one[4] * other[4] + one[5] * other[5] - 0.5)
-    return horizon.step(FLATNESS * (dx * dx + dy * dy + dz * dz + 1e-20).sqrt() - off) * alike
+    alike = arcs.step(one[3] * other[3] + one[4] * other[4] + one[5] * other[5] - 0.5)
+    return arcs.step(FLATNESS * (dx * dx + dy * dy + dz * dz + 1e-20).sqrt() - off) * alike
 
 
 def _edge_on(plane: tuple[Tensor, ...], before: tuple[Tensor, ...], at: Receivers) -> Tensor:
     """1 where a tap and the one before are parallel to the receiver, and what joins tap and receiver faces the eye."""
-    parallel = horizon.step(_cosine(plane[3:], at) - ALIKE) * horizon.step(_cosine(before[3:], at) - ALIKE)
+    parallel = arcs.step(_cosine(plane[3:], at) - ALIKE) * arcs.step(_cosine(before[3:], at) - ALIKE)
     dx, dy, dz = at.x - plane[0], at.y - plane[1], at.z - plane[2]
     toward_eye = dx * at.vx + dy * at.vy + dz * at.vz
     off_plane = (dx * at.nx + dy * at.ny + dz * at.nz) * (at.nx * at.vx + at.ny * at.vy + at.nz * at.vz)
-    return parallel * horizon.step(toward_eye - off_plane)
+    return parallel * arcs.step(toward_eye - off_plane)
 
 
 def _cosine(normal: tuple[Tensor, ...], at: Receivers) -> Tensor:
@@ -228,7 +227,7 @@ def _cosine(normal: tuple[Tensor, ...], at: Receivers) -> Tensor:
 def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
     """1 where the receiver lies above a tap's plane, else 0."""
     x, y, z, nx, ny, nz = plane
-    return horizon.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
+    return arcs.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
 
 
 class SSGI(Pass):

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.focus import median_depth
 
 TINY = 1e-6
 
@@ -75,8 +76,7 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
     top, left = (depth.shape[-2] - rows) // 2, (depth.shape[-1] - columns) // 2
     known = torch.isfinite(depth) if hit is None else hit & torch.isfinite(depth)
     middle = torch.where(known, depth, torch.nan)
-    found = middle[:, 0, top : top + rows, left : left + columns].flatten(1).nanmedian(dim=1).values
-    return torch.where(found.isnan(), torch.as_tensor(camera.far, dtype=depth.dtype, device=depth.device), found)
+    return median_depth(middle[:, 0, top : top + rows, left : left + columns].flatten(1), camera.far)
 
 
 def _per_camera(value: float | Tensor, like: Tensor) -> Tensor:

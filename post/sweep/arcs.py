@@ -16,10 +16,10 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.sampling import gather
 from post.sweep.constants import SNAP
-from post.sweep.layout import Receivers, Scene, Side, Slice, Tap
+from post.sweep.layout import PaddedView, Receivers, Side, Slice, Tap
 
 
-def sides(around: Scene, at: Receivers, cut: Slice) -> tuple[Side, Side]:
+def sides(around: PaddedView, at: Receivers, cut: Slice) -> tuple[Side, Side]:
     """Both sides of a slice."""
     length = (cut.step_x * cut.step_x + cut.step_y * cut.step_y).sqrt()
     dx, dy, half = cut.step_x / length, cut.step_y / length, 0.5 / cut.measure
@@ -31,7 +31,7 @@ def sides(around: Scene, at: Receivers, cut: Slice) -> tuple[Side, Side]:
     )
 
 
-def _borders(around: Scene, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
+def _borders(around: PaddedView, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
     """Pixels to the picture's border and to the end of its margin."""
     height, width = around.picture.shape[-2:]
     ways = []
@@ -42,7 +42,7 @@ def _borders(around: Scene, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tens
     return ways[0], ways[1]
 
 
-def look(around: Scene, at: Receivers, side: Side, px: Tensor, parallel: bool) -> Tap:
+def look(around: PaddedView, at: Receivers, side: Side, px: Tensor, parallel: bool) -> Tap:
     """Read the tap ``px`` pixels from the receivers.
 
     The tap is the whole pixel nearest to the slice. Its point is slid along the receiver's plane into the slice, which

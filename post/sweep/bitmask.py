@@ -13,11 +13,10 @@ from gbufrt.compute.fusion import fusible
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import gather
-from post.sweep import arcs as horizon
-from post.sweep import slices
+from post.sweep import arcs, slices
 from post.sweep.chords import thickness_from_depth
 from post.sweep.constants import EDGE, GROUPS
-from post.sweep.layout import Receivers, Scene, Side, Tap
+from post.sweep.layout import PaddedView, Receivers, Side, Tap
 from post.sweep.op import sweep
 from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sweep.sectors import cover, no_cover, slice_sums
@@ -123,12 +122,12 @@ def bitmask_ao(
         every = _sweep(around, at, noise, radii, sky, **sizes, soft=soft)
     else:
         every = sweep(around, at, hit, noise, radii, sky, **sizes)
-    found = [horizon.finish(at, camera, hit, sums, normal) for sums in every]
-    return horizon.mean_of_scales(found, hit, normal)
+    found = [arcs.finish(at, camera, hit, sums, normal) for sums in every]
+    return arcs.mean_of_scales(found, hit, normal)
 
 
 def _sweep(
-    around: Scene,
+    around: PaddedView,
     at: Receivers,
     noise: Tensor,
     radii: tuple[Tensor, ...],
@@ -139,7 +138,7 @@ def _sweep(
     parallel: bool,
     soft: bool,
 ) -> Tensor:
-    """``(radii or 1, 8, B, h, w)``: the sums of `horizon.finish`, for each radius."""
+    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`, for each radius."""
     rows = []
     for cut, band in slices.bands(at):
         sums = torch.zeros(max(len(radii), 1), 8, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
@@ -152,7 +151,7 @@ def _sweep(
 
 @fusible
 def _slice(
-    around: Scene,
+    around: PaddedView,
     at: Receivers,
     cos_psi: Tensor,
     sin_psi: Tensor,
@@ -164,17 +163,17 @@ def _slice(
     parallel: bool,
     soft: bool,
 ) -> Tensor:
-    """What one slice adds to the sums of `horizon.finish`, for each radius."""
+    """What one slice adds to the sums of `arcs.finish`, for each radius."""
     cut = slices.cut_slice(at, cos_psi, sin_psi)
     covered = [no_cover(at.z, soft) for _ in radii or (None,)]
     own = own_solid(around, at)
-    right, left = horizon.sides(around, at, cut)
+    right, left = arcs.sides(around, at, cut)
     for side in (right, left):
         reach_px = torch.minimum(radii[-1] * side.length, side.border) if radii else side.frame
         before = start(at, side, own)
         for i in range(steps):
             px = slices.tap_pixels(reach_px.detach(), i, jitter, steps, slices.WITHIN if radii else slices.BEYOND)
-            tap = horizon.look(around, at, side, px, parallel)
+            tap = arcs.look(around, at, side, px, parallel)
             covers, before = blocked(tap, before, side, radii, soft)
             for s, (low, high, near) in enumerate(covers):
                 ends = (left.whole + low, left.whole + high) if side is right else (left.whole - high, left.whole - low)
@@ -192,7 +191,7 @@ def start(at: Receivers, side: Side, solid: Tensor) -> Front:
     return Front(side.whole, zero, zero, zero, at.z, at.z + solid)
 
 
-def own_solid(around: Scene, at: Receivers) -> Tensor:
+def own_solid(around: PaddedView, at: Receivers) -> Tensor:
     """Planar depth from front to back at the receivers."""
     return gather(around.picture[:, 1:2], at.column.int(), at.row.int())[:, 0]
 
@@ -204,20 +203,20 @@ def blocked(
 
     ``same`` is 1 where the tap is known to continue the surface of the one before.
     """
-    joined = horizon.step(overlap(tap, before))
+    joined = arcs.step(overlap(tap, before))
     joined = joined if same is None else torch.maximum(joined, same)
     rise, run = tap.front_rise, tap.front_run
     distance = (rise * rise + run * run + 1e-20).sqrt() if radii else joined
-    front = horizon.arc_measure(rise, run, side)
-    back = horizon.arc_measure(tap.back_rise, tap.back_run, side)
+    front = arcs.arc_measure(rise, run, side)
+    back = arcs.arc_measure(tap.back_rise, tap.back_run, side)
     high = back + (torch.maximum(back, before.share) - back) * joined
     met = _front_at_the_radius(tap, before, side, radii, distance) if radii else front
     covers = []
     for radius in radii or (None,):
         near, crossing = torch.ones_like(joined), torch.zeros_like(joined)
         if radius is not None:
-            inside = horizon.step(radius - distance)
-            was_inside = horizon.step(radius - before.distance) * horizon.step(before.distance)
+            inside = arcs.step(radius - distance)
+            was_inside = arcs.step(radius - before.distance) * arcs.step(before.distance)
             crossing = joined * was_inside * (1 - inside)
             faded = ((radius - distance) / (2 * FADE * radius) + 0.5).clamp(0, 1) if soft else inside
             near = torch.maximum(faded, crossing)
@@ -238,7 +237,7 @@ def _front_at_the_radius(tap: Tap, before: Front, side: Side, radii: tuple[Tenso
     """Share of the side up to where the line from the tap before reaches the first radius that still lies ahead."""
     radius = radii[-1]
     for smaller in reversed(radii[:-1]):
-        radius = radius + (smaller - radius) * horizon.step(smaller - before.distance)
+        radius = radius + (smaller - radius) * arcs.step(smaller - before.distance)
     left = (distance - radius) / (distance - before.distance).abs().clamp_min(1e-9)
     rise, run = tap.front_rise, tap.front_run
-    return horizon.arc_measure(rise + (before.rise - rise) * left, run + (before.run - run) * left, side)
+    return arcs.arc_measure(rise + (before.rise - rise) * left, run + (before.run - run) * left, side)

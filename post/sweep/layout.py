@@ -7,7 +7,7 @@ from typing import NamedTuple
 from torch import Tensor
 
 
-class Scene(NamedTuple):
+class PaddedView(NamedTuple):
     """What taps read: pictures continued past their border, then one empty pixel, and how pixels become points."""
 
     picture: Tensor

@@ -5,13 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from post.sweep import arcs as horizon
-from post.sweep import slices
+from post.sweep import arcs, slices
 from post.sweep.constants import GROUPS
-from post.sweep.layout import Receivers, Scene
+from post.sweep.layout import PaddedView, Receivers
 from post.sweep.open_sky import Sky
 
-SUMS, LIGHT = 8, 3  # of `horizon.finish`; channels of light that follow
+SUMS, LIGHT = 8, 3  # of `arcs.finish`; channels of light that follow
 
 
 @torch.library.custom_op("gbufrt::sweep", mutates_args=())
@@ -29,17 +28,17 @@ def sweep_cpu(
     parallel: bool,
     gathers: bool,
 ) -> Tensor:
-    """``(radii or 1, 8, B, h, w)``: the sums of `horizon.finish`; 11 with the light, where that is gathered.
+    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`; 11 with the light, where that is gathered.
 
     Args:
-        picture: ``(B, H', W', C)``: that of `slices.Scene`, channels last.
+        picture: ``(B, H', W', C)``: that of `slices.PaddedView`, channels last.
         rays: ``(B, 5)``: its origins and pitches, and the aspect of `slices.Receivers`.
         planes: ``(12, B, h, w)``: the other planes of the receivers.
         hit: ``(B, h, w)`` bool.
         random: ``(directions, h, w, 4)``: see `slices.slice_noise`.
         radii: ``(R,)``, from the smallest to the largest.
         sky: ``(B, 5)``, see `open_sky.Sky`, or ``(B, 0)``.
-        terms: see `horizon.direction_polynomials`.
+        terms: see `arcs.direction_polynomials`.
         margin: of the scene, pixels.
         steps: taps on each side of a slice.
         parallel: whether the camera is orthographic.
@@ -60,7 +59,7 @@ def _(picture, rays, planes, hit, random, radii, sky, terms, margin, steps, para
 
 
 def sweep(
-    around: Scene,
+    around: PaddedView,
     at: Receivers,
     hit: Tensor,
     noise: Tensor,
@@ -97,7 +96,7 @@ def sweep(
         torch.stack(dice),
         torch.stack(radii) if radii else at.z.new_empty(0),
         empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
-        torch.tensor(horizon.direction_polynomials(GROUPS), dtype=at.z.dtype),
+        torch.tensor(arcs.direction_polynomials(GROUPS), dtype=at.z.dtype),
         around.margin,
         steps,
         parallel,

@@ -9,9 +9,9 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.sampling import gather
-from post.sweep import arcs as horizon
+from post.sweep import arcs
 from post.sweep.constants import FREE
-from post.sweep.layout import Receivers, Scene, Side, Slice
+from post.sweep.layout import PaddedView, Receivers, Side, Slice
 
 WALL = 0.25  # of a ceiling: what walls at the border, above the horizon, tell of a roof
 CEILING = 0.5  # cosine with straight down from which on a surface is a ceiling
@@ -53,10 +53,10 @@ def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
     return Sky(share[..., None], trust[..., None], *up[:, :, :1, :1].unbind(1))
 
 
-def leaves_hit(around: Scene, at: Receivers, side: Side) -> Tensor:
+def leaves_hit(around: PaddedView, at: Receivers, side: Side) -> Tensor:
     """1 where a slice leaves the picture at a pixel that hit something, else 0."""
     column, row = (at.column + side.dx * side.frame).round(), (at.row + side.dy * side.frame).round()
-    return horizon.step(gather(around.picture[:, 1:2], column.int(), row.int())[:, 0])
+    return arcs.step(gather(around.picture[:, 1:2], column.int(), row.int())[:, 0])
 
 
 def open_share(sky: Sky, cut: Slice, groups: int, seam: Tensor, hits: tuple[Tensor, Tensor]) -> Tensor:
@@ -72,7 +72,7 @@ def open_share(sky: Sky, cut: Slice, groups: int, seam: Tensor, hits: tuple[Tens
         seam: share of the arc on the left side.
         hits: see `leaves_hit`, for the right and the left side.
     """
-    rise, run = horizon.mean_directions(cut.sin_n, groups)
+    rise, run = arcs.mean_directions(cut.sin_n, groups)
     lift = cut.hx * sky.up_x + cut.hy * sky.up_y + cut.hz * sky.up_z
     slide = cut.tx * sky.up_x + cut.ty * sky.up_y + cut.tz * sky.up_z
     elevation = (rise * lift + run * slide) * (rise * rise + run * run + 1e-12).rsqrt()

@@ -47,7 +47,7 @@ def share(bits):
 
 @scalar
 def mean_direction(terms, sin_n, which):
-    """See `horizon.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
+    """See `arcs.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
     value = terms[terms.shape[0] - 1, which]
     for power in range(terms.shape[0] - 2, -1, -1):
         value = value * sin_n + terms[power, which]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from post.sweep import arcs as horizon
+from post.sweep import arcs
 from post.sweep.constants import FIRST_BITS, GROUPS, PER_GROUP, SECTORS
 from post.sweep.layout import Slice
 
@@ -72,9 +72,9 @@ def _fractions(sectors: Tensor) -> Tensor:
 
 
 def slice_sums(cut: Slice, covered: Tensor, openness: Tensor | float = 1.0) -> Tensor:
-    """One slice's part of the sums of `horizon.finish`; ``openness`` of what is not covered: ``(GROUPS, B, h, w)``."""
+    """One slice's part of the sums of `arcs.finish`; ``openness`` of what is not covered: ``(GROUPS, B, h, w)``."""
     open_groups = (1 - group_shares(covered).to(cut.n.dtype)) * openness
-    rise, run = horizon.mean_directions(cut.sin_n, GROUPS)
+    rise, run = arcs.mean_directions(cut.sin_n, GROUPS)
     rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight
     runs = torch.stack([(open_groups * run).mean(0), run.mean(0)]) * cut.weight
     lift, slide = torch.stack([cut.hx, cut.hy, cut.hz]), torch.stack([cut.tx, cut.ty, cut.tz])

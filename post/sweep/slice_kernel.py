@@ -25,7 +25,7 @@ FOLD = np.float32(math.tan(math.pi / 8))
 Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
 """What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
 Tap = namedtuple("Tap", "front_rise front_run back_rise back_run z back_z x y i j")
-"""See `horizon.Tap`; column and row in the picture in place of what else is seen there."""
+"""See `arcs.Tap`; column and row in the picture in place of what else is seen there."""
 
 
 @scalar
@@ -103,7 +103,7 @@ def cut_slice(at, cos_psi, sin_psi):
 
 @scalar
 def side_of(around, at, cut, sign):
-    """See `horizon.sides`: the right side for ``sign`` 1, the left one for -1."""
+    """See `arcs.sides`: the right side for ``sign`` 1, the left one for -1."""
     length: Any = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
     dx, dy, half = sign * (cut.step_x / length), sign * (cut.step_y / length), HALF / cut.measure
     whole = (cut.cos_n + (cut.n + QUARTER) * cut.sin_n) * half
@@ -133,7 +133,7 @@ def side_of(around, at, cut, sign):
 
 @scalar
 def _border(around, edge, at, dx, dy):
-    """See `horizon._borders`."""
+    """See `arcs._borders`."""
     height, width = around.picture.shape[:2]
     right, low = np.float32(width - edge) - HALF, np.float32(height - edge) - HALF
     first = np.float32(edge) - HALF
@@ -153,7 +153,7 @@ def _pixel(around, at, side, px):
 
 @scalar
 def look(around, at, side, px):
-    """See `horizon.look`."""
+    """See `arcs.look`."""
     cut, rays = side.cut, around.rays
     column, row, i, j = _pixel(around, at, side, px)
     z, solid = around.picture[j, i, 0], around.picture[j, i, 1]
@@ -170,7 +170,7 @@ def look(around, at, side, px):
 
 @scalar
 def arc_measure(rise, run, side):
-    """See `horizon.arc_measure`."""
+    """See `arcs.arc_measure`."""
     if rise < ZERO:
         return side.whole
     cos_n, sin_n = side.cut.cos_n, side.cut.sin_n

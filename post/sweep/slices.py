@@ -16,7 +16,7 @@ from gbufrt.channels import check_tensor
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import margin
 from post.sweep.constants import BIAS, FIRST
-from post.sweep.layout import Receivers, Scene, Slice
+from post.sweep.layout import PaddedView, Receivers, Slice
 
 BAND_PIXELS = 32768  # what one core's cache holds of all planes; also torch's smallest share of work for a thread
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
@@ -27,7 +27,7 @@ BEYOND = 2.5  # and in one over the whole picture, where what is near counts mos
 
 def scene(
     camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, *, light: Tensor | None = None
-) -> Scene:
+) -> PaddedView:
     """Continue and pad what taps read.
 
     Args:
@@ -49,7 +49,7 @@ def scene(
     rays = camera.unproject(torch.ones_like(depth))
     k = camera.intrinsics.to(depth.dtype)
     pitch_x, pitch_y = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]
-    return Scene(
+    return PaddedView(
         picture=F.pad(picture, (1, 1, 1, 1)),
         origin_x=rays[:, 0, :1, :1] - pitch_x * (m + 1),
         origin_y=rays[:, 1, :1, :1] - pitch_y * (m + 1),

@@ -1,0 +1,20 @@
+"""What to focus on, whether depths come from a picture or from rays."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+
+def median_depth(depths: Tensor, far: float) -> Tensor:
+    """The median of what is there: one thing in the middle is in focus, whatever stands beside it.
+
+    Args:
+        depths: ``(B, N)`` planar view z, world units; NaN where nothing was hit.
+        far: the camera's, given where nothing was hit at all.
+
+    Returns:
+        ``(B,)`` world units.
+    """
+    found = depths.nanmedian(dim=1).values
+    return torch.where(found.isnan(), torch.as_tensor(far, dtype=depths.dtype, device=depths.device), found)
