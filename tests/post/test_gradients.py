@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import boxes
 import pytest
 import smooth
 import torch
@@ -30,6 +31,8 @@ class Case:
     """Channels that the frame lacks."""
     without: dict[str, tuple[str, ...]] = field(default_factory=dict)
     """Further ones, for single columns."""
+    among_boxes: tuple[str, ...] = ()
+    """Columns for which a floor and a wall have no silhouettes to tell anything by."""
     step: float = 1e-6
     groups: int = 3
     agree: float = 1.0
@@ -59,7 +62,13 @@ CASES = {
     "ToneMap": Case(post.ToneMap(), "color", absent=("exposure",)),
     "Vignette": Case(post.Vignette(), "image"),
     "DisplayEncode": Case(post.DisplayEncode(), "image"),
-    "EstimateMissing": Case(post.EstimateMissing(), "radiance", absent=MATERIAL, without={"light": ("albedo",)}),
+    "EstimateMissing": Case(
+        post.EstimateMissing(),
+        "radiance",
+        absent=MATERIAL,
+        without={"light": ("albedo",), "normal": ("thickness",)},
+        among_boxes=("normal",),
+    ),
 }
 NUMBERS = {"distance": 3.0, "thickness": 0.4, "focus_distance": 6.0, "roughness_cutoff": 0.5}  # where None or a bend
 
@@ -79,6 +88,8 @@ TUNED = [(row, name) for row, cells in TABLE.items() for name in re.findall(r"`(
 def setting(case: Case, column: str) -> tuple[Frame, Any]:
     """The second of two frames, and the state after the first."""
     frame = smooth.corner(uneven=case.groups == 3)
+    if column in case.among_boxes:
+        frame = boxes.frame(boxes.camera((10, 14)), previous=boxes.camera((10, 14), dx=0.05)).to(torch.float64)
     lacks = dict.fromkeys(case.absent + case.without.get(column, ()))
     g = frame.gbuffer.replace(**{k: None for k in lacks if k in CHANNELS})
     frame = frame.replace(gbuffer=g, **{k: None for k in lacks if k not in CHANNELS})
