@@ -14,6 +14,10 @@ import torch
 from torch import Tensor
 
 DIELECTRIC_F0 = 0.04  # reflectance at normal incidence, for a refractive index of 1.5
+MIRROR_ROUGHNESS = 0.03  # below it all samples of a lobe are one ray
+LAMP_ROUGHNESS = 0.3  # below it specular rays find lamps, above it shadow rays to them do
+BROAD_ROUGHNESS = 0.4  # from here on a reflection may be blurred as much as any signal
+VIRTUAL_ROUGHNESS = 0.5  # above it a reflection moves with its surface, below with what it shows
 CELLS = (16, 64)  # of the table: from a mirror to the roughest, and from grazing to head on
 STRATA = 32  # along each of the two numbers that a direction takes
 

@@ -9,9 +9,9 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.compute.fusion import fusible
+from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.edges import blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
-from post.passes.bilateral import MIRROR
 
 B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
 REACH = 16.0  # pixels: widest blur of a reflection
@@ -93,7 +93,7 @@ def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -
     """1 / (2 sigma^2) of the widest allowed blur in pixels: zero, hence no limit, for all but reflections."""
     if roughness is None:
         return torch.zeros_like(depth)
-    sigma = REACH * (roughness / MIRROR).clamp(1e-3, 1.0)
+    sigma = REACH * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)
     if confidence is not None:
         sigma = sigma * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
     return 0.5 / (sigma * sigma)

@@ -7,13 +7,13 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.compute.fusion import fusible
+from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.edges import MIN_MEAN, blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
 
 MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 NARROWEST = 0.4  # of sigma, where there is no noise
 AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
-MIRROR = 0.4  # roughness from which on a reflection may be blurred as much as any signal
 LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
 
 
@@ -79,7 +79,7 @@ def bilateral(
     noise = variance.clamp_min(1e-12).sqrt() / local.abs().clamp_min(MIN_MEAN)
     width = sigma * (NARROWEST + (1 - NARROWEST) * (variance_sensitivity * noise).clamp_max(1.0))
     if roughness is not None:
-        width = width * (roughness / MIRROR).clamp(1e-3, 1.0)
+        width = width * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)
     if confidence is not None:
         width = width * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
     if roughness is not None and distance is not None:

@@ -12,14 +12,13 @@ from gbufrt.directions import tangent_frame
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
 from gbufrt.sampling import sample
-from post.history.reproject import reproject
 from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
 from post.shading.lobes import dot, unit
+from post.shading.sent_light import bounce_light
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 PLAIN = 4  # every so many-th ray goes about the normal itself, so that no direction is left out
-TYPICAL_REFLECTANCE = 0.3  # of a scene, for how much of endless feedback belongs to a number of bounces
 
 
 def march_gi(
@@ -111,48 +110,6 @@ def _cosine_ray(axis: Tensor, noise: Tensor, place: int) -> Tensor:
     tangent, bitangent = tangent_frame(axis)
     sine, azimuth = u[:, 0:1].sqrt(), 2 * math.pi * u[:, 1:2]
     return tangent * (sine * azimuth.cos()) + bitangent * (sine * azimuth.sin()) + axis * (1 - u[:, 0:1]).sqrt()
-
-
-def feedback_gain(bounces: int) -> float:
-    """How much of the last frame's bounced light surfaces send on, so that endless feedback sums to ``bounces``.
-
-    Args:
-        bounces: 1 or more; exact where surfaces reflect `TYPICAL_REFLECTANCE` of what they get.
-
-    Returns:
-        0 for one bounce, toward 1 for many.
-
-    Raises:
-        ValueError: bounces is below 1.
-    """
-    if bounces < 1:
-        raise ValueError(f"bounces must be at least 1, got {bounces}")
-    total = (1 - TYPICAL_REFLECTANCE**bounces) / (1 - TYPICAL_REFLECTANCE)
-    return (1 - 1 / total) / TYPICAL_REFLECTANCE
-
-
-def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
-    """What each surface sends to others: direct light, visible sky light, and last frame's bounced light.
-
-    Lamps that the renderer has sampled as direct light (``frame.emitters_sampled``) do not count again.
-
-    Args:
-        frame: ``radiance`` must be there; ``emission``, ``ambient``, ``ao`` and ``previous.gi`` count where they are.
-        bounces: 1 leaves last frame's light out; see `feedback_gain`.
-
-    Returns:
-        ``(B, 3, H, W)`` linear radiance.
-    """
-    light, gain = frame.read("radiance"), feedback_gain(bounces)
-    if frame.emitters_sampled and frame.gbuffer.emission is not None:
-        light = light - frame.gbuffer.emission
-    visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
-    if frame.ambient is not None:
-        light = light + (frame.ambient if visibility is None else frame.ambient * visibility)
-    previous = frame.previous
-    if gain > 0 and previous is not None and previous.gi is not None:
-        light = light + gain * reproject(frame.gbuffer, previous.gbuffer).fetch(previous.gi).to(light)
-    return light
 
 
 class MarchGI(Pass):

@@ -12,12 +12,13 @@ from gbufrt.environment import lookup_environment
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.sampling import gather, pixel_centers, sample
-from gbufrt.specular import DIELECTRIC_F0
+from gbufrt.specular import DIELECTRIC_F0, MIRROR_ROUGHNESS
 from post.filters.signals import luminance
 from post.march.attached import attach_hits
 from post.march.rays import Hits, depth_hierarchy, march_rays
 from post.shading.ggx import specular_f0
 from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
+from post.shading.sent_light import outgoing_light
 
 Method = Literal["ggx", "cone"]
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
@@ -25,7 +26,6 @@ BORDER = 0.005  # of the picture's height: hits nearer to its border than this f
 UNSEEN = 0.5  # of what the surface next to an unseen one sends, as a guess of what that one sends
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: what one sample may bring
 GUESSED = 4.0  # times that mean: what an unseen side may send, for lamps seldom go on behind what hides them
-MIRROR = 0.03  # roughness below which all samples are the same ray
 
 
 def ssr(
@@ -106,7 +106,7 @@ def ssr(
     surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
     with torch.no_grad():
-        rays = torch.where(roughness < MIRROR, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
+        rays = torch.where(roughness < MIRROR_ROUGHNESS, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i in range(samples):
@@ -195,22 +195,6 @@ def _ends(surface: Surface, lobe: Lobe, hits: Hits) -> Tensor:
     meets = (hits.hit | hits.blocked).to(hits.distance)
     reach = torch.where(meets > 0, hits.distance, 1.0)
     return torch.cat([lobe.direction * reach + surface.points * meets, meets], dim=1)
-
-
-def outgoing_light(frame: Frame) -> Tensor:
-    """What each surface is known to send: direct light, sky light as far as it is visible, and bounced light.
-
-    Args:
-        frame: ``radiance`` must be there; ``ambient``, ``sky_visibility`` or ``ao``, and ``gi`` count where they are.
-
-    Returns:
-        ``(B, 3, H, W)`` linear radiance.
-    """
-    light = frame.read("radiance")
-    visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
-    if frame.ambient is not None:
-        light = light + (frame.ambient if visibility is None else frame.ambient * visibility)
-    return light if frame.gi is None else light + frame.gi
 
 
 class SSR(Pass):

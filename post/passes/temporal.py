@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.mending import finite
+from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.edges import spatial_moments, surface
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
 from post.history.antilag import (
@@ -28,7 +29,6 @@ from post.passes.atrous import atrous
 STORED = ("signal", "fast", "moments", "share")
 SAME_PLANE = 0.3  # pixel footprints: steps of a wall are another surface to a sharp history
 BORROWED = 3.0  # frames: a sharp history shorter than this gives way to as much of what a nearby step has
-VIRTUAL_ROUGHNESS = 0.5  # above, a reflection moves with its surface
 
 
 def temporal(

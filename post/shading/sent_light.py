@@ -1,4 +1,4 @@
-"""What each pixel sends to others, bounce by bounce: the light that screen-space global illumination gathers."""
+"""What each pixel sends to others: the light that gathered and marched GI and reflections find on screen."""
 
 from __future__ import annotations
 
@@ -13,7 +13,14 @@ from post.sweep.bitmask import bitmask_ao
 
 SKY_DIRECTIONS = 2  # slices that find how much sky senders see: gathering averages their noise
 SKY_COARSER = 2  # and they take so many times fewer taps
+TYPICAL_REFLECTANCE = 0.3  # of a scene, for how much of endless feedback belongs to a number of bounces
 BRIGHTEST = 0.9  # share of the light before it that any bounce may have
+
+
+def gathered_radiance(frame: Frame) -> Tensor:
+    """Radiance ``(B, 3, H, W)`` that diffuse light may gather: emission counts only where lamps were not sampled."""
+    light, emission = frame.read("radiance"), frame.gbuffer.emission
+    return (light - emission).clamp_min(0) if frame.emitters_sampled and emission is not None else light
 
 
 def sent_light(
@@ -48,15 +55,70 @@ def sent_light(
     """
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
-    g, light = frame.gbuffer, frame.read("radiance")
-    if frame.emitters_sampled and g.emission is not None:
-        light = (light - g.emission).clamp_min(0)
+    g, light = frame.gbuffer, gathered_radiance(frame)
     if frame.ambient is not None:
         light = light + frame.ambient * _sky_share(frame, distance, thickness, steps)
     previous = frame.previous
     if bounces > 1 and previous is not None and previous.gi is not None:
         light = light + bounce_loss * reproject(g, previous.gbuffer, search=False).fetch(previous.gi)
     return torch.where(g.hit, light, 0.0)
+
+
+def feedback_gain(bounces: int) -> float:
+    """How much of the last frame's bounced light surfaces send on, so that endless feedback sums to ``bounces``.
+
+    Args:
+        bounces: 1 or more; exact where surfaces reflect `TYPICAL_REFLECTANCE` of what they get.
+
+    Returns:
+        0 for one bounce, toward 1 for many.
+
+    Raises:
+        ValueError: bounces is below 1.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces must be at least 1, got {bounces}")
+    total = (1 - TYPICAL_REFLECTANCE**bounces) / (1 - TYPICAL_REFLECTANCE)
+    return (1 - 1 / total) / TYPICAL_REFLECTANCE
+
+
+def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
+    """What each surface sends to others: direct light, visible sky light, and last frame's bounced light.
+
+    Lamps that the renderer has sampled as direct light (``frame.emitters_sampled``) do not count again.
+
+    Args:
+        frame: ``radiance`` must be there; ``emission``, ``ambient``, ``ao`` and ``previous.gi`` count where they are.
+        bounces: 1 leaves last frame's light out; see `feedback_gain`.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance.
+    """
+    light, gain = _with_visible_sky(frame, gathered_radiance(frame)), feedback_gain(bounces)
+    previous = frame.previous
+    if gain > 0 and previous is not None and previous.gi is not None:
+        light = light + gain * reproject(frame.gbuffer, previous.gbuffer).fetch(previous.gi).to(light)
+    return light
+
+
+def outgoing_light(frame: Frame) -> Tensor:
+    """What each surface is known to send: direct light, sky light as far as it is visible, and bounced light.
+
+    Args:
+        frame: ``radiance`` must be there; ``ambient``, ``sky_visibility`` or ``ao``, and ``gi`` count where they are.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance.
+    """
+    light = _with_visible_sky(frame, frame.read("radiance"))
+    return light if frame.gi is None else light + frame.gi
+
+
+def _with_visible_sky(frame: Frame, light: Tensor) -> Tensor:
+    visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
+    if frame.ambient is not None:
+        light = light + (frame.ambient if visibility is None else frame.ambient * visibility)
+    return light
 
 
 def nothing_before(frame: Frame) -> Tensor:

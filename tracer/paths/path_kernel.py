@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
-from gbufrt.specular import DIELECTRIC_F0
+from gbufrt.specular import DIELECTRIC_F0, LAMP_ROUGHNESS
 from tracer.lights.kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
 from tracer.lights.samples import DIMS
 from tracer.paths.diffuse import EVEN
 from tracer.paths.interaction import FINE, MOST_PASS
 from tracer.paths.interaction_kernel import WHITE, intersect, transmit
 from tracer.paths.on_screen_kernel import back_project, sees
-from tracer.paths.radiance import LEAST_ALPHA, MORE, RARELY, SHARP_LAMP, SURVIVAL
+from tracer.paths.radiance import LEAST_ALPHA, MORE, RARELY, SURVIVAL
 from tracer.sampling.scatter_kernel import (
     added,
     along,
@@ -135,7 +135,7 @@ def radiance(tables, camera, picture, isect, known, direction, u, i, first, boun
             point, normal = back_project(camera, at.point, at.normal, at.instance)
             known = 1.0 if sees(camera, picture, point, normal) else 0.0
         light = at.emission if sees_lamps else NOTHING
-        sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < SHARP_LAMP
+        sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < LAMP_ROUGHNESS
         if next_event and bounce <= bounces:
             light = added(light, _direct(tables, at, u, i, first, _diffuse_share(at), not sharp_sun, not sharp_lamp))
             if len(lit.sky_upto):

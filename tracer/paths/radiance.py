@@ -9,6 +9,7 @@ from functools import partial
 import torch
 from torch import Tensor
 
+from gbufrt.specular import LAMP_ROUGHNESS
 from gbufrt.tree import map_tensors
 from tracer.lights.samples import DIMS, Lights, LightSample
 from tracer.lights.sky import beyond, sky_along
@@ -20,7 +21,6 @@ from tracer.sampling.scatter import cosine_direction, dot, fresnel, sample_specu
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
 
-SHARP_LAMP = 0.3  # roughness below which lamps are found by mirrored rays, above it by rays to the lamps
 MORE = DIMS + 7  # numbers that a bounce takes
 RARELY = 0.1  # least share of rays that a surface mirrors, and that it scatters evenly, if it does both
 LEAST_ALPHA = 1e-4  # GGX width below which rays to lights take the surface for slightly rough
@@ -210,7 +210,7 @@ def glossy(at: Vertices, directions: Tensor) -> Tensor:
 def _sharp(scene: Scene, at: Vertices) -> tuple[Tensor, Tensor]:
     """``(N,)`` bool each: whether a surface mirrors the sun, and lamps, too sharply to be lit by rays to them."""
     disc = 0.0 if scene.sun is None else math.sin(math.radians(scene.sun.angular_radius))
-    return at.alpha < disc, at.roughness < SHARP_LAMP
+    return at.alpha < disc, at.roughness < LAMP_ROUGHNESS
 
 
 def _mirrors(at: Vertices) -> Tensor:

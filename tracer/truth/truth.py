@@ -6,11 +6,11 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.lens import focus_distance
 from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
 from tracer.paths.interaction import Vertices
 from tracer.paths.op import indirect, occlusion, reflected
-from tracer.paths.radiance import SHARP_LAMP
 from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
 from tracer.sampling.progressive import Progress, Truth, Values
 from tracer.scene.scene import Scene
@@ -145,8 +145,8 @@ def reflection(
     """What each pixel's surface mirrors, by GGX with Fresnel.
 
     Mirrored surfaces show their emission and what they scatter evenly of the light of sun, lamps and sky, shadows
-    included: what `post.outgoing_light` holds, without further bounces. The sky is mirrored without the sun's disc, as
-    ``frame.environment`` holds it.
+    included: what `post.shading.sent_light.outgoing_light` holds, without further bounces. The sky is mirrored without
+    the sun's disc, as ``frame.environment`` holds it.
 
     Args:
         scene: what is there, and its lights.
@@ -170,7 +170,7 @@ def reflection(
     """
 
     def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        return reflected(scene, at, start, u, SHARP_LAMP)
+        return reflected(scene, at, start, u, LAMP_ROUGHNESS)
 
     receivers = receivers_of(scene, gbuffer, poses)
     dims = REFLECTION_DIMS

@@ -49,7 +49,7 @@ def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
 
 def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
     """``reflection`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
-    from post.passes.ssr import outgoing_light
+    from post.shading.sent_light import outgoing_light
     from tracer.paths.interaction import intersect
     from tracer.paths.receivers import receivers_of
     from tracer.sampling.scatter import fresnel, sample_specular

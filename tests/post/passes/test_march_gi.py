@@ -14,7 +14,8 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from gbufrt.sampling import sample
 from gbufrt.tree import map_tensors
-from post.passes.march_gi import MarchGI, bounce_light, feedback_gain, march_gi
+from post.passes.march_gi import MarchGI, march_gi
+from post.shading.sent_light import bounce_light, feedback_gain
 
 
 def inputs(frame: Frame) -> tuple[Any, ...]:

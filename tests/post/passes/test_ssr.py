@@ -11,8 +11,9 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
-from post.passes.ssr import SSR, outgoing_light, ssr
+from post.passes.ssr import SSR, ssr
 from post.shading.lobes import Surface, ggx_ray, reuse_neighbors
+from post.shading.sent_light import outgoing_light
 
 
 def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.0, scene: Tensor = boxes.ROOM) -> Frame:

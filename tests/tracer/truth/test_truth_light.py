@@ -232,7 +232,7 @@ def test_lamps_in_rough_surfaces_are_the_same_by_mirrored_rays_and_by_rays_to_la
     g = g.replace(roughness=torch.full_like(g.depth, 0.5))
     found = []
     for bound in (0.0, 1.1):
-        monkeypatch.setattr("tracer.truth.truth.SHARP_LAMP", bound)
+        monkeypatch.setattr("tracer.truth.truth.LAMP_ROUGHNESS", bound)
         found.append(reflection(scene, g, samples=512)["reflection"])
     assert float(found[0].mean()) > 0.01
     assert abs(float(found[0].mean() / found[1].mean()) - 1) < 0.02
