@@ -17,7 +17,7 @@ from torch import Tensor
 from gbufrt.matrices import check_matrices
 from gbufrt.tree import map_tensors
 
-PARALLEL = 1e-9  # sine of the smallest angle between the line of sight and up
+PARALLEL = 1e-9  # sine of the smallest angle between the view direction and up
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,7 +30,7 @@ class Camera:
         world_from_view: ``(B, 4, 4)`` rigid transform from view space to world space: a rotation without scale, skew
             or mirroring, and a position.
         size: ``(H, W)``.
-        near: planar depth before which nothing is seen, world units.
+        near: planar depth of the near plane, world units; nothing nearer is visible.
         far: planar depth stored where nothing was hit, world units.
         orthographic: parallel rays along view z.
         jitter: ``(B, 2)`` pixels: pixel i is sampled at i + 0.5 + jitter. Absent means none.
@@ -209,7 +209,7 @@ class Camera:
         return grid
 
     def unproject(self, depth: Tensor, px: Tensor | None = None) -> Tensor:
-        """View-space points seen at planar ``depth``.
+        """View-space points at planar ``depth``.
 
         Args:
             depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -234,8 +234,8 @@ class Camera:
         Args:
             points_view: ``(B, 3, ...)`` view space. Depths at or behind the eye are clamped to a tiny positive
                 number: test z yourself.
-            jittered: give the position in the picture that this camera sampled, so that `gbufrt.sampling.sample`
-                finds the point there; otherwise the ideal picture's.
+            jittered: the position in the picture as sampled with this camera's jitter, where `gbufrt.sampling.sample`
+                finds the point; otherwise the position without jitter.
 
         Returns:
             ``(B, 2, ...)`` px.
@@ -292,12 +292,12 @@ class Camera:
         return origins.permute(0, 2, 3, 1).contiguous(), directions.permute(0, 2, 3, 1).contiguous()
 
     def static_motion(self, previous: Camera, depth: Tensor, hit: Tensor) -> tuple[Tensor, Tensor]:
-        """Motion of a world that stands still while the camera moves from ``previous`` to here.
+        """Motion of a static world while the camera moves from ``previous`` to this one.
 
         Args:
             previous: camera of the frame before.
             depth: ``(B, 1, H, W)`` planar view z, world units.
-            hit: ``(B, 1, H, W)`` bool; where False the sky is seen, which moves by rotation alone.
+            hit: ``(B, 1, H, W)`` bool; where False the pixel shows the sky, which moves by rotation alone.
 
         Returns:
             ``motion`` ``(B, 2, H, W)``, previous minus current px, without jitter; and ``motion_z`` ``(B, 1, H, W)``,

@@ -1,7 +1,7 @@
-"""Lat-long pictures of the sky: which direction each pixel looks in, and what is seen in a direction.
+"""Lat-long pictures of the sky: the direction of each pixel, and lookup by direction.
 
 Row 0 touches the zenith (+y), the last row the nadir. The middle of the picture is -z, and +x lies a quarter of the
-width right of it, so that the picture is not mirrored; its left and right borders meet at +z.
+width right of it, so that the picture is not mirrored; its left and right borders join at +z.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What to focus on, whether depths come from a picture or from rays."""
+"""Focus distance, for depths from a picture or from rays."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from torch import Tensor
 
 
 def median_depth(depths: Tensor, far: float) -> Tensor:
-    """The median of what is there: one thing in the middle is in focus, whatever stands beside it.
+    """The median depth of the hits: one object in the middle is in focus, whatever lies beside it.
 
     Args:
         depths: ``(B, N)`` planar view z, world units; NaN where nothing was hit.
-        far: the camera's, given where nothing was hit at all.
+        far: the camera's far, returned where nothing was hit at all.
 
     Returns:
         ``(B,)`` world units.

@@ -32,7 +32,7 @@ class Frame:
     cut: Tensor | None = None
     """``(B,)`` bool: the camera jumped, so nothing of the frame before may be used."""
     emitters_sampled: bool = True
-    """Whether ``radiance`` already holds what lamps cast on others, so that GI must not gather emission again."""
+    """Whether ``radiance`` already includes direct light from emitters, so that GI must not gather emission again."""
     behind: Frame | None = None
     """What lies straight behind the first transmissive surface, without refraction; never part of ``radiance``."""
     previous: Frame | None = None
@@ -111,7 +111,7 @@ class Frame:
 
     @property
     def present(self) -> tuple[str, ...]:
-        """Names of all channels, light and signals that are there."""
+        """Names of all channels, light and signals that are present."""
         signals = tuple(name for name in SIGNALS if getattr(self, name) is not None)
         return self.gbuffer.present + signals + tuple(self.extra)
 
@@ -131,7 +131,7 @@ class Frame:
             layer, prefix = layer.behind, f"{prefix}behind."
 
     def as_previous(self) -> Frame:
-        """What the next frame may know of this one: geometry and unblurred light."""
+        """What the next frame may read of this one: geometry and unblurred light."""
         keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "composite")}
         return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
 

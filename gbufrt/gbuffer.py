@@ -1,4 +1,4 @@
-"""GBuffer: what a camera saw, one value a pixel, under one set of conventions."""
+"""GBuffer: the surfaces that a camera shows, one value a pixel, under one set of conventions."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class GBuffer:
 
     @property
     def present(self) -> tuple[str, ...]:
-        """Names of the channels that are there."""
+        """Names of the channels that are present."""
         return tuple(name for name in CHANNELS if getattr(self, name) is not None)
 
     def replace(self, **changes: Any) -> GBuffer:

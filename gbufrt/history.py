@@ -1,6 +1,6 @@
-"""What a temporal pass, and a pipeline of them, carries from one frame to the next, as a plain value.
+"""The state that a temporal pass or a pipeline carries from one frame to the next, as a plain value.
 
-A pass leaves its gradients' graph in the state; a pipeline detaches it unless told to keep it.
+A pass leaves the autograd graph in its state; a pipeline detaches it unless told to keep it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gbufrt.tree import map_tensors
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class History:
-    """Accumulated signals, how many frames each pixel has behind it, and the geometry they belong to.
+    """Accumulated signals, how many frames each pixel has accumulated, and the geometry they belong to.
 
     Args:
         signals: by name, ``(B, C, H, W)``: accumulated values and whatever else the pass needs again (moments...).

@@ -1,4 +1,4 @@
-"""What the matrices of a camera must be, so that `gbufrt.Camera` may invert them by transposing.
+"""Checks of a camera's matrices: `gbufrt.Camera` inverts rigid poses by transposing.
 
 They hold few numbers and are checked whenever a camera is made: plain Python is ten times as fast here as tensors.
 """
@@ -10,7 +10,7 @@ from itertools import chain
 
 from torch import Tensor
 
-RIGID = 1e-4  # by which axes may miss unit length and right angles: float32 and rounded digits
+RIGID = 1e-4  # how far axes may be off unit length and right angles: float32 and rounded digits
 LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 
 

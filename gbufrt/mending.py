@@ -1,8 +1,7 @@
-"""Pixels that are not finite: mended where they are light, refused or held to themselves where they are geometry.
+"""Pixels that are not finite: light is mended; geometry is refused, or confined to its own pixel.
 
-Light that is NaN becomes 0, infinite light the largest finite value of its channel (in its element of the batch), and
-light of minus infinity 0. A pixel whose depth or normal is not finite cannot be mended; what passes make of it is a
-miss.
+In light, NaN and minus infinity become 0, and infinity the largest finite value of its channel (in its element of the
+batch). A pixel whose depth or normal is not finite cannot be mended; passes treat it as a miss.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from gbufrt.gbuffer import CHANNELS, GBuffer
 from gbufrt.validation import all_finite, check_finite, pixels
 
 SURFACE = ("depth", "normal", "normal_geo")  # without these a pixel shows no surface
-WHOLE = ("motion", "bent_normal")  # vectors of which no component means anything without the others
+WHOLE = ("motion", "bent_normal")  # vectors: one component means nothing without the others
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +45,8 @@ class Mended:
 def mended(frame: Frame) -> tuple[Frame, tuple[Mended, ...]]:
     """The frame with finite light, and what was done to it.
 
-    Light, emission and signals are mended as the module says, in ``behind`` too; ``previous`` is left alone. The frame
-    itself comes back where there is nothing to mend.
+    Light, emission and signals are mended as the module says, in ``behind`` too; ``previous`` is left alone. If there
+    is nothing to mend, the frame itself is returned.
 
     Raises:
         ValueError: another G-buffer channel is not finite: names the channel, how many pixels, and one of them.
@@ -95,11 +94,11 @@ def finite(tensor: Tensor, *, nan: float = 0.0) -> Tensor:
 
 
 def contained(frame: Frame, names: Iterable[str]) -> Frame:
-    """The frame as a pass may read it: channels and signals called ``names`` hold no NaN or infinity to spread.
+    """The frame without NaN or infinity in the channels and signals called ``names``, so that no pass spreads them.
 
-    What is light, a signal or a material is made `finite`, with the clear value for NaN; where depth or normal is not,
-    the pixel is a miss. The same for ``behind`` and ``previous``. The frame itself comes back where all is finite, at
-    the price of one sum over each channel.
+    Light, signals and materials are made `finite`, with the clear value for NaN. Where depth or normal is not finite,
+    the pixel becomes a miss. ``behind`` and ``previous`` are treated alike. If all is finite, the frame itself is
+    returned; that costs one sum over each channel.
     """
     names = tuple(names)
     if _clean(frame, names):
@@ -117,7 +116,7 @@ def contained(frame: Frame, names: Iterable[str]) -> Frame:
 
 
 def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
-    """Whether all sums are finite; one answer for all, for which a GPU is waited for once."""
+    """Whether all sums are finite: one test for all, so that a GPU synchronizes once."""
     layers = [layer for layer in (frame, frame.behind, frame.previous) if layer is not None]
     every = [tensor for layer in layers for name in names if (tensor := layer.get(name)) is not None]
     sums = [tensor.detach().sum() for tensor in every if tensor.is_floating_point()]
@@ -125,13 +124,13 @@ def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
 
 
 def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:
-    """What functions that look all over the picture make of its geometry: pixels that are not finite are misses.
+    """Geometry for functions that read the whole picture: pixels that are not finite become misses.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
         hit: ``(B, 1, H, W)`` bool.
         normal: ``(B, 3, H, W)``.
-        far: the camera's, the depth of a miss.
+        far: the camera's far, the depth of a miss.
 
     Returns:
         Depth, hit and normal; the same objects where all are finite.

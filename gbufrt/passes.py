@@ -20,7 +20,7 @@ from gbufrt.mending import contained
 class Stage(nn.Module):
     """What a pass and a temporal pass have in common: what they read and write, and their tunables.
 
-    ``reads`` must be there, ``optional`` is used where it is there, ``writes`` comes out. Every keyword of the
+    ``reads`` must be present, ``optional`` is used where present, ``writes`` is the result. Every keyword of the
     constructor is a tunable and is kept in an attribute of the same name.
     """
 
@@ -67,7 +67,7 @@ class Pass(Stage, ABC):
 
 
 class TemporalPass(Stage, ABC):
-    """A pass that remembers: its state is a value that the caller keeps between frames."""
+    """A pass with history: its state is a value that the caller keeps between frames."""
 
     def __call__(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""

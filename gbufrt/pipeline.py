@@ -50,7 +50,7 @@ class Pipeline(TemporalPass):
         self._connect()
 
     def _connect(self) -> None:
-        """Work out what the whole reads and writes, and that every signal read inside has been written."""
+        """Work out what the pipeline reads and writes, and check that every signal is written before it is read."""
         have, reads, optional = set(self.given), set(self.given), set()
         for name, stage in self._stages():
             for signal in sorted(stage.reads - have):
@@ -62,14 +62,14 @@ class Pipeline(TemporalPass):
                 reads.add(signal)
             optional |= stage.optional - have
             have |= stage.writes
-        if self.layer is None:  # what happens on another layer is not this frame's concern
+        if self.layer is None:  # stages on another layer do not read or write this frame's signals
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
             self.writes = frozenset().union(*(stage.writes for _, stage in self._stages()))
 
     def __call__(
         self, frame: Frame, state: PipelineState | None = None, *, keep_graph: bool = False
     ) -> tuple[Frame, PipelineState]:
-        """`forward`; each stage by itself holds pixels that are not finite."""
+        """`forward`; each stage contains non-finite pixels itself."""
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)
 
     def forward(
@@ -135,7 +135,7 @@ class Pipeline(TemporalPass):
         """A copy that lacks the named stages (``"gi"``, ``"gi.accumulate"``).
 
         Raises:
-            ValueError: there is no such stage, or a stage left in reads what a left-out one wrote.
+            ValueError: there is no such stage, or a remaining stage reads what a removed one wrote.
         """
         result = self
         for path in paths:

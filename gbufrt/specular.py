@@ -15,15 +15,15 @@ from torch import Tensor
 
 DIELECTRIC_F0 = 0.04  # reflectance at normal incidence, for a refractive index of 1.5
 MIRROR_ROUGHNESS = 0.03  # below it all samples of a lobe are one ray
-LAMP_ROUGHNESS = 0.3  # below it specular rays find lamps, above it shadow rays to them do
+LAMP_ROUGHNESS = 0.3  # below it specular rays sample lamps, above it shadow rays do
 BROAD_ROUGHNESS = 0.4  # from here on a reflection may be blurred as much as any signal
-VIRTUAL_ROUGHNESS = 0.5  # above it a reflection moves with its surface, below with what it shows
-CELLS = (16, 64)  # of the table: from a mirror to the roughest, and from grazing to head on
-STRATA = 32  # along each of the two numbers that a direction takes
+VIRTUAL_ROUGHNESS = 0.5  # above it a reflection moves with its surface, below with what it reflects
+CELLS = (16, 64)  # of the table: roughness from 0 to 1, and cosine from grazing to normal incidence
+STRATA = 32  # along each of the two random numbers of a direction
 
 
 def schlick(cosine: Tensor, f0: Tensor | float) -> Tensor:
-    """Reflectance at a cosine from that at normal incidence.
+    """Fresnel reflectance at a cosine, from ``f0`` at normal incidence.
 
     Source: Schlick 1994, eq. 15.
     """
@@ -31,7 +31,7 @@ def schlick(cosine: Tensor, f0: Tensor | float) -> Tensor:
 
 
 def smith_lambda(cosine: Tensor, alpha: Tensor | float) -> Tensor:
-    """Smith's Lambda of GGX: hidden over visible microfacet area. Masking G1 = 1 / (1 + Lambda).
+    """Smith's Lambda of GGX: the ratio of hidden to visible microfacet area. Masking G1 = 1 / (1 + Lambda).
 
     Args:
         cosine: between the normal and the direction.
@@ -105,7 +105,7 @@ def sample_visible_normal(view: Sequence[Tensor], alpha: Tensor | float, u: Sequ
 
 @cache
 def directional_albedo_table() -> Tensor:
-    """`directional_albedo` at even steps of roughness and cosine: ``(CELLS[0] + 1, CELLS[1] + 1)`` float32.
+    """`directional_albedo` at uniform steps of roughness and cosine: ``(CELLS[0] + 1, CELLS[1] + 1)`` float32.
 
     Source: Walter et al. 2007 (GGX); Schlick 1994; Heitz 2014, eq. 99 for the masking.
     """

@@ -1,4 +1,4 @@
-"""Walk a value made of tensors: the one mechanism behind ``.to``, ``.detach`` and batch selection."""
+"""Traverse a value made of tensors: the one mechanism behind ``.to``, ``.detach`` and batch selection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether the numbers in a G-buffer and in light mean what the conventions say they mean.
+"""Checks that the values of a G-buffer and of light follow the conventions.
 
 Every message names the channel, how many pixels are wrong, one of them, and a remedy.
 """
@@ -15,7 +15,7 @@ from gbufrt.camera import Camera
 
 UNIT_TOLERANCE = 1e-2
 FACING_TOLERANCE = 1e-2  # shading normals may tip past the silhouette by this much
-WRONG_SHARE = 1e-3  # of pixels: isolated ones at silhouettes are no broken convention
+WRONG_SHARE = 1e-3  # of pixels: a few at silhouettes do not break a convention
 FAR_TOLERANCE = 1e-4  # of the camera's far
 RANGE_TOLERANCE = 1e-4
 MOTION_TOLERANCE = 0.5  # pixels, and
@@ -26,7 +26,7 @@ LIGHTS = ("radiance", "ambient", "environment", "gi", "reflection", "composite",
 
 
 class Geometry(Protocol):
-    """What is checked of a `gbufrt.GBuffer`, without importing it: it imports this module."""
+    """The part of `gbufrt.GBuffer` that is checked; not imported, because its module imports this one."""
 
     @property
     def camera(self) -> Camera: ...
@@ -95,7 +95,7 @@ def check_finite(name: str, tensor: Tensor, remedy: str = "") -> None:
 
 
 def all_finite(tensor: Tensor) -> bool:
-    """Whether a float tensor holds neither NaN nor infinity, in one pass; large numbers may make it say no."""
+    """Whether a float tensor holds neither NaN nor infinity, in one pass; also False where the sum overflows."""
     return bool(torch.isfinite(tensor.detach().sum()))
 
 
@@ -165,7 +165,7 @@ def _check_not_negative(name: str, tensor: Tensor) -> None:
 
 
 def _check_motion(g: Geometry, motion: Tensor, prefix: str) -> None:
-    """Most of a picture stands still: compare its motion with what the camera's own movement explains."""
+    """Most of a picture is static: compare its motion with the motion that the camera's own movement causes."""
     assert g.previous_camera is not None
     expected, _ = g.camera.static_motion(g.previous_camera, g.depth, g.hit)
     seen = g.depth > g.camera.near

@@ -1,6 +1,6 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
-import gbufrt as gbufrt  # first: says how threads wait, before torch is loaded
+import gbufrt as gbufrt  # first: sets how threads wait, before torch is loaded
 from post.passes.atrous import Atrous, atrous
 from post.passes.bilateral import Bilateral, bilateral
 from post.passes.composite import Composite, composite

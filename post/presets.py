@@ -28,10 +28,10 @@ Preset = Literal["low", "medium", "high", "ultra"]
 GI_PHI = 1.0  # gentler than for one path a pixel: light in corners is small and bright
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
-AO_BLUR = 6.0  # pixels times directions: sigma of the denoiser, which more directions leave less to do
+AO_BLUR = 6.0  # pixels times directions: sigma of the denoiser, smaller with more directions
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
-GI_STEPS = 36  # taps on each side of a slice: two thirds of them lose a twentieth of the light in the gaps
-RAYS_PER_GI_SLICE = 6  # of ME1's GI rays: a slice looks to both sides with several taps each
+GI_STEPS = 36  # taps on each side of a slice: two thirds as many would lose a twentieth of the light in the gaps
+RAYS_PER_GI_SLICE = 6  # of ME1's GI rays: a slice covers both sides with several taps each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +83,8 @@ def me1(
     Args:
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
         composite: ``physical`` takes sky visibility and GI from one sweep over the whole picture, so that nothing is
-            counted twice; ``me1`` is its own formula, with its distances and its loss of 0.6 a bounce.
-        units_per_metre: world units a metre, for the distances of that game.
+            counted twice; ``me1`` is ME1's own formula, with its distances and its factor of 0.6 per bounce.
+        units_per_metre: world units per metre, for ME1's distances.
         tunables: changes by dotted name, see `Pipeline.with_tunables`.
 
     Returns:

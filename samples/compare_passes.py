@@ -1,4 +1,4 @@
-"""Leave passes out, one at a time, and see what each one does to the picture."""
+"""Leave passes out one at a time to compare what each does to the picture."""
 
 from pathlib import Path
 

@@ -1,7 +1,7 @@
 """Fit constants of post.GTAO to ray-traced ambient occlusion, in the views of a world: the best worst view wins.
 
-By default how far solids reach on unseen (`hidden`). With `thickness=0.2,0.5,1` what to assume of solids where a
-G-buffer does not tell; with `radius=2,2.2` how far to look for what truth finds within 2.
+By default it fits `hidden`, how far solids extend behind their measured backs. `thickness=0.2,0.5,1` fits the thickness
+assumed where a G-buffer has none; `radius=2,2.2` fits the radius that best matches truth within 2.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def main() -> None:
 
 
 def true_ao(scene: tracer.Scene, frame: Frame, samples: int) -> Tensor:
-    """The mean over the radii, as GTAO's scales have it."""
+    """The mean over the radii of GTAO's scales."""
     given = {"poses": scene.poses([0.0]), "samples": samples}
     radii = [RADIUS * 2**scale for scale in range(SCALES)]
     return torch.stack([ambient_occlusion(scene, frame.gbuffer, radius=r, **given)["ao"] for r in radii]).mean(0)

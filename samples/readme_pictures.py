@@ -1,4 +1,4 @@
-"""The README's pictures: each pass left out on the left half, at work on the right. Takes some minutes."""
+"""The README's pictures: the left half without a pass, the right half with it. Takes some minutes."""
 
 import sys
 from pathlib import Path
@@ -32,7 +32,7 @@ def shot(name: str, count: int = 1, time: float = 0.0) -> list[Frame]:
 
 
 def save(name: str, frames: list[Frame], left: Pipeline, right: Pipeline) -> None:
-    """The last frame in one file, half by one pipeline and half by the other, and a line between."""
+    """Save the last frame: left half by one pipeline, right half by the other, a line between."""
     with torch.no_grad():
         a, b = (list(pipeline.stream(frames))[-1].read("image") for pipeline in (left, right))
     middle = a.shape[-1] // 2

@@ -1,4 +1,4 @@
-"""A short walk through the ME1 pipeline: frames in, finished pictures out."""
+"""A short tour of the ME1 pipeline: frames in, finished pictures out."""
 
 from pathlib import Path
 

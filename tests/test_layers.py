@@ -18,7 +18,7 @@ import tracer
 
 ROOT = Path(gbufrt.__file__).parents[1]
 PACKAGES = ("gbufrt", "tracer", "post")
-FRONT_DOOR = "gbufrt.commands"  # the only room that sees tracer and post
+FRONT_DOOR = "gbufrt.commands"  # the only room that imports tracer and post
 MOST_FILES = 20
 HOUSE = ROOT / ".github" / "CONTRIBUTING.md"
 PUBLIC = {

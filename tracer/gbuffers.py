@@ -1,4 +1,4 @@
-"""Primary visibility: what the cameras see of a scene, as G-buffers."""
+"""Primary visibility: the visible surfaces of a scene, as G-buffers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tracer.texture import variation
 from tracer.traversal.rays import Hits, run_lengths, trace
 
 MAX_THICKNESS = 64.0
-"""World units after which a solid is taken to be thick without end."""
+"""World units beyond which a solid counts as infinitely thick."""
 
 
 def gbuffer(
@@ -65,7 +65,7 @@ def layers(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
     )
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
-    run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it sees
+    run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
     if not bool((scene.materials.opacity[1:] < 1).any()):
         return _gbuffer(scene, rays, first, solid, run), None
     second = trace(
@@ -129,7 +129,7 @@ def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> li
 
 
 def _gbuffer(scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, run: Tensor) -> GBuffer:
-    """The channels of one layer; ``run`` is the way of the light from behind through the material that was hit."""
+    """The channels of one layer; ``run`` is how far light from behind goes through the material that was hit."""
     camera, table, which = rays.camera, scene.materials, hits.material.long()
     hit = hits.hit[:, None]
     along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
@@ -163,7 +163,7 @@ def _gbuffer(scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, ru
 
 
 def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor) -> tuple[Tensor, Tensor]:
-    """Motion and motion_z: that of a world at rest, and on instances that of the same point of the model."""
+    """Motion and motion_z: of a static world, and on instances of the same point of the model."""
     camera, previous = rays.camera, rays.previous
     motion, motion_z = camera.static_motion(previous, depth, hits.hit[:, None])
     if not scene.instances or not bool((hits.instance > 0).any()):

@@ -1,4 +1,4 @@
-"""Cameras as real ones are: rays through a lens, and where it focuses."""
+"""The lens of a real camera: rays through it, and where it focuses."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def lens_rays(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Rays through a thin lens.
 
-    Every ray through one place in the picture meets the pinhole's ray on the focal plane. An orthographic camera gets
-    the telecentric lens, whose cones all have parallel axes.
+    Every ray through one place in the picture intersects the pinhole's ray on the focal plane. An orthographic camera
+    gets the telecentric lens, whose cones all have parallel axes.
 
     Args:
         camera: one camera.
@@ -36,7 +36,7 @@ def lens_rays(
         focus_distance: planar depth of the focal plane, world units.
 
     Returns:
-        Origins and unit directions ``(N, 3)``, world space; and ``(N,)`` planar depth a unit of distance.
+        Origins and unit directions ``(N, 3)``, world space; and ``(N,)`` planar depth per unit of distance.
 
     Source: Cook, Porter and Carpenter 1984; Potmesil and Chakravarty 1981 (thin lens).
     """

@@ -44,7 +44,7 @@ def ablate(
 
     Without further options it makes the table of what each pass must reach, from the built-in world: ambient occlusion,
     indirect light and reflections after static frames, denoising on a moving path, motion blur and depth of field, and
-    the whole frame with each pass left out. Truth is kept between runs. A variant that fails is told in its row.
+    the whole frame with each pass left out. Truth is kept between runs. A variant that fails is reported in its row.
 
     Args:
         worlds: Built-in worlds or MagicaVoxel .vox files; by default the built-in one.
@@ -62,7 +62,7 @@ def ablate(
         sweep: Tunable to vary, as NAME=LOW:HIGH:COUNT (gtao.radius=0.25:2:5); may be repeated.
         only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise.
         cache: Folder where truth is kept. [default: the user's cache]
-        resume: Go on with what is finished in OUT, as far as nothing it depends on has changed.
+        resume: Keep what is finished in OUT, as far as nothing it depends on has changed.
     """
     shape, settings, subjects = parse_size(size), parse_settings(set), parse_names(only)
     at_least("--frames", frames, 1, MOST_FRAMES)

@@ -1,7 +1,7 @@
 """Compile the kernels of the passes in a second process while the first one builds and traces its world.
 
-That is a quarter of the first render after an installation, and a lock of numba's keeps threads from doing it. Where
-the kernels are kept already, or there is one core, nothing happens.
+Compilation takes a quarter of the first render after an installation; a lock in numba prevents doing it in threads.
+Where the kernels are cached already, or there is one core, nothing happens.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ SIDE = 16  # pixels of the frame that the kernels are compiled for; they fit any
 
 
 def compile_ahead(recipe: Recipe, pipeline: Pipeline, device: str) -> Callable[[], None]:
-    """Begin, where it pays, and return what waits until it is done; if it fails, kernels compile where they are called.
+    """Start where it pays, and return a function that waits for the end; on failure, kernels compile when called.
 
     Args:
         recipe: what the pipeline is made of.
-        pipeline: the recipe's, which tells whether it runs what is compiled.
+        pipeline: the recipe's; it tells whether the kernels are needed.
         device: where it will run.
     """
     from gbufrt.commands.busy import cores
@@ -55,7 +55,7 @@ def compile_ahead(recipe: Recipe, pipeline: Pipeline, device: str) -> Callable[[
 
 
 def small_frame() -> Frame:
-    """A wall before the camera, with what passes read from a frame of the tracer."""
+    """A wall in front of the camera, with all that passes read from a frame of the tracer."""
     import torch
 
     from gbufrt import Camera, Frame, GBuffer

@@ -1,4 +1,4 @@
-"""`gbufrt bench`: how fast, and in how much memory."""
+"""`gbufrt bench`: time and memory of the passes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def bench(
     busy: Whole = 0,
     json: Path | None = None,
 ) -> None:
-    """Time every pass of a preset, the tracing of primary rays, and take the peak memory.
+    """Time every pass of a preset and the tracing of primary rays, and measure the peak memory.
 
     Each preset runs in a process of its own, over one frame of the built-in world read from an EXR file, so that its
     peak memory is its own: interpreter, libraries, frame and passes together.
@@ -41,7 +41,7 @@ def bench(
         size: Width x height of the frame in pixels.
         repeats: Runs that each median is taken over; one run before them does not count.
         device: cpu, or cuda where there is a CUDA device.
-        busy: Also run the passes beside this many busy processes, and tell how their time compares with the fair
+        busy: Also run the passes beside this many busy processes, and report how their time compares with the fair
             share of the machine's cores: 1 is fair, more means that threads wait for one another.
         json: Also write the figures to this file.
     """
@@ -150,7 +150,7 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
 
 
 def peak_memory() -> float | None:
-    """Most memory that this process has held, in megabytes; None where the system does not tell."""
+    """Peak memory of this process, in megabytes; None where the system does not report it."""
     try:
         import resource
     except ImportError:

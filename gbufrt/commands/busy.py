@@ -1,4 +1,4 @@
-"""Busy neighbours: processes that take what they get of a machine, and what is fair beside them."""
+"""Background load: processes that keep cores busy, and the fair slowdown beside them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SPIN = "import os\nwhile os.getppid() == {parent}:\n    sum(range(10000))"  # en
 
 @contextmanager
 def beside(count: int) -> Iterator[None]:
-    """Keep ``count`` processes of one thread busy meanwhile."""
+    """Run ``count`` busy single-threaded processes meanwhile."""
     command = [sys.executable, "-S", "-c", SPIN.format(parent=os.getpid())]
     processes = [subprocess.Popen(command) for _ in range(count)]
     try:
@@ -32,7 +32,7 @@ def cores() -> int:
 def fair_slowdown(threads: int, busy: int, cores: int) -> float:
     """How many times longer work of ``threads`` takes beside ``busy`` threads where every thread gets the same share.
 
-    Alone it has ``min(threads, cores)`` cores, beside them ``threads / (threads + busy)`` of all, if they are scarce.
+    Alone it has ``min(threads, cores)`` cores; beside them ``threads / (threads + busy)`` of all, if cores are scarce.
     """
     alone = min(threads, cores)
     return max(alone * (threads + busy) / (threads * cores), 1.0)

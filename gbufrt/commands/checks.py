@@ -1,6 +1,6 @@
-"""What can be told about arguments before torch is loaded, which takes seconds. Imports none of it.
+"""Checks of arguments before torch is loaded, which takes seconds. Does not import torch.
 
-The names here stand for those that worlds, presets and subjects define; a test holds them equal.
+The names here repeat those that worlds, presets and subjects define; a test keeps them equal.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "de
 
 
 def check_options(options: PassOptions) -> None:
-    """Raise ValueError where a preset, composite, setting, warm-up or device cannot be meant."""
+    """Raise ValueError where a preset, composite, setting, warm-up or device is invalid."""
     if options.preset is not None:
         check_name("--preset", options.preset, PRESETS)
     if options.composite is not None:
@@ -31,14 +31,14 @@ def check_options(options: PassOptions) -> None:
 
 
 def check_name(option: str, name: str, known: Iterable[str]) -> None:
-    """Raise ValueError where a name is not among those that are known."""
+    """Raise ValueError if a name is not a known one."""
     names = list(known)
     if name not in names:
         raise ValueError(f"{option} must be {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
 
 
 def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = None) -> None:
-    """Find that a world, or a view of a built-in one, does not exist.
+    """Check that a world exists, and the views of a built-in one.
 
     Raises:
         ValueError: there is no such world or view, or a seed for a file.

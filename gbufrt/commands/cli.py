@@ -1,4 +1,4 @@
-"""The `gbufrt` command: one line on stderr and exit code 2 for what the user can mend, 130 when interrupted."""
+"""The `gbufrt` command: one line on stderr and exit code 2 for what the user can fix, 130 when interrupted."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt:
         _fail("interrupted; every file that is there is whole (render and ablate go on with --resume)", 130)
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         sys.stderr.close()
         sys.exit(0)
     except (CycloptsError, ValueError, TypeError, OSError, MemoryError, OverflowError) as error:

@@ -1,4 +1,4 @@
-"""What the commands have in common on the command line. Imports no torch, so that help is quick."""
+"""Options that the commands share. Does not import torch, so that help is quick."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter, Token
 
 MOST_FRAMES = 1_000_000
-MOST_WARMUP = 4096  # runs: after so many the noise begins anew
+MOST_WARMUP = 4096  # runs: after so many the noise repeats
 MOST_COUNT = 1 << 20  # of samples, steps and whatever else a tunable counts
 MOST = (1 << 63) - 1  # of any whole number: what 64 bits hold
 

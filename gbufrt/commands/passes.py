@@ -9,8 +9,8 @@ from gbufrt.commands.options import PassOptions
 def passes(options: PassOptions | None = None) -> None:
     """List the passes of a pipeline in order: what each reads and writes, and the tunables that --set can change.
 
-    Stages are what --without takes, a whole branch (gi) or a part of it (gi.accumulate). Tunables go by their full
-    name or by any end of it that fits only one; a pass may go by its own name (gtao.radius).
+    --without takes stages: a whole branch (gi) or a part of it (gi.accumulate). A tunable is named in full or by any
+    unambiguous end of its name; a pass may go by its own name (gtao.radius).
     """
     check_options(options or PassOptions())
 

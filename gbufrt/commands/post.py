@@ -1,4 +1,4 @@
-"""`gbufrt post`: run passes over frames that lie on disk."""
+"""`gbufrt post`: run passes over frames on disk."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def post(*files: Path, out: Path, strict: Flag = False, options: PassOptions | N
     files were rendered with, and the pictures are the same; --without and --set change it, --preset starts anew.
     Frames that follow each other share their history, others start with their own.
 
-    Light that is not finite, as real renders have it, is mended (NaN becomes 0, infinity the largest value of its
-    channel) and told; geometry that is not is refused.
+    Light that is not finite, as in real renders, is mended (NaN becomes 0, infinity the largest value of its channel)
+    and reported; geometry that is not finite is refused.
 
     Args:
         files: EXR files in order, or folders of them (their frame_*.exr).
@@ -78,7 +78,7 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
 
 
 def sound(frame: Frame, path: Path, *, strict: bool = False) -> Frame:
-    """The frame of ``path`` with finite light; what had to be mended is told in one line on stderr.
+    """The frame of ``path`` with finite light; what was mended is reported in one line on stderr.
 
     Raises:
         ValueError: the geometry is not finite; or ``strict`` and any channel breaks a convention.

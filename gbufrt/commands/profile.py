@@ -1,4 +1,4 @@
-"""What is done around each pass of a pipeline, to time or to weigh it."""
+"""Hooks around each pass of a pipeline, to measure its time or memory."""
 
 from __future__ import annotations
 

@@ -15,9 +15,9 @@ COMPILING = "compiling kernels (once on this machine)"
 
 @contextmanager
 def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
-    """Gives a function that takes what is being done and returns a tick, to be called after each step.
+    """Yield a function that takes what is being done and returns a tick, to be called after each step.
 
-    It also says when kernels are compiled, which makes the first step after an installation a slow one.
+    It also reports when kernels are compiled, which slows the first step after an installation.
     """
     from rich.console import Console
     from rich.progress import (

@@ -44,7 +44,7 @@ def render(
         size: Width x height in pixels.
         time: Seconds into the scene at the first frame.
         fps: Frames a second of the scene's time.
-        light_samples: Rays to each light per pixel; more is smoother and slower.
+        light_samples: Shadow rays to each light per pixel; more is smoother and slower.
         resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
     """
     options = options or PassOptions()
@@ -116,7 +116,7 @@ class Shot:
     seed: int | None
 
     def check(self) -> None:
-        """Find what cannot be meant, as far as it can be told without the world.
+        """Check the values, as far as possible without loading the world.
 
         Raises:
             ValueError: a number that makes no sense; there is no such world or view.
@@ -193,7 +193,7 @@ def stem(index: int) -> str:
 
 
 def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -> list[int]:
-    """Which frames do not lie finished in ``out``: their EXR whole to the last pixel, and their PNG beside it.
+    """The frames not finished in ``out``; a finished one has a complete EXR, and its PNG beside it.
 
     Args:
         out: the folder.
@@ -202,7 +202,7 @@ def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -
         jitter: whether their camera must be jittered.
 
     Raises:
-        ValueError: one comes from other options, so that the rest would not fit it.
+        ValueError: a frame there was made with other options, so that the rest would not fit it.
     """
     from gbufrt.files.exr import read_exr, read_notes
 

@@ -44,7 +44,7 @@ class Recipe:
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
-        """What the command line asks for; ``start`` is what holds where it says nothing (a preset starts anew).
+        """The recipe of the command line; ``start`` fills in what it does not set (a preset starts anew).
 
         Raises:
             ValueError: a setting or the warm-up is malformed.
@@ -62,15 +62,15 @@ class Recipe:
 
     @staticmethod
     def of_notes(notes: Mapping[str, Any], *, source: str = "the file", warmup: int | None = None) -> Recipe:
-        """What `to_notes` wrote; the default where there is nothing that fits.
+        """The recipe that `to_notes` wrote; the default recipe where there is no valid one.
 
         Args:
             notes: of a file.
             source: its name, for the message.
-            warmup: takes the place of the file's.
+            warmup: replaces the file's.
 
         Raises:
-            ValueError: the file asks for more warm-up runs than anyone means.
+            ValueError: the file asks for more warm-up runs than `MOST_WARMUP`.
         """
         found = notes.get("pipeline")
         if not isinstance(found, dict):
@@ -112,8 +112,8 @@ class Recipe:
 class Runner:
     """Sends frames through a pipeline in order.
 
-    A frame that does not follow the one before it starts anew: it is taken as standing still, and the passes run over
-    it ``warmup`` times with the noise of the frames before it, so that its history is full when it counts.
+    A frame that does not follow the one before it starts a new history: it is treated as static, and the passes run
+    over it ``warmup`` times with the noise of the frames before it, so that its history is full when it counts.
     """
 
     def __init__(self, pipeline: Pipeline, warmup: int) -> None:

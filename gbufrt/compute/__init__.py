@@ -1,1 +1,1 @@
-"""How a scalar body becomes an operator, and how tensor code is fused."""
+"""Compilation of scalar bodies into operators, and fusion of tensor code."""

@@ -1,9 +1,9 @@
-"""Scalar bodies: plain Python functions of one item, bound to a target, and told apart by what they do.
+"""Scalar bodies: plain Python functions of one item, bound to a target and identified by their code.
 
 A body is written once, in Python arithmetic over scalars, tuples and flat arrays. A compiler types it only if every
 helper that it calls is compiled for the same target. `Target` makes copies of functions whose globals are those
-compiled helpers; `fingerprint` names a function by its own code and by all code and all constants that it reaches, in
-whatever files they lie: the key under which machine code is kept.
+compiled helpers. `fingerprint` hashes a function's own code and all code and constants that it reaches, in any file:
+machine code is cached under that key.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Target:
 
     Args:
         jit: numba's compiler for the device.
-        helper: its options for what bodies call.
+        helper: its options for functions that bodies call.
         entry: its options for a body that a driver calls as ``item``.
         driver: its options for drivers.
     """
@@ -54,7 +54,7 @@ class Target:
     def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
         """numba's dispatcher for a driver, and for the body that it calls as ``item`` if it serves every body.
 
-        numba looks for machine code under the name of a function, which here says all that the code depends on.
+        numba looks up machine code by a function's name, so the name includes a hash of all that the code depends on.
         """
         replaced = {} if item is None else {"item": self._entry(self.bind(item))}
         bound = self.bind(driver, **replaced)
@@ -63,7 +63,7 @@ class Target:
         return self._driver(bound)
 
     def bind(self, function: FunctionType, **replaced: Any) -> FunctionType:
-        """A copy of a function in whose globals marked functions are compiled, and ``replaced`` are others."""
+        """A copy of a function whose globals hold the compiled forms of marked functions, and ``replaced``."""
         space = {name: self._resolve(value, function) for name, value in references(function).items()}
         space |= {"__builtins__": builtins, "__name__": function.__module__, **replaced}
         copy = FunctionType(function.__code__, space, function.__name__, function.__defaults__)
@@ -71,7 +71,7 @@ class Target:
         return copy
 
     def helper(self, function: FunctionType) -> Any:
-        """The compiled form of a marked function, one for all that call it."""
+        """The compiled form of a marked function, shared by all callers."""
         if function not in self._compiled:
             self._compiled[function] = self._helper(self.bind(function))
         return self._compiled[function]
@@ -92,7 +92,7 @@ def references(function: FunctionType) -> dict[str, Any]:
     """The globals that a function names, without builtins.
 
     Raises:
-        TypeError: it closes over variables, of which no compiled code could be kept.
+        TypeError: it closes over variables, so that its compiled code could not be cached.
     """
     if function.__closure__:
         raise TypeError(
@@ -109,14 +109,14 @@ def references(function: FunctionType) -> dict[str, Any]:
 
 
 def fingerprint(function: FunctionType, options: str = "", item: FunctionType | None = None) -> str:
-    """A name for what a function does: other code or another constant, here or in what it calls, gives another.
+    """A hash of what a function does: it changes with any code or constant, here or in what it calls.
 
     Line numbers, comments, docstrings and annotations do not count.
 
     Args:
         function: a body or driver.
         options: what else machine code depends on.
-        item: what the function calls as ``item``, if not what its module has under that name.
+        item: the function called as ``item``, if it is not the module's own.
 
     Raises:
         TypeError: it names something that is neither a number, tuple, array, type or module, nor a marked function.
@@ -147,7 +147,7 @@ def _called(value: Any, user: FunctionType) -> list[FunctionType]:
 
 
 def _describe(value: Any, user: FunctionType) -> Iterator[str]:
-    """What a global is, as text that is equal in every process."""
+    """A global as text that is the same in every process."""
     if isinstance(value, ModuleType):
         yield value.__name__
         if value.__name__.split(".")[0] not in FOREIGN:
@@ -189,7 +189,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 def _attributes(module: ModuleType, user: FunctionType) -> list[tuple[str, Any]]:
-    """What a function may mean by the attributes of a module: those that its code names."""
+    """The attributes of a module that a function may use: those that its code names."""
     names = {name for code in _codes(user.__code__) for name in code.co_names}
     return [(name, getattr(module, name)) for name in sorted(names) if hasattr(module, name)]
 

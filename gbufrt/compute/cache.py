@@ -1,10 +1,10 @@
-"""Where compiled kernels are kept between processes, and who is told while they are compiled.
+"""The cache of compiled kernels on disk, and notification while they are compiled.
 
-numba keeps machine code in ``__pycache__`` beside the source or, where that is read-only, in the user's cache; both
-yield to ``NUMBA_CACHE_DIR``. Two things are done otherwise here. Where numba finds no place (a read-only installation
-and an unwritable HOME, as in containers), a folder of this user under the system's temporary one takes their part. And
-every compiled form has a file named by what it depends on, written in one step, without an index that two processes
-could write at once: one would then load the machine code of the other.
+numba keeps machine code in ``__pycache__`` beside the source or, where that is read-only, in the user's cache;
+``NUMBA_CACHE_DIR`` overrides both. Two things differ here. Where numba finds no place (a read-only installation and an
+unwritable HOME, as in containers), a folder of this user under the system's temporary one is used. And every compiled
+form has a file named by what it depends on, written in one step. There is no index: two processes could write it at
+once, and one would then load the machine code of the other.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _watchers: list[Watcher] = []
 
 
 def kept(dispatcher: Any) -> Any:
-    """The dispatcher of a driver, whose compiled forms are kept on disk, and told of to those who `watch`."""
+    """The dispatcher of a driver, with its compiled forms cached on disk and reported to those who `watch`."""
     _listen()
     _drivers.add(dispatcher)
     function = dispatcher.py_func
@@ -64,28 +64,28 @@ def watch(watcher: Watcher) -> Iterator[None]:
 
 
 def missing(dispatcher: Any) -> bool:
-    """Whether no compiled form of a driver, from its present source, is kept."""
+    """Whether the cache holds no compiled form of a driver's present source."""
     files = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     return isinstance(files, _Files) and files.empty()
 
 
 def tell(begins: bool) -> None:
-    """Tell those who `watch` that drivers begin to be compiled, or are."""
+    """Tell those who `watch` that compilation begins, or has ended."""
     for watcher in tuple(_watchers):
         watcher(begins)
 
 
 class _Files(IndexDataCacheFile):
-    """One file for each compiled form; its name says on what it depends."""
+    """One file for each compiled form, named by what it depends on."""
 
     def save(self, key: Any, data: Any) -> None:
         path = self._path(key)
         try:
             self._save_data(path.name, data)
             for other in path.parent.glob(f"{self._base()}.*.nbc"):
-                if not other.name.startswith(self._stem()):  # of a source that is no more
+                if not other.name.startswith(self._stem()):  # of an older source
                     other.unlink(missing_ok=True)
-        except OSError:  # a full disk: what cannot be kept still runs
+        except OSError:  # a full disk: a kernel that cannot be cached still runs
             return
 
     def load(self, key: Any) -> Any:
@@ -119,7 +119,7 @@ class _Cache(FunctionCache):
 
 @cache
 def _temporary() -> str | None:
-    """A folder for want of a better one, told of on stderr; None where there is not even that."""
+    """A temporary folder for the cache, reported on stderr; None where none is writable."""
     folder = Path(tempfile.gettempdir(), f"gbufrt-kernels-{os.getuid() if hasattr(os, 'getuid') else 'user'}")
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -145,7 +145,7 @@ def _tell(what: str) -> None:
 
 
 class _Listener(event.Listener):
-    """Tells the watchers of drivers; of what these call, nothing more."""
+    """Tells the watchers when drivers are compiled, but not the functions that drivers call."""
 
     def on_start(self, event: Any) -> None:
         if event.data["dispatcher"] in _drivers:

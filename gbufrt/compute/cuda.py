@@ -1,7 +1,7 @@
 """Scalar bodies on NVIDIA GPUs, by numba-cuda: the extra ``gbufrt[cuda]``.
 
-With ``NUMBA_ENABLE_CUDASIM=1`` in the environment before numba is imported, numba simulates a GPU: slowly and without
-types, but that tests the logic where there is none. Tensors then lie on the CPU.
+With ``NUMBA_ENABLE_CUDASIM=1`` in the environment before numba is imported, numba simulates a GPU, slowly and without
+types, to test the logic where there is no GPU. Tensors then lie on the CPU.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from torch import Tensor
 from gbufrt.compute.bodies import Target
 from gbufrt.compute.kernel import Kernel, array
 
-BLOCK = 128  # threads: enough to hide the latency of memory, few enough that items of one block lie close together
+BLOCK = 128  # threads: enough to hide memory latency, few enough that items of one block lie close together
 
 CUDA = Target(cuda.jit, helper={"device": True}, entry={"device": True}, driver={"cache": True})
 
 
 def item(i: int, *arguments: Any) -> None:
-    """Stands for the body in the kernel below."""
+    """Placeholder for the body in the kernel below."""
 
 
 def _each(count, arguments):

@@ -1,4 +1,4 @@
-"""Which form of an operation runs: a kernel for the device where its tensors lie, or the torch reference."""
+"""Which form of an operation runs: a kernel for the device of its tensors, or the torch reference."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ def form_of(*tensors: Tensor | None, compiled: bool | None = None, cuda: bool = 
     Kernels take float32 (and integers) on one device and give no gradients.
 
     Args:
-        tensors: what the operation reads, as far as that decides; None counts for nothing.
-        compiled: the user's wish: True for a kernel even where gradients are lost, False for the reference; by default
+        tensors: the inputs that decide; None is ignored.
+        compiled: the user's choice: True for a kernel even if gradients are lost, False for the reference; by default
             a kernel wherever one fits.
         cuda: whether the operation has a CUDA form. It runs where numba-cuda is installed and finds a GPU.
-        fuses: whether the reference is `gbufrt.compute.fusion.fusible`, and so what runs inside `fused_kernels`.
+        fuses: whether the reference is `gbufrt.compute.fusion.fusible`; then it runs inside `fused_kernels`.
 
     Returns:
         The form.
 
     Raises:
-        ValueError: a kernel is wished for, but there is none for these tensors.
+        ValueError: a kernel is requested, but there is none for these tensors.
     """
     given = [t for t in tensors if t is not None]
     kernel = _kernel_form(given, cuda)

@@ -1,4 +1,4 @@
-"""A scalar body over many items that share nothing, on the CPU or on a GPU."""
+"""A scalar body over many independent items, on the CPU or on a GPU."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROWS = 64  # items handed to a thread at a time
 
 
 def item(i: int, *arguments: Any) -> None:
-    """Stands for the body in the loop below."""
+    """Placeholder for the body in the loop below."""
 
 
 def _each(count, lanes, arguments):
@@ -28,7 +28,7 @@ class Each:
     """``body(i, *arguments)`` for every i below a count.
 
     Args:
-        body: marked `scalar`; takes the number of its item, then flat arrays and numbers, no tuples of them.
+        body: marked `scalar`; takes the index of its item, then flat arrays and numbers, no tuples of them.
     """
 
     def __init__(self, body: Callable[..., Any]) -> None:
@@ -40,7 +40,7 @@ class Each:
 
         Args:
             count: the number of items.
-            arguments: of the body, after the number of the item. Tensors that it writes to must be contiguous.
+            arguments: of the body, after the index of the item. Tensors that it writes to must be contiguous.
         """
         if any(isinstance(x, Tensor) and x.is_cuda for x in arguments):
             self.on_cuda(count, *arguments)
@@ -48,7 +48,7 @@ class Each:
             self.on_cpu(count, threads(), tuple(array(x) if isinstance(x, Tensor) else x for x in arguments))
 
     def on_cuda(self, count: int, *arguments: Tensor | float) -> None:
-        """As a call, on the GPU, or in numba's simulator of one, for which tensors lie on the CPU."""
+        """As `__call__`, on the GPU or in numba's simulator, which takes CPU tensors."""
         from gbufrt.compute.cuda import launch
 
         launch(self.body, count, arguments)

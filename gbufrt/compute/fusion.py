@@ -35,7 +35,7 @@ def fusing() -> bool:
 def fusible(function: Callable[P, R]) -> Callable[P, R]:
     """Mark a pure tensor function as worth compiling: eager by default, compiled inside `fused_kernels`.
 
-    Where compilation fails, once is enough: the function warns and stays eager.
+    If compilation fails once, the function warns and stays eager.
     """
     compiled: Any = None
 

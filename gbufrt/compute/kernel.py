@@ -1,11 +1,11 @@
 """How scalar bodies become operators: compiled for the CPU with numba, and for CUDA with numba-cuda.
 
 A marching loop (a voxel traversal, a screen-space ray) is written once as plain scalar Python over flat arrays, marked
-`scalar`, in a file that holds nothing else; see `gbufrt.compute.bodies`. Where items share nothing,
-`gbufrt.compute.each` runs the body over many of them, on the device where their arrays lie. Where threads need room to
-work in, a `driver` written by hand hands out the items, on the CPU. A `torch.library.custom_op` with a fake wraps them,
-and `gbufrt.compute.dispatch` says which form runs. Beside each stands a torch reference: the definition, the oracle of
-the tests, and what runs where there is no kernel.
+`scalar`, in a file that holds nothing else; see `gbufrt.compute.bodies`. `gbufrt.compute.each` runs the body over many
+independent items, on the device of their arrays. Where threads need scratch memory, a hand-written `driver`
+distributes the items, on the CPU. A `torch.library.custom_op` with a fake wraps them, and `gbufrt.compute.dispatch`
+says which form runs. Each has a torch reference: the definition, the oracle of the tests, and the form that runs where
+there is no kernel.
 
 `gbufrt.compute.cache` keeps the machine code, so a second process compiles nothing; its key covers all code and
 constants that a driver reaches, see `gbufrt.compute.bodies`. Asking numba for its thread count inside a kernel switches
@@ -38,7 +38,7 @@ CPU = Target(
 
 
 class Kernel:
-    """A driver as machine code, which is made, or read from numba's cache, at its first call.
+    """A driver as machine code, compiled or read from numba's cache at its first call.
 
     Args:
         loop: the driver: plain Python that calls bodies marked `scalar`.
@@ -59,7 +59,7 @@ class Kernel:
 
     @cached_property
     def dispatcher(self) -> Any:
-        """numba's, which compiles, or reads what is kept, when it is called with types that are new to it."""
+        """numba's dispatcher; called with new types, it compiles or reads the cache."""
         loop, item = self._parts
         compiled = self._target.compile(loop, item, self.name)
         return kept(compiled) if self._target is CPU else compiled
@@ -71,7 +71,7 @@ class Kernel:
 
     @property
     def missing(self) -> bool:
-        """Whether no compiled form of it is kept."""
+        """Whether the cache holds no compiled form of it."""
         return missing(self.dispatcher)
 
 

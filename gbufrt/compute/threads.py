@@ -1,8 +1,8 @@
 """How many threads compute, and how they wait. Imports neither torch nor numba before they are needed.
 
-Both hand work to OpenMP threads, which by default spin for milliseconds after each piece of work. A core that another
-process could use is then kept busy by waiting, and where more threads are busy than there are cores, one that has work
-waits for one that has none: beside five busy processes on two cores a frame took ten times its fair share.
+Both hand work to OpenMP threads, which by default spin for milliseconds after each piece of work. Spinning occupies
+cores that other processes could use. With more busy threads than cores, a thread that has work waits for one that has
+none: beside five busy processes on two cores a frame took ten times its fair share.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 from functools import cache
 
 CHOICES = ("OMP_WAIT_POLICY", "GOMP_SPINCOUNT", "KMP_BLOCKTIME")
-"""What a user may have set for how OpenMP waits; any of them is left as it is."""
+"""Environment variables for how OpenMP waits; where the user has set one, nothing is changed."""
 
 
 def wait_passively() -> None:
@@ -27,7 +27,7 @@ def wait_passively() -> None:
 def threads() -> int:
     """How many threads a driver may use: torch's own number, but no more than numba has.
 
-    numba is told so as well, so that it wakes no thread that has no work.
+    numba is limited to it as well, so that it wakes no thread that has no work.
     """
     import numba
     import torch

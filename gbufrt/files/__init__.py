@@ -1,1 +1,1 @@
-"""What is read and written: EXR behind its guard, PNG, debug views."""
+"""Reading and writing of files: EXR and its guard, PNG, debug views."""

@@ -2,7 +2,7 @@
 
 Every channel and signal is a layer named as in the frame (``depth.Z``, ``normal.X``, ``albedo.R``...), what lies behind
 the first surface has the prefix ``behind``, and plain ``R``, ``G``, ``B`` hold the best linear picture for viewers.
-What is not one value a pixel of the picture (the environment, the exposure) has a part of its own. The attribute
+Signals of another size than the picture (the environment, the exposure) have parts of their own. The attribute
 ``gbufrt`` holds cameras, indices and the list of layers as JSON.
 """
 

@@ -1,7 +1,7 @@
 """Reading OpenEXR files that may be damaged or hostile: the one place that opens them.
 
 The library prints warnings, leaves out parts that it cannot decode, and allocates what a header asks for. So the
-header is read alone first and held against limits; then the whole, of which every part and channel must have arrived.
+header alone is read first and checked against limits; then the whole file, whose parts and channels must all be there.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 import OpenEXR
 
 MAX_PIXELS = 1 << 26  # 8192 x 8192
-MAX_RATIO = 1100  # deflate shrinks nothing by more than 1032 to 1
+MAX_RATIO = 1100  # deflate compresses by at most 1032 to 1
 SLACK = 1 << 20  # bytes that even the smallest file may decode to
 MAGIC = b"\x76\x2f\x31\x01"
 
@@ -43,7 +43,7 @@ def read_parts(path: str | Path, *, max_pixels: int = MAX_PIXELS, header_only: b
     Args:
         path: the file.
         max_pixels: the largest data window to accept.
-        header_only: leave the pixels on disk.
+        header_only: read no pixels.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -41,7 +41,7 @@ def camera_out(camera: Camera) -> dict[str, Any]:
 
 
 def camera_in(row: Mapping[str, Any]) -> Camera:
-    """What `camera_out` wrote, as a batch of one."""
+    """The camera that `camera_out` wrote, as a batch of one."""
     dtype = {"float32": torch.float32, "float64": torch.float64}[row["type"]]
     return Camera(
         intrinsics=torch.tensor(row["intrinsics"], dtype=dtype)[None],

@@ -74,7 +74,7 @@ def contact_sheet(frame: Frame, *, columns: int = 5, width: int = 320, names: tu
 
     Args:
         frame: what to show.
-        columns: how many views stand side by side.
+        columns: views per row.
         width: of one view in pixels.
         names: which views; by default all of them.
     """
@@ -110,7 +110,7 @@ def to_srgb(linear: Tensor) -> Tensor:
 
 
 def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, Tensor], Tensor]:
-    """How to show a channel: by its name where we know it, by its form where we do not."""
+    """How to show a channel: by its name if that is known, otherwise by its shape and type."""
     components = tensor.shape[1]
     whole = not tensor.is_floating_point() and name not in SHARES
     if name == "image":
@@ -137,7 +137,7 @@ def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, 
 
 
 def _near(frame: Frame, distance: Tensor) -> Tensor:
-    """Half way along the colour map at the median distance: even steps look even, and no far plane is needed."""
+    """The median distance lies half way along the colour map: even steps look even, and no far plane is needed."""
     hit = frame.gbuffer.hit & (distance > 0) & torch.isfinite(distance)
     pictures = []
     for some, valid in zip(distance, hit, strict=True):
@@ -147,7 +147,7 @@ def _near(frame: Frame, distance: Tensor) -> Tensor:
 
 
 def _ramp(frame: Frame, value: Tensor) -> Tensor:
-    """Unknown numbers: from zero to their 99th percentile, the first component alone."""
+    """Unknown numbers: the first component, from zero to its 99th percentile."""
     value = value[:, :1].to(torch.float32).nan_to_num(0.0, 0.0, 0.0).abs()
     top = torch.quantile(value.flatten(1)[:, :: max(1, value[0].numel() // 100_000)], 0.99, dim=1)
     return viridis(value / top.clamp_min(1e-12)[:, None, None, None])

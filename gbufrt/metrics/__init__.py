@@ -1,1 +1,1 @@
-"""How far pictures and sequences of them are from others."""
+"""Error metrics of pictures and of sequences."""

@@ -1,6 +1,6 @@
 """FLIP: how different two pictures look to a person who flips between them.
 
-The measure itself is the authors' own package, an optional one; here it takes and gives tensors.
+The metric comes from the authors' own package, which is optional; this module wraps it for tensors.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt.metrics.image import masked_mean
 
-PIXELS_PER_DEGREE = 67.0  # a 0.7 m wide 4K display seen from 0.7 m, the authors' default
+PIXELS_PER_DEGREE = 67.0  # a 0.7 m wide 4K display viewed from 0.7 m, the authors' default
 
 
 def flip_map(
@@ -30,7 +30,7 @@ def flip_map(
 
     Raises:
         ValueError: the shapes differ or are not RGB pictures.
-        ModuleNotFoundError: the package is not there; `available` tells beforehand.
+        ModuleNotFoundError: the package is not installed; `available` tells beforehand.
 
     Source: Andersson et al. 2020 (FLIP) and 2021 (HDR-FLIP).
     """

@@ -1,7 +1,7 @@
-"""How far a picture is from the truth, as one number a picture and as a map.
+"""Error of a picture against the truth, as one number per picture and as a map.
 
 Every function takes ``(B, C, H, W)`` tensors; the numbers are ``(B,)``, the maps ``(B, 1, H, W)``. ``mask``
-``(B, 1, H, W)`` bool chooses the pixels that count; without any, the result is NaN.
+``(B, 1, H, W)`` bool chooses the pixels that count; if it chooses none, the result is NaN.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import torch
 from kornia.metrics import ssim as kornia_ssim
 from torch import Tensor
 
-RELATIVE_EPSILON = 1e-2  # keeps black pixels of the truth from ruling the relative error (Rousselle et al. 2011)
+RELATIVE_EPSILON = 1e-2  # keeps black pixels of the truth from dominating the relative error (Rousselle et al. 2011)
 
 
 def squared_error_map(estimate: Tensor, truth: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
-"""What a single picture cannot show: flicker between frames, and what is left of the past where it should be gone.
+"""Errors that a single picture cannot show: flicker between frames, and ghosting.
 
 Pictures are ``(B, C, H, W)``, one a frame, with their G-buffers in the same order. A noisy truth comes as a pair of
-independent halves: errors are then products of the differences from either, in which its noise cancels.
+independent halves: errors are then products of the differences from the two, so that its noise cancels.
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from gbufrt.sampling import inside, pixel_centers, sample
 
 Truth = Tensor | tuple[Tensor, Tensor]
 
-DEPTH_TOLERANCE = 0.02  # relative difference in view z up to which two frames show one surface
+DEPTH_TOLERANCE = 0.02  # relative difference in view z up to which two frames show the same surface
 GHOST_FRAMES = 4
 
 
 def came_from(gbuffer: GBuffer) -> Tensor:
-    """``(B, 2, H, W)`` px: where each pixel's surface was a frame ago; where it is, without a motion channel."""
+    """``(B, 2, H, W)`` px of each pixel's surface a frame ago; without a motion channel, its present px."""
     here = pixel_centers(gbuffer.depth)
     return here.expand(gbuffer.batch, -1, -1, -1) if gbuffer.motion is None else here + gbuffer.motion
 
 
 def seen_before(gbuffer: GBuffer, previous: GBuffer) -> Tensor:
-    """``(B, 1, H, W)`` bool: whether the surface at each pixel was seen a frame ago; the sky always was, on screen.
+    """``(B, 1, H, W)`` bool: whether the surface, or sky, at each pixel was visible on screen a frame ago.
 
-    The nearest pixel must have hit too, at the depth that the motion foretells, and on the same object.
+    The nearest pixel must have hit too, at the depth that the motion predicts, and on the same object; for the sky it
+    must have missed.
     """
     px = came_from(gbuffer)
     there = inside(px, gbuffer.camera.size)
@@ -56,15 +57,15 @@ def frames_seen(gbuffers: Sequence[GBuffer]) -> Tensor:
 
 
 def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequence[Truth] | None = None) -> Tensor:
-    """RMS change from frame to frame, followed along the motion, on surfaces that stand still and stay on screen.
+    """RMS change from frame to frame along the motion, on static surfaces that stay on screen.
 
     Args:
         pictures: at least two.
         gbuffers: theirs.
-        truth: what the pictures should be, whose own change is no flicker; by default nothing may change.
+        truth: what the pictures should be; its own change is not flicker. By default nothing may change.
 
     Returns:
-        ``(B,)`` in the pictures' unit; 0 changes as the truth does. NaN where nothing stays on screen.
+        ``(B,)`` in the pictures' unit; 0 where they change as the truth does. NaN where nothing stays on screen.
 
     Raises:
         ValueError: fewer than two pictures, or counts that differ.
@@ -92,17 +93,17 @@ def ghosting(
     picture: Tensor, truth: Truth, gbuffers: Sequence[GBuffer], *, fresh: Tensor | None = None,
     frames: int = GHOST_FRAMES,
 ) -> Tensor:  # fmt: skip
-    """Error at pixels whose surface came into sight during the last ``frames`` frames.
+    """Error at pixels whose surface was disoccluded during the last ``frames`` frames.
 
     Args:
         picture: the last frame.
         truth: what it should be.
         gbuffers: of this frame and of those before it, at least ``frames`` + 1.
-        fresh: what the same passes give with a clean history; its error there is no ghost and is taken off.
+        fresh: the result of the same passes with a clean history; its error is not ghosting and is subtracted.
         frames: how many.
 
     Returns:
-        ``(B,)`` RMSE in the picture's unit, with ``fresh`` the part beyond it; NaN where nothing was uncovered.
+        ``(B,)`` RMSE in the picture's unit, with ``fresh`` the part beyond it; NaN where nothing was disoccluded.
 
     Raises:
         ValueError: too few G-buffers.

@@ -1,4 +1,4 @@
-"""Noise that depends on pixel, frame index and seed alone, never on the place in a batch.
+"""Noise that depends on pixel, frame index and seed alone, never on the position in a batch.
 
 `blue_noise` is the default; `hilbert_r2` is the alternative of XeGTAO; `pixel_hash` is white.
 """
@@ -32,7 +32,7 @@ def blue_noise(
         width: W in pixels.
         index: frame number.
         dims: how many independent numbers a pixel needs.
-        seed: another seed, another noise.
+        seed: each seed gives another noise.
         device: where to put it.
 
     Returns:
@@ -80,7 +80,7 @@ def pixel_hash(
 
 
 def radical_inverse(base: int, number: int) -> float:
-    """The van der Corput sequence: digits of ``number`` in ``base`` mirrored behind the point."""
+    """The van der Corput sequence: digits of ``number`` in ``base``, reversed after the radix point."""
     result, scale = 0.0, 1.0 / base
     while number:
         result += scale * (number % base)

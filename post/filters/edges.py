@@ -1,4 +1,4 @@
-"""What lets one pixel of a filter listen to another: the same surface, told by plane distance and normal."""
+"""Edge weights of filters: whether two pixels show the same surface, by plane distance and normal."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Geometry as the taps of a filter need it.
+    """Geometry prepared for the taps of a filter.
 
     Args:
         guide: ``(B, 5 or 6, H, W)``: depth, world normal, hit and, where given, roughness.
         plane: ``(B, 4, H, W)``: normal . ray, its change per pixel in x and in y, and pixels per world unit. Because
             normal . ray is affine in the pixel, the distance of a tap from the centre's plane costs one product.
-        perspective: whether rays fan out.
+        perspective: whether the camera is perspective.
     """
 
     guide: Tensor
@@ -98,14 +98,14 @@ def edge_weight(
     depth_sensitivity: float,
     normal_power: float,
 ) -> Tensor:
-    """How far a tap lies on the surface of the centre, 0 to 1.
+    """How well a tap matches the surface of the centre, 0 to 1.
 
     exp(-s d) of the tap's distance d from the centre's tangent plane in pixel footprints, times the cosine between
-    normals to a power, times whether the tap hit anything; and where the guide has roughness, its likeness.
+    normals to a power, times whether the tap hit anything and, where the guide has roughness, its similarity.
 
     Args:
         center: ``(B, K, H, W)`` guide of the centre.
-        tap: the same seen from the tap.
+        tap: the same, of the tap.
         plane: `Surface.plane`, scaled to the tap spacing.
         dx, dy: place of the tap in tap spacings.
         perspective: `Surface.perspective`.
@@ -167,7 +167,7 @@ def _moments(
 ) -> tuple[Tensor, Tensor]:
     values, guides = windows(light, radius), windows(guide, radius)
     center = guides[len(guides) // 2]
-    pivot = values[len(values) // 2][:, 0]  # moments about the centre's value keep their digits
+    pivot = values[len(values) // 2][:, 0]  # moments about the centre's value keep their precision
     total, first, second = torch.zeros_like(pivot), torch.zeros_like(pivot), torch.zeros_like(pivot)
     for (dy, dx), value, tap in zip(offsets(radius), values, guides, strict=True):
         weight = edge_weight(

@@ -1,4 +1,4 @@
-"""Signals as the denoise and accumulate stages see them: stacked by name, led by the first, albedo divided out."""
+"""Signals as the denoise and accumulate stages use them: stacked by name, led by the first, albedo divided out."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gbufrt import SIGNALS, Frame
 
 UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
 REC709 = (0.2126, 0.7152, 0.0722)
-MIN_ALBEDO = 1e-2  # below this, dividing albedo out would raise noise more than it removes detail
+MIN_ALBEDO = 1e-2  # below this, dividing by albedo would amplify noise more than it removes detail
 
 
 class Guides(TypedDict):
@@ -25,7 +25,7 @@ class Guides(TypedDict):
 
 
 def signal_names(signal: str | Iterable[str]) -> tuple[str, ...]:
-    """One name or several as a tuple; a lone reflection brings its confidence along.
+    """One name or several as a tuple; a lone reflection also gets its confidence.
 
     Raises:
         ValueError: there is no name.
@@ -45,12 +45,12 @@ def luminance(signal: Tensor, lead: int | None = None) -> Tensor:
 
 
 def wants_albedo(names: tuple[str, ...], demodulate: bool | None) -> bool:
-    """Whether albedo is to be divided out: as asked, by default for diffuse bounce light alone."""
+    """Whether albedo is divided out: as requested, by default only for diffuse bounce light."""
     return names[0] == "gi" if demodulate is None else demodulate
 
 
 def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> Tensor:
-    """The named signals, those that the frame has, in one ``(B, C, H, W)``; the first must be there."""
+    """Those of the named signals that the frame has, in one ``(B, C, H, W)``; it must have the first."""
     present = [frame.read(names[0])] + [tensor for name in names[1:] if (tensor := frame.get(name)) is not None]
     if demodulate and present[0].shape[1] == 3:
         present[0] = present[0] / _divisor(frame)
@@ -58,7 +58,7 @@ def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> 
 
 
 def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate: bool = False) -> Frame:
-    """The inverse of `stack`: write the signals back, unit vectors at unit length, sky pixels as they were."""
+    """The inverse of `stack`: write the signals back, unit vectors normalized, sky pixels unchanged."""
     start = 0
     for name in names:
         before = frame.get(name)
@@ -76,7 +76,7 @@ def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate
 
 
 def guides(frame: Frame, names: tuple[str, ...]) -> Guides:
-    """What else a denoiser should know of these signals, as keywords."""
+    """Further inputs of a denoiser for these signals, as keywords."""
     mirrored = names[0] == "reflection"
     return {
         "lead": frame.read(names[0]).shape[1],

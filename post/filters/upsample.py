@@ -1,4 +1,4 @@
-"""Joint bilateral upsampling: signals found at every second pixel, brought to all pixels along surfaces."""
+"""Joint bilateral upsampling: signals from every second pixel, interpolated to all pixels along surfaces."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gbufrt.sampling import gather
 
 NORMAL_POWER = 8
 PLANE_SIGMA = 2.0  # pixel footprints off the plane
-LEAST = 1e-4  # weight that even a foreign surface keeps, so that lone pixels take what is near
+LEAST = 1e-4  # weight that even another surface keeps, so that isolated pixels take a value from near by
 
 
 def upsample(
@@ -23,14 +23,14 @@ def upsample(
     stride: int = 2,
     offset: tuple[int, int] = (0, 0),
 ) -> Tensor:
-    """Bring ``low`` to every pixel by bilinear weights among those of its four neighbours that lie on its surface.
+    """Upsample ``low`` to every pixel by bilinear weights of those of its four neighbours that lie on its surface.
 
     Args:
         low: ``(B, C, h, w)``: the signal at rows and columns ``offset``, ``offset + stride``...
         depth: ``(B, 1, H, W)`` planar view z, world units.
         normal: ``(B, 3, H, W)`` world space.
         camera: of the picture.
-        hit: ``(B, 1, H, W)`` bool; nothing passes between what was hit and what was not.
+        hit: ``(B, 1, H, W)`` bool; surfaces and sky do not mix.
         stride: pixels between the signal's samples.
         offset: first row and column of the signal.
 

@@ -1,1 +1,1 @@
-"""What passes know of the frame before: reprojection, antilag, Catmull-Rom taps."""
+"""Use of the previous frame: reprojection, antilag, Catmull-Rom taps."""

@@ -1,4 +1,4 @@
-"""Telling a change of light from noise, so that histories follow the one and average the other."""
+"""Distinguish changes of light from noise, so that histories follow the former and average the latter."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from post.filters.signals import luminance
 
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
-YOUNG = 4  # frames: before, variance comes from the neighbours
-ALIKE = 3.0  # so many pixels count as one sample: the noise of neighbours may be alike
-NOISE, BLOCKED = 0.3, 0.6  # of the mean: less light may be noise; more means that something blocks it
-SAME = 0.3  # edge weight from which a neighbour shows the same surface
+YOUNG = 4  # frames: below this age, variance comes from the neighbours
+ALIKE = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
+NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
+SAME = 0.3  # edge weight above which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
 
 
@@ -25,7 +25,7 @@ def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
 
 
 def alike(geometry: Surface) -> Tensor:
-    """``(B, 9, H, W)`` bool: which of the 3x3 pixels around show the same surface, or the sky as well."""
+    """``(B, 9, H, W)`` bool: which of the 3x3 pixels around show the same surface, or the sky if the centre does."""
     guides = windows(padded(geometry.guide, 1), 1)
     away = windows(padded(1 - geometry.guide[:, HIT : HIT + 1], 1), 1)
     same = []
@@ -52,7 +52,7 @@ def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
 
 
 def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
-    """Variance as 7x7 pixels know it: rare bright samples have not yet come to every one of them."""
+    """Variance from 7x7 pixels: not every one of them has had one of the rare bright samples yet."""
     own, mature = sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
     typical = torch.maximum(own, pooled(own, mature, 7))
     seen = (age > 0).to(age.dtype)
@@ -84,10 +84,10 @@ def follow_light(
     lead: int,
     clamp: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Draw the fast history after the frame and the slow one after the fast, as far as noise does not explain it.
+    """Move the fast history toward the frame, and the slow one toward the fast, by changes that noise does not explain.
 
-    Noise is averaged over the pixels around that show the same surface: light that changes beside an edge leaves what
-    lies across it alone.
+    Noise is averaged over the pixels around that show the same surface, so a change of light on one side of an edge
+    does not affect the other.
 
     Args:
         sample: ``(B, C, H, W)`` this frame.
@@ -97,7 +97,7 @@ def follow_light(
         variance: ``(B, 1, H, W)`` of one frame's luminance.
         age: ``(B, 1, H, W)`` frames behind each pixel.
         same: see `alike`.
-        lead: how many channels are looked at.
+        lead: number of leading channels that are compared.
         clamp: standard deviations that count as noise.
 
     Returns:
@@ -125,16 +125,16 @@ def follow_light(
 
 
 def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
-    """Darken the mean where this frame's own sample is too dark for it, as far as a neighbour's mean is as dark.
+    """Darken the mean where this frame's sample is far below it, but not below the neighbours' darkest mean.
 
-    History blurs the borders of shadows, and what has just come out from behind something borrows light from beside
-    it. A bright sample proves little, since noise has a long bright tail; but a path to a lit surface hardly ever
-    brings less than its direct light, so a sample far below the mean tells that the light is blocked.
+    History blurs penumbrae, and disoccluded pixels borrow light from their neighbours. A bright sample proves little,
+    since noise has a long bright tail. But a path to a lit surface hardly ever brings less than its direct light, so a
+    sample far below the mean shows that the light is occluded.
 
     Args:
         mean: ``(B, 3, H, W)`` accumulated light without albedo.
         sample: as ``mean``, this frame's.
-        geometry: of this frame; the neighbours asked are those of the 3x3 pixels around that lie on the same surface.
+        geometry: of this frame; neighbours are those of the 3x3 pixels around that lie on the same surface.
 
     Returns:
         ``(B, 3, H, W)``.

@@ -1,4 +1,4 @@
-"""Catmull-Rom reads of a history: what keeps it sharp although it moves every frame."""
+"""Catmull-Rom reads of a history, which keep it sharp although it moves every frame."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ def catmull_rom_taps(
         x: ``(B, 4, H, W)`` integer columns of the footprint: top left, top right, bottom left, bottom right.
         y: as ``x``, rows.
         weight: as ``x``, bilinear weights, kept where not ``whole``.
-        fx: ``(B, H, W)`` in [0, 1): how far to the right of the left taps the place lies, in pixels.
-        fy: as ``fx``, how far below the upper taps.
+        fx: ``(B, H, W)`` in [0, 1): position to the right of the left taps, in pixels.
+        fy: as ``fx``, below the upper taps.
         whole: ``(B, 1, H, W)`` bool: all four are good.
         same: whether pixels at columns and rows ``(B, H, W)`` are good.
 
@@ -58,7 +58,7 @@ def catmull_rom_taps(
 
 
 def catmull_rom_weights(f: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Weights of the taps at -1, 0, 1 and 2 for a place at f in [0, 1); they sum to 1."""
+    """Weights of the taps at -1, 0, 1 and 2 for a position f in [0, 1); they sum to 1."""
     square, cube = f * f, f * f * f
     return (
         square - 0.5 * (f + cube),

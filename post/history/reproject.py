@@ -1,4 +1,4 @@
-"""Where this frame's pixels were in the frame before, and what may be fetched from there: shared by temporal passes."""
+"""Reprojection for temporal passes: where this frame's pixels were in the previous frame, and which are valid."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from post.history.catmull_rom import catmull_rom_taps
 
 NORMAL, HIT, OBJECT, POINT, FOOTPRINT = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 8), slice(8, 9)
 
-WHOLE = 0.999  # of the bilinear footprint: all four pixels show the surface
+WHOLE = 0.999  # of the bilinear footprint: above this, all four pixels show the surface
 
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """Pixels of the frame before for each pixel of this one: K are four, or sixteen for a sharp history.
+    """Pixels of the previous frame for each pixel of this one: K is 4, or 16 for a sharp history.
 
     Args:
         x: ``(B, K, H, W)`` integer columns.
         y: as ``x``, rows.
-        weight: ``(B, K, H, W)`` summing to 1, or to 0 where the frame before shows nothing of this surface.
+        weight: ``(B, K, H, W)`` summing to 1, or to 0 where the previous frame does not show this surface.
         support: ``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface.
     """
 
@@ -39,7 +39,7 @@ class Taps:
         return self.weight.sum(dim=1, keepdim=True) > 0
 
     def fetch(self, image: Tensor) -> Tensor:
-        """The frame before's ``image`` ``(B, C, H, W)`` as this frame's pixels find it; zero where not valid."""
+        """The previous frame's ``image`` ``(B, C, H, W)`` read at this frame's pixels; zero where not valid."""
         result, taps = torch.zeros_like(image), self.weight.shape[1]
         low, high = torch.full_like(image, torch.inf), torch.full_like(image, -torch.inf)
         for k in range(taps):
@@ -63,11 +63,11 @@ def reproject(
     search: bool = True,
     sharp: bool = False,
 ) -> Taps:
-    """Find each pixel's surface in the frame before.
+    """Find each pixel's surface in the previous frame.
 
-    Each of the four pixels around the place that motion points to counts only if it shows the same surface: hit like
-    hit, within ``plane_tolerance`` of the tangent plane where the surface then was, its normal alike, the same object.
-    Where none does, the 3x3 pixels around are searched for the nearest that does. Sky finds sky.
+    Each of the four pixels around the reprojected position counts only if it shows the same surface: the same hit
+    flag and object, a similar normal, and a point within ``plane_tolerance`` of the surface's tangent plane at that
+    time. Where none does, the 3x3 pixels around are searched for the nearest that does. Sky matches sky.
 
     History lives on the pixel grid without jitter: a still camera fetches each pixel from itself, jittered or not.
 
@@ -76,12 +76,12 @@ def reproject(
         previous: of the frame before, with its own camera.
         length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero are not used.
         motion: ``(B, 2, H, W)`` pixels, previous minus current, to look elsewhere than where the surface was, as for
-            reflections; the G-buffer's by default, and without it what the cameras explain.
+            reflections; by default the G-buffer's, and without one that of the cameras.
         plane_tolerance: allowed distance from the plane, in pixel footprints.
         normal_tolerance: smallest allowed cosine between normals.
         search: whether to search the neighbours of failures.
-        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer ones that do not give their
-            share to the nearest of the four. A history that moves every frame keeps its detail.
+        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer taps that do not show it
+            give their share to the nearest of the four. A history that moves every frame keeps its detail.
 
     Returns:
         `Taps`.
@@ -115,7 +115,7 @@ def reproject(
         ys.append(y)
         weights.append(share * same)
     total = sum(weights, torch.zeros_like(fx))
-    kept = total > 1e-3  # a sliver of a tap is no history
+    kept = total > 1e-3  # too little of a tap is no history
     weight = torch.stack([torch.where(kept, w / total.clamp_min(1e-3), torch.zeros_like(w)) for w in weights], dim=1)
     support = torch.where(kept, total, torch.zeros_like(total))[:, None]
     taps = Taps(torch.stack(xs, dim=1), torch.stack(ys, dim=1), weight, support)
@@ -150,12 +150,12 @@ def motion_of(gbuffer: GBuffer, previous: Camera) -> tuple[Tensor, Tensor]:
 
 
 def history_for(history: History | None, cut: Tensor | None) -> History | None:
-    """The history as far as a frame may use it: batch elements whose camera jumped start anew."""
+    """The history that a frame may use: batch elements whose camera jumped start anew."""
     return history if history is None or cut is None else history.reset(cut)
 
 
 def geometry_of(gbuffer: GBuffer) -> GBuffer:
-    """What `reproject` needs of a G-buffer once its frame has passed, and nothing else."""
+    """Only those channels of a past frame's G-buffer that `reproject` needs."""
     return GBuffer(
         camera=gbuffer.camera,
         depth=gbuffer.depth,
@@ -173,7 +173,7 @@ def _grid(gbuffer: GBuffer) -> tuple[Tensor, Tensor]:
 
 
 def _expected(g: GBuffer, previous: Camera, motion: Tensor, motion_z: Tensor, by_object: bool) -> Tensor:
-    """What a tap must look like: normal, hit, object, where the surface was in the previous view, and tolerance."""
+    """Expected values of a tap: normal, hit, object, position of the surface in the previous view, and tolerance."""
     px = g.camera.pixel_centers(dtype=g.depth.dtype) + motion
     depth = g.depth + motion_z
     footprint = 1 / previous.pixels_per_unit(depth)
@@ -181,7 +181,7 @@ def _expected(g: GBuffer, previous: Camera, motion: Tensor, motion_z: Tensor, by
 
 
 def _seen(g: GBuffer, length: Tensor | None, by_object: bool) -> Tensor:
-    """What taps do look like, in the same layout; where there is no history they look like nothing at all."""
+    """Actual values of taps, in the same layout; where there is no history they match nothing."""
     normal, hit, object_id = _identity(g, g.camera, by_object)
     if length is not None:
         hit = torch.where(length > 0, hit, torch.full_like(hit, -1.0))
@@ -198,7 +198,7 @@ def _identity(g: GBuffer, camera: Camera, by_object: bool) -> tuple[Tensor, Tens
 def _same_surface(
     now: Tensor, before: Tensor, x: Tensor, y: Tensor, plane_tolerance: float, normal_tolerance: float
 ) -> Tensor:
-    """``(B, h, w)`` bool: whether pixel (x, y) of the frame before shows the surface that ``now`` describes."""
+    """``(B, h, w)`` bool: whether pixel (x, y) of the previous frame shows the surface that ``now`` describes."""
     height, width = before.shape[-2:]
     tap = gather(before, x, y)
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
@@ -212,7 +212,7 @@ def _same_surface(
 def _search(
     taps: Taps, failed: Tensor, column: Tensor, row: Tensor, now: Tensor, before: Tensor, plane: float, normal: float
 ) -> Taps:
-    """Give each failed pixel the nearest of the 3x3 pixels that shows its surface. Works on the failures alone."""
+    """Give each failed pixel the nearest of the 3x3 pixels that shows its surface. Works only on failed pixels."""
     most = int(failed.flatten(1).sum(1).max())
     if most == 0:
         return taps

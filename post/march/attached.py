@@ -1,4 +1,4 @@
-"""Gradients of where rays hit: the compiled march finds the pixel, closed form tells how the hit moves."""
+"""Gradients of ray hits: the compiled march finds the pixel, a closed form gives the motion of the hit."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from gbufrt import Camera
 from gbufrt.sampling import gather
 from post.march.rays import Hits
 
-SAME_PX = 1e-3  # px between a march's hit and the closed form's, above which they are not the same point
+SAME_PX = 1e-3  # px between a march's hit and the closed form's, above which they are different points
 SAME_WAY = 1e-4  # likewise for the distance, relative
 
 
 def attach_hits(hits: Hits, depth: Tensor, normal: Tensor, origins: Tensor, directions: Tensor, camera: Camera) -> Hits:
     """Give the positions and distances of hits their gradients; values stay as they are.
 
-    Where a ray ends at the plane of a pixel, ``px`` and ``distance`` follow that plane and the ray. Which pixel it is
-    stays fixed, so what changes at silhouettes is left out. No gradient where the march departs from the crossing
-    point: along an axis on which it read the pixel's centre to keep off another surface, in cracks between pixels, and
-    for rays that sides block.
+    Where a ray ends at the plane of a pixel, ``px`` and ``distance`` follow that plane and the ray. The choice of pixel
+    is held fixed, so changes at silhouettes have no gradient. Nor is there one where the march departs from the
+    crossing point: along an axis on which it read the pixel's centre to avoid another surface, in cracks between
+    pixels, and for rays that sides occlude.
 
     Args:
         hits: of `post.march.rays.march_rays` for the same rays.

@@ -1,6 +1,6 @@
 """The compiled form of `post.march.rays.march_rays`: one screen-space ray as a scalar body.
 
-Every name and step is that of the torch reference in `post.march.reference`, which is the definition. ``q`` is
+Names and steps are those of the torch reference in `post.march.reference`, which is the definition. ``q`` is
 nearness: 1 / z for a perspective camera, -z for an orthographic one. Along a ray and over a plane it is linear in the
 picture.
 """
@@ -17,7 +17,7 @@ from post.march.constants import BEHIND, BLOCKED, HIT, LEFT, SPENT, TOLERANCE
 
 @scalar
 def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
-    """How the ray from (ax, ay, qa) in pixel j to (bx, by, qb) meets pixel i's surface: status, share, agreement."""
+    """Intersect a ray from (ax, ay, qa) in pixel j to (bx, by, qb) with pixel i's surface: status, share, agreement."""
     q, gx, gy, back = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2], planes[iy, ix, 3]
     front_a = qa - (q + gx * (ax - ix - 0.5) + gy * (ay - iy - 0.5))
     front_b = qb - (q + gx * (bx - ix - 0.5) + gy * (by - iy - 0.5))
@@ -38,7 +38,7 @@ def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
 
 @scalar
 def _continued(planes, ix, iy, x0, y0, dx, dy, share, leave, qa, qb):
-    """Where the ray, between two shares of it, crosses pixel i's plane continued out of that pixel; -1 where not."""
+    """Where the ray, between two of its shares, crosses pixel i's plane continued out of that pixel; -1 if nowhere."""
     if ix < 0:
         return -1.0
     q, gx, gy = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2]
@@ -53,7 +53,7 @@ def _continued(planes, ix, iy, x0, y0, dx, dy, share, leave, qa, qb):
 def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps):
     """Traverse the cells that the ray passes: status, share of the ray, pixel column and row, agreement.
 
-    The pixel is what the ray met or, where it met nothing, what it was last in front of.
+    The pixel is the one that the ray hit or, if it hit nothing, the last one that it was in front of.
     """
     height, width, top = planes.shape[0], planes.shape[1], table.shape[0] - 1
     ix, iy, level, share, pixels = math.floor(x0), math.floor(y0), 0, 0.0, -1
@@ -61,7 +61,7 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
         return LEFT, 0.0, ix, iy, 0.0
     per_x, per_y = 1.0 / dx, 1.0 / dy
     right, down, sideways = 1 if dx >= 0.0 else 0, 1 if dy >= 0.0 else 0, False
-    hx, hy, status = -1, -1, LEFT  # the pixel from which it went behind something
+    hx, hy, status = -1, -1, LEFT  # the pixel from which the ray went behind something
     while pixels < steps:
         cx, cy = ix >> level, iy >> level
         leave_x, leave_y = (((cx + right) << level) - x0) * per_x, (((cy + down) << level) - y0) * per_y
@@ -77,7 +77,7 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
             behind = min(qa, qb) <= pyramid[cell, 0]
         else:
             pixels += 1
-            if pixels > 0:  # none but the pixel that it starts in, which it leaves
+            if pixels > 0:  # not compared with the pixel that it starts in
                 ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
                 met, part, agreement = _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
                 if met in (HIT, BLOCKED):
@@ -119,7 +119,7 @@ def _same_surface(planes, ix, iy, jx, jy, flat, steep):
 
 @scalar
 def _snap(planes, ix, iy, x, y, flat, steep):
-    """The place in pixel i nearest to (x, y) where a bilinear read mixes in no other surface."""
+    """The position in pixel i nearest to (x, y) where a bilinear read mixes in no other surface."""
     x, y = min(max(x, ix + 0.0), ix + 1.0), min(max(y, iy + 0.0), iy + 1.0)
     ox, oy = x - ix - 0.5, y - iy - 0.5
     jx, jy = ix + (1 if ox > 0 else -1), iy + (1 if oy > 0 else -1)

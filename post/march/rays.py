@@ -1,11 +1,11 @@
-"""Screen-space rays: where a ray in view space meets what the camera saw.
+"""Screen-space rays: where a ray in view space hits on-screen surfaces.
 
 Each pixel is a piece of the plane through its point with its normal, and a solid behind it of known or assumed
 thickness. Over such a plane, and along a ray, nearness ``q`` (1 / z, or -z for an orthographic camera) is linear in the
-picture: a ray crosses a pixel's plane at the root of a linear equation, to a fraction of a pixel and without a search,
-and a ray that leaves a flat surface cannot hit that surface again. A pyramid of the nearest front and the farthest back
-lets rays skip what they pass in front of or behind. What a ray saw before it went behind something is taken to go on
-there, so that the sky does not shine through what is hidden.
+picture. A ray therefore crosses a pixel's plane at the root of a linear equation, to a fraction of a pixel and without
+a search, and a ray that leaves a flat surface cannot hit that surface again. A pyramid of the nearest front and the
+farthest back lets rays skip surfaces that they pass in front of or behind. The surface that a ray passes before it goes
+behind an occluder is taken to continue there, so that the sky does not shine through hidden geometry.
 
 Source: McGuire and Mara 2014 (rays linear in the picture, thickness); Stachowiak 2015 and AMD FidelityFX SSSR
 (traversal of a min-z pyramid).
@@ -24,12 +24,12 @@ from post.march.constants import BLOCKED, HIT, SPENT
 from post.march.op import march
 
 TOP_LEVEL = 7  # cells of 128 pixels
-NOTHING = 1e30  # nearness of a back that no ray is in front of; its negative: of a front that no ray is behind
-STEEPEST = 0.02  # cosine below which a surface seen on edge is taken for a steeper one
+NOTHING = 1e30  # a back that no ray is in front of, as nearness; its negative: a front that no ray is behind
+STEEPEST = 0.02  # least cosine with the view: surfaces closer to edge-on are treated as if at this one
 
 
 class Hierarchy(NamedTuple):
-    """What `march_rays` marches through; made by `depth_hierarchy`."""
+    """The data that `march_rays` traverses; made by `depth_hierarchy`."""
 
     planes: Tensor
     """``(B, H, W, 4)`` float32: q at the pixel centre, its change per pixel in x and y, q of the back."""
@@ -40,22 +40,22 @@ class Hierarchy(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """How each ray ended. Positions carry no gradient: shade what is read at ``px``."""
+    """How each ray ended. Positions carry no gradient: shade with values read at ``px``."""
 
     px: Tensor
-    """``(B, 2, h, w)`` where to read pictures: bilinear reads there stay on the surface that was hit. Of a ray that met
-    nothing, the centre of the pixel that it was last in front of, before it left or went behind something for good."""
+    """``(B, 2, h, w)`` where to read pictures: bilinear reads there stay on the surface that was hit. Without a
+    hit, the centre of the last pixel that the ray was in front of before it left or went behind something for good."""
     hit: Tensor
-    """``(B, 1, h, w)`` bool: the ray met a surface that the camera sees, from its front."""
+    """``(B, 1, h, w)`` bool: the ray hit an on-screen surface from its front."""
     blocked: Tensor
-    """``(B, 1, h, w)`` bool: the ray ended at what the camera does not see, a side or where a surface seems to go on
-    behind what hides it; ``px`` is the pixel that comes nearest to it."""
+    """``(B, 1, h, w)`` bool: the ray ended at hidden geometry: a side, or a surface that seems to continue behind its
+    occluder; ``px`` is the pixel nearest to it."""
     spent: Tensor
     """``(B, 1, h, w)`` bool: the ray travelled the whole distance inside the picture."""
     distance: Tensor
     """``(B, 1, h, w)`` world units travelled."""
     agreement: Tensor
-    """``(B, 1, h, w)`` in [0, 1]: how well depth supports the hit; for rays that sides block, how near the front."""
+    """``(B, 1, h, w)`` in [0, 1]: how well depth supports the hit; for rays blocked by sides, how near the front."""
 
 
 @torch.no_grad()
@@ -72,10 +72,10 @@ def depth_hierarchy(
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
         normal: ``(B, 3, H, W)`` world space, unit; the geometric one where there is a choice.
-        camera: the camera that saw them.
-        hit: ``(B, 1, H, W)`` bool; where False the sky is seen, which stops no ray; by default every pixel.
-        thickness: how far solids reach behind their fronts: ``(B, 1, H, W)`` along the view ray as the G-buffer holds
-            it, or one assumed length for all. World units.
+        camera: of these pictures.
+        hit: ``(B, 1, H, W)`` bool; False marks the sky, which stops no ray; by default every pixel.
+        thickness: how far solids reach behind their fronts: ``(B, 1, H, W)`` along the view ray as in the
+            G-buffer, or one assumed length for all. World units.
 
     Returns:
         The hierarchy.
@@ -105,7 +105,7 @@ def depth_hierarchy(
         slope = slope * (q / slope.abs().sum(1, keepdim=True).clamp_min(1e-30)).clamp_max(1.0)  # none reaches behind us
         back = 1 / (depth + (thickness / length if isinstance(thickness, Tensor) else thickness)).clamp_min(1e-9)
     reach = slope.abs().sum(1, keepdim=True)
-    back = torch.minimum(back, q - reach - pixel)  # nothing is thinner than what `crack` lets rays fall through
+    back = torch.minimum(back, q - reach - pixel)  # no solid is thinner than the gap that `crack` tolerates
     front = torch.where(hit, q, -NOTHING)
     back = torch.where(hit, back, NOTHING)
     planes = torch.cat([front, torch.where(hit, slope, 0.0), back], dim=1).float()
@@ -136,14 +136,14 @@ def march_rays(
     distance: float = 60.0,
     compiled: bool | None = None,
 ) -> Hits:
-    """Follow rays until they meet a surface, pass behind the eye, leave the picture, or spend their steps or distance.
+    """Follow rays until they hit a surface, pass behind the eye, leave the picture, or spend their steps or distance.
 
     Args:
         hierarchy: see `depth_hierarchy`.
-        origins: ``(B, 3, h, w)`` view space, world units; the pixel that a ray starts in is left out.
+        origins: ``(B, 3, h, w)`` view space, world units; a ray never hits the pixel that it starts in.
         directions: ``(B, 3, h, w)`` view space, unit; a zero vector sends no ray.
         camera: the camera of the hierarchy.
-        steps: with how many pixels a ray may be compared one by one; what it skips in the pyramid does not count.
+        steps: number of pixels a ray may be compared with one by one; those skipped in the pyramid do not count.
         distance: how far it may go, world units.
         compiled: whether to use the kernel; by default on the CPU. The reference runs elsewhere.
 
@@ -151,7 +151,7 @@ def march_rays(
         See `Hits`.
 
     Raises:
-        ValueError: steps or distance is not positive, or a kernel is wished for on a device that has none.
+        ValueError: steps or distance is not positive, or a kernel is requested on a device that has none.
     """
     if steps < 1 or not distance > 0:
         raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")

@@ -1,4 +1,4 @@
-"""The definition of `post.march.rays.march_rays` in torch: all rays at once, one cell a step.
+"""The definition of `post.march.rays.march_rays` in torch: all rays at once, one cell per step.
 
 The compiled form in `post.march.kernel` follows it step by step.
 """
@@ -29,13 +29,13 @@ def march_rays_reference(
         planes: see `post.march.rays.Hierarchy`.
         pyramid: likewise.
         table: likewise.
-        lens: ``(B, 4)`` float64: focal lengths and principal point in pixels, jitter taken off.
+        lens: ``(B, 4)`` float64: focal lengths and principal point in pixels, jitter subtracted.
         origins: ``(B, 3, h, w)`` view space.
         directions: ``(B, 3, h, w)`` view space, unit or zero.
         near: view z at which rays toward the eye end.
         orthographic: whether ``q`` is -z rather than 1 / z.
         distance: world units a ray may go.
-        steps: pixels whose surface a ray may be compared with.
+        steps: number of pixels whose surface a ray may be compared with.
     """
     rays = _Rays(lens, origins.double(), directions.double(), near, orthographic, distance)
     status, share, ix, iy, agreement = _traverse(planes, pyramid, table, rays, steps)
@@ -134,14 +134,14 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         running = running & ~ends & ~spent & (ix >= 0) & (ix < width) & (iy >= 0) & (iy < height) & (pixels < steps)
         rises = moves & (level < top) & (((ix >> (level + 1)) != (cx >> 1)) | ((iy >> (level + 1)) != (cy >> 1)))
         level = level + rises.long() - descends.long()
-    hidden, lost = hx >= 0, (status == LEFT) | (status == SPENT)  # what met nothing tells what it was last in front of
+    hidden, lost = hx >= 0, (status == LEFT) | (status == SPENT)  # pixel that lost rays were last in front of
     last_x, last_y = torch.where(hidden, hx, ix).clamp(0, width - 1), torch.where(hidden, hy, iy).clamp(0, height - 1)
     ix, iy = torch.where(lost, last_x, ix), torch.where(lost, last_y, iy)
     return status, share, ix, iy, agreement
 
 
 def _within(first: Tensor, size: Tensor, place: Tensor) -> Tensor:
-    """The pixel at ``place``, held to those of a cell."""
+    """The pixel at ``place``, clamped to those of a cell."""
     pixel = place.floor().clamp(-1e9, 1e9).long()
     return torch.minimum(torch.maximum(pixel, first), first + size - 1)
 
@@ -153,7 +153,7 @@ def _look(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor) -> Tensor:
 
 
 def _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, Tensor, Tensor]:
-    """How rays, entering pixel i at ``share`` from pixel j, meet its surface: status, part of the way, agreement."""
+    """Intersect rays entering pixel i at ``share`` from pixel j with its plane: status, part of the way, agreement."""
     q, gx, gy, back = _look(planes, rays, ix, iy)
     ox, oy = rays.x - ix - 0.5, rays.y - iy - 0.5
     front_a = qa - (q + gx * (ox + share * rays.dx) + gy * (oy + share * rays.dy))
@@ -162,7 +162,7 @@ def _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, T
     before = front_a >= -tolerance
     crosses = before & (front_b < -tolerance)
     h, hx, hy, _ = _look(planes, rays, jx, jy)
-    # adjoining pieces of plane part by up to a crack, through which no ray may slip; a silhouette's step is no crack
+    # adjoining pieces of plane differ by up to a crack, which no ray may pass; a silhouette's step is not a crack
     crack = gx.abs() + gy.abs() + hx.abs() + hy.abs() + rays.pixel(q)
     beside = h + hx * (rays.x + share * rays.dx - jx - 0.5) + hy * (rays.y + share * rays.dy - jy - 0.5)
     falls = ~before & (front_b < front_a) & (front_a > -crack) & (qa - front_a - beside < crack)
@@ -197,7 +197,7 @@ def _same_surface(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor, jx: Tenso
 
 
 def _snap(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor, x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
-    """The places in pixels i nearest to (x, y) where a bilinear read mixes in no other surface."""
+    """The positions in pixels i nearest to (x, y) where a bilinear read mixes in no other surface."""
     ox, oy = (x - ix - 0.5).clamp(-0.5, 0.5), (y - iy - 0.5).clamp(-0.5, 0.5)
     jx, jy = torch.where(ox > 0, ix + 1, ix - 1), torch.where(oy > 0, iy + 1, iy - 1)
     keep_x, keep_y = _same_surface(planes, rays, ix, iy, jx, iy), _same_surface(planes, rays, ix, iy, ix, jy)

@@ -15,7 +15,7 @@ from post.filters.signals import guides, signal_names, stack, unstack, wants_alb
 
 B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
 REACH = 16.0  # pixels: widest blur of a reflection
-FLOOR = 1e-3  # of the local luminance: noise below this is not worth an edge
+FLOOR = 1e-3  # of the local luminance: noise below this makes no edge
 
 
 def atrous(
@@ -37,21 +37,21 @@ def atrous(
     """Denoise by repeated 5x5 B-spline kernels with holes, each twice as wide as the one before.
 
     A tap counts by its normal, its distance from the pixel's tangent plane, and its difference in luminance measured
-    in standard deviations of the noise: noise is averaged, edges of light are kept. Unlike in SVGF the luminances
-    compared are 3x3 means over the surface: a lone pixel is too noisy to tell an edge by, and phi_color can be smaller.
+    in standard deviations of the noise: noise is averaged, lighting edges are kept. Unlike in SVGF the luminances
+    compared are 3x3 means over the surface: single pixels are too noisy to show an edge. So phi_color can be smaller.
 
     Args:
         signal: ``(B, C, H, W)``, any unit; several signals stacked share one set of weights.
         depth: ``(B, 1, H, W)`` planar view z, world units.
         normal: ``(B, 3, H, W)`` world space, unit length.
-        hit: ``(B, 1, H, W)`` bool; pixels that hit nothing keep their value and give none away.
+        hit: ``(B, 1, H, W)`` bool; pixels without a hit keep their value and are left out of other pixels' kernels.
         camera: the camera of depth.
         iterations: how many kernels; the last has taps 2^(iterations - 1) pixels apart.
         phi_color: difference between 3x3 means of luminance, in their standard deviations, at which a tap counts 1/e.
         phi_normal: exponent of the cosine between normals.
         phi_depth: sensitivity to plane distance, per pixel footprint.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 5x5 neighbours where absent.
-        roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
+        roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, different roughnesses do not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
         lead: how many of the first channels make the luminance; all by default.
 

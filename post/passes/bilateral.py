@@ -39,14 +39,14 @@ def bilateral(
     """Denoise a signal with one joint bilateral kernel: depth exp(-s d), normal dot^p, spatial Gaussian.
 
     d is the distance from the pixel's tangent plane in pixel footprints, so slanted floors are not cut and the weight
-    means the same near and far. The Gaussian is wide where the signal is noisy and narrow at edges; an edge of light
-    is one that stands out of the noise, told by 3x3 means of luminance.
+    means the same near and far. The Gaussian is wide where the signal is noisy and narrow at edges. A lighting edge is
+    where 3x3 means of luminance differ by more than the noise.
 
     Args:
         signal: ``(B, C, H, W)``, any unit; several signals stacked share one set of weights.
         depth: ``(B, 1, H, W)`` planar view z, world units.
         normal: ``(B, 3, H, W)`` world space, unit length.
-        hit: ``(B, 1, H, W)`` bool; pixels that hit nothing keep their value and give none away.
+        hit: ``(B, 1, H, W)`` bool; pixels without a hit keep their value and are left out of other pixels' kernels.
         camera: the camera of depth.
         radius: of the square of taps, pixels.
         sigma: widest standard deviation of the spatial Gaussian, pixels.
@@ -56,10 +56,10 @@ def bilateral(
         phi_color: difference between 3x3 means of luminance, in their standard deviations, up to which a tap counts
             in full.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 3x3 neighbours where absent.
-        roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, unlike roughness does not mix.
+        roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, different roughnesses do not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
-        distance: ``(B, 1, H, W)`` world units to what a reflection shows, with ``roughness``: blur no more than the
-            lobe does over that way, so that what stands on a floor is sharp at its foot.
+        distance: ``(B, 1, H, W)`` world units to the reflected hit, with ``roughness``: blur no more than the lobe does
+            over that distance, so that reflections are sharp at contact.
         lead: how many of the first channels make the luminance; all by default.
 
     Returns:
@@ -69,7 +69,7 @@ def bilateral(
         ValueError: radius is below 1 or sigma not positive, or sizes disagree.
 
     Source: Tomasi and Manduchi 1998; Petschnigg et al. 2004 (joint bilateral); plane distance as in Schied et al. 2017;
-    blur by the lobe and the way to what is mirrored as in NVIDIA's ReBLUR (Zhdan 2021).
+    blur by the lobe and the distance of the reflected hit as in NVIDIA's ReBLUR (Zhdan 2021).
     """
     if radius < 1 or sigma <= 0:
         raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
@@ -142,7 +142,7 @@ def _add_row(
 def _open_share(
     guide: Tensor, plane: Tensor, perspective: bool, depth_sensitivity: float, normal_power: float
 ) -> Tensor:
-    """How much of the four neighbours lies on the same surface."""
+    """Share of the four neighbours that lie on the same surface."""
     taps = windows(padded(guide, 1), 1)
     total = torch.zeros_like(guide[:, 0])
     for (dy, dx), tap in zip(offsets(1), taps, strict=True):
@@ -163,7 +163,7 @@ def _open_share(
 class Bilateral(Pass):
     """Denoise one signal, or several with one set of weights. See `bilateral`.
 
-    Reads ``<signal>_variance`` where a pass has left it. A reflection takes its confidence along.
+    Reads ``<signal>_variance`` where a pass has left it. The confidence of a reflection is filtered with it.
 
     Args:
         signal: name of a signal, or several; the first leads.

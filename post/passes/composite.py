@@ -1,4 +1,4 @@
-"""All light together: what the renderer knew, plus what the screen-space passes found."""
+"""The sum of all light: the renderer's, plus that of the screen-space passes."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ def composite(
     """Add up a surface's light. Absent parts count as zero, an absent visibility as 1.
 
     ``physical``: (1 - mirrored) x (radiance - emission + ambient x visibility + gi + behind) + emission + reflection.
-    Exact when visibility and gi come from one sweep of unlimited radius: what is not blocked sees the sky, what is
-    blocked sends light. What the surface mirrors never gets under it: in an even light it shows no more than arrives.
+    Exact when visibility and gi come from one sweep of unlimited radius: open directions bring sky light, occluded ones
+    the occluder's light. Specularly reflected light is not diffused as well: in uniform light a surface sends no more
+    than arrives.
 
     ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the formula of ME1
-    Path Tracing with a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened: lamps
-    stay lamps.
+    Path Tracing with a radius-limited ambient occlusion that darkens direct light too. Emission is not darkened.
 
     Args:
         radiance: ``(B, 3, H, W)`` direct light and emission, outgoing linear radiance.
-        ambient: ``(B, 3, H, W)`` sky light as if nothing blocked it, outgoing linear radiance.
-        emission: ``(B, 3, H, W)`` the part of ``radiance`` that the surface sends by itself.
+        ambient: ``(B, 3, H, W)`` unoccluded sky light, outgoing linear radiance.
+        emission: ``(B, 3, H, W)`` the part of ``radiance`` that the surface emits.
         visibility: ``(B, 1, H, W)`` sky visibility (physical) or ambient occlusion (me1), 1 open.
         gi: ``(B, 3, H, W)`` indirect diffuse, outgoing linear radiance.
         reflection: ``(B, 3, H, W)`` specular light with Fresnel, linear radiance.
-        behind: ``(B, 3, H, W)`` light that comes through the surface, linear radiance.
+        behind: ``(B, 3, H, W)`` light transmitted through the surface, linear radiance.
         mirrored: ``(B, 1, H, W)`` directional albedo of the specular lobe, see `specular_albedo`; counts only
             where there is a reflection to take its place.
         mode: which formula.
@@ -92,7 +92,7 @@ class Composite(Pass):
     optional = frozenset(
         {
             *("ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance"),
-            *("depth", "normal", "hit", "roughness"),  # to tell what is mirrored, where there is a reflection
+            *("depth", "normal", "hit", "roughness"),  # for the specular albedo, where there is a reflection
         }
     )
     writes = frozenset({"composite", "color"})

@@ -14,11 +14,11 @@ from post.passes.atrous import atrous
 from post.passes.temporal import temporal
 from post.shading.ggx import specular_albedo
 
-CLEAR = 0.05  # transmittance from which what lies behind a surface is what is seen there
-MIRRORS = 0.1  # share of mirrored light from which its image is looked for in the history
-FAR = 1000.0  # world units: where the mirrored thing is not known, farther than most
+CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
+MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
+FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
 SEEN = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
-UNSURE = 15.0  # frames: the younger the history, the less its variance is known and the more is blurred
+UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 
 
 def denoise(
@@ -38,12 +38,12 @@ def denoise(
     """Turn light with one sample a pixel into a clean picture.
 
     Emission is set aside and albedo divided out; the rest is accumulated over time with a sharp history, filtered by
-    wavelets as far as its variance asks for, and put together again. Where a surface transmits, what lies ``behind``
-    guides: history follows it, or what the surface mirrors, whichever agrees better; edges and albedo are its.
+    wavelets as its variance requires, and recombined. Where a surface transmits, what lies ``behind`` is the guide: it
+    gives edges and albedo, and history follows it or the reflected image, whichever agrees better.
 
     Args:
         light: ``(B, 3, H, W)`` outgoing linear radiance of all light, emission included or not.
-        gbuffer: of this frame; ``albedo``, ``emission`` and ``motion`` are used where they are there.
+        gbuffer: of this frame; ``albedo``, ``emission`` and ``motion`` are used where present.
         history: what this function returned for the frame before; None at first.
         behind: of what lies straight behind the first transmissive surface.
         blend: largest share of history, see `temporal`.
@@ -52,7 +52,7 @@ def denoise(
         motion_response: see `temporal`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for a long history; up to four times as much for a fresh one.
-        shadows: keep the borders of shadows by this frame's own samples.
+        shadows: keep penumbrae by this frame's own samples.
 
     Returns:
         The light ``(B, 3, H, W)``, pixels that hit nothing as they were, and the history for the next frame.
@@ -60,7 +60,7 @@ def denoise(
     Raises:
         ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
 
-    Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); the borders of shadows are our own.
+    Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); the handling of penumbrae is our own.
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
@@ -89,11 +89,11 @@ def denoise(
 
 
 def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, Tensor]:
-    """What is seen at each pixel: its G-buffer, what to divide its light by, and what it emits.
+    """What each pixel shows: its G-buffer, the divisor of its light, and its emission.
 
     Args:
         g: of the frame.
-        behind: of what lies straight behind the first transmissive surface: taken where that is clear enough.
+        behind: of what lies straight behind the first transmissive surface; used where that surface is clear enough.
 
     Returns:
         The G-buffer; ``(B, 3, H, W)`` albedo, never quite black, and 1 where nothing was hit; emission.
@@ -117,7 +117,7 @@ def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, T
 
 
 def _image_distance(g: GBuffer) -> Tensor | None:
-    """How far away what clear surfaces mirror is taken to be, zero where they mirror little: its history moves so."""
+    """Assumed distance of what clear surfaces reflect, to back-project it; zero where they reflect little."""
     if g.transmittance is None:
         return None
     mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (specular_albedo(g) > MIRRORS)
@@ -127,7 +127,7 @@ def _image_distance(g: GBuffer) -> Tensor | None:
 class Denoise(TemporalPass):
     """Denoise a signal of path-traced light. See `denoise`.
 
-    Uses ``frame.behind`` where it is there, and leaves ``<signal>_history``, the number of frames behind each pixel.
+    Uses ``frame.behind`` where present, and writes ``<signal>_history``, the number of frames in each pixel's mean.
 
     Args:
         signal: name of the light, such as ``gi`` or ``radiance``.

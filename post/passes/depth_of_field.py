@@ -1,4 +1,4 @@
-"""Depth of field: what a thin lens would have seen, rebuilt from a pinhole's picture and depth."""
+"""Depth of field: what a thin lens would show, rebuilt from a pinhole's picture and depth."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gbufrt import Camera, Frame, History, TemporalPass
 from gbufrt.mending import finite
 from post.shading.thin_lens import autofocus, circle_of_confusion
 
-CONFIDENT = 1e-3  # share of known background from which on it fills what a near edge uncovers
-BRIGHT = 1.0  # of the picture's mean level: what is this bright counts half where the background is guessed
+CONFIDENT = 1e-3  # share of known background from which on it fills what a near edge disoccludes
+BRIGHT = 1.0  # of the picture's mean level: pixels this bright count half where the background is guessed
 FINEST = 0.25  # pixels between the radii of the two sharpest layers
 TINY = 1e-6  # coverage below this is rounding
 
@@ -35,9 +35,9 @@ def depth_of_field(
     The picture is cut into layers of like blur; each is spread by its own disc, exactly and without noise, and the
     layers are laid over one another from the nearest to the farthest until a pixel is covered. A spread pixel carries
     its coverage, so that near things become transparent at their edges, sharp things do not bleed into blurred ones
-    behind them, and one surface that crosses layers stays whole. What shows through a near edge where the pinhole saw
-    no background is the mean of what lies behind within reach, highlights counting less. The time taken does not depend
-    on the radii.
+    behind them, and one surface that crosses layers stays whole. Where the pinhole's picture
+    has no background to show through a near edge, the mean of what lies behind within reach fills in, with less weight
+    on highlights. The run time does not depend on the radii.
 
     Args:
         color: ``(B, C, H, W)`` linear.
@@ -103,16 +103,16 @@ def _layered(color: Tensor, coc: Tensor, radii: list[float], margin: int) -> Ten
 
 
 def _calm(color: Tensor) -> Tensor:
-    """Weights that keep one highlight from filling all that is unknown around it, which the eye would not forgive."""
+    """Weights that keep one highlight from conspicuously filling all the unknown background around it."""
     level = color.detach().mean(dim=1, keepdim=True)
     return 1 / (1 + level / (BRIGHT * level.mean(dim=(1, 2, 3), keepdim=True)).clamp_min(TINY))
 
 
 def _layers(coc: Tensor, radii: list[float]) -> Iterator[tuple[float, Tensor, Tensor | None]]:
-    """Signed radii from the nearest layer to the farthest, each with the share that every pixel has in it.
+    """Signed radii from the nearest layer to the farthest, each with every pixel's share in it.
 
-    A pixel between two radii belongs to both such that the variance of its blur is right, hence the squares. Layers
-    before the focal plane also come with what lies clearly behind them.
+    A pixel between two radii belongs to both, so shared that the variance of its blur is right, hence the squares.
+    Layers in front of the focal plane also come with the share of what lies clearly behind them.
     """
     signed = [-r for r in reversed(radii[1:])] + radii
     square = coc * coc.abs()
@@ -130,7 +130,7 @@ def _layers(coc: Tensor, radii: list[float]) -> Iterator[tuple[float, Tensor, Te
 
 
 def _radii(largest: float, step: float) -> list[float]:
-    """0, and on by steps that begin with a quarter of a pixel and grow in proportion, up to the largest."""
+    """Radii from 0 to the largest; the steps start at a quarter of a pixel and grow in proportion."""
     radii = [0.0]
     while radii[-1] < largest:
         radii.append(radii[-1] * (1 + step) + FINEST)
@@ -147,7 +147,7 @@ def _disc_spectrum(radius: float, like: Tensor) -> Tensor:
 
 
 def _fast_size(size: int) -> int:
-    """The next number without prime factors above 5, which Fourier transforms like."""
+    """The next number without prime factors above 5, for fast Fourier transforms."""
     rest = size
     for factor in (2, 3, 5):
         while rest % factor == 0:
@@ -170,7 +170,7 @@ class DepthOfField(TemporalPass):
 
     Args:
         focus_distance: world units; None focuses on what is at the middle of the picture, see `autofocus`.
-        focus_speed: share of the way to a new focus that a frame covers, in 1/distance, so that blur eases evenly.
+        focus_speed: share of the way to a new focus covered per frame, in 1/distance, so that blur changes evenly.
             The first frame is in focus at once.
         focus_region: the middle's height and width as a share of the picture's.
     """

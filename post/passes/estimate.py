@@ -14,7 +14,7 @@ from post.filters.signals import luminance
 from post.sweep.chords import thickness_from_depth
 
 TINY = 1e-12
-DISTANCE_COST = 1e-3  # relative difference in depth that one pixel of way outweighs in the search for motion
+DISTANCE_COST = 1e-3  # relative depth difference that one pixel of distance outweighs in the motion search
 ESTIMATES = ("motion", "motion_z", "roughness", "metallic", "thickness")
 
 
@@ -27,8 +27,8 @@ def normals_from_depth(
 ) -> Tensor:
     """Normals guessed from depth.
 
-    ``edge_aware`` takes the slope, along each axis, from the side that continues straight on: of two planes that meet
-    in an edge or a silhouette, each pixel follows its own. ``plain`` differentiates across them.
+    ``edge_aware`` takes the slope, along each axis, from the side that continues straight on: at an edge
+    or a silhouette between two planes, each pixel follows its own. ``plain`` differentiates across them.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units; at least 2x2.
@@ -60,7 +60,7 @@ def normals_from_depth(
 
 
 def _slope(points: Tensor, straight: Tensor, dx: int, dy: int) -> Tensor:
-    """Difference of points to one neighbour along an axis: that on the side with the smaller second difference."""
+    """Difference of points to one neighbour along an axis, on the side with the smaller second difference."""
     bend = []
     for side in (-1, 1):
         one, two = shifted(straight, side * dx, side * dy), shifted(straight, 2 * side * dx, 2 * side * dy)
@@ -82,7 +82,7 @@ def motion_from_depth(
     hit: Tensor | None = None,
     radius: int = 2,
 ) -> tuple[Tensor, Tensor]:
-    """Motion guessed by looking for each pixel's depth in the frame before, around where a still world would put it.
+    """Motion guessed by searching the previous frame for each pixel's depth, around its static back-projection.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -90,7 +90,7 @@ def motion_from_depth(
         previous_depth: as ``depth``, of the frame before.
         previous_camera: where that was taken.
         hit: ``(B, 1, H, W)`` bool; False marks the sky, which is not searched for.
-        radius: how far to search, pixels to each side; 0 takes the world to stand still.
+        radius: how far to search, pixels to each side; 0 assumes a static world.
 
     Returns:
         ``motion`` ``(B, 2, H, W)``, previous minus current pixels, and ``motion_z`` ``(B, 1, H, W)``.
@@ -167,8 +167,8 @@ class EstimateMissing(Pass):
 
     ``channels`` are those to fill: ``EstimateMissing(channels=("thickness",))`` leaves all others alone. For every
     channel filled, the frame's extra signals get ``<channel>_estimated``, ``(B, 1, H, W)`` of ones. See
-    `motion_from_depth`, `roughness_from_color`, `metallic_from_color` and `thickness_from_depth`; normals, which every
-    G-buffer has, are for `normals_from_depth` to guess before one is built.
+    `motion_from_depth`, `roughness_from_color`, `metallic_from_color` and `thickness_from_depth`. Every G-buffer has
+    normals: where they are unknown, `normals_from_depth` guesses them before one is built.
 
     Raises:
         ValueError: there is no such channel to estimate.

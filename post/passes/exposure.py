@@ -32,7 +32,7 @@ def exposure(
     """The factor that brings a picture's typical luminance to ``key``.
 
     The typical luminance is the geometric mean of the pixels between two percentiles, taken from a histogram of log
-    luminance; so a few lamps or a dark corner do not decide. Its gradient is that of the mean of those pixels.
+    luminance, so that a few lamps or a dark corner do not decide. Its gradient is that of the mean of those pixels.
 
     Args:
         color: ``(B, 3, H, W)`` linear.

@@ -1,4 +1,4 @@
-"""Fast approximate anti-aliasing: smooth stairs in a single finished picture, where no jittered history exists."""
+"""Fast approximate anti-aliasing: smooth staircase edges in a single finished picture, without jittered history."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def fxaa(
 ) -> Tensor:
     """Anti-alias a finished picture by its own luma edges.
 
-    Each pixel beside an edge looks along that edge for its two ends, and moves its reading position across the edge by
-    the share of itself that a straight line between the ends would cover.
+    Each pixel beside an edge searches along that edge for its two ends. It then shifts its sample position across the
+    edge by the share of the pixel that a straight line between the ends would cover.
 
     Args:
-        image: ``(B, 3, H, W)`` display-referred and encoded (perceptually even steps), in [0, 1].
+        image: ``(B, 3, H, W)`` display-referred and encoded (perceptually uniform steps), in [0, 1].
         subpixel: how far isolated pixels fade into their neighbourhood, 0 to 1.
         edge_threshold: contrast relative to the brightest neighbour below which nothing is done.
         dark_threshold: contrast below which nothing is done however dark it is.

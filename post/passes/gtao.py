@@ -20,7 +20,7 @@ from post.sweep.chords import known_thickness
 from post.sweep.slices import PaddedView, Receivers, Slice
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
-REACH = 1.457  # radii: fading occluders as far as this block about as much as all within the radius (XeGTAO)
+REACH = 1.457  # radii: fading occluders up to here occlude about as much as all within the radius (XeGTAO)
 
 
 def gtao(
@@ -50,8 +50,8 @@ def gtao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: for the bitmask: ``(B, 1, H, W)`` measured along the view ray, world units, or one assumed for
-            everything; by default guessed, see `post.thickness_from_depth`. Horizons take everything to be solid to its
-            end.
+            everything; by default guessed, see `post.thickness_from_depth`. Horizons take everything to be
+            infinitely thick.
         radius: world units; a 0-dim tensor to get its gradient.
         directions: slices through each pixel.
         steps: taps on each side of a slice.
@@ -187,9 +187,9 @@ def _arc_direction(side: Side, theta: Tensor) -> tuple[Tensor, Tensor]:
 
 
 class GTAO(Pass):
-    """Ambient occlusion and bent normals; a ``thickness`` channel goes before the tunable, that before a guess.
+    """Ambient occlusion and bent normals. See `gtao`.
 
-    See `gtao`.
+    A ``thickness`` channel takes precedence over the tunable, and the tunable over a guess.
     """
 
     reads = frozenset({"depth", "hit", "normal"})

@@ -18,7 +18,7 @@ from post.shading.lobes import dot, unit
 from post.shading.sent_light import bounce_light
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
-PLAIN = 4  # every so many-th ray goes about the normal itself, so that no direction is left out
+PLAIN = 4  # one ray in this many is distributed about the normal itself, so that every direction is sampled
 
 
 def march_gi(
@@ -38,11 +38,11 @@ def march_gi(
     distance: float = 50.0,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor]:
-    """Light that surfaces get from what the screen shows of their surroundings, and how much sky they see.
+    """Diffuse light that surfaces receive from on-screen surroundings, and how much of their sky is visible.
 
-    Three rays of four go about the normal half way between ``normal`` and ``bent_normal``, cosine-distributed, the
-    fourth about ``normal``; each is weighted by the true cosine over the density of the mixture, so that the estimate
-    is unbiased. A ray that ends at a side that the camera does not see brings nothing and sees no sky.
+    Three rays of four are cosine-distributed about the direction half way between ``normal`` and ``bent_normal``, the
+    fourth about ``normal``. Each is weighted by the true cosine over the density of the mixture, so that the estimate
+    is unbiased. A ray that ends at a side hidden from the camera brings neither light nor sky.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``bent_normal``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
@@ -56,7 +56,7 @@ def march_gi(
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
-        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units; or one assumed for everything;
+        thickness: ``(B, 1, H, W)`` of solids along the view ray, world units; or one assumed for everything;
             by default 0.5.
         index: frame number, for the noise.
         rays: rays a pixel.
@@ -66,7 +66,7 @@ def march_gi(
 
     Returns:
         ``gi`` ``(B, 3, H, W)`` outgoing linear radiance, albedo included, and ``sky_visibility`` ``(B, 1, H, W)``, the
-        cosine-weighted share of rays that met nothing.
+        cosine-weighted share of rays that hit nothing.
 
     Raises:
         ValueError: rays is below 1.

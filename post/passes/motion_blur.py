@@ -1,4 +1,4 @@
-"""Motion blur: what the open shutter would have seen, rebuilt from one picture and its motion."""
+"""Motion blur: what an open shutter would record, rebuilt from one picture and its motion."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from gbufrt.sampling import inside, pixel_centers, sample
 Position = Literal["center", "trailing"]
 Weights = Literal["reconstruction", "similarity"]
 
-LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it is meant to cover, and
-LANDING_RELATIVE = 0.1  # of the way it went, because neighbours of one surface do not move quite alike
+LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it should cover, plus
+LANDING_RELATIVE = 0.1  # of the distance it moved, because neighbours on one surface do not move quite alike
 STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
 OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
 
@@ -37,12 +37,12 @@ def motion_blur(
     index: int = 0,
     seed: int = 0,
 ) -> Tensor:
-    """Blur moving things along their way while the shutter is open.
+    """Blur moving things along their paths while the shutter is open.
 
     Each sample is a moment of the exposure. At that moment a pixel is covered by a point of its own surface or by one
-    that moves as the fastest thing nearby does (maximum of the tiles around, their borders jittered); a candidate
-    counts if its own motion really brings it here, and the nearer one hides the other. What a mover uncovers is
-    filled with the surface behind it.
+    that moves as the fastest thing nearby does (maximum of the surrounding tiles, their borders jittered). A candidate
+    counts if its own motion really brings it here, and the nearer one occludes the other. What is disoccluded is
+    filled with the surface behind.
 
     Args:
         color: ``(B, C, H, W)`` linear.
@@ -51,10 +51,10 @@ def motion_blur(
         shutter: share of the frame interval during which the shutter is open; a float or ``(B,)``.
         position: ``"center"`` exposes half before and half after the frame, ``"trailing"`` ends with it.
         samples: moments of the exposure a pixel.
-        tile: pixels; also the farthest that anything is blurred to either side.
+        tile: pixels; also the largest blur to either side.
         weights: ``"reconstruction"``, or ``"similarity"``: the weights saturate(m_s . m_0 / m_0 . m_0) along the
-            pixel's own motion, with which movers do not spill over what stands still.
-        softness: relative difference in depth over which in front turns into behind.
+            pixel's own motion, with which moving things do not spill over static ones.
+        softness: relative difference in depth over which "in front" fades to "behind".
         index: frame number, for the jitter.
         seed: another seed, another jitter.
 
@@ -121,11 +121,11 @@ def _reconstruct(
 def _moment(
     color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float
 ) -> tuple[Tensor, Tensor]:
-    """What a pixel sees at one moment, and its weight. All moments in one piece would take minutes to compile."""
+    """A pixel's weighted colour at one moment, and the weight. All moments in one kernel take minutes to compile."""
     a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
     b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
     a_front = _in_front(a_depth, b_depth, softness)
-    # Where nothing lands at this moment, a surface behind the pixel's own shows, and one before it has no say.
+    # Where nothing lands at this moment, a surface behind the pixel's own shows; one in front of it does not count.
     bare = (1 - a_lands) * (1 - b_lands) / (a_behind + b_behind).clamp_min(1.0)
     a = a_lands * (1 - b_lands * (1 - a_front)) + bare * a_behind
     b = b_lands * (1 - a_lands * a_front) + bare * b_behind
@@ -192,11 +192,11 @@ def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int
 
 
 class MotionBlur(Pass):
-    """See `motion_blur`. A G-buffer without motion is taken to stand still while its camera moves.
+    """See `motion_blur`. Without motion in the G-buffer the scene is taken as static under a moving camera.
 
     Args:
-        target_frame_time: seconds; where given, the blur is as long as at this frame time, whatever the frames' own
-            times say (it needs `Frame.previous`, which a pipeline fills).
+        target_frame_time: seconds; where given, the blur is as long as at this frame time, whatever the actual
+            frame times (it needs `Frame.previous`, which a pipeline fills).
     """
 
     reads = frozenset({"color", "depth"})
@@ -239,7 +239,7 @@ class MotionBlur(Pass):
 
 
 def motion_of(frame: Frame) -> Tensor:
-    """The G-buffer's motion; without it what the camera's movement explains; none after a cut or without cameras."""
+    """The G-buffer's motion, else the motion due to the camera alone; zero after a cut or without cameras."""
     g = frame.gbuffer
     motion = g.motion
     if motion is None and g.previous_camera is not None:

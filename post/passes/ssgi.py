@@ -1,4 +1,4 @@
-"""Screen-space global illumination: one sweep finds what blocks each pixel's sky and the light that it sends."""
+"""Screen-space global illumination: one sweep finds the occluders of each pixel's sky and the light they send."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
 from post.sweep.sectors import cover, no_cover, share, slice_sums
 from post.sweep.thickness import planar_thickness
 
-SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables that the function takes as they are
+SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged
 
 
 def ssgi(
@@ -46,17 +46,17 @@ def ssgi(
     seed: int = 0,
     compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """One bounce of light between the surfaces in the picture, and the sky that each surface sees past them.
+    """One bounce of light between on-screen surfaces, and the sky visible past them.
 
     Each tap covers the sectors from its front to its back, as in `post.bitmask_ao`. The sectors that it is the first to
-    cover receive the light it sends, if it faces the receiver. Where steps are so fine that no pixel shows a tread, it
-    sends about what its riser does. Sectors left open see the sky, as far as directions that leave the picture may (see
-    `post.sweep.open_sky`). So open sky and gathered light share every hemisphere without counting
-    a direction twice.
+    cover receive the light it sends, if it faces the receiver. Where stairs are so fine that no pixel shows a tread,
+    the tread sends about what its riser does. Sectors left open count as sky, as far as `post.sweep.open_sky` allows
+    for directions that leave the picture. So open sky and gathered light share every hemisphere, and no direction
+    counts twice.
 
     Differentiable in all tensors. Gradients in depth, normal, thickness and distance need fractional coverage of
-    sectors in place of dithered edges: where they are wanted, the result is less noisy and on average the same. In
-    light and albedo alone the result stays as it is.
+    sectors in place of dithered edges: with them, the result is less noisy and on average the same. Gradients in light
+    and albedo alone do not change the result.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -71,7 +71,7 @@ def ssgi(
         steps: taps on each side of a slice.
         distance: how far light is gathered, world units, a 0-dim tensor to get its gradient; None for the whole
             picture.
-        resolution: 1, or 2 to sweep at every second pixel both ways and bring the result to all along surfaces.
+        resolution: 1, or 2 to sweep every second pixel in both directions and upsample the result along surfaces.
         index: frame number, for the noise.
         seed: another seed, another noise.
         compiled: whether to use the kernel; by default as `post.bitmask_ao` does.
@@ -82,7 +82,7 @@ def ssgi(
 
     Raises:
         ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2, or a
-                kernel is wished for tensors that it does not take.
+                kernel is requested for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
@@ -106,7 +106,7 @@ def ssgi(
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
     soft = torch.is_grad_enabled() and any(t.requires_grad for t in (at.z, solid, *radii))
     lit = torch.is_grad_enabled() and not soft and light.requires_grad
-    with torch.set_grad_enabled(soft):  # a gradient in the light alone takes the kernel's numbers
+    with torch.set_grad_enabled(soft):  # a gradient in the light alone uses the kernel's numbers
         form = form_of(around.picture, around.origin_x, at.x, at.nx, compiled=compiled, fuses=True)
     by_reference = form is Form.REFERENCE
     sums = _sweep(around, at, noise, radii, sky, **sizes, soft=soft) if by_reference or lit else at.z.new_empty(0)
@@ -231,11 +231,11 @@ def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
 
 
 class SSGI(Pass):
-    """Diffuse light from surfaces in the picture, and the visibility of the sky. See `ssgi` and `sent_light`.
+    """Diffuse light from on-screen surfaces, and the visibility of the sky. See `ssgi` and `sent_light`.
 
-    A frame with none before it is swept once for each of ``bounces``, and the rest of the series follows from the last
-    two, so that a lone picture is as bright as one with a history. Later frames are swept once and find further bounces
-    in the frame before.
+    A frame with none before it is swept once for each of ``bounces``. The rest of the series is extrapolated from the
+    last two, so that a single picture is as bright as one with a history. Later frames are swept once and take further
+    bounces from the frame before.
     """
 
     reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})

@@ -23,9 +23,9 @@ from post.shading.sent_light import outgoing_light
 Method = Literal["ggx", "cone"]
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
-UNSEEN = 0.5  # of what the surface next to an unseen one sends, as a guess of what that one sends
-FIREFLY = 16.0  # times the frame's mean luminance, over roughness: what one sample may bring
-GUESSED = 4.0  # times that mean: what an unseen side may send, for lamps seldom go on behind what hides them
+UNSEEN = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
+FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
+GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 
 
 def ssr(
@@ -51,12 +51,12 @@ def ssr(
     method: Method = "ggx",
     seed: int = 0,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Specular light that surfaces mirror, found on screen where it is there, else in the environment.
+    """Specular reflections, from on-screen hits where there are any, else from the environment.
 
-    A ray that meets a visible surface brings ``light``. A ray that meets nothing brings the environment, times how open
-    the sky is to it: as open as to what it was last in front of, or within the cone around ``bent_normal`` that
-    ``visibility`` leaves open. So windows mirror the sky, and interiors do not fill with it. A ray that ends at what
-    the camera does not see brings some of the light of the surface next to it, at confidence 0.
+    A ray that hits a visible surface brings ``light``. A ray that hits nothing brings the environment times a sky
+    visibility: that of the surface it was last in front of, or that of the cone around ``bent_normal`` that
+    ``visibility`` leaves open. So windows reflect the sky, and interiors do not fill with it. A ray that ends at a
+    surface hidden from the camera brings some of the light of the surface next to it, at confidence 0.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
@@ -70,7 +70,7 @@ def ssr(
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         f0: ``(B, 3, H, W)`` reflectance at normal incidence; 0.04 where absent.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
-        thickness: ``(B, 1, H, W)`` how far solids reach along the view ray, world units; or one assumed for everything;
+        thickness: ``(B, 1, H, W)`` of solids along the view ray, world units; or one assumed for everything;
             by default 0.5.
         environment: ``(B, 3, h, w)`` lat-long sky; black where absent.
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
@@ -78,15 +78,15 @@ def ssr(
         index: frame number, for the noise.
         samples: rays a pixel at roughness 1; half as many at 0, and one for a mirror.
         steps: see `march_rays`.
-        distance: how far rays go, world units; None for as far as the camera sees.
-        roughness_cutoff: above it rays give way to the environment alone, over the next 0.1.
-        reuse: how many neighbours' rays a pixel takes into account, 0 to 8.
+        distance: how far rays go, world units; None for the camera's far.
+        roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
+        reuse: how many neighbours' rays a pixel reuses, 0 to 8.
         method: ``"ggx"`` samples visible microfacets; ``"cone"`` a cone of roughness x 45 degrees.
         seed: another seed, another noise.
 
     Returns:
         ``reflection`` ``(B, 3, H, W)`` linear radiance, Fresnel included; ``confidence`` ``(B, 1, H, W)`` share of it
-        found on screen; and ``distance`` ``(B, 1, H, W)`` mean way to what was met, ``far`` where only sky was.
+        found on screen; and ``distance`` ``(B, 1, H, W)`` mean distance to what was hit, ``far`` where only sky was.
 
     Raises:
         ValueError: unknown method, samples below 1, or reuse outside 0 to 8.
@@ -136,7 +136,7 @@ LOBES = {"ggx": ggx_ray, "cone": cone_ray}
 def _points(depth: Tensor, index: int, i: int, samples: int, method: Method, seed: int) -> Tensor:
     """``(1, 2, H, W)`` sample points: a low-discrepancy sequence over samples and frames, shifted by blue noise."""
     noise = blue_noise(*depth.shape[-2:], dims=2, seed=seed, device=depth.device).to(depth)
-    place = index * samples + i + 1  # the frame moves both numbers apart: one rotation for both would walk a diagonal
+    place = index * samples + i + 1  # each dimension advances by its own step: one step for both would trace a diagonal
     pair = (place / PLASTIC % 1.0, place / PLASTIC**2 % 1.0)
     if method == "cone":
         pair = ((i / samples + place / PLASTIC) % 1.0, (radical_inverse(2, i) + index / PLASTIC**2) % 1.0)
@@ -151,13 +151,13 @@ def _border_fade(px: Tensor, camera: Camera) -> Tensor:
 
 
 def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None, bent: Tensor | None) -> Tensor:
-    """How much of the sky a ray without a hit sees.
+    """Visibility of the sky to a ray without a hit.
 
-    As much as the surface that it was last in front of, all where that was the sky itself: out there the surroundings
-    are as open as there, whatever is around the place where the ray began. Only a ray that leaves the picture over
-    nothing more open than that place, or is hidden from its beginning, tells no more than it: the open part of its
-    hemisphere is taken for a cone around the bent normal, and cosine-weighted visibility v leaves open a half angle
-    whose sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    The ray takes the visibility of the surface it was last in front of, or 1 if that was the sky itself: its end is as
+    open as that surface, whatever surrounds its origin. Only a ray that leaves the picture over nothing more open than
+    its origin, or is hidden from its beginning, tells no more than the origin does. Then the open part of the origin's
+    hemisphere is taken for a cone around the bent normal: cosine-weighted visibility v leaves open a half angle whose
+    sine is sqrt(v) (Jimenez et al. 2016, section 5).
     """
     if visibility is None:
         return torch.ones_like(hits.distance)
@@ -175,7 +175,7 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
 def _incoming(
     light: Tensor, environment: Tensor | None, hits: Hits, confidence: Tensor, world: Tensor, sky: Tensor
 ) -> Tensor:
-    """What each ray brings: light from the screen as far as it is trusted, else the environment."""
+    """Radiance of each ray: light from the screen as far as it is trusted, else the environment."""
     seen = sample(light, hits.px)
     guessed = torch.where(hits.blocked, UNSEEN * seen, 0.0)
     if environment is not None:
@@ -184,7 +184,7 @@ def _incoming(
 
 
 def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
-    """At most 1: holds guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
+    """At most 1: limits guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
     mean = (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
     limit = mean * torch.where(guessed, GUESSED, FIREFLY / roughness.clamp_min(1e-3))
     return (limit / luminance(incoming).clamp_min(1e-9)).clamp_max(1.0)

@@ -28,14 +28,14 @@ def taa(
 ) -> tuple[Tensor, History]:
     """Average jittered frames into one anti-aliased picture on the grid without jitter.
 
-    Each frame is resampled to pixel centres by a narrow Gaussian window around its jittered samples; the history is
-    read by Catmull-Rom along the motion of the nearest of 3x3 surfaces, and clipped in YCoCg to the mean and variance
-    of the 3x3 pixels now there. All of it with colours weighted by 1 / (1 + luminance), so that bright edges are
-    anti-aliased as they will be seen.
+    Each frame is resampled to pixel centres by a narrow Gaussian window around its jittered samples. The history is
+    read with Catmull-Rom weights along the motion of the nearest surface in 3x3, and clipped in YCoCg to the mean and
+    variance of the current 3x3 pixels. All colours are weighted by 1 / (1 + luminance), so that bright edges are
+    anti-aliased as they will be displayed.
 
     Args:
         color: ``(B, 3, H, W)`` linear radiance.
-        gbuffer: of this frame; its camera tells the jitter.
+        gbuffer: of this frame; its camera holds the jitter.
         history: what this function returned for the frame before; None at first.
         blend: largest share of history.
         gamma: standard deviations to which the history is clipped.
@@ -87,7 +87,7 @@ def _resampled(image: Tensor, gbuffer: GBuffer) -> Tensor:
 
 
 def _dilated(motion: Tensor, gbuffer: GBuffer) -> Tensor:
-    """Motion of the nearest surface among 3x3: an edge moves with what stands in front."""
+    """Motion of the nearest surface among 3x3: an edge moves with the surface in front."""
     height, width = gbuffer.camera.size
     far = torch.where(gbuffer.hit, gbuffer.depth, gbuffer.camera.far * 2)
     padded = F.pad(far, (1, 1, 1, 1), value=float("inf"))

@@ -27,8 +27,8 @@ from post.history.reproject import geometry_of, history_for, motion_of, reprojec
 from post.passes.atrous import atrous
 
 STORED = ("signal", "fast", "moments", "share")
-SAME_PLANE = 0.3  # pixel footprints: steps of a wall are another surface to a sharp history
-BORROWED = 3.0  # frames: a sharp history shorter than this gives way to as much of what a nearby step has
+SAME_PLANE = 0.3  # pixel footprints: a sharp history counts a step in a wall as another surface
+BORROWED = 3.0  # frames: a shorter sharp history is replaced by that of a nearby step, capped at this length
 
 
 def temporal(
@@ -47,11 +47,11 @@ def temporal(
 ) -> tuple[Tensor, History]:
     """Average a signal over time along the motion of surfaces.
 
-    The mean is plain (1/N) until ``blend`` limits it, and starts anew where no pixel of the frame before shows the same
-    surface. A fast history tells when the light itself has changed: where its difference from the slow one, averaged
-    over those of the 3x3 pixels around that show the same surface, exceeds what noise explains, the slow one is drawn
-    after it and becomes young again; the fast one is held to the present frame in the same way. Differences cancel what
-    stands still, so detail is not clamped away, and noise loosens the clamp by itself.
+    The mean is plain (1/N) until ``blend`` limits it, and restarts where no pixel of the frame before shows the same
+    surface. A fast history detects changes of the light itself. Its difference from the slow one is averaged over those
+    of the surrounding 3x3 pixels that show the same surface. Where that exceeds what noise explains, the slow one is
+    drawn toward it and becomes young again. The fast one is held to the present frame in the same way. Static detail
+    cancels in the differences, so it is not clamped away, and noise loosens the clamp by itself.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame, any unit; several signals stacked share one set of weights.
@@ -62,12 +62,12 @@ def temporal(
         firefly: standard deviations above history and neighbours at which a sample is cut; 0 keeps all.
         motion_response: shortens the longest history by 1 / (1 + this x pixels moved).
         feedback: keep the history filtered by one wavelet iteration, as SVGF does: less noise, less detail.
-        sharp: keep detail for the price of more noise at edges: history is read with Catmull-Rom weights, from the
-            same plane alone, and counts for fewer frames the less of its footprint shows the surface: what is left of
-            it lies to one side. Only where next to nothing is left it comes from a step beside it.
-        distance: ``(B, 1, H, W)`` world units to what a reflection shows: it is then also looked for where its virtual
-            image was, and the history that agrees better is taken.
-        lead: how many of the first channels the tests look at; all by default.
+        sharp: keep detail at the price of more noise at edges: history is read with Catmull-Rom weights, from the same
+            plane alone. The less of its footprint shows the surface, the fewer frames it counts for, because what is
+            left lies to one side. Only where next to nothing is left does it come from a step beside it.
+        distance: ``(B, 1, H, W)`` world units to the reflected hit: history is then also read where its virtual image
+            was, and the one that agrees better is taken.
+        lead: how many of the first channels the tests use; all by default.
 
     Returns:
         The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
@@ -110,7 +110,7 @@ def temporal(
 def _fetch(
     signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int, sharp: bool
 ) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-    """Mean, fast mean, moments, sum of squared weights and length of the history, as this frame's pixels find them."""
+    """Mean, fast mean, moments, sum of squared weights and length of the history, reprojected to this frame."""
     kept = history.signals
     if kept["signal"].shape[1] != signal.shape[1]:
         raise ValueError(
@@ -139,7 +139,7 @@ def _fetch(
 
 
 def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
-    """Motion of the mirror image, which lies as far behind the surface as the mirrored thing lies before it."""
+    """Motion of the virtual image, which lies as far behind the surface as the reflected hit lies in front of it."""
     camera = gbuffer.camera
     points = gbuffer.points_view()
     image = points - camera.to_eye(points) * distance
@@ -154,7 +154,7 @@ def _misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
 def _finish(
     sample: Tensor, new: dict[str, Tensor], length: Tensor, g: GBuffer, feedback: bool, lead: int
 ) -> tuple[Tensor, History]:
-    """Work out how noisy the mean still is, and what the next frame will find."""
+    """Compute the variance left in the mean, and the history for the next frame."""
     mean, variance = new["signal"], sample_variance(new["moments"], length)
     if bool((length < YOUNG).any()):
         _, around = spatial_moments(sample, surface(g.depth, g.normal, g.hit, g.camera), radius=2, lead=lead)
@@ -172,13 +172,13 @@ def _finish(
 class Temporal(TemporalPass):
     """Accumulate one signal, or several by one set of weights. See `temporal`.
 
-    Leaves ``<signal>_variance`` (of what it wrote, albedo divided out where that was asked) for denoisers, and
-    ``<signal>_history``, the number of frames behind each pixel. A reflection takes its confidence along.
+    Writes ``<signal>_variance`` (of its output, without albedo where that was divided out) for denoisers, and
+    ``<signal>_history``, the number of frames in each pixel's mean. The confidence of a reflection is averaged with it.
 
     Args:
         signal: name of a signal, or several; the first leads.
         blend: see `temporal`, as the rest.
-        virtual: for reflections: also look where the mirror image was.
+        virtual: for reflections: also back-project along the motion of the virtual image.
         demodulate: divide albedo out first; by default for ``gi``.
     """
 
@@ -224,7 +224,7 @@ class Temporal(TemporalPass):
 
 
 def _mirrored(frame: Frame, names: tuple[str, ...], virtual: bool) -> Tensor | None:
-    """Distance to what is mirrored, zero where the surface is too rough to hold an image."""
+    """Distance to the reflected hit, zero where the surface is too rough to hold an image."""
     distance, roughness = frame.reflection_distance, frame.gbuffer.roughness
     if not virtual or names[0] != "reflection" or distance is None:
         return None

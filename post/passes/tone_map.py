@@ -156,7 +156,7 @@ def display_encode(image: Tensor, *, dither: bool = False, index: int = 0, seed:
 
 
 class ToneMap(Pass):
-    """See `tone_map`. ``exposure`` comes on top of the frame's own automatic exposure, where it has one."""
+    """See `tone_map`. ``exposure`` multiplies the frame's automatic exposure, where it has one."""
 
     reads = frozenset({"color"})
     optional = frozenset({"exposure"})

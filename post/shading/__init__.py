@@ -1,1 +1,1 @@
-"""What surfaces send and mirror: GGX, lobes, the thin lens."""
+"""Light that surfaces send and reflect: GGX, lobes, the thin lens."""

@@ -1,4 +1,4 @@
-"""The GGX microfacet model in the shading frame (z along the normal), as planes ``(B, 1, H, W)`` or anything alike."""
+"""The GGX microfacet model in the shading frame (z along the normal), as planes ``(B, 1, H, W)`` or any other shape."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def grazing(cosine: Tensor) -> Tensor:
 
 
 def specular_albedo(gbuffer: GBuffer) -> Tensor:
-    """Directional albedo of the specular lobe of surfaces if they are dielectrics, 0 where nothing was hit.
+    """Directional albedo of surfaces' specular lobe as dielectrics, 0 where nothing was hit.
 
     Args:
         gbuffer: surfaces; without ``roughness`` they are taken to be smooth.
@@ -49,7 +49,7 @@ def specular_albedo(gbuffer: GBuffer) -> Tensor:
 
 
 def reflection_pdf(cos_view: Tensor, cos_half: Tensor, alpha: Tensor) -> Tensor:
-    """Density, per steradian, of directions that mirror the eye at a sample of the visible normals.
+    """Density, per steradian, of directions that reflect the eye at a sample of the visible normals.
 
     Args:
         cos_view: between the normal and the eye.

@@ -1,4 +1,4 @@
-"""Where reflected rays go: GGX visible normals or a cone, and how neighbours share what their rays found."""
+"""Directions of reflected rays: GGX visible normals or a cone, and reuse of neighbours' rays."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_norm
 from post.shading.ggx import grazing, reflection_pdf
 
 CONE_DEGREES = 45.0  # half angle of ME1's cone at roughness 1
-SHARP_ALPHA = 1e-2  # below this roughness squared a neighbour's ray is no ray of ours
+SHARP_ALPHA = 1e-2  # below this roughness squared neighbours' rays are not reused
 NEIGHBORS = ((1, -2), (-2, -1), (2, 1), (-1, 2), (3, -1), (-1, -3), (1, 3), (-3, 1))
 
 
 class Surface(NamedTuple):
-    """What reflects, in view space."""
+    """Reflecting surfaces, in view space."""
 
     points: Tensor
     """``(B, 3, H, W)`` world units."""
@@ -37,14 +37,14 @@ class Surface(NamedTuple):
 
 
 class Lobe(NamedTuple):
-    """One reflected ray a pixel."""
+    """One reflected ray per pixel."""
 
     direction: Tensor
     """``(B, 3, H, W)`` view space, unit; zero where there is no ray."""
     cosine: Tensor
     """``(B, 1, H, W)`` between light and microfacet, for Fresnel."""
     weight: Tensor
-    """``(B, 1, H, W)`` factor on what the ray brings, Fresnel aside."""
+    """``(B, 1, H, W)`` factor on the ray's radiance, without Fresnel."""
     share: Tensor
     """``(B, 1, H, W)`` by which the sum of all samples is divided."""
     pdf: Tensor
@@ -66,7 +66,7 @@ def unit(a: Tensor) -> Tensor:
 def surface_of(
     depth: Tensor, hit: Tensor, normal: Tensor, normal_geo: Tensor | None, roughness: Tensor, camera: Camera
 ) -> Surface:
-    """The reflecting surface from G-buffer channels; normals tipped away from the eye are brought to its edge."""
+    """The reflecting surface from G-buffer channels; normals that face away from the eye are bent until edge-on."""
     points = camera.unproject(depth)
     eye = camera.to_eye(points)
     facing = camera.rotate_to_view(normal)
@@ -76,7 +76,7 @@ def surface_of(
 
 
 def ggx_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
-    """Mirror the eye at a visible microfacet. ``u`` is ``(B, 2, H, W)`` in [0, 1). Source: Heitz 2018."""
+    """Reflect the eye at a visible microfacet. ``u`` is ``(B, 2, H, W)`` in [0, 1). Source: Heitz 2018."""
     normal, eye, alpha = surface.normal, surface.eye, surface.alpha
     tangent, bitangent = tangent_frame(normal)
     local = torch.cat([dot(eye, tangent), dot(eye, bitangent), dot(eye, normal)], dim=1)
@@ -90,7 +90,7 @@ def ggx_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
 
 
 def cone_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
-    """A ray within roughness x 45 degrees of the mirror's, cosine-distributed, weighted by nearness to its axis.
+    """A ray within roughness x 45 degrees of the mirror direction, cosine-distributed, weighted by nearness to it.
 
     Source: ME1 Path Tracing technical overview, reflections.
     """
@@ -108,29 +108,29 @@ def cone_ray(surface: Surface, u: Tensor, taken: Tensor) -> Lobe:
 
 
 def _above(surface: Surface, lobe: Lobe) -> Lobe:
-    """No ray starts on the sky, goes below the surface, or where the sample is not taken."""
+    """Drop rays that start on the sky, go below the surface, or belong to samples not taken."""
     flies = (lobe.taken > 0) & (dot(lobe.direction, surface.geometric) > 1e-4) & (lobe.weight > 0)
     weight, share = torch.where(flies, lobe.weight, 0.0), lobe.share * lobe.taken
     return lobe._replace(direction=torch.where(flies, lobe.direction, 0.0), weight=weight, share=share)
 
 
 def throughput(lobe: Lobe) -> Tensor:
-    """``(B, 3, H, W)``: f0 times the first, plus the second, over the third is the share of light that is reflected."""
+    """``(B, 3, H, W)``: the share of light reflected is (f0 times the first plus the second) over the third."""
     edge = grazing(lobe.cosine)
     return torch.cat([lobe.weight * (1 - edge), lobe.weight * edge, lobe.share], dim=1)
 
 
 def reuse_neighbors(surface: Surface, lobe: Lobe, ends: Tensor, incoming: Tensor, count: int) -> tuple[Tensor, Tensor]:
-    """Average what a pixel's ray and its neighbours' rays found, each by the pixel's own BRDF over the ray's density.
+    """Average radiance of a pixel's ray and its neighbours' rays, each weighted by the pixel's BRDF over the ray's pdf.
 
-    What the surface reflects of it is averaged too, apart: a pixel whose own ray was lost below the surface takes part.
+    Throughput is averaged separately, so that a pixel whose own ray was lost below the surface takes part.
 
     Args:
         surface: the reflecting pixels.
         lobe: one ray of each.
-        ends: ``(B, 4, H, W)`` where rays ended: a view-space point and 1, or for rays without end a direction and 0.
-        incoming: ``(B, 3, H, W)`` radiance that they brought.
-        count: how many neighbours, up to 8.
+        ends: ``(B, 4, H, W)`` where rays ended: a view-space point and 1, or for endless rays a direction and 0.
+        incoming: ``(B, 3, H, W)`` radiance along the rays.
+        count: number of neighbours, up to 8.
 
     Returns:
         ``(B, 3, H, W)`` incoming radiance and ``(B, 3, H, W)`` `throughput`, as if from ``count + 1`` rays.

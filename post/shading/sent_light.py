@@ -1,4 +1,4 @@
-"""What each pixel sends to others: the light that gathered and marched GI and reflections find on screen."""
+"""Outgoing light of each pixel, which gathered and marched GI and reflections find on screen."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from gbufrt import Frame
 from post.history.reproject import reproject
 from post.sweep.bitmask import bitmask_ao
 
-SKY_DIRECTIONS = 2  # slices that find how much sky senders see: gathering averages their noise
-SKY_COARSER = 2  # and they take so many times fewer taps
-TYPICAL_REFLECTANCE = 0.3  # of a scene, for how much of endless feedback belongs to a number of bounces
-BRIGHTEST = 0.9  # share of the light before it that any bounce may have
+SKY_DIRECTIONS = 2  # slices for the sky visibility of senders: gathering averages their noise
+SKY_COARSER = 2  # factor by which they take fewer taps
+TYPICAL_REFLECTANCE = 0.3  # of a scene, to convert a number of bounces to a gain of endless feedback
+BRIGHTEST = 0.9  # greatest ratio of a bounce's light to that of the bounce before
 
 
 def gathered_radiance(frame: Frame) -> Tensor:
-    """Radiance ``(B, 3, H, W)`` that diffuse light may gather: emission counts only where lamps were not sampled."""
+    """Radiance ``(B, 3, H, W)`` that diffuse light may gather: emission counts only if emitters were not sampled."""
     light, emission = frame.read("radiance"), frame.gbuffer.emission
     return (light - emission).clamp_min(0) if frame.emitters_sampled and emission is not None else light
 
@@ -32,10 +32,10 @@ def sent_light(
     bounces: int = 1,
     bounce_loss: float = 1.0,
 ) -> Tensor:
-    """What each pixel sends to others: direct light, sky light that reaches it, and bounces that came before.
+    """Light that each pixel sends to others: direct light, visible sky light, and earlier bounces.
 
-    Emission counts only where the frame has not sampled its emitters as direct light. The sky light is scaled by the
-    sky that the pixel sees: from a coarse sweep over the whole picture, or from the frame's ``ao`` when light is
+    Emission counts only if the frame has not sampled its emitters as direct light. The sky light is scaled by the
+    pixel's sky visibility: from a coarse sweep over the whole picture, or from the frame's ``ao`` when light is
     gathered within a ``distance``.
 
     Args:
@@ -43,8 +43,8 @@ def sent_light(
         distance: see `post.ssgi`.
         thickness: see `post.ssgi`.
         steps: see `post.ssgi`.
-        bounces: 1 for direct and sky light alone; more adds the GI of the frame before, which over the frames becomes
-            the sum of all bounces.
+        bounces: 1 for direct and sky light alone; more adds the previous frame's GI, which over the frames becomes the
+            sum of all bounces.
         bounce_loss: factor on the light of further bounces (0.6 in ME1's composite).
 
     Returns:
@@ -65,10 +65,10 @@ def sent_light(
 
 
 def feedback_gain(bounces: int) -> float:
-    """How much of the last frame's bounced light surfaces send on, so that endless feedback sums to ``bounces``.
+    """Factor on the last frame's bounced light with which endless feedback sums to ``bounces``.
 
     Args:
-        bounces: 1 or more; exact where surfaces reflect `TYPICAL_REFLECTANCE` of what they get.
+        bounces: 1 or more; exact where surfaces reflect `TYPICAL_REFLECTANCE` of incoming light.
 
     Returns:
         0 for one bounce, toward 1 for many.
@@ -83,13 +83,13 @@ def feedback_gain(bounces: int) -> float:
 
 
 def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
-    """What each surface sends to others: direct light, visible sky light, and last frame's bounced light.
+    """Light that each surface sends to others: direct light, visible sky light, and last frame's bounced light.
 
-    Lamps that the renderer has sampled as direct light (``frame.emitters_sampled``) do not count again.
+    Emitters that the renderer has sampled as direct light (``frame.emitters_sampled``) do not count again.
 
     Args:
-        frame: ``radiance`` must be there; ``emission``, ``ambient``, ``ao`` and ``previous.gi`` count where they are.
-        bounces: 1 leaves last frame's light out; see `feedback_gain`.
+        frame: needs ``radiance``; ``emission``, ``ambient``, ``ao`` and ``previous.gi`` count if present.
+        bounces: 1 leaves out last frame's light; see `feedback_gain`.
 
     Returns:
         ``(B, 3, H, W)`` linear radiance.
@@ -102,10 +102,10 @@ def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
 
 
 def outgoing_light(frame: Frame) -> Tensor:
-    """What each surface is known to send: direct light, sky light as far as it is visible, and bounced light.
+    """Known outgoing light of each surface: direct light, visible sky light, and bounced light.
 
     Args:
-        frame: ``radiance`` must be there; ``ambient``, ``sky_visibility`` or ``ao``, and ``gi`` count where they are.
+        frame: needs ``radiance``; ``ambient``, ``sky_visibility`` or ``ao``, and ``gi`` count if present.
 
     Returns:
         ``(B, 3, H, W)`` linear radiance.
@@ -122,18 +122,18 @@ def _with_visible_sky(frame: Frame, light: Tensor) -> Tensor:
 
 
 def nothing_before(frame: Frame) -> Tensor:
-    """``(B, 1, 1, 1)`` bool: whether there is no light of a frame before to go on from."""
+    """``(B, 1, 1, 1)`` bool: whether there is no previous frame's light to continue from."""
     lone = frame.previous is None or frame.previous.gi is None
     new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
     return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
 
 
 def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int) -> Tensor:
-    """What the light ``once`` bounced tends to: ``bounces`` are gathered, and all others fade as the last of them did.
+    """Limit of all bounces: ``bounces`` are gathered, and the rest are extrapolated from the ratio of the last two.
 
     Args:
         once: ``(B, 3, H, W)`` with one bounce.
-        further: takes the light so far to that with one bounce more.
+        further: maps the light so far to that with one bounce more.
         bounces: at least 2.
     """
     light, last, before = once, once, once

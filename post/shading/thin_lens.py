@@ -21,10 +21,10 @@ def circle_of_confusion(
 ) -> Tensor:
     """Signed radius of the disc into which a lens spreads each point: negative before the focal plane, positive behind.
 
-    A ray from the lens at offset o to a point at depth z meets the focal plane f away from where the pinhole's ray
-    does by o (1 - f/z); one world unit there is pixels_per_unit(f). So the radius is a pixels_per_unit(f) (1 - f/z),
-    and a pixels_per_unit(f) for the sky. An orthographic camera is given the matching telecentric lens: a cone of rays
-    of radius a around each parallel ray, meeting on the focal plane, hence a pixels_per_unit (z - f) / f.
+    A ray from the lens at offset o to a point at depth z intersects the focal plane f at o (1 - f/z) from the pinhole's
+    ray; one world unit there is pixels_per_unit(f). So the radius is a pixels_per_unit(f) (1 - f/z), and
+    a pixels_per_unit(f) for the sky. An orthographic camera has the matching telecentric lens: a cone of rays of radius
+    a around each parallel ray, converging on the focal plane, hence a pixels_per_unit (z - f) / f.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.

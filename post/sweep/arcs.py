@@ -1,8 +1,8 @@
-"""What the slice sweeps (GTAO, bitmask, screen-space GI) share: taps, the arc's measure, and what the slices add up to.
+"""Shared by the slice sweeps (GTAO, bitmask, screen-space GI): taps, the arc's measure, and the sums over slices.
 
 A slice is a plane through the ray of a pixel. Angles in it are measured from the direction toward the eye (theta) or
-from the normal projected into the slice (alpha = theta - n). A sweep goes along the slice in the picture, first to
-one side and then to the other; the other side is the mirror image: tangent, n and their sine change sign.
+from the normal projected into the slice (alpha = theta - n). A sweep follows the slice in the picture, first to one
+side and then to the other. The other side is the mirror image: tangent, n and the sine of n change sign.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def sides(around: PaddedView, at: Receivers, cut: Slice) -> tuple[Side, Side]:
 
 
 def _borders(around: PaddedView, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
-    """Pixels to the picture's border and to the end of its margin."""
+    """Distances in pixels to the picture's border and to the end of its margin."""
     height, width = around.picture.shape[-2:]
     ways = []
     for edge in (around.margin + 1, 1):
@@ -45,8 +45,8 @@ def _borders(around: PaddedView, at: Receivers, dx: Tensor, dy: Tensor) -> tuple
 def look(around: PaddedView, at: Receivers, side: Side, px: Tensor, parallel: bool) -> Tap:
     """Read the tap ``px`` pixels from the receivers.
 
-    The tap is the whole pixel nearest to the slice. Its point is slid along the receiver's plane into the slice, which
-    keeps its height above that plane: an open plane never blocks itself, however steep.
+    The tap is the whole pixel nearest to the slice. Its point is slid along the receiver's plane into the slice. This
+    keeps its height above that plane, so an open plane never occludes itself, however steep.
     """
     cut = side.cut
     column, row = (at.column + side.dx * px).round(), (at.row + side.dy * px).round()
@@ -77,7 +77,7 @@ def arc_measure(rise: Tensor, run: Tensor, side: Side) -> Tensor:
     """Share of the arc's cosine-weighted measure between the direction toward the eye and a tap.
 
     The measure of theta is the integral of cos(t - n) |sin t|, (sin(theta) sin(alpha) + theta sin(n)) / 2.
-    All of this side where the tap lies below the receiver's plane.
+    A tap below the receiver's plane gets the whole of this side.
 
     Source: Jimenez et al. 2016, section 4; sectors of equal measure after Therrien et al. 2023.
     """
@@ -90,15 +90,15 @@ def arc_measure(rise: Tensor, run: Tensor, side: Side) -> Tensor:
 
 
 def step(value: Tensor) -> Tensor:
-    """1 where ``value`` is positive, else 0: arithmetic, because comparing and choosing cost ten times as much."""
+    """1 where ``value`` is positive, else 0: arithmetic, because a comparison and a select cost ten times as much."""
     return (value.detach() * 1e30).clamp(0, 1)
 
 
 def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
     """Visibility and bent normal from sums over slices.
 
-    The mean direction over the open part is corrected by what the same slices say of the whole hemisphere, whose mean
-    direction is known (2/3 of the normal): an open plane returns its normal whatever the slices.
+    The mean open direction is corrected by the error of the same slices over the whole hemisphere, whose mean direction
+    is known (2/3 of the normal). An open plane therefore returns its normal whatever the slices.
 
     Args:
         at: all receivers.
@@ -120,7 +120,7 @@ def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Ten
 
 
 def mean_of_scales(found: list[tuple[Tensor, Tensor]], hit: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean of several visibilities, and of their bent normals, each of which counts as far as its scale is open."""
+    """Mean of several visibilities, and of their bent normals weighted by visibility."""
     if len(found) == 1:
         return found[0]
     visibility = torch.stack([share for share, _ in found]).mean(0)
@@ -131,7 +131,7 @@ def mean_of_scales(found: list[tuple[Tensor, Tensor]], hit: Tensor, normal: Tens
 
 
 def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
-    """Mean directions of equal parts of the arc, by cosine-weighted measure: along the projected normal, and across it.
+    """Mean directions of parts of the arc of equal cosine-weighted measure: along the projected normal and across it.
 
     Both ``(groups, B, h, w)``.
     """

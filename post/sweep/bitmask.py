@@ -1,4 +1,4 @@
-"""Ambient occlusion by visibility bitmasks: each slice's arc is cut into sectors that taps cover one by one."""
+"""Ambient occlusion by visibility bitmasks: taps cover sectors of each slice's arc."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FADE = 0.1  # of the radius, to either side, over which detached occluders fade
 
 
 class Front(NamedTuple):
-    """The tap before, on the same side of a slice. Planes ``(B, h, w)``."""
+    """The previous tap on the same side of a slice. Planes ``(B, h, w)``."""
 
     share: Tensor
     rise: Tensor
@@ -38,7 +38,7 @@ class Front(NamedTuple):
 
 
 class Cover(NamedTuple):
-    """Shares of a side between which a tap blocks, and how far it counts within a radius, 0 to 1. Planes."""
+    """Shares of a side between which a tap occludes, and its weight within a radius, 0 to 1. Planes."""
 
     low: Tensor
     high: Tensor
@@ -64,9 +64,9 @@ def bitmask_ao(
 ) -> tuple[Tensor, Tensor]:
     """Ambient visibility within a radius, and the mean open direction.
 
-    Every tap covers the sectors from the front to the back of what it sees. Taps in a row whose depth ranges overlap
-    are one body and leave no gap between them; a body that crosses the radius covers up to where it crosses. What the
-    border of the picture cuts goes on beyond it, see `post.sweep.margin`.
+    Every tap covers the sectors between the front and the back of its surface. Successive taps whose depth ranges
+    overlap are one body without a gap. A body that crosses the radius covers sectors up to the crossing. Surfaces cut
+    by the picture's border continue beyond it, see `post.sweep.margin`.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -74,15 +74,15 @@ def bitmask_ao(
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
-            guessed, see `post.thickness_from_depth`.
+            estimated, see `post.thickness_from_depth`.
         radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit:
-            then directions that leave the picture uncovered are open as far as `post.sweep.open_sky` holds likely.
+            `post.sweep.open_sky` then estimates how open the uncovered directions are that leave the picture.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
-        scales: how many radii, each twice the one before; the result is their mean. All share the taps of one sweep.
-        hidden: radii that solids reach on behind measured backs, for what lies there unseen (see samples/fit_ao.py).
-        soft: fractional coverage of edge sectors, which has gradients in depth, normal, thickness and radius; by
-            default where gradients are wanted. Otherwise edges are dithered.
+        scales: number of radii, each twice the one before; the result is their mean. All share the taps of one sweep.
+        hidden: radii added behind measured backs, for hidden geometry there (see samples/fit_ao.py).
+        soft: fractional coverage of edge sectors, differentiable in depth, normal, thickness and radius; by default
+            where gradients are wanted. Otherwise edges are dithered.
         index: frame number, for the noise.
         seed: another seed, another noise.
         compiled: whether to use the kernel; by default for float32 on the CPU, where edges are dithered, no gradient is
@@ -93,7 +93,7 @@ def bitmask_ao(
         length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps, scales or radius are not positive, or a kernel is wished for with soft edges, or
+        ValueError: directions, steps, scales or radius are not positive, or a kernel is requested with soft edges, or
                 for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
@@ -163,7 +163,7 @@ def _slice(
     parallel: bool,
     soft: bool,
 ) -> Tensor:
-    """What one slice adds to the sums of `arcs.finish`, for each radius."""
+    """The contribution of one slice to the sums of `arcs.finish`, for each radius."""
     cut = slices.cut_slice(at, cos_psi, sin_psi)
     covered = [no_cover(at.z, soft) for _ in radii or (None,)]
     own = own_solid(around, at)
@@ -186,7 +186,7 @@ def _slice(
 
 
 def start(at: Receivers, side: Side, solid: Tensor) -> Front:
-    """The receiver itself, as what comes before the first tap."""
+    """The receiver itself, as the tap before the first."""
     zero = torch.zeros_like(at.z)
     return Front(side.whole, zero, zero, zero, at.z, at.z + solid)
 
@@ -199,7 +199,7 @@ def own_solid(around: PaddedView, at: Receivers) -> Tensor:
 def blocked(
     tap: Tap, before: Front, side: Side, radii: tuple[Tensor, ...], soft: bool, same: Tensor | None = None
 ) -> tuple[list[Cover], Front]:
-    """What a tap blocks within each radius, from the smallest to the largest, or without limit where there is none.
+    """The part that a tap occludes within each radius, from smallest to largest, or without limit if there is none.
 
     ``same`` is 1 where the tap is known to continue the surface of the one before.
     """
@@ -229,12 +229,12 @@ def blocked(
 
 
 def overlap(tap: Tap, before: Front) -> Tensor:
-    """By how much the depth ranges of two taps overlap, world units: above 0 they are one body."""
+    """Overlap of the depth ranges of two taps, world units: above 0 they are one body."""
     return torch.minimum(tap.back_z, before.back_z) - torch.maximum(tap.z, before.z)
 
 
 def _front_at_the_radius(tap: Tap, before: Front, side: Side, radii: tuple[Tensor, ...], distance: Tensor) -> Tensor:
-    """Share of the side up to where the line from the tap before reaches the first radius that still lies ahead."""
+    """Share of the side up to where the line from the previous tap crosses the first radius beyond that tap."""
     radius = radii[-1]
     for smaller in reversed(radii[:-1]):
         radius = radius + (smaller - radius) * arcs.step(smaller - before.distance)

@@ -1,11 +1,11 @@
-"""Thickness guessed from the picture: how wide bodies are along the view's rows and columns, and what sides they show.
+"""Thickness estimated from the widths of bodies along the picture's rows and columns and from their visible sides.
 
-Along a row, pixels whose points lie in each other's planes are one body, and end where depth jumps, where objects meet,
-or in a crease. Of a box, which is what bodies are taken for, the picture tells three lengths along the view ray:
+Along a row, pixels whose points lie in each other's planes are one body. It ends where depth jumps, at the border of
+another object, or in a crease. Bodies are taken for boxes. The picture gives three lengths along the view ray:
 
 - to a back parallel to the front, where a side is on screen: as far back as that side reaches;
-- to a hidden side, square to the front, at the silhouette: the ray leaves there if it is slanted toward it;
-- to the back of what shows nothing but its front: things are about as deep as they are wide.
+- to a hidden side, square to the front, at the silhouette: a ray slanted toward it leaves the body there;
+- to the back of a body of which only the front is visible: it is about as deep as it is wide.
 
 The smallest over rows and columns counts.
 """
@@ -22,19 +22,19 @@ from gbufrt import GBuffer
 from gbufrt.camera import Camera
 
 # Fitted to ray-traced AO in six views of the built-in world at 240x135, by the radius and scales of samples/fit_ao.py,
-# and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, for twice or half of
-# any at most 0.0007 more (but 0.0012 for half of WIDER); FULLNESS keeps GI from rising in the Cornell box.
+# and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, and at most 0.0007
+# more for twice or half of any (but 0.0012 for half of WIDER); FULLNESS keeps GI from rising in the Cornell box.
 TOLERANCE = 1.5  # pixels that a neighbour may lie off a pixel's plane and belong to the same body
-CREASE = 0.7  # cosine between normals below which a concave bend parts two bodies, as a pillar and its floor
-FULLNESS = 0.75  # mean length of what lies behind a front, in those of its box: bodies are rounder (a cylinder: 0.79)
+CREASE = 0.7  # cosine between normals below which a concave bend separates two bodies, as a pillar and its floor
+FULLNESS = 0.75  # mean length behind a front over that of its box: bodies are rounder (a cylinder: 0.79)
 SIDE = 1.5  # pixels: a side that reaches less far back does not count as one
-WIDER = 2.0  # times the width on screen: how deep bodies are whose ends the picture does not show
+WIDER = 2.0  # times the width on screen: depth of bodies whose ends are not on screen
 GRAZING = 0.02  # least cosine between ray and normal
 TINY = 1e-20
 
 
 class Picture(NamedTuple):
-    """What is known of pixels. All ``(B, 1 or 3, H, W)``, view space, world units."""
+    """Per-pixel inputs. All ``(B, 1 or 3, H, W)``, view space, world units."""
 
     point: Tensor
     normal: Tensor
@@ -48,30 +48,30 @@ class Picture(NamedTuple):
     """All zero where objects are not told apart."""
 
     def turned(self) -> Picture:
-        """With rows for columns; the axes of space stay."""
+        """Rows and columns swapped; the axes of space stay."""
         return Picture(*(plane.transpose(-1, -2).contiguous() for plane in self))
 
 
 class Contacts(NamedTuple):
-    """Between the pixels of a row, and at its two ends, where all are False. All ``(B, 1, H, W + 1)`` bool."""
+    """Between neighbouring pixels of a row, and at its two ends, where all are False. All ``(B, 1, H, W + 1)`` bool."""
 
     near: Tensor
     """One of the two points lies in the other's plane."""
     crease: Tensor
-    """And they bend toward the eye."""
+    """Near, and bent toward the eye."""
     border: Tensor
-    """And they are of two objects."""
+    """Near, and of two different objects."""
 
 
 class End(NamedTuple):
     """One end of each pixel's run. All of one height and width."""
 
     point: Tensor
-    """``(B, 3, H, W)``, of the run's last pixel that way."""
+    """``(B, 3, H, W)``, of the run's last pixel in that direction."""
     opened: Tensor
-    """``(B, 1, H, W)`` bool: what lies past it is farther away, or another object beside it."""
+    """``(B, 1, H, W)`` bool: the pixel past it is farther away or belongs to another object, without a crease."""
     crease: Tensor
-    """``(B, 1, H, W)`` bool: it meets what lies past it in a crease."""
+    """``(B, 1, H, W)`` bool: there is a crease between it and the pixel past it."""
 
 
 class Lengths(NamedTuple):
@@ -82,10 +82,10 @@ class Lengths(NamedTuple):
     side: Tensor
     """To a hidden side; inf where the ray does not slant toward one."""
     least: Tensor
-    """How wide the body is, creases and all, as far as it is on screen."""
+    """On-screen width of the body, not ended by creases."""
 
     def turned(self) -> Lengths:
-        """With rows for columns."""
+        """Rows and columns swapped."""
         return Lengths(*(plane.transpose(-1, -2) for plane in self))
 
 
@@ -97,9 +97,9 @@ def thickness_from_depth(
     hit: Tensor | None = None,
     object_id: Tensor | None = None,
 ) -> Tensor:
-    """Thickness guessed from the widths of bodies in the picture and from the sides that they show.
+    """Thickness estimated from the widths of bodies in the picture and from their visible sides.
 
-    Differentiable in depth and normal almost everywhere: which pixels are one body is taken as it is.
+    Differentiable in depth and normal almost everywhere; the grouping of pixels into bodies is held fixed.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.
@@ -130,7 +130,7 @@ def thickness_from_depth(
 
 
 def known_thickness(gbuffer: GBuffer, assumed: float | None) -> Tensor | float:
-    """The measured thickness of a G-buffer, else what is assumed, else a guess; see `thickness_from_depth`."""
+    """The measured thickness of a G-buffer, else the assumed one, else an estimate; see `thickness_from_depth`."""
     if gbuffer.thickness is not None:
         return gbuffer.thickness
     if assumed is not None:
@@ -140,11 +140,11 @@ def known_thickness(gbuffer: GBuffer, assumed: float | None) -> Tensor | float:
 
 
 def _lengths(picture: Picture, axis: int) -> Lengths:
-    """From the runs along the last dimension, in which ``axis`` of space grows."""
+    """Lengths from the runs along the last dimension, along which ``axis`` of space grows."""
     contacts = _contacts(picture)
     joined = contacts.near & ~contacts.border
     ends = _ends(picture, contacts, *_runs(joined & ~contacts.crease))
-    # A crease ends a body but does not tell that there is one: rooms and stairs have them on both sides.
+    # A crease can end a body but does not prove that there is one: rooms and stairs have creases on both sides.
     ended = (ends[0].opened & (ends[1].opened | ends[1].crease)) | (ends[1].opened & ends[0].crease)
     back = torch.where(ended, _length(ends[1].point - ends[0].point) + picture.pixel, torch.inf)
     facing = -(picture.normal * picture.ray).sum(1, keepdim=True)
@@ -162,7 +162,7 @@ def _lengths(picture: Picture, axis: int) -> Lengths:
 
 
 def _contacts(picture: Picture) -> Contacts:
-    """How each pixel meets the next of its row."""
+    """The contact of each pixel with the next of its row."""
     (one, other), (n_one, n_other) = _pairs(picture.point), _pairs(picture.normal)
     step = other - one
     off_one, off_other = (n_one * step).sum(1, keepdim=True), (n_other * step).sum(1, keepdim=True)
@@ -174,7 +174,7 @@ def _contacts(picture: Picture) -> Contacts:
 
 
 def _runs(joined: Tensor) -> tuple[Tensor, Tensor]:
-    """First and last pixel ``(B, 1, H, W)`` int64 of each pixel's run, from which contacts join their pixels."""
+    """First and last pixel ``(B, 1, H, W)`` int64 of each pixel's run, given which contacts join their pixels."""
     width = joined.shape[-1] - 1
     place = torch.arange(width, device=joined.device)
     first = torch.where(joined[..., :-1], -1, place).cummax(-1).values
@@ -184,7 +184,7 @@ def _runs(joined: Tensor) -> tuple[Tensor, Tensor]:
 def _ends(picture: Picture, contacts: Contacts, first: Tensor, last: Tensor) -> tuple[End, End]:
     """Both ends of each pixel's run."""
     depth = picture.point[:, 2:]
-    past = F.pad(torch.where(picture.hit, depth, torch.inf), (1, 1), value=-torch.inf)  # the border hides, the sky not
+    past = F.pad(torch.where(picture.hit, depth, torch.inf), (1, 1), value=-torch.inf)  # sky: open; border: not open
     ends = []
     for pixel, contact, beyond in ((first, first, first), (last, last + 1, last + 2)):
         crease, border = contacts.crease.gather(-1, contact), contacts.border.gather(-1, contact)
@@ -194,7 +194,7 @@ def _ends(picture: Picture, contacts: Contacts, first: Tensor, last: Tensor) -> 
 
 
 def _along_the_front(picture: Picture, facing: Tensor, axis: int) -> Tensor:
-    """``(B, 3, H, W)`` unit vectors in the planes of the pixels, along which rays of growing ``axis`` meet them."""
+    """``(B, 3, H, W)`` unit vectors in the pixels' planes, in the direction that ray hits move as ``axis`` grows."""
     step = picture.normal[:, axis, None] / facing.clamp_min(GRAZING) * picture.ray
     step = torch.cat([step[:, i, None] + (1.0 if i == axis else 0.0) for i in range(3)], dim=1)
     return step / _length(step)
@@ -207,7 +207,7 @@ def _span(picture: Picture, first: Tensor, last: Tensor) -> Tensor:
 
 
 def _length(vectors: Tensor) -> Tensor:
-    """Never 0, for the sake of gradients; several times as fast as torch's norm."""
+    """Length, never 0, so that gradients stay finite; several times as fast as torch's norm."""
     return (vectors * vectors).sum(1, keepdim=True).clamp_min(TINY).sqrt()
 
 

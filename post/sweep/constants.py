@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it blocks anything
+BIAS = 1e-5  # of the depth: a surface must rise this far above the receiver's plane before it occludes
 FIRST = 0.5  # pixels to the nearest tap
-SNAP = 1e-6  # rounding by which a tap in the receiver's plane might seem to rise above it
-FREE = 0.5  # sine of the elevation from which on nothing but a roof closes a direction
-EDGE = 0.3  # of the rise since the tap before: how far a surface goes on, on average, past the last tap to meet it
-LEDGE = 0.8  # of what a riser sends: what the tread below it sends to the next riser, where both see it edge-on
+SNAP = 1e-6  # rounding error that could lift a tap in the receiver's plane above it
+FREE = 0.5  # sine of the elevation above which only a roof closes a direction
+EDGE = 0.3  # of the rise since the previous tap: how far, on average, a surface extends past the last tap that hit it
+LEDGE = 0.8  # of a riser's light: what the tread below it sends to the next riser, where both see the tread edge-on
 ALIKE = 0.7  # cosine between normals above which two surfaces count as parallel
 FLATNESS = 0.1  # sine below which two taps lie in each other's planes
 

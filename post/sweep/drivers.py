@@ -1,4 +1,4 @@
-"""The slices of `post.sweep.sweep_kernel` over the receivers of a picture, by threads of the CPU."""
+"""Run the slices of `post.sweep.sweep_kernel` for all receivers of a picture on CPU threads."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from post.sweep.sweep_kernel import Scratch, gather, occlude
 
 @scalar
 def _scratch(radii, groups, steps):
-    """What one thread works in."""
+    """Scratch memory of one thread."""
     covered, light = np.empty(max(radii.shape[0], 1), np.int32), np.empty(3, np.float32)
     return Scratch(covered, light, np.empty((groups, 3), np.float32), np.empty(steps, np.float32))
 
 
 @scalar
 def _clear(sums, hit):
-    """Zero; where nothing was hit, a weight by which what comes after can divide."""
+    """Set to zero, but the weight to 1 where nothing was hit, so that it can be divided by."""
     sums[:] = 0
     sums[:, 0] = not hit
 

@@ -1,4 +1,4 @@
-"""What the sweeps hand around, in the torch references as planes and in the kernels as single numbers."""
+"""Data that the sweeps pass around: planes in the torch references, scalars in the kernels."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from torch import Tensor
 
 
 class PaddedView(NamedTuple):
-    """What taps read: pictures continued past their border, then one empty pixel, and how pixels become points."""
+    """What taps read: pictures continued past their border, then one empty pixel; how pixels map to points."""
 
     picture: Tensor
     """``(B, C, H + 2 m + 2, W + 2 m + 2)`` with a margin of m pixels, see `post.sweep.margin`: planar depth, planar
-    depth of the back minus that of the front, and what else is seen. Nothing stands where the two depths agree."""
+    depth of the back minus that of the front, and further channels. Empty where the two depths are equal."""
     origin_x: Tensor
     """``(B, 1, 1)``: slope (perspective) or place (orthographic) of the ray through column 0 of the padded picture."""
     origin_y: Tensor
@@ -24,7 +24,7 @@ class PaddedView(NamedTuple):
 
 
 class Receivers(NamedTuple):
-    """The pixels that look around them. All planes ``(B, h, w)`` unless said otherwise, view space."""
+    """The receiving pixels. All planes ``(B, h, w)`` unless said otherwise, view space."""
 
     column: Tensor
     """In the padded picture."""
@@ -78,7 +78,7 @@ class Slice(NamedTuple):
 
 
 class Tap(NamedTuple):
-    """What stands at one step along a slice, as the receiver sees it. All planes ``(B, h, w)``."""
+    """The surface at one tap along a slice, relative to the receiver. All planes ``(B, h, w)``."""
 
     front_rise: Tensor
     """Height above the receiver's plane (over the length of the projected normal) of the visible front."""
@@ -87,7 +87,7 @@ class Tap(NamedTuple):
     back_rise: Tensor
     back_run: Tensor
     z: Tensor
-    """Planar depth of the front and, below, of the back; equal where nothing stands."""
+    """Planar depth of the front and, below, of the back; equal where empty."""
     back_z: Tensor
     x: Tensor
     """With ``y``: slope (perspective) or place (orthographic) of the ray through the tap."""

@@ -1,4 +1,4 @@
-"""What lies past the picture's border: the planes seen at the border, continued."""
+"""The margin past the picture's border: the planes at the border, continued."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 
 SHARE = 0.25  # of the picture's longer side; more makes no difference to occlusion within a few metres
-LEAST_FACING = 1e-3  # planes seen more from the side than this are not continued
+LEAST_FACING = 1e-3  # planes at more grazing angles than this are not continued
 
 
 def width(camera: Camera) -> int:
@@ -20,10 +20,10 @@ def width(camera: Camera) -> int:
 
 
 def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
-    """Depth in the margin: each pixel sees the plane of the border pixel nearest to it, where that faces it.
+    """Depth in the margin: each pixel shows the plane of the border pixel nearest to it, where that plane faces it.
 
-    Walls, floors and ceilings cut by the border go on, which is what they mostly do. Left empty, the margin makes
-    pixels near the border, and whole interiors, too open.
+    Walls, floors and ceilings cut by the border mostly continue past it. An empty margin would make pixels near the
+    border, and whole interiors, too open.
 
     Args:
         camera: of the picture.
@@ -32,7 +32,7 @@ def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor) -> tup
         normal: ``(B, 3, H, W)`` world space.
 
     Returns:
-        depth and hit ``(B, 1, H + 2 m, W + 2 m)`` with m the margin's `width`; depth is 0 where nothing stands.
+        depth and hit ``(B, 1, H + 2 m, W + 2 m)`` with m the margin's `width`; depth is 0 where empty.
     """
     m = width(camera)
     inner = (..., slice(m, m + camera.height), slice(m, m + camera.width))

@@ -1,4 +1,4 @@
-"""The compiled sweeps as a CPU operator: what `post.sweep.bitmask` and `post.ssgi` run where no gradient is wanted."""
+"""The compiled sweeps as a CPU operator: used by `post.sweep.bitmask` and `post.ssgi` where no gradient is wanted."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def sweep_cpu(
     parallel: bool,
     gathers: bool,
 ) -> Tensor:
-    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`; 11 with the light, where that is gathered.
+    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`; 11 with gathered light.
 
     Args:
         picture: ``(B, H', W', C)``: that of `slices.PaddedView`, channels last.
@@ -71,15 +71,15 @@ def sweep(
     parallel: bool,
     gathers: bool = False,
 ) -> Tensor:
-    """What `post.sweep.bitmask` and, where light is gathered, `post.ssgi` sum over their slices; see `sweep_cpu`.
+    """The sums over slices of `post.sweep.bitmask` or, where light is gathered, of `post.ssgi`; see `sweep_cpu`.
 
     Args:
         around: what taps read.
-        at: the pixels that look around them.
+        at: the receivers.
         hit: ``(B, 1, h, w)`` bool: where False, nothing is swept and the sums are those of a black hemisphere.
         noise: ``(3, h, w)`` in [0, 1).
         radii: from the smallest to the largest; none for no limit.
-        sky: beyond the border, or None where what is not covered is open.
+        sky: beyond the border, or None if all that is not covered is open.
         directions: number of slices.
         steps: taps on each side of a slice.
         parallel: whether the camera is orthographic.

@@ -1,4 +1,4 @@
-"""How far directions whose end the picture does not show may count as open sky."""
+"""How far directions that leave the picture count as open sky."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from post.sweep import arcs
 from post.sweep.constants import FREE
 from post.sweep.layout import PaddedView, Receivers, Side, Slice
 
-WALL = 0.25  # of a ceiling: what walls at the border, above the horizon, tell of a roof
-CEILING = 0.5  # cosine with straight down from which on a surface is a ceiling
-LITTLE = 1e-3  # share of the border that is no evidence
+WALL = 0.25  # weight of walls at the border, above the horizon, as evidence of a roof; a ceiling's is 1
+CEILING = 0.5  # cosine with straight down above which a surface is a ceiling
+LITTLE = 1e-3  # share of the border that is too little to be evidence
 
 
 class Sky(NamedTuple):
-    """What a picture tells of the sky beyond its border. Planes ``(B, 1, 1)``."""
+    """Estimate of the sky beyond a picture's border. Planes ``(B, 1, 1)``."""
 
     share: Tensor
     """Of the directions above the horizon."""
@@ -32,7 +32,7 @@ class Sky(NamedTuple):
 
 
 def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
-    """Judge by the border of the picture, above the horizon: by its sky against its ceilings, and its walls a little.
+    """Estimate from the picture's border above the horizon: its sky against its ceilings and, weighted less, its walls.
 
     Args:
         camera: of the picture.
@@ -62,8 +62,8 @@ def leaves_hit(around: PaddedView, at: Receivers, side: Side) -> Tensor:
 def open_share(sky: Sky, cut: Slice, groups: int, seam: Tensor, hits: tuple[Tensor, Tensor]) -> Tensor:
     """``(groups, B, h, w)``: how far uncovered parts of a slice's arc count as open.
 
-    Sectors on a side that leaves the picture at the sky are open. On one that leaves it at a surface, what goes on
-    beyond is unknown: near the horizon it is held to be closed, above it to be as open as `Sky.share`.
+    Sectors on a side that leaves the picture at the sky are open. On a side that leaves it at a surface, what follows
+    is unknown: it is taken to be closed near the horizon, and as open as `Sky.share` above.
 
     Args:
         sky: of the picture.

@@ -1,6 +1,6 @@
-"""Scalar forms of the sectors of a slice's arc, and of what they add up to. See `post.sweep.sweep_kernel`.
+"""Scalar forms of the sectors of a slice's arc and of their sums. See `post.sweep.sweep_kernel`.
 
-Every name and step is that of the torch reference in `post.sweep.sectors` and `post.sweep.open_sky`, which is the
+Names and steps are those of the torch reference in `post.sweep.sectors` and `post.sweep.open_sky`, which is the
 definition.
 """
 
@@ -29,7 +29,7 @@ def bits_between(low, high, dither):
 
 @scalar
 def group_counts(bits):
-    """How many sectors of each group are set, in a field of bits each; see `sectors.group_shares`."""
+    """Number of sectors set in each group, one bit field per group; see `sectors.group_shares`."""
     counts = bits & FIRST_BITS
     for bit in range(1, PER_GROUP):
         counts += (bits >> bit) & FIRST_BITS
@@ -47,7 +47,7 @@ def share(bits):
 
 @scalar
 def mean_direction(terms, sin_n, which):
-    """See `arcs.mean_directions`: polynomials of which ``terms`` holds one power in each row."""
+    """See `arcs.mean_directions`: polynomials; each row of ``terms`` holds one power."""
     value = terms[terms.shape[0] - 1, which]
     for power in range(terms.shape[0] - 2, -1, -1):
         value = value * sin_n + terms[power, which]
@@ -67,7 +67,7 @@ def _open_share(sky, cut, group, rise, run, seam, hits):
 
 @scalar
 def fill_groups(groups, around, at, cut, right, left):
-    """What a slice's masks share: of each group, its mean direction (2) and how far it is open where not covered."""
+    """What all masks of a slice share: each group's mean direction (2) and its openness where not covered."""
     sky, terms = around.sky, around.terms
     hits = (leaves_hit(around, at, right), leaves_hit(around, at, left))
     for group in range(constants.GROUPS):

@@ -11,9 +11,9 @@ from post.sweep.layout import Slice
 
 
 def no_cover(like: Tensor, soft: bool) -> Tensor:
-    """Sectors none of which is covered: a mask ``(B, h, w)``, or ``(3, SECTORS, B, h, w)`` when soft.
+    """An empty cover: a mask ``(B, h, w)``, or ``(3, SECTORS, B, h, w)`` when soft.
 
-    That is the covered fraction of each sector, and the ends of the part of it that is covered.
+    The soft form holds each sector's covered fraction and the two ends of its covered part.
     """
     if soft:
         empty = like.new_zeros(3, SECTORS, *like.shape)
@@ -23,9 +23,9 @@ def no_cover(like: Tensor, soft: bool) -> Tensor:
 
 
 def cover(covered: Tensor, low: Tensor, high: Tensor, near: Tensor, dither: Tensor) -> tuple[Tensor, Tensor]:
-    """Cover the sectors between two shares of the arc; also returns what is new in the cover.
+    """Cover the sectors between two shares of the arc; also returns what is newly covered.
 
-    Soft fractions are what dithered bits are on average: two covers of one sector add up but for where they overlap.
+    Soft fractions are the mean of dithered bits: two covers of one sector add up except where they overlap.
     """
     if covered.dtype == torch.int32:
         first = (low * SECTORS + dither).int()
@@ -67,12 +67,12 @@ def share(sectors: Tensor) -> Tensor:
 
 
 def _fractions(sectors: Tensor) -> Tensor:
-    """``(SECTORS, B, h, w)`` of a soft cover, or of what is new in it."""
+    """``(SECTORS, B, h, w)`` of a soft cover, or of its newly covered part."""
     return sectors[0] if sectors.ndim == 5 else sectors
 
 
 def slice_sums(cut: Slice, covered: Tensor, openness: Tensor | float = 1.0) -> Tensor:
-    """One slice's part of the sums of `arcs.finish`; ``openness`` of what is not covered: ``(GROUPS, B, h, w)``."""
+    """One slice's part of the sums of `arcs.finish`; ``openness`` of the uncovered part: ``(GROUPS, B, h, w)``."""
     open_groups = (1 - group_shares(covered).to(cut.n.dtype)) * openness
     rise, run = arcs.mean_directions(cut.sin_n, GROUPS)
     rises = torch.stack([(open_groups * rise).mean(0), rise.mean(0)]) * cut.weight

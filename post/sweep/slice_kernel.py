@@ -1,8 +1,8 @@
-"""Scalar forms of what the compiled sweeps share: one slice of a receiver, its sides and taps.
+"""Scalar forms shared by the compiled sweeps: one slice of a receiver, its sides and taps.
 
-Every name and step is that of the torch reference in `post.sweep.slices` and `post.sweep.arcs`, which is the
-definition, with branches where the reference multiplies by 0 or 1. All numbers are float32, as there: Python's own
-would turn them into doubles, which round to other pixels and sectors.
+Names and steps are those of the torch reference in `post.sweep.slices` and `post.sweep.arcs`, which is the definition,
+with branches where the reference multiplies by 0 or 1. All numbers are float32, as there: Python floats would turn
+them into doubles, which round to other pixels and sectors.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ FOLD = np.float32(math.tan(math.pi / 8))
 Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
 """What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
 Tap = namedtuple("Tap", "front_rise front_run back_rise back_run z back_z x y i j")
-"""See `arcs.Tap`; column and row in the picture in place of what else is seen there."""
+"""See `arcs.Tap`; column and row in the picture in place of the further channels."""
 
 
 @scalar
 def atan2(y, x):
-    """The angle of (x, y), to 2e-7: libraries' scalar form takes most of a sweep's time.
+    """The angle of (x, y), to 2e-7: a library's scalar form would take most of a sweep's time.
 
-    Source: S. L. Moshier, Cephes library, atanf: an odd polynomial up to the tangent of an eighth of pi, to which
-    larger tangents are brought by the addition theorem.
+    Source: S. L. Moshier, Cephes library, atanf: an odd polynomial up to the tangent of an eighth of pi; the addition
+    theorem reduces larger tangents to that range.
     """
     across, along = abs(y), abs(x)
     small, large = min(across, along), max(across, along)
@@ -144,7 +144,7 @@ def _border(around, edge, at, dx, dy):
 
 @scalar
 def _pixel(around, at, side, px):
-    """Whole column and row ``px`` pixels from the receiver, and the same held to the picture."""
+    """Whole column and row ``px`` pixels from the receiver, and the same clamped to the picture."""
     column, row = np.rint(at.column + side.dx * px), np.rint(at.row + side.dy * px)
     i = min(max(np.int32(column), np.int32(0)), np.int32(around.picture.shape[1] - 1))
     j = min(max(np.int32(row), np.int32(0)), np.int32(around.picture.shape[0] - 1))
@@ -181,7 +181,7 @@ def arc_measure(rise, run, side):
 
 @scalar
 def fill_spread(spread, jitter, beyond):
-    """Shares of its reach at which a side's taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
+    """Shares of a side's reach at which its taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
     for i in range(spread.shape[0]):
         t = np.float64((np.float32(i) + jitter) / np.float32(spread.shape[0]))
         spread[i] = t * t * math.sqrt(t) if beyond else t * math.sqrt(t)

@@ -1,4 +1,4 @@
-"""What the slice sweeps (GTAO, bitmask, screen-space GI) share before they look around: receivers and slices.
+"""Set-up shared by the slice sweeps (GTAO, bitmask, screen-space GI): receivers and slices.
 
 Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code fuses and stays in cache.
 """
@@ -18,26 +18,26 @@ from post.sweep import margin
 from post.sweep.constants import BIAS, FIRST
 from post.sweep.layout import PaddedView, Receivers, Slice
 
-BAND_PIXELS = 32768  # what one core's cache holds of all planes; also torch's smallest share of work for a thread
+BAND_PIXELS = 32768  # pixels of all planes that fit one core's cache; also torch's smallest share of work for a thread
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
-WITHIN = 1.5  # power of the taps' spread in a sweep that ends at a radius
-BEYOND = 2.5  # and in one over the whole picture, where what is near counts most
+WITHIN = 1.5  # exponent of the taps' spread in a sweep that ends at a radius
+BEYOND = 2.5  # likewise in a sweep over the whole picture, where near surfaces count most
 
 
 def scene(
     camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, *, light: Tensor | None = None
 ) -> PaddedView:
-    """Continue and pad what taps read.
+    """Continue and pad the pictures that taps read.
 
     Args:
         camera: of the picture.
         depth: ``(B, 1, H, W)`` planar view z, world units.
         normal: ``(B, 3, H, W)`` world space.
         hit: ``(B, 1, H, W)`` bool.
-        reach: ``(B, 1, H, W)`` planar depth from front to back of what is seen, world units.
-        light: ``(B, 3, H, W)`` that pixels send, to be read together with their normals in view space; the margin
-            sends none.
+        reach: ``(B, 1, H, W)`` planar depth from front to back of visible surfaces, world units.
+        light: ``(B, 3, H, W)`` that pixels send, read together with their normals in view space; the margin sends
+            none.
     """
     m = margin.width(camera)
     front, stands = margin.continued(camera, depth, hit, normal)
@@ -88,9 +88,9 @@ def receivers(
 
 
 def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
-    """The receivers in bands of rows small enough to stay in cache: three times the speed of whole planes.
+    """The receivers in bands of rows small enough to stay in cache: three times as fast as whole planes.
 
-    Bands are of one height where a divisor of the picture's height allows it, so that compiled code fits them all.
+    Bands have one height where a divisor of the picture's height allows it, so that compiled code fits them all.
     """
     height, width = at.z.shape[-2:]
     threads = torch.get_num_threads()
@@ -114,12 +114,12 @@ def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Ten
 
 
 def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int, power: float) -> Tensor:
-    """Pixels from the receiver to tap ``which`` of ``steps``; the larger the power, the denser are taps near by."""
+    """Pixels from the receiver to tap ``which`` of ``steps``; the larger the power, the denser the near taps."""
     return FIRST + reach * ((which + jitter) / steps) ** power
 
 
 def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
-    """The slices at angle psi about the rays: evenly spaced psi cut the hemisphere evenly, off axis too."""
+    """The slices at angle psi about the rays: evenly spaced psi divide the hemisphere evenly, off axis too."""
     length = (1 - at.vx * at.vx).rsqrt()  # first tangent: the view's x axis made perpendicular to the ray
     ax, ay, az = (1 - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
     bx, by, bz = at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax

@@ -1,7 +1,7 @@
 """The compiled form of the sweeps of `post.sweep.bitmask` and `post.ssgi`: one slice of one receiver as a scalar body.
 
-Every name and step is that of the torch references there, which are the definition, in the form without gradients. What
-can change nothing is left out: the angles of taps that block nothing. `post.sweep.drivers` hands out the receivers.
+Names and steps are those of the torch references there, which are the definition, in the form without gradients. Angles
+of taps that occlude nothing are not computed. `post.sweep.drivers` distributes the receivers.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _start(around, at, side):
 
 @scalar
 def _next_front(tap, side, distance):
-    """The tap as the one before the next; its share of the arc is measured when it is asked for."""
+    """The tap as predecessor of the next one; its share of the arc is measured on demand."""
     known = side.whole if tap.front_rise < ZERO else UNKNOWN
     return Front(known, tap.front_rise, tap.front_run, distance, tap.z, tap.back_z)
 
@@ -69,13 +69,13 @@ def _distance(tap):
 
 @scalar
 def _below(tap, before, side):
-    """Whether neither the tap nor the one before rises above the receiver's plane: together they block nothing."""
+    """Whether neither the tap nor the one before rises above the receiver's plane: together they occlude nothing."""
     return tap.front_rise < ZERO and tap.back_rise < ZERO and before.share == side.whole
 
 
 @scalar
 def _crosses(before, distance, radius):
-    """Whether a body that reaches from the tap before to this one crosses a radius."""
+    """Whether a body that reaches from the previous tap to this one crosses a radius."""
     return before.distance > ZERO and before.distance < radius and distance >= radius
 
 
@@ -99,7 +99,7 @@ def _bits(low, high, seam, right, dither):
 
 @scalar
 def _occlude_side(covered, spread, around, at, side, seam, right, dither):
-    """What the taps of one side cover, for each radius."""
+    """Cover the sectors that the taps of one side occlude, for each radius."""
     radii = around.radii
     limited = radii.shape[0] > 0
     widest = radii[radii.shape[0] - 1] if limited else ZERO
@@ -180,7 +180,7 @@ def _facing(plane, at):
 
 @scalar
 def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
-    """Shares of a side between which a tap blocks, see `bitmask.blocked`."""
+    """Shares of a side between which a tap occludes, see `bitmask.blocked`."""
     first = arc_measure(tap.front_rise, tap.front_run, side)
     high = arc_measure(tap.back_rise, tap.back_run, side)
     if crossing:
@@ -196,7 +196,7 @@ def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
 
 @scalar
 def _gather_side(light, covered, spread, around, at, side, seam, right, dither):
-    """The sectors that are covered after one side; the light that its taps bring is added to ``light``."""
+    """The sectors covered after one side; the light from its taps is added to ``light``."""
     radii = around.radii
     limited = radii.shape[0] > 0
     widest = radii[0] if limited else ZERO

@@ -1,4 +1,4 @@
-"""How far solids reach behind what is seen of them."""
+"""How far solids reach behind their visible fronts."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 
-UNBOUNDED = 1e6  # assumed thickness stands in for "no end", as a multiple of the depth
-STRIDES = (1, 2, 3)  # pixels between neighbours, one round each: bodies are told from up to 6 pixels around
+UNBOUNDED = 1e6  # limit of thickness, in place of "no end", as a multiple of the depth
+STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around
 
 
 def planar_thickness(
@@ -17,9 +17,9 @@ def planar_thickness(
 ) -> Tensor:
     """Planar depth from front to back.
 
-    Measured thickness ends where the view ray leaves the body, at an edge or on a slope soon after it has entered. The
-    body goes on there, as neighbours tell whose rays run through it: where their solids overlap in depth, the body is
-    one, and reaches as deep as the deepest of them.
+    Measured thickness ends where the view ray leaves the body, which at an edge or on a slope is soon after it enters.
+    Rays of neighbouring pixels show that the body continues there: solids that overlap in depth are one body, which
+    reaches as deep as the deepest of them.
 
     Args:
         camera: of the picture.
@@ -27,7 +27,7 @@ def planar_thickness(
         hit: ``(B, 1, H, W)`` bool.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything, a number
             or 0-dim tensor, which is taken as it is.
-        hidden: added to what is measured, world units, for what lies behind unseen.
+        hidden: added to measured thickness, world units, for hidden geometry behind it.
 
     Returns:
         ``(B, 1, H, W)`` world units.
@@ -41,7 +41,7 @@ def planar_thickness(
 
 
 def bodies(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
-    """Depth of the back of each pixel's body, from those of all pixels around whose solids overlap with its own."""
+    """Depth of the back of each pixel's body, from all surrounding pixels whose solids overlap with its own."""
     height, width = depth.shape[-2:]
     for stride in STRIDES:
         fronts = F.pad(torch.where(hit, depth, torch.inf), (stride,) * 4, value=torch.inf)

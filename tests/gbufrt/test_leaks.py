@@ -1,4 +1,4 @@
-"""Reflections stay on the surfaces that mirror: nothing of them reaches what stands before them."""
+"""Reflections stay on reflective surfaces: none of their light leaks onto what is in front."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from tracer.truth.truth import reflection
 
 
 def posts_on_a_mirror() -> Scene:
-    """A floor of metal that mirrors a red wall, and before it dull posts that see nothing but the dark."""
+    """A metal floor that reflects a red wall, and in front of it dull posts that face only the dark."""
     table = MaterialTable.of(
         [
             Material(name="mirror", albedo=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.05, variation=0.0),

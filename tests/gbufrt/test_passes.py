@@ -36,7 +36,7 @@ class Scale(Pass):
 
 
 class Count(TemporalPass):
-    """Counts the frames that each pixel has seen, and the index of the frame before."""
+    """Counts the frames of each pixel, and keeps the index of the previous frame."""
 
     writes = frozenset({"count", "before"})
 

@@ -1,4 +1,4 @@
-"""What a dielectric mirrors, against the microfacet model itself."""
+"""Specular reflection of a dielectric, against the microfacet model itself."""
 
 from __future__ import annotations
 

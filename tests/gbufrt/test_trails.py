@@ -1,4 +1,4 @@
-"""What moves leaves nothing behind it: passes that accumulate, on traced frames of a block that slides along a wall."""
+"""Movers leave no trails: passes that accumulate, on traced frames of a block that slides along a wall."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ DRIFT = 0.02  # of the largest value
 
 
 def frame_of(stage: Stage) -> Frame:
-    """A frame in motion that has everything but what the pass is there to guess."""
+    """A frame in motion with every channel except those that the pass estimates."""
     before = boxes.camera(SIZE, dx=0.05)
     frame = dress(boxes.frame(boxes.camera(SIZE), previous=before))
     if isinstance(stage, post.Atrous):
@@ -145,7 +145,7 @@ def test_every_pass_says_how_far_it_reaches():
 
 
 def calls(frame: Frame) -> dict[str, Any]:
-    """The functions that look all over the picture, or remember, by name."""
+    """The functions that read the whole picture, or keep a history, by name."""
     g, color, env = frame.gbuffer, frame.read("radiance"), frame.read("environment")
     albedo, roughness, motion = (frame.read(name) for name in ("albedo", "roughness", "motion"))
     shape = (g.depth, g.normal, g.camera)
@@ -168,7 +168,7 @@ def calls(frame: Frame) -> dict[str, Any]:
 
 @pytest.mark.parametrize("kind", BAD)
 def test_functions_hold_bad_pixels_too(kind):
-    """Those of them that look all over the picture: the rest reach as far as their taps do, whatever is there."""
+    """Those that read the whole picture; the others reach as far as their taps, whatever the content."""
     frame = boxes.frame(boxes.camera(SIZE), previous=boxes.camera(SIZE, dx=0.05))
     good = calls(frame)
     for name in ("depth", "normal", "motion", "radiance", "environment"):

@@ -102,7 +102,7 @@ def test_stages_change_the_picture():
 
 
 def test_five_hundred_frames_do_not_drift():
-    """Light that feeds on the frame before stays where it settles: the mean of many frames, early as late."""
+    """Light fed back from the previous frame stays where it settles: the mean of many frames, early and late."""
     frame = boxes.frame(boxes.camera((18, 24)))
     hit = frame.gbuffer.hit.expand(-1, 3, -1, -1)
     light = Pipeline(estimate=SSGI(directions=2), accumulate=Temporal(signal=("gi", "sky_visibility"), blend=0.97))

@@ -1,4 +1,4 @@
-"""A quick world, pipeline and truth for tests of the ablation: all that is slow is counted in ``calls``."""
+"""A quick world, pipeline and truth for tests of the ablation; ``calls`` counts what would be slow."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class FakeAO(Pass):
 
 
 class FakeGI(Pass):
-    """GI that is half of what it should be."""
+    """GI at half its true value."""
 
     reads, writes = frozenset({"radiance"}), frozenset({"gi", "sky_visibility"})
 

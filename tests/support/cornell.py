@@ -27,7 +27,7 @@ def cornell(step: int = 3) -> tuple[Frame, dict[str, Tensor]]:
     hit = torch.isfinite(depth)
     k = torch.from_numpy(seen["K"]).float()
     k[:2] = k[:2] / step
-    k[:2, 2] += 0.5 - 0.5 / step  # the first pixel kept is the first there was
+    k[:2, 2] += 0.5 - 0.5 / step  # the first pixel is kept
     camera = Camera.from_intrinsics(
         k, torch.from_numpy(seen["cam_to_world"]).float(), size=(depth.shape[2], depth.shape[3]), far=FAR
     )

@@ -1,4 +1,4 @@
-"""A small court that a camera sees nearly all of: what screen-space passes can get right, they must get right here."""
+"""A small court, nearly all of it on screen: what screen-space passes can get right, they must get right here."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLASTER, BRICK, MIRROR, MOSS = 1, 2, 3, 4
 
 
 def court(*, mirror: bool = True) -> Scene:
-    """A floor, with a mirror in it or without, two walls, a low block and two pillars, under sun and sky."""
+    """A floor, with or without a mirror, two walls, a low block and two pillars, under sun and sky."""
     voxels = torch.zeros(24, 12, 24, dtype=torch.int16)
     voxels[:, 0, :] = PLASTER
     voxels[6:18, 0, 8:16] = MIRROR if mirror else PLASTER

@@ -1,4 +1,4 @@
-"""What rays inside a scene of boxes really meet, and whether the camera sees it: the oracle for screen-space rays."""
+"""True hits of rays inside a scene of boxes, and whether they are visible: the oracle for screen-space rays."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gbufrt.sampling import inside
 
 
 class Truth(NamedTuple):
-    hit: Tensor  # (B,1,H,W): the ray meets a box
-    visible: Tensor  # (B,1,H,W): and the camera sees that point
+    hit: Tensor  # (B,1,H,W): the ray hits a box
+    visible: Tensor  # (B,1,H,W): and that point is visible
     px: Tensor  # (B,2,H,W): where
     distance: Tensor  # (B,1,H,W), 0 without a hit
     box: Tensor  # (B,1,H,W) which box
@@ -35,10 +35,10 @@ def cast(origins: Tensor, directions: Tensor, scene: Tensor) -> tuple[Tensor, Te
 
 
 def meet(camera: Camera, points_world: Tensor, directions_world: Tensor, scene: Tensor = boxes.ROOM) -> Truth:
-    """Cast rays from ``(B, 3, H, W)`` surface points; zero directions meet nothing."""
+    """Cast rays from ``(B, 3, H, W)`` surface points; zero directions hit nothing."""
     origins, directions = points_world.permute(0, 2, 3, 1), directions_world.permute(0, 2, 3, 1)
     moving = directions.norm(dim=-1, keepdim=True) > 0.5
-    # an odd direction stands in for none: exact zeros would divide by zero at the slabs
+    # a skewed direction replaces zero ones: exact zeros would divide by zero in the slab test
     distance, index, normal = cast(origins, torch.where(moving, directions + 1e-9, 0.577), scene)
     hit = torch.isfinite(distance) & moving[..., 0]
     distance = torch.where(hit, distance, 0.0)
@@ -54,7 +54,7 @@ def meet(camera: Camera, points_world: Tensor, directions_world: Tensor, scene: 
 
 
 def reflected(frame) -> tuple[Tensor, Tensor]:
-    """World-space points and mirrored view directions of a frame's surfaces, zero where the sky is."""
+    """World-space points and reflected view directions of a frame's surfaces, zero where the sky is."""
     g = frame.gbuffer
     points = g.points_view()
     eye, normal = g.camera.to_eye(points), g.camera.rotate_to_view(g.normal)

@@ -13,7 +13,7 @@ from gbufrt import Camera, Frame
 
 CORNER = torch.tensor([[[-40.0, -1.0, -40.0], [40.0, 0.0, 40.0]], [[-40.0, -1.0, -9.0], [40.0, 40.0, -4.0]]])
 STEP = 1e-4
-BEND = 1e-2  # by how much a derivative may change, relative, when the step is halved: more is no smooth place
+BEND = 1e-2  # largest relative change of a derivative when the step is halved; above it the function is not smooth
 
 
 def waves(channels: int, size: tuple[int, int], seed: int, low: float = 0.2, high: float = 0.8) -> Tensor:
@@ -28,8 +28,8 @@ def waves(channels: int, size: tuple[int, int], seed: int, low: float = 0.2, hig
 def corner(size: tuple[int, int] = (10, 14), *, uneven: bool = True) -> Frame:
     """A floor and a wall that fill the picture, with smooth random channels, in float64.
 
-    ``uneven`` bends surfaces a little: filters have a bend where neighbours lie in exactly one plane. Rays that march
-    want flat ones: between pieces of bent surfaces are cracks, where hits stay at the border of a pixel.
+    ``uneven`` bends surfaces a little: filters have a kink where neighbours lie in exactly one plane. Ray marching
+    needs flat ones: bent surfaces have cracks between their pieces, where hits stay at the border of a pixel.
     """
     camera = Camera.look_at((0.3, 2.5, 5.0), (0.0, 1.0, -4.0), size=size, fov_y=50.0, far=100.0)
     moved = Camera.look_at((0.35, 2.5, 5.02), (0.03, 1.0, -4.0), size=size, fov_y=50.0, far=100.0)
@@ -50,7 +50,7 @@ def corner(size: tuple[int, int] = (10, 14), *, uneven: bool = True) -> Frame:
 
 
 def derivative(function: Callable[[Tensor], Tensor], at: Tensor, way: Tensor, step: float) -> Tensor:
-    """Central difference of every element of ``function(at)`` along ``way``, as computed where a gradient is wanted."""
+    """Central difference of every element of ``function(at)`` along ``way``, with gradients enabled."""
     ahead, behind = (function((at + s * way).requires_grad_()).detach() for s in (step, -step))
     return (ahead - behind) / (2 * step)
 
@@ -60,8 +60,8 @@ def compare(
 ) -> tuple[Tensor, Tensor]:
     """Gradient against central differences, along a random direction, where the function is smooth.
 
-    Left out are elements whose difference changes when the step is halved: there the function jumps or bends within a
-    step (a ray goes to another pixel, a tap rounds to another, a clamp begins). The gradient has no say in that.
+    Elements whose difference changes when the step is halved are left out: there the function jumps or bends within a
+    step (a ray goes to another pixel, a tap rounds to another, a clamp begins), which a gradient cannot tell.
 
     Returns:
         For each group of smooth elements, added up at random, the derivative by the gradient and by differences, over

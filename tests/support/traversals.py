@@ -18,7 +18,7 @@ SIZE = (8, 12)
 
 
 def scene() -> Scene:
-    """A floor and a wall, with a pane of glass and a pool; a small turned block of glass and stone stands before it."""
+    """A floor and a wall, with a pane of glass and a pool; a small turned block of glass and stone in front."""
     world = voxels.world(
         (18, 14, 18), (STONE, (0, 0, 0), (18, 1, 18)), (STONE, (0, 0, 15), (18, 14, 18)), (WATER, (2, 1, 2), (8, 3, 9)),
         (GLASS, (9, 1, 8), (17, 11, 9)),
@@ -29,8 +29,8 @@ def scene() -> Scene:
 
 
 def answers(device: str = "cpu") -> dict[str, Tensor]:
-    """What two batches of 12x8 rays meet at two times, what lies behind, how much light comes through; and what rays
-    meet that begin in the pool."""
+    """Hits of two batches of 12x8 rays at two times, what lies behind them, how much light comes through; and the
+    hits of rays that begin in the pool."""
     things = scene().to(device)
     y, x = torch.meshgrid(torch.linspace(-0.45, 0.75, SIZE[0]), torch.linspace(-0.8, 0.8, SIZE[1]), indexing="ij")
     directions = torch.nn.functional.normalize(torch.stack([x, -y, torch.ones_like(x)], dim=-1), dim=-1)
@@ -50,7 +50,7 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
 
 
 def numbers(hits: Hits) -> dict[str, Tensor]:
-    """What hits hold where there are any; 0 elsewhere."""
+    """The fields of hits; 0 where nothing was hit."""
     keep = hits.hit
     fields = ("material", "instance", "cell", "face", "back_face", "t", "local", "normal")
     values = {name: getattr(hits, name) for name in fields}

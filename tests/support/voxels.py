@@ -74,7 +74,7 @@ def random_scene(seed: int) -> Scene:
 
 
 def random_rays(seed: int, count: int) -> tuple[Tensor, Tensor]:
-    """Rays of all sorts through `random_scene`: from far outside, inside, on faces and on edges, along axes."""
+    """Rays of all kinds through `random_scene`: from far outside, from inside, on faces and edges, along axes."""
     g = torch.Generator().manual_seed(seed)
     origins = (torch.rand(count, 3, generator=g) - 0.5) * torch.tensor([70.0, 50.0, 70.0])
     directions = torch.nn.functional.normalize(torch.randn(count, 3, generator=g), dim=1)

@@ -150,7 +150,7 @@ def test_behind_glass_is_what_is_there_without_it() -> None:
     for name in ("depth", "normal", "albedo", "motion", "material_id", "thickness"):
         seen, expected = getattr(second, name), getattr(bare, name)
         share = ((seen - expected).abs() > 1e-4).any(1, keepdim=True)[second.hit].float().mean()
-        assert share < 0.01, name  # of pixels that meet the floor inside the pane's foot
+        assert share < 0.01, name  # of pixels that hit the floor inside the pane's foot
     row = voxels.TABLE.id("glass")
     slant = camera.rays()[1][..., 2].abs()[:, None]
     expected = (1 - voxels.TABLE.opacity[row]) * voxels.TABLE.tint[row].view(1, 3, 1, 1) ** (1 / slant)

@@ -1,4 +1,4 @@
-"""Built-in worlds: reproducible, made of what they promise, seen from free places, with movers that touch nothing."""
+"""Built-in worlds: reproducible, made of what they promise, viewed from free places, with movers that touch nothing."""
 
 from __future__ import annotations
 

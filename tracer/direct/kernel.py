@@ -84,13 +84,13 @@ def rectangle_irradiance(rectangles, k, point, normal):
 
 @scalar
 def _turned(turned, i, point):
-    """A point of the R2 sequence as a pixel sees it."""
+    """A point of the R2 sequence, rotated by the offset of pixel ``i``."""
     return (turned[0, i] + point / PLASTIC) % 1.0, (turned[1, i] + point / PLASTIC**2) % 1.0
 
 
 @scalar
 def _shoot(space, origin, direction, distance, weight, sums):
-    """One ray to a source, added to the rows of `tracer.lights.shadows.ShadowRays`."""
+    """One shadow ray to a source, added to the rows of `tracer.lights.shadows.ShadowRays`."""
     if weight <= 0:
         return
     transforms, bricks, index, entries, media = space
@@ -105,7 +105,7 @@ def _shoot(space, origin, direction, distance, weight, sums):
 
 @scalar
 def sun(space, axes, sine, point, normal, turned, i, begin, end, sums):
-    """Samples of the sun's disc from one pixel; ``axes`` are two across the way to it, and that way."""
+    """Samples of the sun's disc from one pixel; ``axes`` are two across the direction to it, and that direction."""
     across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
     sums[UNBLOCKED] = max(disc_cosine(dot(normal, toward), sine), 0.0)
     if sums[UNBLOCKED] <= 0:
@@ -119,7 +119,7 @@ def sun(space, axes, sine, point, normal, turned, i, begin, end, sums):
 
 @scalar
 def lamp(space, shining, number, point, normal, turned, i, begin, end, each, sums):
-    """Samples of one lamp from one pixel; ``each`` has room for a number of every rectangle."""
+    """Samples of one lamp from one pixel; ``each`` has room for one number per rectangle."""
     rectangles, first, _ = shining
     low, high = first[number], first[number + 1]
     total = 0.0

@@ -1,4 +1,4 @@
-"""Light on what the camera sees: the sun, emissive blocks, and the open sky, kept apart as passes need them."""
+"""Light on visible surfaces: the sun, emissive blocks, and the unoccluded sky, kept apart as passes need them."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def light(
 
     ``radiance`` is emission + diffuse albedo / pi x irradiance from the sun's disc and from emissive blocks, both with
     soft shadows; where nothing was hit it is the sky, with the sun's disc. ``ambient`` is diffuse albedo / pi x
-    irradiance of the sky as if nothing blocked it. Diffuse albedo is albedo x (1 - metallic) x opacity: metals only
-    reflect, and a transmissive surface shows its own share, to which the light from behind it, times the
-    transmittance, is added later.
+    irradiance of the unoccluded sky. Diffuse albedo is albedo x (1 - metallic) x opacity: metals only reflect, and
+    a transmissive surface shows its own share, to which the light from behind it, times the transmittance, is added
+    later.
 
-    Light that no shadow touches is exact; noise is left in penumbrae alone (see `tracer.lights.shadows.arriving`). No
-    lamp is cut off: those that may give a pixel at most 1/128 of the light it could get are represented by one of them,
-    drawn in proportion, and those below 1/32 get a quarter of the samples.
+    Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
+    off: those that may give a pixel at most 1/128 of the light it could get are represented by one of them, drawn in
+    proportion, and those below 1/32 get a quarter of the samples.
 
     Args:
         scene: what is there, and its sun and sky.
-        gbuffer: what the cameras see of it, with ``albedo``.
+        gbuffer: what the cameras show of it, with ``albedo``.
         poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
         samples: most shadow rays a pixel to the sun, and to each lamp that matters there.
         index: frame number, from which the noise comes.
@@ -109,7 +109,7 @@ def _lamp_light(direct: Direct, noise: Tensor, samples: int, known: Tensor) -> T
 
 
 def _direct(scene: Scene, poses: Tensor, surface: Surface, lamps: Lamps) -> Direct:
-    """What shines on a surface, in the form that its device has."""
+    """Direct light on a surface, in the form for its device."""
     if form_of(surface.points.detach()) is Form.REFERENCE:
         return Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
     from tracer.direct import drivers
@@ -118,7 +118,7 @@ def _direct(scene: Scene, poses: Tensor, surface: Surface, lamps: Lamps) -> Dire
 
 
 def lifted(gbuffer: GBuffer) -> Tensor:
-    """``(B, 3, H, W)`` world points a little above the surface, and nearer the camera, from where air was seen."""
+    """``(B, 3, H, W)`` world points a little above the surface and nearer the camera, on the visible side."""
     camera = gbuffer.camera
     points = gbuffer.points_view()
     normal = gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo

@@ -1,4 +1,4 @@
-"""The sun and the lamps as they shine on one picture: the torch reference of `tracer.direct.kernel`.
+"""Direct light of sun and lamps on one picture: the torch reference of `tracer.direct.kernel`.
 
 Vectors are planes, ``(3, N)``, over the pixels of the picture.
 """
@@ -22,15 +22,15 @@ from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
 
 CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
-SHARE_ALONE = 1 / 128  # a lamp that may give a pixel no more of its light shares one ray with others like it
-SHARE_FINE = 1 / 32  # a lamp that may give a pixel no more gets a quarter of the samples
+SHARE_ALONE = 1 / 128  # lamps that may give a pixel at most this share of its light get one ray together
+SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets a quarter of the samples
 
 Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
-"""Two numbers in [0, 1) a pixel, ``(2, n)``, to directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
+"""From two numbers in [0, 1) a pixel, ``(2, n)``: directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
 Source = Callable[[Tensor], tuple[Tensor, Draw]]
-"""Pixel numbers ``(n,)`` to the unblocked irradiance there ``(n,)``, and how to sample it."""
+"""From pixel numbers ``(n,)``: the unblocked irradiance there ``(n,)``, and how to sample it."""
 Rectangles = Callable[[Tensor], Sequence[Tensor]]
-"""Pixel numbers to corner, edge_u and edge_v of what shines on them, as `rectangle_irradiance` takes them."""
+"""From pixel numbers: corner, edge_u and edge_v of what shines on them, as `rectangle_irradiance` takes them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -38,7 +38,7 @@ class Direct:
     """What shines on a picture.
 
     Args:
-        scene: what stands between.
+        scene: what may occlude.
         poses: ``(I, 4, 4)`` of its instances.
         surface: what the picture shows.
         lamps: of the scene at these poses.
@@ -108,7 +108,7 @@ class Direct:
         return levels, chosen, scale
 
     def _rectangles(self, rectangles: Rectangles) -> Source:
-        """Rectangles are chosen by their unblocked irradiance, and points on each evenly."""
+        """Importance sampling: rectangles by their unblocked irradiance, points on each uniformly."""
 
         def source(pixels: Tensor) -> tuple[Tensor, Draw]:
             points, normals = self.surface.points[:, pixels], self.surface.normals[:, pixels]
@@ -163,7 +163,7 @@ class Direct:
 
 
 def sun_frame(sun: Sun) -> tuple[float, Tensor]:
-    """The sine of the sun's angular radius; and ``(3, 3)``, its columns two axes across the way to it and that way."""
+    """The sine of the sun's angular radius; and ``(3, 3)``: as columns two axes across the direction to it, and it."""
     toward = F.normalize(torch.tensor(sun.direction, dtype=torch.float32), dim=0)
     helper = torch.tensor([1.0, 0.0, 0.0] if abs(float(toward[0])) < 0.6 else [0.0, 1.0, 0.0])
     across = F.normalize(cross(helper, toward), dim=0)
@@ -176,7 +176,7 @@ def _planes(lamps: Lamps) -> list[Tensor]:
 
 
 def _faces(lamps: Lamps, lamp: int) -> list[tuple[list[float], float]]:
-    """Of every rectangle its outward normal, as long as its area, and that times its corner."""
+    """For every rectangle its outward normal, as long as its area, and the product of that with its corner."""
     outward = torch.linalg.cross(lamps.edge_u[lamp], lamps.edge_v[lamp])
     offsets = (outward * lamps.corner[lamp]).sum(dim=1).tolist()
     return [(n, offset) for n, offset in zip(outward.tolist(), offsets, strict=True) if any(n)]
@@ -185,9 +185,9 @@ def _faces(lamps: Lamps, lamp: int) -> list[tuple[list[float], float]]:
 def _importance(
     lamps: Lamps, lamp: int, faces: list[tuple[list[float], float]], points: Tensor, normals: Tensor
 ) -> Tensor:
-    """``(n,)``: roughly the irradiance that a lamp gives with nothing between; zero only where it gives none.
+    """``(n,)``: roughly the unoccluded irradiance from a lamp; zero only where it gives none.
 
-    All of it counts as if at its middle, but where the middle is below the surface's horizon the highest point of the
+    The whole lamp counts as if at its centre. Where the centre is below the surface's horizon, the highest point of the
     bounding sphere still counts.
     """
     way = lamps.center[lamp][:, None] - points
@@ -203,5 +203,5 @@ def _importance(
     cosine = dot(way, normals) / distance
     sine = (lamps.radius[lamp] / distance).clamp_max(1.0)
     cosine = torch.maximum(cosine, (cosine + sine).clamp_min(0) / 4)
-    inside = lamps.radius[lamp] ** 2 / 4  # nearer than that it does not grow any more
+    inside = lamps.radius[lamp] ** 2 / 4  # nearer than that it grows no further
     return shown * cosine / (distance * square.clamp_min(inside)) * lamps.radiance[lamp].mean()

@@ -1,1 +1,1 @@
-"""Sky, sun and lamps: what shines, how it is sampled, and its shadows."""
+"""Sky, sun and lamps: their emission, their sampling and their shadows."""

@@ -1,4 +1,4 @@
-"""Lamps: the exposed faces of emissive voxels, merged to rectangles and grouped into what is sampled as one light."""
+"""Lamps: the exposed faces of emissive voxels, merged to rectangles; each group is sampled as one light."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from torch import Tensor
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.scene.world import BRICK, World
 
-GROUPS = (4, 8, 16, 32)  # voxels a side of the cells that lamps are grouped by: the first that keeps lamps few
+GROUPS = (4, 8, 16, 32)  # side, in voxels, of the cells that group lamps: the first that gives at most MANY lamps
 MANY = 128
-_known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and to look for lamps takes time
+_known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and finding lamps takes time
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Lamps:
     Args:
         corner: ``(L, K, 3)``; a rectangle is ``corner + s edge_u + t edge_v`` for s, t in [0, 1].
         edge_u: ``(L, K, 3)``.
-        edge_v: ``(L, K, 3)``; ``edge_u x edge_v`` points to the side that shines. Both edges are zero where a lamp has
+        edge_v: ``(L, K, 3)``; ``edge_u x edge_v`` points to the emitting side. Both edges are zero where a lamp has
             fewer than K rectangles.
         radiance: ``(L, 3)`` linear.
         center: ``(L, 3)`` of a sphere that holds all rectangles.
@@ -42,7 +42,7 @@ class Lamps:
 
 
 def lamps_of(scene: Scene, poses: Tensor) -> Lamps:
-    """All lamps of a scene at one time; instances shine too, unless their mask hides them from secondary rays.
+    """All lamps of a scene at one time; instances emit too, unless their mask excludes secondary rays.
 
     Args:
         scene: world and instances.
@@ -68,9 +68,8 @@ def lamps_of(scene: Scene, poses: Tensor) -> Lamps:
 def lamps_of_world(world: World) -> Lamps:
     """The lamps of a voxel grid in its own coordinates.
 
-    A face shines where the voxel before it lets light through and is of another material. Faces of one material in a
-    cell of 4x4x4 voxels (of more where there would be many lamps) make a lamp; those of them that fill a rectangle
-    become one rectangle.
+    A face emits where the voxel in front of it is not opaque and is of another material. Faces of one material in a
+    cell of 4x4x4 voxels (larger where there would be many lamps) form a lamp. Those that fill a rectangle are merged.
     """
     if world not in _known:
         _known[world] = _found(world)
@@ -120,7 +119,7 @@ def _emissive_voxels(world: World) -> tuple[Tensor, Tensor]:
 
 
 def _merged(faces: Tensor, sides: Tensor, lamp: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Low and high corner, side and lamp of the rectangles that the unit faces make."""
+    """Low and high corner, side and lamp of the rectangles that unit faces are merged to."""
     axis = torch.div(sides, 2, rounding_mode="floor")[:, None]
     along = torch.zeros_like(faces).scatter(1, axis, 1)
     low = faces + along * (sides % 2)[:, None]
@@ -138,7 +137,7 @@ def _merged(faces: Tensor, sides: Tensor, lamp: Tensor) -> tuple[Tensor, Tensor,
 
 
 def _assembled(low: Tensor, high: Tensor, sides: Tensor, lamp: Tensor, radiance: Tensor) -> Lamps:
-    """Rectangles sorted into the rows of a table, one row a lamp."""
+    """Rectangles sorted into the rows of a table, one row per lamp."""
     lamp, order = lamp.sort(stable=True)
     low, high, sides = low[order].float(), high[order].float(), sides[order]
     axis, up = torch.div(sides, 2, rounding_mode="floor"), (sides % 2).bool()

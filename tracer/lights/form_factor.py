@@ -1,4 +1,4 @@
-"""What a uniform light would send to a surface if nothing stood between: the sun's disc and rectangles, in closed form.
+"""Unoccluded irradiance from uniform lights, in closed form: the sun's disc and rectangles.
 
 Vectors are planes here, ``(3, ...)``, so that every step of the arithmetic runs over contiguous memory.
 """
@@ -22,7 +22,7 @@ def cross(a: Tensor, b: Tensor) -> Tensor:
 
 
 def disc_cosine(cosine: Tensor, sine_radius: float) -> Tensor:
-    """Mean cosine over a small disc of directions, what lies below the horizon counting nothing.
+    """Mean cosine over a small disc of directions; the part below the horizon counts as zero.
 
     Args:
         cosine: between the surface's normal and the middle of the disc.
@@ -38,17 +38,17 @@ def disc_cosine(cosine: Tensor, sine_radius: float) -> Tensor:
 
 
 def rectangle_irradiance(points: Tensor, normals: Tensor, corner: Tensor, edge_u: Tensor, edge_v: Tensor) -> Tensor:
-    """Irradiance from one-sided rectangles of unit radiance, with nothing between.
+    """Unoccluded irradiance from one-sided rectangles of unit radiance.
 
     Args:
         points: ``(3, N)``.
         normals: ``(3, N)`` unit length.
-        corner: ``(3, K, N)``, or ``(3, K, 1)`` where all points see the same; see `tracer.lights.emitters.Lamps`.
+        corner: ``(3, K, N)``, or ``(3, K, 1)`` where all points share them; see `tracer.lights.emitters.Lamps`.
         edge_u: as ``corner``.
         edge_v: as ``corner``.
 
     Returns:
-        ``(K, N)``; zero behind a rectangle, and what the surface's horizon hides is left out.
+        ``(K, N)``; zero behind a rectangle. What is below the surface's horizon does not count.
 
     Source: Lambert 1760, the contour integral of a polygon; Baum et al. 1989, eq. 1.
     """
@@ -67,12 +67,12 @@ def rectangle_irradiance(points: Tensor, normals: Tensor, corner: Tensor, edge_u
         a, b = torch.where(za < 0, crossing, a), torch.where(zb < 0, crossing, b)
         total += torch.where((za >= 0) | (zb >= 0), _edge(a, b, normal), 0.0)
     total += _edge(leaves, enters, normal)
-    # seen from the point, corners that turn about the outward normal run clockwise: the sum is negative
+    # from the point, corners that turn about the outward normal run clockwise: the sum is negative
     return torch.where(facing, -0.5 * total, 0.0).clamp_min(0.0)
 
 
 def _edge(a: Tensor, b: Tensor, normal: Tensor) -> Tensor:
-    """The angle between two corners times how much their plane leans toward the normal."""
+    """The angle between two corners times the cosine between their plane's normal and ``normal``."""
     turn = cross(a, b)
     size = dot(turn, turn).sqrt()
     return torch.atan2(size, dot(a, b)) * dot(turn, normal) / size.clamp_min(1e-20)

@@ -1,4 +1,4 @@
-"""The compiled form of the samples, the lamp table and the sky of `tracer.lights`: one point at a time."""
+"""Kernels of the light samples, the lamp table and the sky of `tracer.lights`: one point at a time."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 class Lit(NamedTuple):
-    """What shines.
+    """The lights of a scene.
 
     Args:
-        sky: ``(6 + G, 3)`` float64: radiance of zenith, horizon and ground; the way to the sun and its irradiance; the
-            sine of its angular radius and 1, or 0 where there is none; and of each lobe of its glow the share and g.
-        lamps: ``(R, 21)`` float32; no rows where nothing shines.
-        upto: ``(R,)`` float32 sum of the lamps' power up to each.
+        sky: ``(6 + G, 3)`` float64: radiance of zenith, horizon and ground; direction to the sun and its irradiance;
+            the sine of its angular radius and 1, or 0 where there is none; share and g of each lobe of its glow.
+        lamps: ``(R, 21)`` float32; no rows where there is no lamp.
+        upto: ``(R,)`` float32 cumulative power of the lamps.
         slots: ``(C, SLOTS)`` int32; see `tracer.lights.lamp_table.LampTable`.
         counts: ``(C, SLOTS)`` int16.
         cells: ``(7,)`` float64: low corner, side and shape of the grid of cells.
-        sky_upto: ``(D,)`` float32; see `tracer.lights.sky_table.SkyTable`. No rows where it is not sampled.
+        sky_upto: ``(D,)`` float32; see `tracer.lights.sky_table.SkyTable`. No rows where the sky is not sampled.
         sky_density: ``(D,)`` float32.
     """
 
@@ -97,7 +97,7 @@ def sky_sample(lit, a, b):
 
 @scalar
 def sky_density(lit, direction):
-    """Density with which `sky_sample` finds a direction."""
+    """Density with which `sky_sample` draws a direction."""
     row = int(math.acos(min(max(direction[1], -1.0), 1.0)) * (CELLS[0] / math.pi))
     column = int((math.atan2(direction[0], -direction[2]) / (2 * math.pi) + 0.5) * CELLS[1])
     cell = min(row, CELLS[0] - 1) * CELLS[1] + min(max(column, 0), CELLS[1] - 1)
@@ -117,7 +117,7 @@ def sun(lit, direction):
 
 @scalar
 def sun_sample(lit, a, b):
-    """A direction to the sun, and its radiance over the density of that direction."""
+    """A direction to the sun, and its radiance divided by the direction's density."""
     sine, toward = lit.sky[DISC, 0], triple(lit.sky, TOWARD, 0)
     across, other = tangent_frame(toward)
     x, y = disc(a, b)
@@ -139,7 +139,7 @@ def _cell(lit, point):
 
 @scalar
 def _lower(values, value):
-    """Number of the first of rising values that is not below one."""
+    """Index of the first of ascending values that is not below a given one."""
     begin, end = 0, len(values)
     while begin < end:
         middle = (begin + end) // 2
@@ -152,7 +152,7 @@ def _lower(values, value):
 
 @scalar
 def _suggested(lit, cell, u):
-    """A lamp by the slots of a cell, and the probability of that."""
+    """A lamp drawn from the slots of a cell, and its probability."""
     slots = lit.slots[cell]
     if u < SPREAD:
         lamp = min(_lower(lit.upto, u / SPREAD), len(lit.lamps) - 1)
@@ -166,7 +166,7 @@ def _suggested(lit, cell, u):
 
 @scalar
 def _given(lit, lamp, point, normal):
-    """Roughly what a lamp gives with nothing between; see `tracer.lights.lamp_table`."""
+    """Rough unoccluded contribution of a lamp; see `tracer.lights.lamp_table`."""
     way = along(triple(lit.lamps, lamp, MIDDLE), point, -1.0)
     above = -dot(way, triple(lit.lamps, lamp, FACING))
     if not above > 0:
@@ -178,7 +178,7 @@ def _given(lit, lamp, point, normal):
 
 @scalar
 def _chosen(lit, point, normal, a, b):
-    """A lamp, or -1, and by what its light is to be multiplied."""
+    """A lamp, or -1, and the factor that its light is multiplied by."""
     cell = _cell(lit, point)
     candidates, given, upto = np.empty(CANDIDATES, np.int64), np.empty(CANDIDATES), np.empty(CANDIDATES)
     total = 0.0
@@ -195,8 +195,8 @@ def _chosen(lit, point, normal, a, b):
 
 @scalar
 def lamp_sample(lit, point, normal, a, b, c, d):
-    """A direction to a lamp, the distance to just before it, its radiance over the density of that direction, and its
-    number, or -1."""
+    """A direction to a lamp, the distance to just before it, its radiance divided by the direction's density, and
+    its number, or -1."""
     lamp, factor = _chosen(lit, point, normal, a, b)
     if lamp < 0:
         return (0.0, 1.0, 0.0), 0.0, NOTHING, -1
@@ -216,7 +216,7 @@ def lamp_sample(lit, point, normal, a, b, c, d):
 
 @scalar
 def _rectangle_point(first, edge_u, edge_v, s, t):
-    """The way to a point on a rectangle, and the solid angle; see `tracer.lights.spherical_rectangle`."""
+    """The vector to a point on a rectangle, and the solid angle; see `tracer.lights.spherical_rectangle`."""
     width, height = math.sqrt(dot(edge_u, edge_u)), math.sqrt(dot(edge_v, edge_v))
     right, up = scaled(edge_u, 1 / width), scaled(edge_v, 1 / height)
     away = cross(right, up)

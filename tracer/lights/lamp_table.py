@@ -1,4 +1,4 @@
-"""One lamp for each point: chosen by what lamps may give in its part of the world."""
+"""The choice of one lamp for each point, by what lamps can contribute in its cell of the world."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ from torch import Tensor
 
 from tracer.lights.emitters import Lamps
 
-CELL = 8.0  # world units a side of the cells that share a choice of lamps, doubled until there are few cells
+CELL = 8.0  # side of the cells that share a choice of lamps, world units; doubled until there are few cells
 MANY = 1 << 13
-SLOTS = 128  # of a cell, handed out to the lamps in proportion
-SPREAD = 0.1  # share of the choices that are made by power alone, so that no lamp is forgotten
-CANDIDATES = 8  # that a point takes from its cell's slots to choose one from
+SLOTS = 128  # per cell, assigned to lamps in proportion to what they contribute
+SPREAD = 0.1  # share of the choices made by power alone, so that every lamp can be chosen
+CANDIDATES = 8  # drawn for each point from its cell's slots; one of them is chosen
 BLOCK = 1 << 20  # cells times rectangles at a time
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LampTable:
-    """The shining rectangles of a scene, flat, and for every cell of a coarse grid which of them to sample how often.
+    """The emitting rectangles of a scene, flat, and how often each is sampled in each cell of a coarse grid.
 
     Args:
         corner: ``(R, 3)``; see `tracer.lights.emitters.Lamps`.
         edge_u: ``(R, 3)``.
         edge_v: ``(R, 3)``.
-        facing: ``(R, 3)`` unit normal on the side that shines.
+        facing: ``(R, 3)`` unit normal on the emitting side.
         area: ``(R,)``.
         radiance: ``(R, 3)``.
-        slots: ``(X * Y * Z, SLOTS)`` int32 rectangles, in rising order.
+        slots: ``(X * Y * Z, SLOTS)`` int32 rectangles, in ascending order.
         counts: ``(X * Y * Z, SLOTS)`` int16: how many slots of the cell hold the same rectangle.
         shape: ``(X, Y, Z)`` of the grid.
         low: ``(3,)`` its low corner, world space.
         cell: side of its cells.
-        power: ``(R,)`` share of each rectangle in the power of all.
+        power: ``(R,)`` share of each rectangle in the total power.
     """
 
     corner: Tensor
@@ -79,7 +79,7 @@ class LampTable:
         return table if not len(table) else table.with_slots()
 
     def moved(self, lamps: Lamps) -> LampTable:
-        """The same choices among the same lamps in other places."""
+        """The same table with the lamps in other places; the probabilities stay."""
         return replace(self, **_places(lamps))
 
     def with_slots(self) -> LampTable:
@@ -93,7 +93,7 @@ class LampTable:
         return replace(self, slots=slots, counts=counts.to(torch.int16))
 
     def _slots_of(self, centers: Tensor) -> Tensor:
-        """``(C, SLOTS)``: rectangles in proportion to the most that they may give anywhere in a cell."""
+        """``(C, SLOTS)``: rectangles in proportion to the most that they can contribute anywhere in a cell."""
         reach = self.cell * 3**0.5 / 2
         middle = self.corner + (self.edge_u + self.edge_v) / 2
         square = torch.cdist(centers, middle).square()
@@ -107,7 +107,7 @@ class LampTable:
         return torch.searchsorted(upto, place).clamp_max(len(self) - 1).int()
 
     def choose(self, points: Tensor, normals: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-        """One rectangle for each point: of a few that its cell suggests, one in proportion to what it may give here.
+        """One rectangle for each point, drawn from a few of its cell in proportion to its rough contribution here.
 
         Args:
             points: ``(N, 3)`` world space.
@@ -115,7 +115,7 @@ class LampTable:
             u: ``(2, N)`` in [0, 1).
 
         Returns:
-            Its number ``(N,)``; and ``(N,)`` by what its light is to be multiplied, 0 where none can give any.
+            Its number ``(N,)``; and ``(N,)`` the factor that its light is multiplied by, 0 where none contributes.
 
         Source: Talbot, Cline and Egbert 2005 (resampled importance sampling).
         """
@@ -129,7 +129,7 @@ class LampTable:
         return chosen, torch.where(own > 0, upto[-1] / (CANDIDATES * own.clamp_min(1e-30)), 0.0)
 
     def _suggest(self, points: Tensor, u: Tensor) -> tuple[Tensor, Tensor]:
-        """A rectangle ``(N,)`` for each point by its cell's slots, and the probability ``(N,)`` of that."""
+        """A rectangle ``(N,)`` for each point, drawn from its cell's slots, and its probability ``(N,)``."""
         limit = torch.tensor(self.shape, device=points.device) - 1
         cell = ((points - self.low) / self.cell).long().clamp_min(0).minimum(limit)
         number = (cell[:, 0] * self.shape[1] + cell[:, 1]) * self.shape[2] + cell[:, 2]
@@ -142,10 +142,10 @@ class LampTable:
         return chosen, SPREAD * self.power[chosen] + (1 - SPREAD) / SLOTS * count
 
     def _given(self, points: Tensor, normals: Tensor, candidates: Tensor) -> Tensor:
-        """``(K, N)``: roughly what rectangles ``(K, N)`` give with nothing between; zero only where they give none.
+        """``(K, N)``: rough unoccluded contribution of rectangles ``(K, N)``; zero only where there is none.
 
-        All of a rectangle counts as if at its middle, but where that is below the surface's horizon the highest point
-        of its sphere still counts.
+        A rectangle counts as if all of it were at its middle. Where the middle is below the surface's horizon, the
+        highest point of its bounding sphere still counts.
         """
         way = (self.corner + (self.edge_u + self.edge_v) / 2)[candidates] - points
         facing = self.facing[candidates]
@@ -154,7 +154,7 @@ class LampTable:
         rise = way[..., 0] * normals[:, 0] + way[..., 1] * normals[:, 1] + way[..., 2] * normals[:, 2]
         reach = ((self.edge_u + self.edge_v).norm(dim=1) / 2)[candidates]
         rise = torch.maximum(rise, (rise + reach) / 4).clamp_min(0)
-        near = reach * reach / 4  # nearer than that it does not grow any more
+        near = reach * reach / 4  # limits the growth at close range
         return self.power[candidates] * above.clamp_min(0) * rise / (square + near).square()
 
 

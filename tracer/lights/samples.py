@@ -1,6 +1,6 @@
-"""Next-event estimation: where light may come from, one direction to the sun and one to a lamp for each point.
+"""Next-event estimation: one direction to the sun and one to a lamp for each point.
 
-That to the sky is `tracer.lights.sky_table`'s."""
+Directions to the sky are in `tracer.lights.sky_table`."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from tracer.sampling.scatter import dot
 from tracer.sampling.sequence import disc
 from tracer.scene.scene import Scene, Sun
 
-NEAR = 0.02  # of its squared distance: rectangles of a larger area are sampled as they are seen
-DIMS = 6  # numbers that the two samples take
+NEAR = 0.02  # area over squared distance above which a rectangle is sampled by solid angle
+DIMS = 6  # random numbers that the two samples use
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LightSample:
-    """One direction in which light may come to each of N points.
+    """One direction toward a light for each of N points.
 
     Args:
         direction: ``(N, 3)`` unit length.
         distance: ``(N,)`` to just before the light, inf for the sun.
-        energy: ``(N, 3)`` radiance over the density, per steradian, of having chosen this direction.
+        energy: ``(N, 3)`` radiance divided by the density of this direction, per steradian.
         facing: ``(N, 3)`` unit normal of the lamp there; None for the sun.
     """
 
@@ -48,7 +48,7 @@ class Lights:
 
     Args:
         sun: or None.
-        lamps: or None where nothing shines.
+        lamps: or None where there are none.
         sky: or None where it is black.
     """
 
@@ -64,7 +64,7 @@ class Lights:
         return Lights(sun=scene.sun, lamps=table, sky=SkyTable.of(scene))
 
     def at(self, scene: Scene, poses: Tensor) -> Lights:
-        """The same lights with the instances at other ``poses``; how often each is chosen stays as it was."""
+        """The same lights with the instances at other ``poses``; their probabilities stay."""
         return self if self.lamps is None else replace(self, lamps=self.lamps.moved(lamps_of(scene, poses)))
 
     def sample(self, points: Tensor, normals: Tensor, u: Tensor) -> list[LightSample]:
@@ -78,21 +78,21 @@ class Lights:
 
 
 def sun_sample(sun: Sun, u: Tensor) -> LightSample:
-    """Directions spread evenly over the sun's disc, from numbers ``(2, N)``."""
+    """Directions uniform over the sun's disc, from numbers ``(2, N)``."""
     sine = math.sin(math.radians(sun.angular_radius))
     toward = F.normalize(torch.tensor(sun.direction, dtype=u.dtype, device=u.device), dim=0)[None]
     across, other = tangent_frame(toward)
     x, y = disc(u)[:, :, None] * sine
     along = (1 - x * x - y * y).sqrt()
     direction = across * x + other * y + toward * along
-    # even over the disc as it is seen, so that a surface facing the sun receives its irradiance from every sample
+    # uniform over the projected disc, so that every sample gives a surface facing the sun its full irradiance
     energy = u.new_tensor(sun.irradiance) / along
     distance = torch.full_like(u[0], torch.inf)
     return LightSample(direction=direction, distance=distance, energy=energy)
 
 
 def lamp_sample(lamps: LampTable, points: Tensor, normals: Tensor, u: Tensor) -> LightSample:
-    """A point on one rectangle, from numbers ``(4, N)``: evenly over its area, or as it is seen where it is near."""
+    """A point on one rectangle, from numbers ``(4, N)``: uniform in area, or in solid angle where it is near."""
     chosen, factor = lamps.choose(points, normals, u[:2])
     corner, edge_u, edge_v = lamps.corner[chosen], lamps.edge_u[chosen], lamps.edge_v[chosen]
     facing, area = lamps.facing[chosen], lamps.area[chosen]

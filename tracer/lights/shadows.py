@@ -1,6 +1,6 @@
-"""Light that arrives from one source, its shadow sampled where there is one.
+"""Irradiance from one source, its shadow sampled where there is one.
 
-A source knows in closed form what it would send with nothing between; only the share that comes through is sampled.
+The unoccluded irradiance is known in closed form; only the transmitted share is sampled.
 Vectors are planes, ``(3, N)``, over the pixels of one picture.
 """
 
@@ -13,22 +13,22 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-REACH = 2  # pixels around, in which samples must agree too before a pixel needs no more
-AGREE = 0.02  # samples agree whose transmission differs by no more than this
-SHORT = 1e-3  # world units that a ray to a lamp ends before its face
+REACH = 2  # pixels around a pixel whose samples must agree too before it needs no more
+AGREE = 0.02  # samples agree if their transmission differs by no more than this
+SHORT = 1e-3  # world units before a lamp's face at which a shadow ray ends
 
 ShadowRays = Callable[[Tensor, Tensor, range], Tensor]
-"""Pixel numbers ``(n,)``, a rotation of the samples of each ``(2, n)`` in [0, 1), and which points of the R2 sequence
-to take; to ``(7, n)`` with the rows below."""
+"""Maps pixel numbers ``(n,)``, a rotation of each pixel's samples ``(2, n)`` in [0, 1), and a range of points of the R2
+sequence to ``(7, n)`` with the rows below."""
 UNBLOCKED, PASSED, WEIGHT, LEAST, MOST = 0, slice(1, 4), 4, 5, 6
-"""Irradiance with nothing between (0 where the source cannot reach the pixel); over the samples the sums of what comes
-through times its weight, and of the weights; and the least and the most that comes through, 1 and 0 for none."""
+"""Unoccluded irradiance (0 where the source cannot reach the pixel); over the samples, the sums of transmission times
+weight and of the weights, and the least and greatest transmission, 1 and 0 for no samples."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surface:
-    """What one picture shows, flat: ``points`` and ``normals`` ``(3, N)`` world space, ``lit`` ``(N,)`` bool (whether a
-    pixel can show direct light at all), and ``size`` ``(H, W)`` with H W = N."""
+    """The surfaces of one picture, flat: ``points`` and ``normals`` ``(3, N)`` world space, ``lit`` ``(N,)`` bool
+    (whether a pixel can receive direct light at all), and ``size`` ``(H, W)`` with H W = N."""
 
     points: Tensor
     normals: Tensor
@@ -39,12 +39,12 @@ class Surface:
 def arriving(
     shadow_rays: ShadowRays, wanted: Tensor, refine: Tensor, noise: Tensor, *, samples: int, start: int
 ) -> Tensor:
-    """Irradiance from a source of unit radiance (the sun: of unit irradiance) through what stands between.
+    """Irradiance from a source of unit radiance (the sun: of unit irradiance), with shadows.
 
-    A quarter of the samples comes first. Where these agree with each other and with those of the pixels around, as they
-    do away from the edges of shadows, they are enough; elsewhere all are taken. That leaves out less than half a per
-    cent of a source's light at the faint outer rim of its penumbra. What comes through is the weighted mean over
-    the samples, so that light without shadow is exact.
+    A quarter of the samples comes first. Away from the edges of shadows these agree with each other and with those of
+    the pixels around, and are enough; elsewhere all are taken. That omits less than half a per cent of a source's
+    light, at the faint outer rim of its penumbra. Transmission is the weighted mean over the samples, so that light
+    without shadow is exact.
 
     Args:
         shadow_rays: samples of the source; see `ShadowRays`.
@@ -86,13 +86,13 @@ def arriving(
 
 
 def _crop(mask: Tensor) -> tuple[slice, slice]:
-    """Rows and columns around all that is set."""
+    """Rows and columns of the bounding box of all that is set."""
     rows, columns = mask.any(dim=1).nonzero()[:, 0], mask.any(dim=0).nonzero()[:, 0]
     return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
 
 
 def _widest(plane: Tensor) -> Tensor:
-    """The greatest value in the square of `REACH` pixels around."""
+    """The greatest value within `REACH` pixels along both axes."""
     side = 2 * REACH + 1
     rows = F.max_pool2d(plane[None, None], (side, 1), stride=1, padding=(REACH, 0))
     return F.max_pool2d(rows, (1, side), stride=1, padding=(0, REACH))[0, 0]

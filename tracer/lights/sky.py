@@ -1,4 +1,4 @@
-"""The sky: what a ray sees that hits nothing, and how much light the open sky sends."""
+"""The sky: its radiance along rays that hit nothing, and its unoccluded irradiance."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ TABLE = (32, 64)  # pixels of the irradiance table: irradiance is a smooth funct
 def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
     """Radiance of the sky without the sun's disc.
 
-    From zenith to horizon by elevation, below it the ground, and round the sun a glow in proportion to its irradiance.
+    It goes from zenith to horizon by elevation, with the ground below. A glow round the sun is proportional to the
+    sun's irradiance.
 
     Args:
         scene: whose ``sky`` and ``sun``.
@@ -48,7 +49,7 @@ def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
 
 
 def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
-    """Radiance of the sun's disc, zero beside it; over the disc it adds up to the sun's irradiance.
+    """Radiance of the sun's disc, zero beside it; its integral over the disc is the sun's irradiance.
 
     Args:
         sun: the disc.
@@ -62,7 +63,7 @@ def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
         return torch.zeros_like(directions)
     toward = F.normalize(torch.tensor(sun.direction, dtype=directions.dtype), dim=0)
     toward = toward.to(directions.device).view(1, 3, *(1,) * (directions.ndim - 2))
-    # the sine, not the cosine, tells apart directions this close in single precision
+    # in single precision the sine separates directions this close, the cosine does not
     off = torch.linalg.cross(directions, toward.expand_as(directions), dim=1).norm(dim=1, keepdim=True)
     seen = (off < sine) & ((directions * toward).sum(dim=1, keepdim=True) > 0)
     return torch.where(seen, _color(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
@@ -74,7 +75,7 @@ def sky_along(scene: Scene, directions: Tensor) -> Tensor:
 
 
 def beyond(scene: Scene, directions: Tensor, sees_sun: Tensor, share: Tensor) -> Tensor:
-    """A ``share`` ``(N,)`` of the sky, and the sun where it is seen."""
+    """Radiance of a ``share`` ``(N,)`` of the sky, and of the sun where it is visible."""
     light = sky_along(scene, directions) * share[:, None]
     if scene.sun is not None:
         light = light + sun_radiance(scene.sun, directions.T[None])[0].T * sees_sun[:, None]
@@ -98,7 +99,7 @@ def environment(scene: Scene, *, size: tuple[int, int] = (64, 128)) -> Tensor:
 
 
 def sky_irradiance(scene: Scene, normals: Tensor) -> Tensor:
-    """Irradiance of the unblocked sky (no sun's disc).
+    """Irradiance of the unoccluded sky (without the sun's disc).
 
     Args:
         scene: whose ``sky`` and ``sun``.
@@ -113,7 +114,7 @@ def sky_irradiance(scene: Scene, normals: Tensor) -> Tensor:
 
 
 def irradiance_table(scene: Scene) -> Tensor:
-    """``(1, 3, h, w)`` irradiance of the unblocked sky on surfaces that face each direction, lat-long."""
+    """``(1, 3, h, w)`` irradiance of the unoccluded sky on surfaces that face each direction, lat-long."""
     sky = environment(scene, size=INTEGRATION).flatten(2)[0]
     way = environment_directions(INTEGRATION, device=sky.device).flatten(2)[0]
     angles = environment_solid_angles(INTEGRATION, device=sky.device).expand(1, 1, *INTEGRATION).flatten()

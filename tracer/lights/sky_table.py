@@ -1,4 +1,4 @@
-"""The sky as a light that paths send rays to: often to where it is bright."""
+"""Importance sampling of the sky by its radiance."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from gbufrt.environment import environment_solid_angles
 from tracer.lights.sky import environment
 from tracer.scene.scene import Scene
 
-CELLS = (32, 64)  # of a lat-long picture, in each of which all directions are as likely
+CELLS = (32, 64)  # of a lat-long picture; within each, all directions are equally likely
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SkyTable:
-    """How likely each direction is, in proportion to the radiance of the sky there.
+    """Density of directions, proportional to the radiance of the sky.
 
     Args:
-        upto: ``(C,)`` probability of all cells up to each, row by row of the lat-long picture.
+        upto: ``(C,)`` cumulative probability of the cells, row by row of the lat-long picture.
         density: ``(C,)`` per steradian.
     """
 
@@ -55,7 +55,7 @@ class SkyTable:
         return torch.stack([across * azimuth.sin(), y, -across * azimuth.cos()], dim=1), self.density[cell]
 
     def density_of(self, directions: Tensor) -> Tensor:
-        """``(N,)`` density with which `sample` finds ``directions`` ``(N, 3)``."""
+        """``(N,)`` density with which `sample` draws ``directions`` ``(N, 3)``."""
         x, y, z = directions.unbind(dim=1)
         row = (y.clamp(-1.0, 1.0).acos() * (CELLS[0] / math.pi)).long().clamp_max(CELLS[0] - 1)
         column = ((torch.atan2(x, -z) / (2 * math.pi) + 0.5) * CELLS[1]).long().clamp(0, CELLS[1] - 1)

@@ -1,4 +1,4 @@
-"""Points on rectangles that are evenly spread as seen from elsewhere: near ones would be noisy by area."""
+"""Points on rectangles, uniform in solid angle: sampling near ones by area would be noisy."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ from torch import Tensor
 
 from tracer.sampling.scatter import dot
 
-FLATTEST = 1e-5  # world units above a rectangle's plane, below which it is seen edge-on
+FLATTEST = 1e-5  # world units above a rectangle's plane, below which it counts as edge-on
 
 
 def rectangle_points(
     points: Tensor, corner: Tensor, edge_u: Tensor, edge_v: Tensor, u: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """One point on each rectangle, evenly over the solid angle that it fills.
+    """One point on each rectangle, uniform in the solid angle that it subtends.
 
     In double precision, because the solid angle is a small difference of large angles.
 
     Args:
-        points: ``(N, 3)`` from which the rectangles are seen.
+        points: ``(N, 3)`` receivers.
         corner: ``(N, 3)`` of each rectangle.
         edge_u: ``(N, 3)``.
         edge_v: ``(N, 3)`` at right angles to ``edge_u``.
         u: ``(2, N)`` in [0, 1).
 
     Returns:
-        ``(N, 3)`` the way to the point; and ``(N,)`` the solid angle, 0 where a rectangle is seen edge-on.
+        ``(N, 3)`` the vector to the point; and ``(N,)`` the solid angle, 0 where a rectangle is edge-on.
 
     Source: Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical Rectangles".
     """
@@ -40,7 +40,7 @@ def rectangle_points(
     z = -z.abs().clamp_min(FLATTEST)
     x0, y0 = dot(first, along), dot(first, up)
     x1, y1 = x0 + width, y0 + height
-    # sines of the elevation at which the planes through the eye and the four sides stand
+    # sines of the elevation of the planes through the receiver and the four sides
     b0, b1, b2, b3 = (side / (side * side + z * z).sqrt() for side in (-y0, x1, y1, -x0))
     # the normals of neighbouring planes share no axis but z, so their cosine is the product of these
     g0, g1, g2, g3 = ((-b * c).clamp(-1, 1).acos() for b, c in ((b0, b1), (b1, b2), (b2, b3), (b3, b0)))

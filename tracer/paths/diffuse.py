@@ -1,4 +1,4 @@
-"""Diffuse light transport: what surfaces send of what reaches them, and the picture in unoccluded light."""
+"""Diffuse light transport: light that surfaces reflect diffusely, and the picture in unoccluded light."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from tracer.sampling.scatter import cosine_direction, dot
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
 
-EVEN = DIMS + 3  # numbers that a bounce takes where all is scattered evenly
+EVEN = DIMS + 3  # numbers that a bounce of a diffuse path takes
 
 
 def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: int, poses: Tensor) -> Tensor:
-    """What surfaces send of the light of sun, lamps and sky, after at most ``bounces`` of even scattering.
+    """Light of sun, lamps and sky that surfaces reflect, after at most ``bounces`` diffuse bounces.
 
     Args:
         scene: what is there.
         lights: of the scene.
         start: N surfaces.
         u: ``(EVEN * bounces, N)`` in [0, 1).
-        bounces: 1 for what reaches the surfaces themselves.
+        bounces: 1 for light that reaches the surfaces directly.
         poses: ``(I, 4, 4)``.
 
     Returns:
@@ -58,20 +58,21 @@ def gathered(scene: Scene, lights: Lights, start: Vertices, u: Tensor, bounces: 
 def unblocked(
     scene: Scene, irradiance: Tensor, origins: Tensor, directions: Tensor, u: Tensor, *, poses: Tensor, **first: Any
 ) -> Tensor:
-    """What rays from the eye show in light that nothing blocks: the sky, and surfaces with the light of the whole sky
-    and the sun. All are diffuse, and lamps light nothing but themselves.
+    """Radiance along rays from the eye in unoccluded light: the sky, and surfaces lit by the whole sky and the sun.
+
+    All surfaces are diffuse, and lamps light nothing but themselves.
 
     Args:
         scene: what is there.
         irradiance: of the sky, see `tracer.lights.sky.irradiance_table`.
         origins: ``(N, 3)`` of the rays, world space.
         directions: ``(N, 3)``, unit length.
-        u: ``(N,)`` in [0, 1), whether to go through what transmits.
+        u: ``(N,)`` in [0, 1), whether to pass through transmissive surfaces.
         poses: ``(I, 4, 4)``.
         first: ``t_min``, ``t_max``, ``detail`` and ``spreads`` as for `tracer.paths.interaction`.
 
     Returns:
-        ``(N, 3)`` linear radiance, which has no noise but that of ``u``.
+        ``(N, 3)`` linear radiance; its only noise is that of ``u``.
     """
     isect = intersect(scene, origins, directions, u, poses=poses, mask=MASK_PRIMARY, **first)
     at, total = isect.surface, beyond(scene, directions, torch.ones_like(isect.hit), torch.ones_like(isect.distance))
@@ -84,5 +85,5 @@ def unblocked(
 
 
 def even_response(at: Vertices, sample: LightSample) -> Tensor:
-    """Response of a surface that scatters evenly and all."""
+    """Response of a diffuse surface of albedo 1."""
     return (dot(at.normals, sample.direction).clamp_min(0) / math.pi)[:, None].expand(-1, 3)

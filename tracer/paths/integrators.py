@@ -1,4 +1,4 @@
-"""What one path from each surface of a picture finds; `tracer.truth.truth` takes the mean over many.
+"""Estimates by one path from each surface of a picture; `tracer.truth.truth` takes the mean over many.
 
 `tracer.paths.op` chooses between these and their compiled form.
 """
@@ -68,14 +68,14 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: i
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
     """``reflection`` and ``reflection_onscreen`` of `tracer.truth.truth.reflection`; see `occlusion`.
 
-    Lamps are found by the mirrored ray where the roughness is below ``sharp``, and by a ray to a lamp elsewhere.
-    Besides, 1 where the ray ends on screen (``onscreen``), where there is a ray at all (``flies``) and where it ends on
-    anything (``ends``), and its length (``distance``).
+    Where the roughness is below ``sharp``, the reflected ray itself finds lamps; elsewhere a shadow ray samples one.
+    Also found: 1 where the ray ends on screen (``onscreen``), where there is a ray (``flies``) and where it hits
+    anything (``ends``); and its length (``distance``).
     """
     start = start.repeat(u.shape[1] // max(len(start), 1))
     directions, weight, cosine = sample_specular(start.normals, start.toward, start.alpha, u[:2])
     flies = weight > 0
-    ends = torch.where(flies, torch.inf, 0.0)  # what a ray into the surface itself might meet does not count
+    ends = torch.where(flies, torch.inf, 0.0)  # a ray into the surface itself hits nothing
     isect = intersect(scene, start.points, directions, u[2], poses=at.poses, inside=start.inside, t_max=ends)
     rows, surface, rough = isect.rows, isect.surface, start.roughness >= sharp
     factor = fresnel(start.f0, cosine) * weight[:, None] * isect.weight

@@ -1,4 +1,4 @@
-"""Steps of light paths, many at a time: what rays meet, and the light that comes straight from sun and lamps."""
+"""Steps of many light paths at once: intersections of rays, and direct light from sun and lamps."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Vertices:
         opacity: ``(N,)``.
         emission: ``(N, 3)``.
         inside: ``(N,)`` bool: the place lies within a transmissive material.
-        instances: ``(N,)`` integers, which they are on, 0 for the world.
+        instances: ``(N,)`` integers, the instance that each is on, 0 for the world.
     """
 
     points: Tensor
@@ -74,18 +74,18 @@ class Vertices:
 
     @property
     def diffuse(self) -> Tensor:
-        """``(N, 3)`` share of light that is scattered evenly; see `tracer.direct.lighting.light`."""
+        """``(N, 3)`` diffuse albedo; see `tracer.direct.lighting.light`."""
         return self.albedo * ((1 - self.metallic) * self.opacity)[:, None]
 
     @property
     def enters(self) -> Tensor:
-        """``(N, 1)`` share that shows of what is under a dielectric surface, which mirrors the rest toward the eye."""
+        """``(N, 1)`` factor of a dielectric surface on its diffuse light: what it does not reflect toward the eye."""
         return 1 - directional_albedo(dot(self.normals, self.toward), self.roughness)[:, None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Interaction:
-    """What N rays came to.
+    """What N rays hit.
 
     Args:
         hit: ``(N,)`` bool: a surface, else the sky.
@@ -117,23 +117,23 @@ def intersect(
     detail: Tensor | float = FINE,
     spreads: bool = False,
 ) -> Interaction:
-    """Follow each ray to the one surface, or the sky, that it shows.
+    """Trace each ray to the one surface, or the sky, that it shows.
 
-    A transmissive surface is gone through, straight on, as often as it lets light through, and otherwise shows its own
-    share: a ray stays one ray, and the mean over rays is transmittance x what is behind + what the surface sends. What
-    comes through is less what a smooth surface mirrors.
+    A ray passes straight through a transmissive surface with the probability that light does, and otherwise shows the
+    surface's own share. So a ray stays one ray, and the mean over rays is transmittance x what is behind + what the
+    surface sends. Transmitted light excludes what a smooth surface reflects.
 
     Args:
         scene: what is there.
         origins: ``(N, 3)`` world space.
         directions: ``(N, 3)`` world space, unit length.
-        u: ``(N,)`` in [0, 1): whether to go through.
+        u: ``(N,)`` in [0, 1): whether to pass through.
         poses: ``(I, 4, 4)`` of the instances.
         inside: ``(N,)`` bool: which rays begin within a transmissive material; by default none.
-        mask: which instances are onscreen.
+        mask: which instances rays can hit.
         t_min: where rays begin.
-        t_max: where rays end; what is farther is not there.
-        most: how often a surface is gone through at most.
+        t_max: where rays end; nothing farther is hit.
+        most: greatest probability of passing through a surface.
         detail: ``(N,)`` pixels that a world unit spans, for the detail of colours; by default all of it.
         spreads: ``detail`` is that at distance 1 and falls with the distance, rather than the same everywhere.
 
@@ -169,7 +169,7 @@ def _go_through(
     most: float,
     given: dict,
 ) -> None:
-    """Send rays on through transmissive surfaces; ``hits``, ``weight`` and ``inside`` become those of their ends."""
+    """Continue rays through transmissive surfaces; ``hits``, ``weight`` and ``inside`` become those of their ends."""
     table = scene.materials
     rows = (hits.hit & (table.opacity[hits.material.long()] < 1)).nonzero()[:, 0]
     for _ in range(LAYERS):
@@ -234,18 +234,18 @@ def _vertices(
 def direct(
     scene: Scene, lights: Lights, at: Vertices, u: Tensor, respond: Callable[[LightSample], Tensor], *, poses: Tensor
 ) -> list[tuple[LightSample, Tensor]]:
-    """Light straight from sun and lamps, by one shadow ray to each kind.
+    """Direct light from sun and lamps, by one shadow ray to each kind.
 
     Args:
-        scene: what may stand between.
+        scene: what may occlude.
         lights: of the scene.
         at: N surfaces.
         u: ``(6, N)`` in [0, 1).
-        respond: a sample to the factor ``(N, 3)`` on its radiance: reflectance x cosine.
+        respond: from a sample, the factor ``(N, 3)`` on its radiance: reflectance x cosine.
         poses: ``(I, 4, 4)`` of the instances.
 
     Returns:
-        Of each kind, the sample and the radiance ``(N, 3)`` that it adds.
+        For each kind, the sample and the radiance ``(N, 3)`` that it adds.
     """
     found = []
     for sample in lights.sample(at.points, at.normals, u):

@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.paths.interaction`: a ray at a time, and the tables of its scene."""
+"""The compiled form of `tracer.paths.interaction`: one ray at a time, and the tables of its scene."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Tables(NamedTuple):
         grids: see `tracer.scene.grids.Grids.tensors`.
         materials: ``(M, 13)`` float32.
         scales: ``(I + 1,)`` float64, world units a voxel.
-        lit: what shines.
+        lit: sun, sky and lamps.
     """
 
     transforms: np.ndarray
@@ -72,7 +72,7 @@ class Interaction(NamedTuple):
 
 @scalar
 def assembled(arrays):
-    """`Tables` of their arrays in a row: numba hands no nested tuples to its threads."""
+    """`Tables` from their flat arrays: numba passes no nested tuples to its threads."""
     transforms, bricks, index, entries, media, materials, scales = arrays[:7]
     sky, lamps, upto, slots, counts, cells, sky_upto, sky_density = arrays[7:]
     lit = Lit(sky, lamps, upto, slots, counts, cells, sky_upto, sky_density)
@@ -81,7 +81,7 @@ def assembled(arrays):
 
 @scalar
 def surface_of(rows, i):
-    """A row of what `tracer.paths.tables` packs side by side."""
+    """One row of what `tracer.paths.tables.surfaces_of` packs."""
     return Surface(
         triple(rows, i, 0),
         triple(rows, i, 3),
@@ -120,7 +120,7 @@ def _run(tables, origin, direction, hit):
 
 @scalar
 def _normal(tables, hit):
-    """Of the surface that was hit, facing where the ray came from."""
+    """Normal of the surface that was hit, facing where the ray came from."""
     row, face = tables.transforms[hit[1], hit[3] // 2], hit[3]
     size = math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
     return scaled((row[0], row[1], row[2]), (1 if face % 2 else -1) / size)

@@ -1,4 +1,4 @@
-"""Which points in a world a picture shows."""
+"""Which points of a world are on screen."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ NEIGHBORS = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Picture:
-    """What one camera sees, flat.
+    """What one camera shows, as flat arrays.
 
     Args:
         camera: one camera.
         depth: ``(H * W,)`` planar, inf where nothing was hit.
         normal: ``(H * W, 3)`` of the surfaces, view space.
         point: ``(H * W, 3)`` of the surfaces, view space.
-        back: ``(I + 1, 4, 4)``, which take points on the world and on each instance from where they are now to where
-            they are in the picture; None where that is the same.
+        back: ``(I + 1, 4, 4)``, back-projection of points on the world and on each instance, from where they are now
+            to where they are in the picture; None where that is the same.
     """
 
     camera: Camera
@@ -50,14 +50,14 @@ class Picture:
         )
 
     def moved(self, then: Tensor, now: Tensor) -> Picture:
-        """The same picture of instances with poses ``(I, 4, 4)``, for points on them as they are ``now``."""
+        """The same picture, of instances as they are ``then``, for points as they are ``now``: poses ``(I, 4, 4)``."""
         if torch.equal(then, now):
             return replace(self, back=None)
         back = then.double() @ torch.linalg.inv(now.double())
         return replace(self, back=torch.cat([torch.eye(4).to(back)[None], back]).float())
 
     def back_project(self, points: Tensor, normals: Tensor, instances: Tensor) -> tuple[Tensor, Tensor]:
-        """Points and normals ``(N, 3)`` on ``instances`` ``(N,)``, 0 for the world, where they are in the picture."""
+        """Points and normals ``(N, 3)`` on ``instances`` ``(N,)``, 0 for the world, taken to the picture."""
         if self.back is None:
             return points, normals
         back = self.back[instances.long(), :3]
@@ -65,11 +65,11 @@ class Picture:
         return turned[0] + back[..., 3], turned[1]
 
     def sees(self, points: Tensor, normals: Tensor) -> Tensor:
-        """Whether points on surfaces show in the picture.
+        """Whether points on surfaces are on screen.
 
-        They must face the camera and fall inside the picture, and the depth of the pixel there, or of one of its four
-        neighbours, must be theirs: to within two pixels' width, which is the detail that a picture cannot resolve, as
-        the pixel's surface stands or continued to where the point falls.
+        They must face the camera and project into the picture. The pixel there, or one of its four neighbours, must
+        have their depth to within two pixels' width, the detail that a picture cannot resolve. Either the pixel's own
+        depth counts, or that of its surface's plane continued to the point.
 
         Args:
             points: ``(N, 3)`` world space.
@@ -97,8 +97,8 @@ class Picture:
     def shows_sky(self, directions: Tensor) -> Tensor:
         """Whether the sky shows in ``directions`` ``(N, 3)``, world space: ``(N,)`` bool.
 
-        In a pixel there or in one of its four neighbours. An orthographic picture shows one point of it, if any: that
-        is taken for all.
+        The pixel there or one of its four neighbours must show it. An orthographic picture shows one point of the sky,
+        if any, which is taken for all of it.
         """
         camera = self.camera
         if camera.orthographic:
@@ -140,16 +140,16 @@ def begins_on_screen(
     t_min: Tensor | float,
     t_max: Tensor | float,
 ) -> Tensor:
-    """Whether what rays from a lens come to first, be it glass, is what a ``picture`` shows.
+    """Whether the first hit of rays from a lens, glass included, is on screen in a ``picture``.
 
     Args:
         scene: what is there.
-        picture: what a camera sees.
+        picture: what a camera shows.
         origins: ``(N, 3)`` world space.
         directions: ``(N, 3)`` world space, unit length.
         poses: ``(I, 4, 4)`` of the instances.
         t_min: where the rays begin, a number or ``(N,)``.
-        t_max: where they end, and the sky is.
+        t_max: where they end; the sky is beyond.
 
     Returns:
         ``(N,)`` bool.

@@ -10,14 +10,14 @@ from tracer.sampling.scatter_kernel import along, dot, scaled
 from tracer.traversal.kernel import triple
 
 VIEW, FOCAL, CENTER, JITTER, POSITION, FORWARD, ORTHOGRAPHIC, SIZE, BACK = 0, 12, 14, 16, 18, 21, 24, 25, 27
-"""Where in the flat numbers of a camera they begin: view from world, row by row, and so on; last, 12 an instance."""
+"""Offsets in the flat numbers of a camera: first view from world, row by row; last, 12 for each instance."""
 DEPTH, NORMAL, POINT = 0, 1, 4
 """Columns of a picture."""
 
 
 @scalar
 def _carried(camera, first, point, w):
-    """A point, or for ``w`` 0 a direction, by the matrix that begins there."""
+    """A point, or a direction if ``w`` is 0, transformed by the matrix at offset ``first``."""
     row = camera[first : first + 12]
     x = row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3] * w
     y = row[4] * point[0] + row[5] * point[1] + row[6] * point[2] + row[7] * w

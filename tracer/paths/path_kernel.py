@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.paths.radiance` and `tracer.paths.diffuse`: a path at a time."""
+"""The compiled form of `tracer.paths.radiance` and `tracer.paths.diffuse`: one path at a time."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def f0_of(at):
 
 @scalar
 def _response(at, direction, even, mirrors):
-    """Reflectance x cosine: ``even`` the share that is scattered evenly, and the mirrored one if it ``mirrors``."""
+    """Reflectance x cosine: diffuse with albedo ``even``, and specular if it ``mirrors``."""
     value = scaled(even, max(dot(at.normal, direction), 0.0) / math.pi)
     if not mirrors:
         return value
@@ -58,7 +58,7 @@ def _response(at, direction, even, mirrors):
 
 @scalar
 def _direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
-    """Light straight from the sun and from one lamp; see `tracer.paths.interaction.direct`."""
+    """Direct light from the sun and from one lamp; see `tracer.paths.interaction.direct`."""
     lit, light = tables.lit, NOTHING
     if shines(lit):
         direction, energy = sun_sample(lit, u[first, i], u[first + 1, i])
@@ -161,13 +161,13 @@ def radiance(tables, camera, picture, isect, known, direction, u, i, first, boun
 
 @scalar
 def _diffuse_share(at):
-    """Share of light that is scattered evenly toward the eye."""
+    """Diffuse reflectance toward the eye."""
     return scaled(diffuse_of(at), 1 - directional_albedo(dot(at.normal, at.toward), at.roughness))
 
 
 @scalar
 def _from_sky(tables, at, a, b):
-    """Light of the sky that is scattered evenly, by one ray."""
+    """Diffuse reflection of the sky, by one shadow ray."""
     diffuse = _diffuse_share(at)
     direction, density = sky_sample(tables.lit, a, b)
     even = max(dot(at.normal, direction), 0.0) / math.pi
@@ -182,7 +182,7 @@ def _from_sky(tables, at, a, b):
 
 @scalar
 def _mirrors(at):
-    """How often a path goes on mirrored rather than scattered evenly."""
+    """Probability that a bounce is specular rather than diffuse."""
     diffuse = _diffuse_share(at)
     even = (diffuse[0] + diffuse[1] + diffuse[2]) / 3
     bright = fresnel(f0_of(at), dot(at.normal, at.toward))
@@ -192,7 +192,7 @@ def _mirrors(at):
 
 @scalar
 def _scattered(at, a, b, c):
-    """Where a path goes on, the factor on the light from there, and the density of that, 0 if it is mirrored."""
+    """A path's next direction, the factor on the light from there, and its density, 0 if the bounce is specular."""
     chance = _mirrors(at)
     if a >= chance:
         direction = cosine_direction(at.normal, b, c)

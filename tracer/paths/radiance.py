@@ -1,4 +1,4 @@
-"""Light that comes along paths with any number of bounces."""
+"""Radiance along paths with any number of bounces."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
 
 MORE = DIMS + 7  # numbers that a bounce takes
-RARELY = 0.1  # least share of rays that a surface mirrors, and that it scatters evenly, if it does both
-LEAST_ALPHA = 1e-4  # GGX width below which rays to lights take the surface for slightly rough
-SURVIVAL = 0.1  # least chance of a path to go on
+RARELY = 0.1  # least probability of a specular, and of a diffuse, bounce on a surface that has both
+LEAST_ALPHA = 1e-4  # GGX width below which shadow rays take the surface to be slightly rough
+SURVIVAL = 0.1  # least probability that a path continues
 
 
 def radiance(
@@ -44,14 +44,15 @@ def radiance(
     picture: Picture | None = None,
     known: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
-    """All light that comes along rays from the eye.
+    """All light that arrives along rays from the eye.
 
-    At each surface one ray goes to the sun, one to a lamp and one to the sky, and the path goes on evenly or mirrored.
-    Where it goes on evenly and finds the sky, it and the ray to the sky share what they found by how likely each was to
-    find it. What is mirrored finds the sky itself; and sun and lamps, where it is too sharp for rays to them to count.
+    Each surface sends one shadow ray to the sun, one to a lamp and one to the sky, and the path continues with a
+    diffuse or a specular bounce. Where a diffuse bounce hits the sky, the balance heuristic weights it and the shadow
+    ray to the sky. Specular bounces find the sky themselves; and sun and lamps, where they are too sharp for shadow
+    rays.
 
-    A dielectric scatters what it does not mirror toward the eye, and lets through what it would not if it were smooth:
-    in an even light it shows no more than it receives.
+    The diffuse light of a dielectric is scaled by what it does not reflect toward the eye, and its transmission by what
+    it would not reflect if it were smooth: in uniform light it shows no more than it receives.
 
     Args:
         scene: what is there.
@@ -59,21 +60,21 @@ def radiance(
         origins: ``(N, 3)`` of the rays, world space.
         directions: ``(N, 3)``, unit length.
         u: ``(1 + MORE * (bounces + 1), N)`` in [0, 1).
-        bounces: surfaces between the first one and a light at most.
+        bounces: most surfaces between the first one and a light.
         poses: ``(I, 4, 4)``.
-        t_min: as for `tracer.paths.interaction`, for the rays from the eye; and so are the next three.
+        t_min: as for `tracer.paths.interaction`, for the rays from the eye; as are the next three.
         t_max: where they end.
-        detail: of the colours of what they meet.
+        detail: of the colours of what they hit.
         spreads: whether that falls with the distance.
-        next_event: False leaves all light to the path, which is the same in the mean and noisier.
-        picture: what a camera sees.
-        known: ``(N,)`` bool, which rays come first to what the picture shows; by default all.
+        next_event: False sends no shadow rays: the same mean, with more noise.
+        picture: what a camera shows.
+        known: ``(N,)`` bool, which rays first hit what is on screen; by default all.
 
     Returns:
-        ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it that came by no surface, after the first, but those
-        that the ``picture`` shows; 0 without one, and where what comes first is not ``known``.
+        ``(N, 3)`` linear radiance; and ``(N, 3)``, the part of it from paths whose surfaces after the first are all
+        on screen in the ``picture``; 0 without one, and where the first hit is not ``known``.
 
-    Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for ending paths at random.
+    Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for Russian roulette.
     """
     paths = _Paths.begin(directions, known=picture is not None)
     paths = paths if known is None else replace(paths, known=paths.known & known)
@@ -124,14 +125,14 @@ def radiance(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Paths:
-    """N paths on their way.
+    """N paths under way.
 
     Args:
         rows: ``(N,)`` their numbers.
-        through: ``(N, 3)`` factor on the light that they find.
-        sees_sun: ``(N,)`` bool: no ray to the sun has found it already.
+        through: ``(N, 3)`` throughput, the factor on the light that they find.
+        sees_sun: ``(N,)`` bool: no shadow ray has sampled the sun already.
         sees_lamps: ``(N,)`` bool, likewise.
-        density: ``(N,)`` of having gone on this way, where a ray to the sky might have found the same; else 0.
+        density: ``(N,)`` of the current direction, where a shadow ray to the sky might have found the same; else 0.
         known: ``(N,)`` bool: the picture shows every surface so far.
     """
 
@@ -154,14 +155,14 @@ class _Paths:
 
 
 def _share(table: SkyTable | None, directions: Tensor, paths: _Paths) -> Tensor:
-    """``(N,)`` share of the sky that counts where paths have found it, the rest being that of rays to it."""
+    """``(N,)`` weight of the sky where paths hit it; shadow rays to the sky have the rest."""
     if table is None:
         return torch.ones_like(paths.density)
     return torch.where(paths.density > 0, paths.density / (paths.density + table.density_of(directions)), 1.0)
 
 
 def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
-    """``(N, 3)`` light of the sky that surfaces scatter evenly, by one ray each; from numbers ``(2, N)``."""
+    """``(N, 3)`` diffuse reflection of the sky, by one shadow ray each; from numbers ``(2, N)``."""
     directions, density = table.sample(u)
     cosine = dot(at.normals, directions).clamp_min(0) / math.pi
     share = cosine / (density + (1 - _mirrors(at)) * cosine).clamp_min(1e-12)
@@ -176,7 +177,7 @@ def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Ten
 def mirrored_lamps(
     scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Lamps mirrored by surfaces, by one ray to a lamp each.
+    """Specular reflections of lamps, by one shadow ray each.
 
     Args:
         scene: what is there.
@@ -195,7 +196,7 @@ def mirrored_lamps(
 
 
 def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
-    """Response of surfaces, without the mirrored share where it is sharp."""
+    """Response of surfaces, without the specular share where it is sharp."""
     value = at.diffuse * at.enters * even_response(at, sample)
     rows = (~(sharp_sun if sample.facing is None else sharp_lamp)).nonzero()[:, 0]
     value[rows] += glossy(at[rows], sample.direction[rows])
@@ -203,26 +204,26 @@ def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: Light
 
 
 def glossy(at: Vertices, directions: Tensor) -> Tensor:
-    """Mirrored share ``(N, 3)`` of light from ``directions``, times the cosine; 0 for light from below."""
+    """Specular reflectance ``(N, 3)`` for light from ``directions``, times the cosine; 0 for light from below."""
     return specular_response(at.normals, at.toward, at.alpha.clamp_min(LEAST_ALPHA), at.f0, directions)
 
 
 def _sharp(scene: Scene, at: Vertices) -> tuple[Tensor, Tensor]:
-    """``(N,)`` bool each: whether a surface mirrors the sun, and lamps, too sharply to be lit by rays to them."""
+    """``(N,)`` bool each: whether a surface reflects the sun, and lamps, too sharply for shadow rays to them."""
     disc = 0.0 if scene.sun is None else math.sin(math.radians(scene.sun.angular_radius))
     return at.alpha < disc, at.roughness < LAMP_ROUGHNESS
 
 
 def _mirrors(at: Vertices) -> Tensor:
-    """``(N,)`` how often paths go on mirrored rather than scattered evenly."""
+    """``(N,)`` probability that a bounce is specular rather than diffuse."""
     even = (at.diffuse * at.enters).mean(dim=1)
     bright = fresnel(at.f0, dot(at.normals, at.toward)).mean(dim=1)
     return torch.where(even > 0, (bright / (bright + even).clamp_min(1e-9)).clamp(RARELY, 1 - RARELY), 1.0)
 
 
 def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Where paths go on: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and the density ``(N,)`` of
-    those that are scattered evenly, 0 of those that are mirrored; from numbers ``(3, N)``."""
+    """The next bounce, from numbers ``(3, N)``: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and
+    densities ``(N,)`` of diffuse bounces, 0 for specular ones."""
     chance = _mirrors(at)
     mirrors = u[0] < chance
     directions = cosine_direction(at.normals, u[1:])

@@ -1,4 +1,4 @@
-"""The places that a G-buffer shows, as the beginnings of paths, and means over the paths at each of them."""
+"""Surfaces of a G-buffer as the starts of paths, and means over the paths from each of them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Receivers:
     Args:
         pixels: ``(M,)`` numbers of those that show a surface.
         vertices: the M surfaces.
-        picture: what the camera sees.
+        picture: what the camera shows.
         poses: ``(I, 4, 4)`` of the instances.
         lights: that shine on them.
     """
@@ -41,8 +41,8 @@ class Receivers:
 
 
 Integrand = Callable[[Receivers, Vertices, Tensor], Values]
-"""A picture, N of its surfaces and numbers ``(D, K * N)`` in [0, 1) to what K paths from each of them found, the first
-of all before the second of any, ``(K * N, C)`` each."""
+"""Takes a picture, N of its surfaces and numbers ``(D, K * N)`` in [0, 1). Returns what K paths from each of
+them found, ``(K * N, C)`` each: the first path of every surface, then the second of every surface, and so on."""
 
 
 def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[Receivers]:
@@ -89,7 +89,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
 
 
 def _inside(scene: Scene, points: Tensor, normals: Tensor, poses: Tensor) -> Tensor:
-    """``(N,)`` bool: which points lie within a transmissive material, for the ray enters it without a surface there."""
+    """``(N,)`` bool: which points lie within a transmissive material: it dims a short ray along the normal."""
     if not bool((scene.materials.opacity[1:] < 1).any()):
         return torch.zeros_like(points[:, 0], dtype=torch.bool)
     passed = transmission(scene, points, normals, poses=poses, mask=MASK_SECONDARY, t_max=NEAR)
@@ -107,7 +107,7 @@ def at_each_pixel(
     seed: int,
     progress: Progress | None,
 ) -> Truth:
-    """Means of what paths from every pixel's surface find; 0 where no surface is. See `converge`."""
+    """Means of what paths from every pixel's surface find; 0 where there is no surface. See `converge`."""
     size = gbuffer.camera.size
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")

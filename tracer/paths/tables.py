@@ -33,7 +33,7 @@ COLUMNS = {
 
 
 def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[np.ndarray, ...]:
-    """What `interaction_kernel.Tables` are assembled of: the scene at ``poses``, with its lights where wanted."""
+    """The arrays that `interaction_kernel.assembled` takes: the scene at ``poses``, with its lights where wanted."""
     table = scene.materials
     columns = (table.albedo, table.roughness, table.metallic, table.opacity, table.emission, table.variation)
     return (
@@ -54,8 +54,8 @@ def surfaces_of(vertices: Vertices) -> np.ndarray:
 
 
 def camera_of(picture: Picture | None) -> np.ndarray:
-    """``(27,)`` float64 that `on_screen_kernel.sees` reads of a picture's camera, empty for none; and 12 more of each
-    instance that has moved since, for `on_screen_kernel.back_project`."""
+    """``(27,)`` float64 that `on_screen_kernel.sees` reads of a picture's camera, empty for none; and 12 more for each
+    instance, if any has moved since, for `on_screen_kernel.back_project`."""
     if picture is None:
         return np.zeros(0)
     camera = picture.camera

@@ -1,4 +1,4 @@
-"""Means that get better sample by sample, with their standard error."""
+"""Progressive means over samples, with their standard error."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-GROUPS = 16  # of consecutive samples, whose means tell the error
-FEWEST = 4  # groups before an error is trusted enough to stop at it
+GROUPS = 16  # of consecutive samples; the spread of their means gives the error
+FEWEST = 4  # groups needed before the error may end the sampling
 WIDE = 1 << 15  # paths at a time: bounds memory, and keeps them near the cache
 
 Values = dict[str, Tensor]
 Estimate = Callable[[range], Values]
-"""Numbers of samples to their sums, each ``(B, C, H, W)``."""
+"""Maps a range of sample numbers to their sums, each ``(B, C, H, W)``."""
 Progress = Callable[[int, int], object]
-"""Told how many samples are done, of how many."""
+"""Called with the number of samples done, and of all."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth:
-    """What rays found out: ``truth["ao"]``.
+    """Path-traced means, by name: ``truth["ao"]``.
 
     Args:
         values: by name, ``(B, C, H, W)`` each.
-        error: of each value, the standard error of its mean, same shape; inf where one group of samples tells nothing.
-        samples: how many paths a pixel.
+        error: of each value, the standard error of its mean, same shape; inf where there is only one group of samples.
+        samples: paths per pixel.
     """
 
     values: Mapping[str, Tensor]
@@ -42,17 +42,17 @@ class Truth:
 def converge(
     estimate: Estimate, *, samples: int, noise: float, pixels: int, wanted: Tensor, progress: Progress | None
 ) -> Truth:
-    """Mean over samples, until there are enough or the error is small.
+    """Mean over samples, until all are taken or the error is small enough.
 
     Consecutive samples are grouped, up to `GROUPS` groups, and the error comes from the spread of the groups' means. A
-    group of a low-discrepancy sequence is itself well spread, and two groups avoid each other: so the error told is,
-    if anything, too large.
+    group of a low-discrepancy sequence is itself well spread, and the groups complement each other. So the reported
+    error is, if anything, too large.
 
     Args:
         estimate: see `Estimate`.
         samples: at most so many.
-        noise: stop earlier once the error of the first value, averaged over what is ``wanted``, is not above this.
-        pixels: of the picture, from which follows how many samples to take at once.
+        noise: stop earlier once the error of the first value, averaged over the ``wanted`` pixels, is not above this.
+        pixels: of the picture; sets how many samples are taken at once.
         wanted: ``(B, 1, H, W)`` bool: the pixels that count.
         progress: see `Progress`.
 

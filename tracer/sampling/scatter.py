@@ -1,4 +1,4 @@
-"""How surfaces scatter light: Lambert's diffuse share and a GGX specular share, on rows ``(N, 3)`` in world space."""
+"""Reflection by surfaces: a Lambertian diffuse and a GGX specular part, on rows ``(N, 3)`` in world space."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def cosine_direction(normals: Tensor, u: Tensor) -> Tensor:
 
 
 def sample_specular(normals: Tensor, toward: Tensor, alpha: Tensor, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Mirror the eye at microfacets, drawn in proportion to their visible area.
+    """Reflect the view direction at microfacets, drawn in proportion to their visible area.
 
     Args:
         normals: ``(N, 3)`` unit length.

@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.sampling.scatter`: one direction at a time, as triples in world space."""
+"""Kernels of `tracer.sampling.scatter`: one direction at a time, as triples in world space."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def directional_albedo(cosine, roughness):
 
 @scalar
 def enters_smooth(cosine):
-    """Share of light that a smooth dielectric does not mirror."""
+    """Share of light that a smooth dielectric does not reflect."""
     return (1 - DIELECTRIC_F0) * (1 - (1 - min(max(cosine, 0.0), 1.0)) ** 5)
 
 

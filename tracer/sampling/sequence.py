@@ -17,8 +17,8 @@ BELOW_ONE = 1 - 2**-24
 class Sequence:
     """One Owen-scrambled Sobol sequence, rotated at each pixel by blue noise.
 
-    The scrambling makes every mean unbiased over the seeds; the sequence makes its error fall faster than that of
-    random points; the rotation makes what is left of it differ from pixel to pixel, evenly.
+    Scrambling makes every mean unbiased over the seeds. The sequence makes the error fall faster than with random
+    points. The rotation distributes the remaining error over the pixels as blue noise.
 
     Args:
         points: ``(S, D)`` in [0, 1).
@@ -42,7 +42,7 @@ class Sequence:
 
 
 def disc(u: Tensor) -> Tensor:
-    """The unit square ``(2, N)`` onto the unit disc, evenly and without tearing.
+    """Map the unit square ``(2, N)`` onto the unit disc: area-preserving and continuous.
 
     Source: Shirley and Chiu 1997.
     """

@@ -1,1 +1,1 @@
-"""What is there: voxels, grids, materials, instances."""
+"""The scene: voxels, grids, materials, instances."""

@@ -1,4 +1,4 @@
-"""A world from a list of voxels, and back: memory in proportion to what is there, not to the box round it."""
+"""A world from a list of voxels, and back: memory is proportional to the voxels, not to their bounding box."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def world_of_cells(cells: Cells, ids: Ids, materials: MaterialTable) -> World:
     """A world that holds the given voxels and no more.
 
     Args:
-        cells: ``(N, 3)`` voxel coordinates, y up. Where a cell comes twice the later one wins.
+        cells: ``(N, 3)`` voxel coordinates, y up. If a cell occurs twice, the later one wins.
         ids: ``(N,)`` voxel ids, 0 being air.
         materials: what the ids mean.
 

@@ -1,4 +1,4 @@
-"""Grids: the voxels of a whole scene as flat arrays, in the form that rays walk through."""
+"""Grids: the voxels of a whole scene as flat arrays, in the form that rays traverse."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLUMNS_OF_TABLE = ("albedo", "roughness", "metallic", "emission", "opacity", "t
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Grid:
-    """One world's voxels with the size of the empty space around every empty place written into it.
+    """One world's voxels; every empty place holds the size of the empty space around it.
 
     Args:
         bricks: ``(N, 16, 16, 16)`` int16: a voxel id, or -k where the aligned cube of side 2^k around it is empty.
@@ -50,7 +50,7 @@ class Grids:
 
     Args:
         bricks: ``(N, 16, 16, 16)`` int16, of all grids; see `Grid`.
-        index: ``(K,)`` int32, of all grids, with brick numbers counted through.
+        index: ``(K,)`` int32, of all grids, with brick numbers consecutive over all grids.
         entries: ``(I + 1, 15)`` int32: mask; what to add to a voxel id to get its row of ``materials``; first element,
             and size, of its index; low and high corner of its voxels; its origin.
         materials: of all grids. Row 0 is air, and the world's ids keep their rows.
@@ -65,7 +65,7 @@ class Grids:
 
     @property
     def tensors(self) -> list[Tensor]:
-        """What the operators of `tracer.traversal.op` want."""
+        """The ``grids`` argument of the operators of `tracer.traversal.op`."""
         return [self.bricks.flatten(), self.index, self.entries, self.media]
 
     def to(self, *args: Any, **kwargs: Any) -> Grids:
@@ -74,7 +74,7 @@ class Grids:
 
 
 def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> Grids:
-    """Flatten worlds, the first being the static one; those, and their tables, that occur twice are stored once."""
+    """Flatten worlds, the static one first. Worlds and tables that occur twice are stored once."""
     tables: list[MaterialTable] = []
     stored: dict[tuple[int, ...], int] = {}
     offsets: dict[tuple[int, ...], int] = {}
@@ -105,7 +105,7 @@ def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> G
 
 
 def _labels(table: MaterialTable, name: str, taken: Sequence[str]) -> list[str]:
-    """Names of a further table's rows after air; one that is taken gets the instance's name, or a number, as well."""
+    """Names of a further table's rows after air; a taken name is extended by the instance's name or a number."""
     used, labels = set(taken), []
     for label in table.names[1:]:
         unique, count = (f"{name}.{label}" if name and label in used else label), 2

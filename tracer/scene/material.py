@@ -23,10 +23,10 @@ class Material:
         albedo: reflectance in [0, 1].
         roughness: perceptual, in [0, 1].
         metallic: in [0, 1].
-        emission: radiance it sends out.
-        opacity: 1 stops all light; less lets ``tint`` of the rest through.
+        emission: emitted radiance.
+        opacity: 1 blocks all light; below 1, ``tint`` of the rest is transmitted.
         tint: transmitted share of light per world unit of the material's depth.
-        variation: how far the colour of a face's texels strays from ``albedo``, relative.
+        variation: relative deviation of the colour of a face's texels from ``albedo``.
     """
 
     name: str
@@ -53,7 +53,7 @@ AIR = Material(name="air", albedo=(0.0, 0.0, 0.0), opacity=0.0, variation=0.0)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MaterialTable:
-    """M materials as tensors, row 0 being air: what kernels index with a voxel id.
+    """M materials as tensors, row 0 being air; kernels index them with a voxel id.
 
     Args:
         names: M names.

@@ -19,13 +19,13 @@ GROUND = (
     Material(name="ground", albedo=(0.50, 0.46, 0.39), roughness=0.85, variation=0.05),
     Material(name="ground, darker", albedo=(0.45, 0.415, 0.355), roughness=0.85, variation=0.05),
 )
-SUN = Sun(direction=(-0.42, 0.55, 0.72), irradiance=(4.4, 3.7, 2.9))  # on what `front` shows, from the side
+SUN = Sun(direction=(-0.42, 0.55, 0.72), irradiance=(4.4, 3.7, 2.9))  # from the side of what `front` shows
 SKY = Sky(zenith=(0.10, 0.26, 0.70), horizon=(0.62, 0.74, 0.92), ground=(0.60, 0.62, 0.64))
 FOV_Y = 38.0
 ASPECT = 1.5  # the narrowest picture that shows all of the model
 TILE = 8
 MAX_REACH = 384
-CLOSE = 0.55  # of the distance that frames the model whole
+CLOSE = 0.55  # of the distance that frames the whole model
 
 
 def place(model: World, *, margin: float = 2.0, thickness: int = 1) -> Scene:
@@ -84,7 +84,7 @@ def framing_views(low: Vector, high: Vector) -> dict[str, View]:
 
 
 def _distance(toward: Vector, low: Vector, high: Vector) -> float:
-    """How far from a box's middle a camera must stand for all corners to be in a picture of `ASPECT` and `FOV_Y`."""
+    """Distance from a box's middle at which a camera of `ASPECT` and `FOV_Y` shows all corners."""
     forward = -toward
     right = _unit(np.cross(forward, (0.0, 1.0, 0.0)))
     up = np.cross(right, forward)
@@ -106,7 +106,7 @@ def _ground(low: Cells, high: Cells, reach: int, thickness: int) -> tuple[Cells,
 
 
 def _joined(first: MaterialTable, second: MaterialTable) -> MaterialTable:
-    """Two tables in one; rows of the second follow, without its air, under names that are free."""
+    """Two tables in one: the second's rows follow without its air, and are renamed where a name is taken."""
     columns = {
         key: torch.cat([getattr(first, key).cpu(), getattr(second, key)[1:]])
         for key in ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")

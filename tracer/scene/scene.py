@@ -31,7 +31,7 @@ class Instance:
         model: its voxels, in its own coordinates and with its own materials.
         pose: where it is at a time.
         scale: world units a voxel of the model.
-        mask: which rays see it, a sum of MASK_PRIMARY (camera), MASK_SHADOW and MASK_SECONDARY (bounces).
+        mask: which rays can hit it, a sum of MASK_PRIMARY (camera), MASK_SHADOW and MASK_SECONDARY (bounces).
         name: for people.
     """
 
@@ -68,7 +68,7 @@ class Sky:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class View:
-    """A named place to look from, or a path: ``camera(time)`` gives eye and target in world space."""
+    """A named viewpoint or camera path: ``camera(time)`` gives eye and target in world space."""
 
     eye: Callable[[float], Sequence[float]]
     target: Callable[[float], Sequence[float]]
@@ -82,7 +82,7 @@ class View:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """Everything that `tracer.render` needs but the camera."""
+    """Everything that `tracer.render` needs except the camera."""
 
     world: World
     instances: tuple[Instance, ...] = ()
@@ -99,7 +99,7 @@ class Scene:
 
     @cached_property
     def grids(self) -> Grids:
-        """The voxels of world and instances in the form that rays walk through."""
+        """The voxels of world and instances in the form that rays traverse."""
         return join(
             [self.world, *(i.model for i in self.instances)],
             [MASK_ALL, *(i.mask for i in self.instances)],

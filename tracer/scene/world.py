@@ -86,12 +86,12 @@ class World:
 
     @cached_property
     def grid(self) -> Grid:
-        """The voxels in the form that rays walk through."""
+        """The voxels in the form that rays traverse."""
         return Grid.of(self.bricks, self.index)
 
     @property
     def device(self) -> torch.device:
-        """Where the bricks live."""
+        """The device of the bricks."""
         return self.bricks.device
 
     def bounds(self) -> tuple[tuple[int, int, int], tuple[int, int, int]]:

@@ -1,4 +1,4 @@
-"""The bodies of `tracer.traversal.kernel` over many rays at a time, on the CPU or on a GPU."""
+"""Run `tracer.traversal.kernel` over many rays, on the CPU or on a GPU."""
 
 from __future__ import annotations
 

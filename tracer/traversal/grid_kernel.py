@@ -1,7 +1,6 @@
-"""Scalar forms of one ray in one grid: from box to box of what is empty, and from cell to cell. See
-`tracer.traversal.kernel`.
+"""Scalar kernels of one ray in one grid: steps over empty boxes, and from cell to cell. See `tracer.traversal.kernel`.
 
-Points, directions and cells are triples, in grid coordinates where nothing else is said.
+Points, directions and cells are triples, in grid coordinates unless stated otherwise.
 
 Source: Amanatides and Woo 1987.
 """
@@ -15,7 +14,7 @@ import numpy as np
 from gbufrt.compute.kernel import scalar
 from tracer.scene.grids import HIGH, INDEX, LOW, NY, NZ, ORIGIN
 
-TINY = 1e-30  # what a direction's zero component is taken for, so that no division needs a special case
+TINY = 1e-30  # replaces a direction's zero component, so that no division needs a special case
 
 
 @scalar
@@ -75,7 +74,7 @@ def cell_at(o, d, t, box):
 
 @scalar
 def counted(cell, box):
-    """A voxel, counted from the corner of its grid's index."""
+    """A voxel, relative to the corner of its grid's index."""
     return cell[0] - box[ORIGIN], cell[1] - box[ORIGIN + 1], cell[2] - box[ORIGIN + 2]
 
 
@@ -87,7 +86,7 @@ def triple(rows, i, k):
 
 @scalar
 def look(bricks, index, box, c):
-    """The voxel id at a cell, and low corner and side of the cube around it that holds the same."""
+    """The voxel id at a cell, and low corner and side of the uniform cube around it."""
     x, y, z = c[0] >> 4, c[1] >> 4, c[2] >> 4
     brick = index[box[INDEX] + (x * box[NY] + y) * box[NZ] + z]
     if brick <= 0:
@@ -101,7 +100,7 @@ def look(bricks, index, box, c):
 
 @scalar
 def _beyond(o, d, t, low, size, through):
-    """One coordinate of the cell after a cube that is left at ``t``, through the face across this axis or another."""
+    """One coordinate of the cell after a cube left at ``t``; ``through``: by the face across this axis."""
     last = low + size - 1
     out = last + 1 if d > 0 else low - 1
     along = min(max(int(math.floor(o + d * t)), low), last)  # noqa: RUF046 - CUDA floors to a float
@@ -110,7 +109,7 @@ def _beyond(o, d, t, low, size, through):
 
 @scalar
 def step(o, d, inv, low, size):
-    """Leave a cube: distance, axis, and the cell beyond. Without branches, which nothing could predict."""
+    """Leave a cube: distance, axis, and the cell beyond. Branch-free, as branches would be unpredictable."""
     tx = (low[0] + (size if d[0] > 0 else 0) - o[0]) * inv[0]
     ty = (low[1] + (size if d[1] > 0 else 0) - o[1]) * inv[1]
     tz = (low[2] + (size if d[2] > 0 else 0) - o[2]) * inv[2]

@@ -1,6 +1,6 @@
-"""The compiled form of `tracer.traversal.reference`: a ray at a time, with steps as long as the space is empty.
+"""Kernels of `tracer.traversal.reference`: one ray at a time, with steps as long as the space is empty.
 
-Points, directions and cells are triples, in grid coordinates where nothing else is said.
+Points, directions and cells are triples, in grid coordinates unless stated otherwise.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from tracer.sampling.scatter_kernel import dot, enters_smooth, scaled
 from tracer.scene.grids import MASK, MATERIAL, ORIGIN
 from tracer.traversal.grid_kernel import cell_at, counted, inside, look, ray_in_grid, slabs, step, triple
 
-SOLID = -1  # medium of a ray that is inside something opaque and has not come out yet
+SOLID = -1  # medium of a ray that began inside something opaque and has not left it yet
 
 
 @scalar
 def _find(bricks, index, media, box, o, d, inv, c, t, t_end, axis, medium, silent):
-    """Go on to where the medium changes: t (-1 for none), axis, cell, what is there, and what was left."""
+    """Step to where the medium changes: t (-1 for none), axis, cell, the voxel id there, and the medium left."""
     while True:
         value, low, size = look(bricks, index, box, c)
         if value != medium:
@@ -70,7 +70,7 @@ def nearest(transforms, grids, origin, direction, t_begin, t_end, left, mask):
         material = (medium if back else value) + box[MATERIAL]
         falls = d[axis] < 0
         face = 2 * axis + (1 if falls else 0)
-        offset = (1 if falls else -1) if back else 0  # the back of a voxel belongs to the voxel before
+        offset = (1 if falls else -1) if back else 0  # a back face belongs to the voxel before it
         voxel = (
             c[0] + box[ORIGIN] + (offset if axis == 0 else 0),
             c[1] + box[ORIGIN + 1] + (offset if axis == 1 else 0),
@@ -97,8 +97,8 @@ def _dim(light, row, length):
 
 @scalar
 def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
-    """Light after the whole grid between ``t``, where it comes by the face across ``axis`` (-1 if it begins within),
-    and ``t_end``."""
+    """Light after the grid between ``t`` and ``t_end``. It enters through the face across ``axis`` (-1 if it begins
+    inside)."""
     c, medium, began, within = cell_at(o, d, t, box), 0, t, False
     while True:
         value, low, size = look(bricks, index, box, c)
@@ -126,7 +126,7 @@ def _enters(d, axis):
 
 @scalar
 def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
-    """The share of light that comes through between two places on a ray."""
+    """The share of light transmitted between two places on a ray."""
     bricks, index, entries, media = grids
     light = (1.0, 1.0, 1.0)
     for entry in range(len(entries)):
@@ -145,7 +145,7 @@ def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
 
 @scalar
 def _run(bricks, index, box, o, d, inv, t, t_end, c, material):
-    """How far the ray goes on through solid voxels, and through the first of the same material."""
+    """Length of the ray through solid voxels, and through the first of the same material."""
     begin, length, same, going = t, 0.0, 0.0, True
     while True:
         value, low, size = look(bricks, index, box, c)
@@ -161,7 +161,7 @@ def _run(bricks, index, box, o, d, inv, t, t_end, c, material):
 
 @scalar
 def run_length(transforms, grids, origin, direction, t, t_end, entry, material, voxel):
-    """How far a ray goes on from a surface through voxels that are not air, and through the first of its material."""
+    """Length of a ray from a surface through voxels that are not air, and through the first of its material."""
     bricks, index, entries, _ = grids
     box = entries[entry]
     o, d, inv = ray_in_grid(transforms[entry], origin, direction)
@@ -170,7 +170,7 @@ def run_length(transforms, grids, origin, direction, t, t_end, entry, material, 
 
 @scalar
 def _own(transforms, i, count):
-    """The transforms of the batch element of one of so many rays."""
+    """The transforms of the batch element of ray ``i`` of ``count``."""
     return transforms[0] if transforms.shape[0] == 1 else transforms[i // (count // transforms.shape[0])]
 
 

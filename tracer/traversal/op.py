@@ -1,11 +1,11 @@
 """The three traversals of voxels as torch operators: kernels on the CPU and on CUDA, the torch reference elsewhere.
 
 They share these arguments:
-    rays: origins and directions, ``(N, 3)`` float32 world space, those of the first of B batch elements first, with t
-        counted in lengths of the direction; spans, ``(N, 2)`` float32, t at which each ray begins and ends; and
-        transforms, ``(B, I + 1, 3, 4)`` float64, grid from world, where a grid counts voxels from its index's corner.
+    rays: origins and directions, ``(N, 3)`` float32 world space, ordered by the B batch elements, with t in units of
+        the direction's length; spans, ``(N, 2)`` float32, t at which each ray begins and ends; and transforms,
+        ``(B, I + 1, 3, 4)`` float64, grid from world, where a grid counts voxels from its index's corner.
     grids: bricks, index, entries and media; see `tracer.scene.grids.Grids`.
-    mask: which entries are seen.
+    mask: which entries rays can hit.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tracer.traversal import reference
 def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
     """The nearest place where the medium along a ray changes.
 
-    A ray that begins in something opaque comes out of it first, without a surface. ``left`` is ``(N, 5)`` int32, or has
+    A ray that begins in something opaque first leaves it, which is no surface. ``left`` is ``(N, 5)`` int32, or has
     no rows: a material, an entry and a voxel in which the ray is; leaving that material into air is no surface.
 
     Returns:
@@ -40,7 +40,7 @@ def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask:
 
 @torch.library.custom_op("tracer::transmit", mutates_args=())
 def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
-    """``(N, 3)`` float32: the share of light that comes through; 0 behind anything opaque."""
+    """``(N, 3)`` float32: the share of light that is transmitted; 0 behind anything opaque."""
     if _form(rays, grids) is Form.REFERENCE:
         return reference.transmit(rays, grids, mask)
     from tracer.traversal import drivers
@@ -50,7 +50,7 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
 
 @torch.library.custom_op("tracer::runs", mutates_args=())
 def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
-    """How far a ray goes on through the solid whose surface it met.
+    """Length of a ray inside the solid whose surface it hit.
 
     ``starts`` is ``(N, 5)`` int32: material, entry (-1 for none) and voxel at the beginning of the span.
 

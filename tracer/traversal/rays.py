@@ -1,4 +1,4 @@
-"""What a ray meets in a scene, and how much light comes through."""
+"""What a ray hits in a scene, and how much light it transmits."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from tracer.scene.grids import ORIGIN
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 from tracer.traversal import op as ops
 
-FARTHEST = 1e20  # where every ray ends, so that one without a direction meets nothing
+FARTHEST = 1e20  # where every ray ends, so that one without a direction hits nothing
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Hits:
-    """What rays met; every field has the rays' shape in front. Where ``hit`` is False the rest is meaningless.
+    """What rays hit; every field begins with the rays' shape. Where ``hit`` is False the rest is meaningless.
 
     Args:
-        t: distance in lengths of the direction; inf on a miss.
+        t: distance in units of the direction's length; inf on a miss.
         hit: bool.
         material: int32 row of ``scene.materials``; 0 on a miss.
         instance: int32: 0 the world, i + 1 instance i; 0 on a miss.
-        normal: ``(..., 3)`` of the face, unit length, world space, against the ray; 0 on a miss.
+        normal: ``(..., 3)`` of the face, unit length, world space, facing the ray; 0 on a miss.
         cell: ``(..., 3)`` int32: the voxel, in the coordinates of its own grid.
-        local: ``(..., 3)`` where it was hit, in the coordinates of its own grid.
+        local: ``(..., 3)`` the hit point, in the coordinates of its own grid.
         face: int32: which face of the voxel, -x +x -y +y -z +z.
         back_face: bool: the ray left a transmissive material into air here.
     """
@@ -43,7 +43,7 @@ class Hits:
     back_face: Tensor
 
     def uv(self) -> Tensor:
-        """``(..., 2)`` in [0, 1]: where on the face it was hit, along the grid's two other axes in their order."""
+        """``(..., 2)`` in [0, 1]: the hit point on the face, along the grid's two other axes in order."""
         inner = (self.local - self.cell).clamp(0.0, 1.0)
         axis = self.face.long() // 2
         first, second = torch.where(axis == 0, 1, 0), torch.where(axis == 2, 1, 2)
@@ -64,20 +64,20 @@ def trace(
     """The nearest surface of world and instances along each ray.
 
     A surface is where the material changes: from air into something, between a transmissive material and another one,
-    or from a transmissive one back into air. A ray that begins in an opaque voxel goes on until it is out of it, so a
-    camera inside a block sees through back faces. A ray that begins exactly on a face is in the voxel it heads into.
+    or from a transmissive one back into air. A ray that begins in an opaque voxel first leaves it without a hit, so a
+    camera inside a block looks through back faces. A ray that begins exactly on a face is in the voxel it heads into.
 
     Args:
-        scene: what is there.
+        scene: world and instances.
         origins: ``(..., 3)`` world space.
-        directions: ``(..., 3)`` world space; ``t`` counts in their lengths.
+        directions: ``(..., 3)`` world space; ``t`` is in units of their length.
         poses: ``(I, 4, 4)`` of the instances, or ``(B, I, 4, 4)`` for rays ``(B, ..., 3)``; see `Scene.poses`. May be
             left out where there are no instances.
-        mask: which instances are seen: those whose own mask shares a bit.
+        mask: which instances rays can hit: those whose own mask shares a bit.
         t_min: where rays begin; a number or ``(...)``.
         t_max: where they end.
-        beyond: earlier hits of the same rays: go on behind each, through the transmissive material met there, and give
-            what comes next. Rays whose earlier hit is opaque, or a miss, miss.
+        beyond: earlier hits of the same rays: continue behind each, through the transmissive material hit there, to the
+            next surface. Rays whose earlier hit is opaque, or a miss, miss.
 
     Returns:
         `Hits` of the shape of the rays.
@@ -118,16 +118,16 @@ def transmission(
     t_min: Tensor | float = 0.0,
     t_max: Tensor | float = torch.inf,
 ) -> Tensor:
-    """How much light comes through between the ends of each ray.
+    """Share of light that is transmitted between the ends of each ray.
 
-    Anything opaque stops it, also where the ray begins inside. Each run through one transmissive material multiplies
-    it by ``(1 - opacity) * tint ** length``, and by what is left after the mirroring of the face by which it comes in,
-    or, if it begins inside, goes out; faces are taken to be smooth.
+    Anything opaque blocks it, also where the ray begins inside. Each run through one transmissive material multiplies
+    it by ``(1 - opacity) * tint ** length``, and by the share that the entry face does not reflect, or the exit face if
+    the ray begins inside. Faces are assumed smooth.
 
     Args:
-        scene: what is there.
+        scene: world and instances.
         origins: ``(..., 3)`` world space. To leave a surface, begin a little above it.
-        directions: ``(..., 3)`` world space; ``t`` and the length of runs count in their lengths: give unit ones.
+        directions: ``(..., 3)`` world space; ``t`` and run lengths are in units of their length: use unit vectors.
         poses: as for `trace`.
         mask: as for `trace`.
         t_min: as for `trace`.
@@ -153,10 +153,10 @@ def run_lengths(
     poses: Tensor | None = None,
     cap: float = 64.0,
 ) -> tuple[Tensor, Tensor]:
-    """How far each ray goes on inside what it hit.
+    """Length of each ray inside what it hit.
 
     Args:
-        scene: what is there.
+        scene: world and instances.
         origins: ``(..., 3)`` world space.
         directions: ``(..., 3)`` world space, unit length.
         hits: of these rays.
@@ -226,7 +226,7 @@ def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) ->
         raise ValueError(f"poses must be ({count},4,4) or (B,{count},4,4), got {tuple(poses.shape)}")
     inverse = torch.eye(4, dtype=torch.float64, device=device)[:3].repeat(poses.shape[0], count + 1, 1, 1)
     matrices = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
-    turned = matrices[..., :3, :3].transpose(-1, -2)  # rigid but for a scale: far cheaper to invert than any matrix
+    turned = matrices[..., :3, :3].transpose(-1, -2)  # rigid up to a scale: far cheaper to invert than a general matrix
     turned = turned / turned.square().sum(dim=-1, keepdim=True).clamp_min(1e-30)
     inverse[:, 1:, :, :3] = turned
     inverse[:, 1:, :, 3:] = -turned @ matrices[..., :3, 3:]

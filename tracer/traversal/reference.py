@@ -1,9 +1,9 @@
-"""Voxel traversal in plain torch: the definition of what a ray meets, the oracle of the compiled kernel's tests, and
-what runs where there is no compiled kernel.
+"""Voxel traversal in plain torch: it defines what a ray hits, is the reference in the kernel's tests, and runs where
+there is no compiled kernel.
 
-All rays state in step through one grid after another. A ray crosses an empty brick in one step and anything else voxel
-by voxel, in grid coordinates and double precision. A ray that starts exactly on a face is in the voxel it heads into.
-The arguments are those of the operators in `tracer.traversal.op`.
+All rays advance in lockstep through one grid after another. A ray crosses an empty brick in one step and anything else
+voxel by voxel, in grid coordinates and double precision. A ray that starts exactly on a face is in the voxel it heads
+into. The arguments are those of the operators in `tracer.traversal.op`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from gbufrt.tree import map_tensors
 from tracer.scene.grids import BRICK, HIGH, INDEX, LOW, MASK, MATERIAL, NY, NZ, ORIGIN
 
 SOLID = -1
-"""Stands for the medium of a ray that is inside something opaque and has not come out yet."""
+"""The medium of a ray that began inside something opaque and has not left it yet."""
 TINY = 1e-30
-"""What a direction's zero component is taken for, so that no division needs a special case."""
+"""Replaces a direction's zero component, so that no division needs a special case."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +47,7 @@ class Traversal:
 
 
 class Voxels:
-    """One entry of the grids, ready to be looked up."""
+    """One entry of the grids, ready for look-ups."""
 
     def __init__(self, grids: Sequence[Tensor], entry: int) -> None:
         bricks, self.index, entries, self.media = grids
@@ -63,7 +63,7 @@ class Voxels:
         return torch.where(brick > 0, self.bricks[place].long().clamp_min(0), 0), brick <= 0
 
     def is_opaque(self, value: Tensor) -> Tensor:
-        """Whether voxels stop all light."""
+        """Whether voxels block all light."""
         return (value > 0) & self.opaque[(value + self.row[MATERIAL]).clamp_min(0)]
 
 
@@ -95,7 +95,7 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
     for entry in _seen(grids, mask):
         voxels = Voxels(grids, entry)
         state = _enter(voxels, rays, *rays[2].double().unbind(1))
-        within = state.medium != 0  # begins in what it is about to leave, by a face that is still to come
+        within = state.medium != 0  # begins inside a medium whose exit face is still ahead
         state = replace(state, medium=torch.where(within, state.medium, 0))
         began = state.t.clone()
         while state.ray.numel():
@@ -147,7 +147,7 @@ def _seen(grids: Sequence[Tensor], mask: int) -> list[int]:
 
 
 def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor) -> Traversal:
-    """The rays that meet the grid's bounds, at the place where they do."""
+    """The rays that intersect the grid's bounds, at the point of entry."""
     origins, directions, _, transforms = rays
     matrix = transforms[:, voxels.entry]
     rotation, offset, each = matrix[..., :3], matrix[:, None, :, 3], (len(matrix), -1, 3)
@@ -177,7 +177,7 @@ def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor)
 def _first_surface(
     voxels: Voxels, state: Traversal, silent: Tensor, numbers: Tensor, ids: Tensor, nearest: Tensor
 ) -> None:
-    """Go on to where the medium changes, and write what is there into the rows of the rays."""
+    """Step to where the medium changes, and write the hits into the rows of the rays."""
     while state.ray.numel():
         value, empty = voxels.look(state.cell)
         out = (state.medium == SOLID) & ~voxels.is_opaque(value)
@@ -222,13 +222,13 @@ def _write(voxels: Voxels, state: Traversal, value: Tensor, numbers: Tensor, ids
 
 
 def _attenuate(voxels: Voxels, passed: Tensor, state: Traversal, length: Tensor) -> None:
-    """Multiply the light of rays by what comes through ``length`` of the medium that they are in."""
+    """Multiply the light of rays by the transmission through ``length`` of their medium."""
     row = voxels.media[(state.medium + voxels.row[MATERIAL]).clamp_min(0)].double()
     factor = (1 - row[:, :1]) * row[:, 1:] ** length.clamp_min(0)[:, None]
     passed[state.ray] *= torch.where(state.medium[:, None] > 0, factor, 1.0).float()
 
 
 def _enter_face(passed: Tensor, state: Traversal) -> None:
-    """Multiply the light of rays by what the dielectric face that they go through does not mirror."""
+    """Multiply the light of rays by the share that the dielectric face they cross does not reflect."""
     along = state.direction.gather(1, state.axis[:, None])[:, 0].abs() / state.direction.norm(dim=1)
     passed[state.ray] *= (1 - schlick(along, DIELECTRIC_F0))[:, None].float()

@@ -1,4 +1,4 @@
-"""The frame as a real camera sees it: all light, lens, shutter and pixels with an area."""
+"""The frame of a real camera: all light, lens, shutter and pixels with an area."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tracer.sampling.sequence import Sequence as Numbers
 from tracer.scene.scene import Scene
 
 FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
-MOMENTS = 8  # groups of pixels, each at a time of its own, that a sample is split into while the shutter is open
+MOMENTS = 8  # groups of pixels, each with its own time, that a sample is split into while the shutter is open
 
 
 def path_trace(
@@ -45,35 +45,35 @@ def path_trace(
 ) -> Truth:
     """All light that reaches the camera, by paths with next-event estimation to sun, lamps and sky.
 
-    Surfaces are as the passes take them: they mirror by GGX with Fresnel; of the rest they scatter evenly
-    albedo x (1 - metallic) x opacity, and let through, straight on, what transmits. Nothing is clamped: the mean over
-    seeds is the answer.
+    Surfaces follow the model of the passes: specular reflection by GGX with Fresnel; of the rest,
+    albedo x (1 - metallic) x opacity is diffuse, and transmitted light goes straight on. Nothing is clamped: the mean
+    over seeds is the answer.
 
     Args:
         scene: what is there, and its lights.
-        camera: B cameras; or what gives them for a time in seconds, for a camera that moves while the shutter is open.
+        camera: B cameras; or a function of the time in seconds, for a camera that moves while the shutter is open.
         time: seconds, one number or B.
         shutter: seconds that the shutter is open; 0 is an instant.
         shutter_offset: seconds from ``time`` to its opening: ``-shutter / 2`` centres it on ``time``.
         aperture_radius: of a thin lens with a circular aperture, world units; 0 is a pinhole.
         focus_distance: planar depth of the focal plane, world units, a number or ``(B,)``; by default what
             `tracer.lens.focus_distance` finds.
-        bounces: surfaces between the first one and a light at most; 0 for direct light and sky alone.
-        unblocked: end paths where they begin, in light that nothing blocks, see `tracer.paths.diffuse.unblocked`: no
-            noise then but that of lens, shutter and pixel.
-        samples: at most so many paths a pixel.
+        bounces: most surfaces between the first one and a light; 0 for direct light and sky alone.
+        unblocked: end paths at the first surface, in unoccluded light, see `tracer.paths.diffuse.unblocked`: the only
+            noise is then that of lens, shutter and pixel.
+        samples: most paths a pixel.
         antialias: spread rays over the pixel's square; otherwise all go where the camera's jitter says.
         noise: stop once the mean standard error is not above this; 0 takes all samples.
         seed: another seed, another noise.
         progress: called with samples done and their number.
 
     Returns:
-        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_onscreen``, the part of it that came by no surface but
-        those that are first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself).
-        What moves is back-projected to where it was then; through a lens or a shutter the sky must show there as well,
-        and what is behind glass counts with the glass. What a pinhole without a shutter comes to first always counts.
-        Lights that shadow rays were sent to need not be on screen, nor the sky after a bounce; lamps that show in
-        mirrors must be.
+        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_onscreen``, the part of it from paths whose surfaces
+        are all first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself).
+        Moving surfaces are back-projected to where they were then. Through a lens or a shutter the sky must be on
+        screen as well, and what is behind glass counts with the glass. The first hit of a pinhole without a shutter
+        always counts. Lights that shadow rays sample need not be on screen, nor the sky after a bounce; lamps that
+        reflected rays hit must be.
 
     Raises:
         ValueError: no voxels, or a number out of its range.
@@ -124,7 +124,7 @@ def path_trace(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Moment:
-    """Where all is while rays are sent, and the picture that they are held against."""
+    """The scene at the time of some rays, and the picture that tells what is on screen."""
 
     camera: Camera
     poses: Tensor
@@ -152,7 +152,7 @@ class _Exposure:
     shown: float
 
     def sums(self, numbers: range) -> Tensor:
-        """``(6, H, W)`` sums over samples: radiance, and what of it the picture knows."""
+        """``(6, H, W)`` sums over samples: radiance, and its on-screen part."""
         first = float(self.sequence.points[numbers.start, 0])
         total = torch.zeros(self.sequence.rotation.shape[1], 6, device=self.sequence.rotation.device)
         for number, pixels in enumerate(self._groups):

@@ -30,15 +30,16 @@ def ambient_occlusion(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Truth:
-    """How open each pixel's hemisphere is within a radius, weighted by the cosine, and in which direction.
+    """Cosine-weighted openness of each pixel's hemisphere within a radius, and its mean open direction.
 
-    Transmissive things block the share of light that they stop. See `Truth` and `tracer.sampling.progressive.converge`.
+    Transmissive materials occlude by the share of light that they stop. See `Truth` and
+    `tracer.sampling.progressive.converge`.
 
     Args:
         scene: what is there.
-        gbuffer: what the cameras see of it.
+        gbuffer: what the cameras show of it.
         poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
-        radius: how far away things still block, world units; may be inf.
+        radius: how far away surfaces still occlude, world units; may be inf.
         samples: at most so many rays a pixel.
         noise: stop once the mean standard error of ``ao`` is not above this; 0 takes all samples.
         seed: another seed, another noise.
@@ -47,7 +48,7 @@ def ambient_occlusion(
     Returns:
         ``ao`` ``(B, 1, H, W)``, 1 open and where nothing was hit; ``bent_normal`` ``(B, 3, H, W)``, the mean open
         direction, world space, unit length, the normal where nothing is open, 0 where nothing was hit; and
-        ``ao_onscreen`` ``(B, 1, H, W)``, what ao would be if only those rays were blocked whose end the camera sees.
+        ``ao_onscreen`` ``(B, 1, H, W)``, what ao would be with on-screen occluders alone.
 
     Raises:
         ValueError: radius or samples are not positive, or the poses do not fit.
@@ -86,15 +87,15 @@ def indirect_diffuse(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Truth:
-    """Light that reaches each pixel's surface from other surfaces, and from the sky, and is scattered evenly there.
+    """Light from other surfaces and from the sky that each pixel's surface reflects diffusely.
 
-    Surfaces send what they scatter evenly of the light of sun, lamps and sky, shadows included: what `post.ssgi`
-    gathers, ``radiance - emission + ambient x sky visibility``. Emission itself is not gathered, for lamps are sampled
-    as direct light. Light is followed straight through transmissive surfaces.
+    Surfaces send their diffuse reflection of sun, lamps and sky, shadows included: what `post.ssgi` gathers,
+    ``radiance - emission + ambient x sky visibility``. Emission itself is not gathered, as lamps are sampled as direct
+    light. Paths go straight through transmissive surfaces.
 
     Args:
         scene: what is there, and its lights.
-        gbuffer: what the cameras see of it, with albedo.
+        gbuffer: what the cameras show of it, with albedo.
         poses: as for `ambient_occlusion`.
         bounces: surfaces between the pixel's and a light: 1 for one bounce.
         samples: at most so many paths a pixel.
@@ -103,9 +104,9 @@ def indirect_diffuse(
         progress: as for `ambient_occlusion`.
 
     Returns:
-        ``gi`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it; ``gi_onscreen``, its part from surfaces the
-        camera sees; ``sky`` ``(B, 3, H, W)``, the sky's light that really arrives, likewise outgoing, without the
-        sun's disc; and ``sky_visibility`` ``(B, 1, H, W)``, the cosine-weighted share of the hemisphere that is sky, 1
+        ``gi`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it; ``gi_onscreen``, its part from on-screen
+        surfaces; ``sky`` ``(B, 3, H, W)``, the sky's light after occlusion, likewise outgoing, without the sun's
+        disc; and ``sky_visibility`` ``(B, 1, H, W)``, the cosine-weighted share of the hemisphere that is sky, 1
         where nothing was hit.
 
     Raises:
@@ -142,15 +143,15 @@ def reflection(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Truth:
-    """What each pixel's surface mirrors, by GGX with Fresnel.
+    """Specular reflection of each pixel's surface, by GGX with Fresnel.
 
-    Mirrored surfaces show their emission and what they scatter evenly of the light of sun, lamps and sky, shadows
-    included: what `post.shading.sent_light.outgoing_light` holds, without further bounces. The sky is mirrored without
-    the sun's disc, as ``frame.environment`` holds it.
+    Reflected surfaces show their emission and their diffuse reflection of sun, lamps and sky, shadows included: what
+    `post.shading.sent_light.outgoing_light` holds, without further bounces. The sky is reflected without the sun's
+    disc, as ``frame.environment`` holds it.
 
     Args:
         scene: what is there, and its lights.
-        gbuffer: what the cameras see of it, with albedo, and with roughness and metallic where they differ from 1 and
+        gbuffer: what the cameras show of it, with albedo, and with roughness and metallic where they differ from 1 and
             0.
         poses: as for `ambient_occlusion`.
         samples: at most so many paths a pixel.
@@ -161,7 +162,7 @@ def reflection(
     Returns:
         ``reflection`` ``(B, 3, H, W)``, linear radiance; ``reflection_onscreen``, its part from on-screen surfaces;
         ``onscreen`` ``(B, 1, H, W)``, the share of rays that end on such; and ``distance`` ``(B, 1, H, W)``, the mean
-        way of those that end on any, the camera's ``far`` where none does, 0 where there is no surface.
+        length of those that hit any, the camera's ``far`` where none does, 0 where there is no surface.
 
     Raises:
         ValueError: samples is below 1, there is no albedo, or the poses do not fit.

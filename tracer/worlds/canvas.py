@@ -42,7 +42,7 @@ class Canvas:
         return np.array([self._ids[n] for n in names], np.int16)
 
     def box(self, low: Sequence[float], high: Sequence[float], name: str, *, into_air: bool = False) -> None:
-        """Fill world coordinates ``low`` to ``high`` (half open); ``into_air`` leaves what is there."""
+        """Fill world coordinates ``low`` to ``high`` (half open); ``into_air`` fills air only."""
         part = self.voxels[self._slices(low, high)]
         value = self._ids[name]
         if into_air:

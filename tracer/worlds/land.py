@@ -58,7 +58,7 @@ _LEVELS = (
     ((124.0, 101.0), (142.0, 117.0), VILLAGE, 6.0),
     ((36.0, 104.0), (52.0, 120.0), 44.0, 5.0),
 )
-"""Level places: low and high corner in x and z, height, and how softly they meet the land."""
+"""Level places: low and high corner in x and z, height, and how softly they blend into the land."""
 
 _AT_LEAST = (
     ((78.0, 0.0), (124.0, 58.0), 60.0, 9.0),

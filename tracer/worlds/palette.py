@@ -1,4 +1,4 @@
-"""What the built-in worlds are made of: linear albedos, with lamps in proportion to a sun of irradiance 3."""
+"""Materials of the built-in worlds: linear albedos, with lamps scaled to a sun of irradiance 3."""
 
 from __future__ import annotations
 

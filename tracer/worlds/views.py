@@ -1,4 +1,4 @@
-"""Where to look at the valley from, and paths through it."""
+"""Viewpoints on the valley, and camera paths through it."""
 
 from __future__ import annotations
 

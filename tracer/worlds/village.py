@@ -133,7 +133,7 @@ def stall(canvas: Canvas, x: int, z: int, cloth: str) -> None:
 
 
 def crates(canvas: Canvas, x: int, z: int) -> None:
-    """Crates and a barrel, stacked so that light has corners to hide in."""
+    """Crates and a barrel, stacked so that there are dark corners."""
     for dx, dz, tall, name in ((0, 0, 2, "planks"), (1, 2, 1, "hay"), (-1, 2, 1, "timber"), (2, 1, 1, "planks")):
         canvas.box((x + dx, G, z + dz), (x + dx + 1, G + tall, z + dz + 1), name)
     canvas.put(x + 2, G + 1, z + 1, "leaf_red")

@@ -117,12 +117,12 @@ class Results:
 
     @property
     def failures(self) -> list[Record]:
-        """The records of what did not run."""
+        """The records of what failed."""
         return [record for record in self.records if record.error is not None]
 
 
 def table(records: Sequence[Record]) -> list[Row]:
-    """All rows, from the records of the full pipeline, and for the whole frame from those with a pass left out."""
+    """All rows: from the records of the full pipeline; for the whole frame, from those with a pass left out."""
     return [*(_row(bar, records) for bar in BARS), _whole(records)]
 
 
@@ -146,7 +146,7 @@ def _row(bar: Bar, records: Sequence[Record]) -> Row:
 
 
 def _whole(records: Sequence[Record]) -> Row:
-    """The least that leaving a stage out costs, over stages and views."""
+    """The smallest loss from leaving a stage out, over stages and views."""
     lost = {
         f"{_place(r)}, {r.variant}": r.figures["loss"]
         for r in records

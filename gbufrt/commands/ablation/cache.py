@@ -1,4 +1,4 @@
-"""What took long to trace, kept on disk under a name made from all that it depends on."""
+"""A cache on disk for what is slow to trace, under names made from all that it depends on."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from torch import Tensor
 from gbufrt.files.output import atomic
 from gbufrt.frame import Frame
 
-SKIPPED = frozenset({"views", "pose", "name"})  # of a scene: they change nothing about what is traced at a given time
+SKIPPED = frozenset({"views", "pose", "name"})  # fields of a scene that do not change what is traced at a given time
 
 
 def default_folder() -> Path:
@@ -30,7 +30,7 @@ def default_folder() -> Path:
 def digest(*values: Any) -> str:
     """A name for the contents of ``values``: dataclasses, mappings, sequences, tensors, numbers and text.
 
-    Functions do not count; neither do a scene's views, names and paths of movement: give the poses at the time.
+    Functions are ignored, and so are a scene's views, names and paths of movement: pass the poses at the time.
     """
     state = hashlib.sha256()
     _feed(state, values)
@@ -41,7 +41,7 @@ def digest(*values: Any) -> str:
 def sources(*names: str) -> str:
     """A name for the program text of modules and of packages such as ``tracer``.
 
-    Of packages, built-in worlds are left out (they are contents), and so are commands, which have names of their own.
+    A package counts without its built-in worlds (they are contents) and its commands (they have names of their own).
     """
     import importlib
 
@@ -57,15 +57,15 @@ def sources(*names: str) -> str:
 
 
 class Cache:
-    """Tensors and frames on disk. A damaged file counts as none."""
+    """Tensors and frames on disk. A damaged file is made again."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.made = 0
-        """How many were not there and had to be made."""
+        """Number of files that had to be made."""
 
     def tensors(self, stem: str, make: Callable[[], Mapping[str, Tensor]]) -> dict[str, Tensor]:
-        """Named tensors, as they are on disk or as ``make`` makes them."""
+        """Named tensors, read from disk, or made by ``make`` and stored."""
         path = self.folder / f"{stem}.npz"
         if path.exists():
             try:
@@ -80,7 +80,7 @@ class Cache:
         return made
 
     def frame(self, stem: str, make: Callable[[], Frame]) -> Frame:
-        """A frame, likewise."""
+        """A frame, read from disk, or made by ``make`` and stored."""
         from gbufrt.files.exr import read_exr, write_exr
 
         path = self.folder / f"{stem}.exr"

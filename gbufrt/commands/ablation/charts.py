@@ -56,7 +56,7 @@ def scatter(points: Sequence[Point], *, x_label: str, y_label: str, line: bool =
 
 
 def dots(rows: Sequence[tuple[str, Mapping[str, float]]], *, label: str) -> str:
-    """A line for each row with a dot for each of its values, and the least one filled. Empty without rows."""
+    """One line for each row, with a dot for each value; the least is filled. Empty without rows."""
     rows = [(name, values) for name, values in rows if values]
     if not rows:
         return ""
@@ -88,7 +88,7 @@ def dots(rows: Sequence[tuple[str, Mapping[str, float]]], *, label: str) -> str:
 
 
 def _named(points: Sequence[Point], places: Sequence[tuple[float, float]]) -> list[str]:
-    """Circles, and names beside them that keep clear of each other."""
+    """Circles, and names beside them that do not overlap."""
     parts, taken = [], []
     for point, (x, y) in sorted(zip(points, places, strict=True), key=lambda item: item[1][1]):
         height = y
@@ -103,7 +103,7 @@ def _named(points: Sequence[Point], places: Sequence[tuple[float, float]]) -> li
 
 
 def _span(values: Sequence[float]) -> tuple[float, float, list[float]]:
-    """Round ends around the values, and round numbers between them."""
+    """Round axis limits around the values, and round ticks between them."""
     low, high = min(values), max(values)
     if high - low < 1e-9:
         low, high = low - max(abs(low), 1.0) * 0.1, high + max(abs(high), 1.0) * 0.1

@@ -18,7 +18,7 @@ from gbufrt.pipeline import Pipeline
 
 FRAMES = 32
 CHECKED = {"first": 0.0, "third": 1 / 3, "two_thirds": 2 / 3, "last": 1.0}  # of the path
-MORE = 4  # the curve of the display is not straight: what little noise is left must not bend it
+MORE = 4  # the display curve is not linear: noise left in the truth would become a bias
 TRUTH_SEEDS = (FRAMES, FRAMES + 1)  # after those of the frames
 MIN_ALBEDO = 1e-2
 KERNEL = 15  # pixels, of the joint bilateral filter
@@ -33,7 +33,7 @@ def denoiser() -> Pipeline:
 
 
 def denoise(place: Place, _: Pipeline) -> Outcome:
-    """PSNR on four frames of a path, from the first to the last; on that where nothing was uncovered on the way."""
+    """PSNR on four frames of a path, first to last; on the last, only where nothing was disoccluded on the way."""
     finely = replace(place, samples=place.samples * MORE)
     frames = [noisy(place, number) for number in range(FRAMES)]
     told = iter(range(1, FRAMES + 1))
@@ -71,7 +71,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
 
 
 def noisy(place: Place, number: int) -> Frame:
-    """A frame whose ``gi`` is one path-traced sample a pixel of all light, with what lies behind water and glass."""
+    """A frame with all light path-traced into ``gi`` at one sample a pixel, and the layer behind water and glass."""
     from tracer.gbuffers import layers
 
     now, before = place.at(number), place.at(number - 1)
@@ -84,7 +84,7 @@ def noisy(place: Place, number: int) -> Frame:
 
 
 def rivals(frame: Frame) -> dict[str, Tensor]:
-    """The same frame by the other denoisers that are installed, each given albedo and normal as ours sees them."""
+    """The same frame by the other denoisers that are installed, each given the albedo and normal that ours gets."""
     from post.passes.denoise import seen_through
 
     g, albedo, _ = seen_through(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)

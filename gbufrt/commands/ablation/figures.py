@@ -1,7 +1,7 @@
 """What is measured: errors of each signal against its truth, beside what trivial answers score.
 
-Errors count only pixels that hit something. All numbers are Python floats; NaN where no pixel counts. A squared error
-is the product of the differences from two independent halves of the truth, whose own noise so counts for nothing.
+Only pixels with a hit count. All numbers are Python floats; NaN where no pixel counts. A squared error is the product
+of the differences from two independent halves of the truth, so that the truth's own noise adds no bias.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ Pair = tuple[Tensor, Tensor]
 
 MIDDLE_GREY = 0.18
 MIRROR_ROUGHNESS = 0.1  # below it a surface counts as a mirror
-ON_SCREEN = 0.99  # share of a pixel's rays that must end on, or of its light that must come by, what the camera sees
-OCCLUDED = 0.9  # bent normals count where true visibility is less
-CHANGED = 2.0 / 255  # difference of a displayed pixel from which an effect has changed it
+ON_SCREEN = 0.99  # least share of a pixel's rays that end on on-screen surfaces, or of its light that comes by them
+OCCLUDED = 0.9  # bent normals are judged where true visibility is below this
+CHANGED = 2.0 / 255  # difference of a displayed pixel above which an effect has changed it
 TRACED = 8.0 / 255  # the same between two traced pictures, which have noise
 ERROR_TOP = 0.25  # displayed error at the end of the colour map
 FEWEST = 64  # pixels below which a mean says nothing
-LEAST = 1e-4  # displayed error that no display shows
+LEAST = 1e-4  # displayed error too small for any display to show
 
 
 def exposure_of(truth: Tensor, hit: Tensor) -> float:
@@ -58,12 +58,12 @@ def error_picture(estimate: Tensor, truth: Tensor, hit: Tensor) -> Tensor:
 
 
 def halves(truth: Truth, name: str) -> Pair:
-    """The two independent halves of a truth; twice the whole where it has none."""
+    """The two independent halves of a truth; the whole twice where it has none."""
     return truth.get(f"{name}_first", truth[name]), truth.get(f"{name}_second", truth[name])
 
 
 def rms_error(estimate: Tensor | Pair, truths: Pair, mask: Tensor) -> Tensor:
-    """``(B,)`` RMSE against two halves of the truth; an estimate from something noisy comes in halves as well."""
+    """``(B,)`` RMSE against two halves of the truth; a noisy estimate comes in halves as well."""
     return masked_mean(_squares(estimate, truths), mask).clamp_min(0.0).sqrt()
 
 
@@ -80,8 +80,8 @@ def _pair(value: Tensor | Pair) -> Pair:
 def ao_figures(frame: Frame, truth: Truth) -> Figures:
     """Of ``ao`` and ``bent_normal``.
 
-    ``rmse``; ``limit``, the error of blocking exactly those rays that end on what the camera sees; ``own``, the
-    distance from that; ``bent``, the bent normal's error relative to the normal's, where true visibility is under 0.9.
+    ``rmse``; ``limit``, the error of exact AO by on-screen occluders alone; ``own``, the RMSE to that; ``bent``, the
+    bent normal's error relative to the normal's, where true visibility is under 0.9.
     """
     hit, ao, true, both = frame.gbuffer.hit, frame.read("ao"), truth["ao"], halves(truth, "ao")
     result = {
@@ -105,8 +105,8 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
 def gi_figures(frame: Frame, truth: Truth, exact: Pair) -> Figures:
     """Of ``gi``: squared errors over the squared truth, both summed over all pixels that hit.
 
-    ``error`` is against the part from surfaces on screen, ``exact`` what perfect rays score (see `limits`); ``limit``
-    is that part's distance from the whole truth, and ``whole`` the estimate's.
+    ``error`` is against the part from on-screen surfaces, ``exact`` the score of perfect rays (see `limits`);
+    ``limit`` is that part's error against the whole truth, and ``whole`` the estimate's.
     """
     hit, gi, onscreen, true = frame.gbuffer.hit, frame.read("gi"), halves(truth, "gi_onscreen"), halves(truth, "gi")
     constant = constant_per_object(truth["gi_onscreen"], frame.gbuffer)
@@ -140,9 +140,9 @@ def sky_figures(frame: Frame, truth: Truth) -> Figures:
 def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None = None) -> Figures:
     """Of ``reflection`` on mirrors whose rays end on screen: RMSE over the mean true radiance there.
 
-    ``exact`` is what perfect rays score (see `limits`), ``exact_lit`` what they would if they knew how much sky each
-    surface sees: the error that is left is that of reading one sample a pixel. ``whole`` and ``limit`` are relative
-    squared errors over everything that was hit, as for `gi_figures`.
+    ``exact`` is the score of perfect rays (see `limits`), ``exact_lit`` their score if they knew each surface's sky
+    visibility: the error left is that of reading one sample a pixel. ``whole`` and ``limit`` are relative squared
+    errors over all pixels with a hit, as for `gi_figures`.
     """
     g, found, true = frame.gbuffer, frame.read("reflection"), truth["reflection"]
     both = halves(truth, "reflection")
@@ -181,9 +181,9 @@ def picture_figures(color: Tensor, truth: Tensor | Pair, hit: Tensor, exposure: 
 
 
 def untouched_figures(frame: Frame, truths: Pair, onscreen: Pair, exposure: float) -> Figures:
-    """What a frame scores that no pass has touched: direct light alone, and with the sky's light unblocked.
+    """Scores of a frame that no pass has touched: direct light alone, and with the sky's light unoccluded.
 
-    And what the true light scores that came by surfaces on screen alone: the limit of what knows of no others.
+    Also the score of the true light by on-screen surfaces alone: the limit without off-screen data.
     """
     hit, wanted = frame.gbuffer.hit, displayed(truths, exposure)
     return {
@@ -194,7 +194,7 @@ def untouched_figures(frame: Frame, truths: Pair, onscreen: Pair, exposure: floa
 
 
 def gain(better: Tensor | Pair, worse: Tensor | Pair, truth: Tensor | Pair, changed: Tensor) -> float:
-    """By how many decibels of PSNR the first displayed picture is closer to the truth, on the pixels of ``changed``."""
+    """Gain in PSNR, decibels, of the first displayed picture over the second, on the pixels of ``changed``."""
     mask, truths = _enough(changed), _pair(truth)
     return psnr_over(better, truths, mask) - psnr_over(worse, truths, mask)
 
@@ -206,19 +206,19 @@ def psnr_over(picture: Tensor | Pair, truths: Pair, mask: Tensor) -> float:
 
 
 def share(part: Tensor, whole: Tensor) -> float:
-    """How many of the pixels of ``whole`` are in a ``part`` of them."""
+    """The share of the pixels of ``whole`` that are in ``part``, a subset of them."""
     return float(part.sum()) / max(float(whole.sum()), 1.0)
 
 
 def share_of_error(picture: Tensor | Pair, truths: Pair, part: Tensor, whole: Tensor) -> float:
-    """How much of the squared error of a displayed picture on the pixels of ``whole`` lies in a ``part`` of them."""
+    """The share of a displayed picture's squared error on ``whole`` that lies in ``part``, a subset of its pixels."""
     square = _squares(picture, truths)
     every = float(square[_enough(whole)].sum())
     return min(max(float(square[part].sum()) / every, 0.0), 1.0) if every > 0 else float("nan")
 
 
 def by_onscreen_points(onscreen: Pair, truths: Pair) -> Tensor:
-    """``(B, 1, H, W)`` bool: which pixels' light came by points on screen, to within a hundredth."""
+    """``(B, 1, H, W)`` bool: pixels whose light came by on-screen points, to within a hundredth."""
     some, all_ = ((a + b).mean(1, keepdim=True) for a, b in (onscreen, truths))
     return some >= ON_SCREEN * all_
 
@@ -229,7 +229,7 @@ def changed_pixels(a: Tensor, b: Tensor, *, level: float = CHANGED) -> Tensor:
 
 
 def truly_changed(a: Pair, b: Pair, *, level: float = TRACED) -> Tensor:
-    """`changed_pixels` of two noisy pictures in halves: by the mean over 3x3 pixels, in which noise cancels."""
+    """`changed_pixels` of two noisy pictures in halves: by the mean over 3x3 pixels, which cancels noise."""
     square = ((a[0] - b[0]) * (a[1] - b[1])).mean(1, keepdim=True)
     return F.avg_pool2d(square, 3, stride=1, padding=1, count_include_pad=False) > level**2
 

@@ -1,7 +1,7 @@
 """Lens passes on the path-traced sharp frame, against the path tracer's own shutter and thin lens.
 
 Source and truth have the same light, so only the lens is judged. Both come in independent halves, so that the noise of
-neither counts: not to the lens that blurs it away, nor against it.
+neither changes the score.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from gbufrt.frame import Frame
 from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline
 
-LIGHT = {"unblocked": True}  # what light did before it came to the lens does not matter: here it has no noise
-MORE = 2  # blurred highlights take many rays
+LIGHT = {"unblocked": True}  # only the lens is judged, and unblocked light has no noise
+MORE = 2  # blurred highlights need many rays
 SHARP_SEEDS = (3, 4)  # other paths than those of the truth
 LIGHTS = ("radiance", "radiance_onscreen")
 APERTURES = {"small": 0.1, "large": 0.4}  # world units
 SHUTTERS = {"centred": "center", "trailing": "trailing"}
 MOVING_FRAME = 2  # number of the frame that is blurred: a second into the scene
-MOVING_FPS = 2.0  # frames so far apart that what moves goes on by ten pixels and more, as in fast action
+MOVING_FPS = 2.0  # frames far enough apart that movers travel ten pixels and more, as in fast action
 
 
 def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:

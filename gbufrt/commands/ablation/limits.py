@@ -1,7 +1,7 @@
-"""What perfect rays would score that read the picture where they end: the limit of what a screen holds.
+"""The score of perfect rays that read the picture where they end: the limit of what on-screen data holds.
 
-The rays are the tracer's, so that nothing is missed and nothing made up. What error they leave is that of the light
-which the picture knows of each surface, at one point a pixel.
+The rays are the tracer's, so none misses a surface or finds a false one. The remaining error is that of the picture,
+which holds each surface's light at one point a pixel.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ GI_RAYS = 32  # a pixel, in two halves
 MIRROR_RAYS = 16
 
 Reads = Callable[[Tensor, Tensor], Tensor]
-"""Points and normals ``(N, 3)``, world space, to the light ``(N, 3)`` that the picture shows there, 0 where it shows
-none."""
+"""Maps points and normals ``(N, 3)``, world space, to the light ``(N, 3)`` that the picture shows there; 0 where it
+shows none."""
 
 
 def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
-    """``gi`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
+    """``gi`` ``(1, 3, H, W)`` from on-screen surfaces, in two independent halves."""
     from post.shading.sent_light import sent_light
     from tracer.paths.interaction import intersect
     from tracer.paths.receivers import receivers_of
@@ -48,7 +48,7 @@ def exact_gi(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
 
 
 def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
-    """``reflection`` ``(1, 3, H, W)`` of what is on screen in two independent halves."""
+    """``reflection`` ``(1, 3, H, W)`` of on-screen surfaces, in two independent halves."""
     from post.shading.sent_light import outgoing_light
     from tracer.paths.interaction import intersect
     from tracer.paths.receivers import receivers_of
@@ -71,7 +71,7 @@ def exact_reflection(place: Place, frame: Frame) -> tuple[Tensor, Tensor]:
 
 
 def _reader(frame: Frame, light: Tensor, sees: Callable[[Tensor, Tensor], Tensor]) -> Reads:
-    """Reads between pixels, but no pixel whose surface is not the one that was hit."""
+    """Reads between pixels, using only those that show the surface that was hit."""
     from tracer.paths.on_screen import SLACK
 
     g = frame.gbuffer

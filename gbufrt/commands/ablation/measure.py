@@ -1,4 +1,4 @@
-"""Run a pipeline over frames, and tell how long each pass took and how much it held."""
+"""Run a pipeline over frames, and measure the time and memory of each pass."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def run(pipeline: Pipeline, frames: Iterable[Frame], *, keep: int = 1, tick: Cal
 
     Args:
         pipeline: what to run.
-        frames: in order; at least one. The last is weighed, and timed only where it is the only one.
+        frames: in order; at least one. The last is measured for memory, not time, unless it is the only one.
         keep: how many of the last results to keep.
         tick: called after each frame.
     """
@@ -62,7 +62,7 @@ def run(pipeline: Pipeline, frames: Iterable[Frame], *, keep: int = 1, tick: Cal
     while frame is not None:
         following = next(waiting, None)
         watch = _timed(pipeline, spent) if following is not None or not spent else _weighed(pipeline, held)
-        with torch.no_grad(), watch:  # the last frame is weighed and not timed: watching memory costs time
+        with torch.no_grad(), watch:  # the last frame is measured for memory, not time: counting memory is slow
             after, state = pipeline(frame, state)
         result.frames = [*result.frames, after][-keep:]
         tick()
@@ -73,7 +73,7 @@ def run(pipeline: Pipeline, frames: Iterable[Frame], *, keep: int = 1, tick: Cal
 
 
 def repeated(frame: Frame, count: int) -> Iterator[Frame]:
-    """One frame standing still, ``count`` times: only the noise goes on."""
+    """The same frame ``count`` times; only its index, and so the noise, changes."""
     for index in range(count):
         yield frame.replace(index=index)
 

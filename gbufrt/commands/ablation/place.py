@@ -38,12 +38,12 @@ class Place:
         world: its name.
         view: the view's name.
         size: ``(H, W)``.
-        samples: paths a pixel that truth takes, see `SHARES`.
+        samples: paths a pixel for truth, see `SHARES`.
         cache: where it is kept.
         time: seconds into the scene.
         fps: frames a second of the scene's time.
         light_samples: most shadow rays a pixel to each light, for frames.
-        say: is told what is being done.
+        say: called with a line of progress.
     """
 
     scene: Scene
@@ -59,7 +59,7 @@ class Place:
 
     @cached_property
     def contents(self) -> str:
-        """A name for what is in the world, apart from where it has moved."""
+        """A name for the contents of the world, whatever their poses."""
         return digest(self.scene)
 
     def at(self, frame: int) -> float:
@@ -71,7 +71,7 @@ class Place:
         return self.scene.views[self.view].camera(self.time if time is None else time, size=self.size)
 
     def still(self, jitter: int | None = None) -> Frame:
-        """The frame at `time`, as if nothing ever moved; ``jitter`` chooses a step of the sequence that TAA wants."""
+        """The frame at `time`, as if nothing ever moved; ``jitter`` chooses a step of TAA's sequence."""
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render
 
@@ -195,6 +195,6 @@ def _joined(first: Truth, second: Truth) -> dict[str, Tensor]:
 
 
 def _flat(found: Any) -> dict[str, Tensor]:
-    """Values of a truth, and of each its standard error, averaged, as ``<name>_error``."""
+    """Values of a truth, and the mean standard error of each as ``<name>_error``."""
     errors = {f"{name}_error": torch.as_tensor(float(error.mean())) for name, error in found.error.items()}
     return {**found.values, **errors}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SUBJECTS = (*SIGNALS, "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise")
 STILL = ("frame", "taa", "depth_of_field")
-VIEWS: Mapping[str, tuple[str, ...]] = {  # of the built-in world; each subject where there is something to see
+VIEWS: Mapping[str, tuple[str, ...]] = {  # of the built-in world; each subject where there is something to judge
     "signals": ("village", "cave", "plaza", "hall"),
     "frame": ("village", "hall"),
     "path": ("orbit",),
@@ -40,7 +40,7 @@ class Plan:
         paths: views that move, for what needs motion; by default one or two.
         size: ``(H, W)``.
         frames: static frames that signals accumulate over; whole frames take a quarter as many.
-        samples: paths a pixel of the truth; cheaper truths take some times as many.
+        samples: paths a pixel of the truth; cheaper truths take several times as many.
         recipe: the full pipeline.
         variants: groups (``passes``, ``presets``, ``methods``) or changes (``without=gi``, ``gtao.method=horizon``).
         sweeps: ``NAME=LOW:HIGH:COUNT``.
@@ -64,7 +64,7 @@ class Plan:
     resume: bool = False
 
     def check(self) -> None:
-        """Raise ValueError where something cannot be meant."""
+        """Raise ValueError for settings that make no sense."""
         at_least("--frames", self.frames, 1)
         at_least("--samples", self.samples, 1)
         for name in self.only:
@@ -94,7 +94,7 @@ class Plan:
         return chosen[:1] if subject == "taa" else chosen
 
     def units(self, scene: Scene, world: str) -> Iterator[tuple[Variant, str, str]]:
-        """Variant, subject and view of everything to do in a world; the full pipeline first."""
+        """Variant, subject and view of everything to measure in a world; the full pipeline first."""
         for variant in parse_variants(self.variants, self.sweeps, self.recipe):
             for subject in self._subjects(variant):
                 for view in self.views_of(scene, world, subject):

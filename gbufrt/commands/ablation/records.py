@@ -1,4 +1,4 @@
-"""Records: what was found, one file each, so that an interrupted run can go on."""
+"""Records of results, one file each, so that an interrupted run can resume."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Store:
     folder: Path
 
     def find(self, key: str) -> Record | None:
-        """The record that was finished under ``key``; failures do not count, they are tried again."""
+        """The finished record under ``key``. Failures do not count: they are tried again."""
         try:
             record = Record.of_json(json.loads((self.folder / "records" / f"{key}.json").read_text()))
         except (OSError, ValueError, TypeError, KeyError):

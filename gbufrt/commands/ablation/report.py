@@ -67,7 +67,7 @@ def number(value: Any) -> str:
 
 
 def earned(records: Sequence[Record]) -> str:
-    """What leaving each stage out costs, by view."""
+    """The loss from leaving each stage out, by view."""
     rows: dict[str, dict[str, float]] = {}
     for record in records:
         if record.subject == "frame" and record.group == "passes" and "loss" in record.figures:

@@ -1,4 +1,4 @@
-"""The run itself: every unit of the plan, each on its own, and what they add up to."""
+"""The run: every unit of the plan on its own, then their results together."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from gbufrt.files.output import write_text
 def ablate(plan: Plan) -> Results:
     """Measure what the plan says, and write report.html, report.json and report.csv.
 
-    A variant that fails is told in its record and ends nothing else.
+    A variant that fails is noted in its record; the others still run.
 
     Raises:
-        ValueError: the plan cannot be meant, or a world or view does not exist.
+        ValueError: the plan makes no sense, or a world or view does not exist.
         FileNotFoundError: a world's file does not exist.
     """
 
@@ -69,7 +69,7 @@ def write_results(out: Path, results: Results) -> None:
 
 
 def _unit(plan: Plan, store: Store, place: Place, variant: Variant, subject: str, full: dict[str, Tensor]) -> Record:
-    """One record: found again, or made, or the reason why not."""
+    """One record: read back, or measured, or holding the error."""
     key = _key(plan, place, variant, subject)
     record = Record(
         world=place.world, view=place.view, subject=subject, variant=variant.name, group=variant.group,
@@ -81,7 +81,7 @@ def _unit(plan: Plan, store: Store, place: Place, variant: Variant, subject: str
         begun = time.monotonic()
         try:
             outcome = _judge(plan, place, variant, subject, full.get(spot))
-        except Exception as error:  # whatever is wrong with one variant must not cost the others
+        except Exception as error:  # an error in one variant must not end the others
             told = " ".join(str(error).split()) or "no reason given"
             return replace(record, error=f"{type(error).__name__}: {told}", seconds=time.monotonic() - begun)
         found = store.keep(key, replace(record, seconds=time.monotonic() - begun), outcome)
@@ -110,10 +110,10 @@ def _judge(plan: Plan, place: Place, variant: Variant, subject: str, full: Tenso
 
 
 def _key(plan: Plan, place: Place, variant: Variant, subject: str) -> str:
-    """Names all that a record depends on."""
+    """A name made from all that a record depends on."""
     text = sources("tracer", "post", "gbufrt.commands.ablation", "gbufrt")
     settings = (plan.size, plan.frames, plan.samples, plan.signals_of(variant) if subject == "signals" else ())
-    recipes = (asdict(variant.recipe), asdict(plan.recipe))  # losses are told from the full pipeline
+    recipes = (asdict(variant.recipe), asdict(plan.recipe))  # losses are measured against the full pipeline
     return digest(place.contents, place.view, subject, variant.name, recipes, settings, text)
 
 

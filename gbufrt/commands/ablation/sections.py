@@ -29,7 +29,7 @@ class Section:
     text: str = ""
 
     def label(self, name: str, variant: str) -> str | None:
-        """What a picture of a record is called in the viewer; None for a picture of another section."""
+        """The name of a record's picture in the viewer; None for a picture of another section."""
         if name == self.picture:
             return variant
         if not name.startswith(self.picture + " "):

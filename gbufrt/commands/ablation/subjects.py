@@ -23,9 +23,9 @@ from gbufrt.pipeline import Pipeline
 
 SIGNALS = ("ao", "gi", "reflection")
 SHARP = {"antialias": False}  # the composite has one sample a pixel, and so has its truth
-WHOLE = 3  # times as many paths for whole frames: what noise there is bends the curve of the display
+WHOLE = 3  # times as many paths for whole frames: the display curve turns noise into a bias
 PATH_FRAMES = 8
-PATH_KEPT = 3  # frames of the path that are held against truth
+PATH_KEPT = 3  # frames of the path that are compared with truth
 PATH_LIGHT_SAMPLES = 4
 TAA_FRAMES = 8
 
@@ -41,7 +41,7 @@ class Outcome:
 
 
 class Hide(Pass):
-    """Puts ``gi`` away, so that what follows sees no further bounce: truth of reflections has none either."""
+    """Hides ``gi``, so that what follows has no further bounce: the truth of reflections has none either."""
 
     reads, writes = frozenset({"gi"}), frozenset({"gi_found"})
 
@@ -109,7 +109,7 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
         changed = hit & f.changed_pixels(full, shown)
         result.figures["changed"] = f.share(changed, hit)
         loss = f.gain(full, shown, f.displayed(truths, exposure), changed)
-        result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # what changes next to nothing earns nothing
+        result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # a stage that changes next to nothing gains nothing
     else:
         result.figures.update(f.untouched_figures(frame, truths, onscreen, exposure))
     return result
@@ -139,7 +139,7 @@ def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
 
 
 def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
-    """Jittered static frames with and without TAA against the anti-aliased frame, on the pixels on edges."""
+    """Jittered static frames with and without TAA against the anti-aliased frame, on edge pixels."""
     count = min(frames, TAA_FRAMES)
     lit = up_to_composite(pipeline)
     if "taa" not in pipeline.stages:
@@ -163,7 +163,7 @@ def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
 
 
 def ao_truth(place: Place, pipeline: Pipeline, frame: Frame) -> dict[str, Tensor]:
-    """True AO at the pipeline's radius; the mean over its radii where it has several scales, as `post.gtao` says."""
+    """True AO at the pipeline's radius; with several scales, the mean over their radii as in `post.gtao`."""
     tunables = pipeline.all_tunables()
     radius, scales = tunables.get("ao.estimate.radius", 2.0), tunables.get("ao.estimate.scales", 1)
     found = [
@@ -181,7 +181,7 @@ def ao_truth(place: Place, pipeline: Pipeline, frame: Frame) -> dict[str, Tensor
 
 
 def only(pipeline: Pipeline, names: Iterable[str]) -> Pipeline:
-    """The stages that are named, of those that are there."""
+    """The named stages that the pipeline has."""
     return Pipeline(**{name: stage for name, stage in pipeline.stages.items() if name in set(names)})  # pyright: ignore[reportArgumentType]
 
 

@@ -1,4 +1,4 @@
-"""Trivial answers: what passes are measured beside, for a bound that these meet is no bound."""
+"""Trivial answers, measured beside the passes: a bound that one of them reaches is no bound."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from gbufrt.gbuffer import GBuffer
 
 
 def untouched(frame: Frame) -> Tensor:
-    """Direct light, and where there is any the sky's light as if nothing blocked it."""
+    """Direct light, plus the sky's light without occlusion where there is any."""
     direct = frame.read("radiance")
     return direct if frame.ambient is None else direct + frame.ambient
 
 
 def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = None) -> Tensor:
-    """The best answer that knows nothing but what each pixel shows: the truth's mean over each object and material."""
+    """The best answer from object and material ids alone: the truth's mean over each."""
     ids = torch.zeros_like(gbuffer.depth, dtype=torch.int64)
     for channel in (gbuffer.object_id, gbuffer.material_id):
         if channel is not None:
@@ -33,7 +33,7 @@ def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = N
 
 
 def mirrored_sky(frame: Frame) -> Tensor:
-    """What each surface would mirror if there were only sky."""
+    """What each surface would reflect if there were only sky."""
     from gbufrt.environment import lookup_environment
     from gbufrt.specular import schlick
     from post.shading.ggx import specular_f0

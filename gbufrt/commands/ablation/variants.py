@@ -22,8 +22,8 @@ FULL = "full"
 GROUPS = ("passes", "presets", "methods")
 PRESETS = ("low", "medium", "high", "ultra")
 BRANCHES = ("ao", "gi", "reflection", "motion_blur", "depth_of_field", "taa")
-METHODS = ("method", "weights")  # tunables that choose between ways to do the same
-RIVALS = {"SSGI": "MarchGI"}  # passes that do the same by other means
+METHODS = ("method", "weights")  # tunables that choose a method
+RIVALS = {"SSGI": "MarchGI"}  # passes that estimate the same signal by another method
 ROUNDS = ("denoise", "accumulate")  # stages that several branches have, left out together
 
 
@@ -35,7 +35,7 @@ class Variant:
     recipe: Recipe
     group: str = "own"
     changes: tuple[str, ...] = ()
-    """Tunables and stages in which it differs from the full pipeline."""
+    """Tunables and stages that differ from the full pipeline."""
     swaps: Mapping[str, str] = field(default_factory=dict)
     """Stages that another pass of `post` replaces, by its class's name."""
     axis: tuple[str, float] | None = None
@@ -55,11 +55,11 @@ class Variant:
 
     @property
     def subject(self) -> str:
-        """What shows its effect: the one branch of which it changes a part, or the whole ``frame``."""
+        """The subject that shows its effect: the branch that it changes, if only one, else the whole ``frame``."""
         try:
             names = self.pipeline.all_tunables()
             full = [name if name not in self.recipe.set else self.pipeline.resolve(name) for name in self.changes]
-        except ValueError:  # it will fail in its row
+        except ValueError:  # reported in its row
             return "frame"
         heads = {name.partition(".")[0] for name in full}
         inner = all("." in name for name in full) and names
@@ -67,10 +67,10 @@ class Variant:
 
 
 def parse_variants(items: Iterable[str], sweeps: Iterable[str], base: Recipe) -> list[Variant]:
-    """The full pipeline, and then what ``items`` and ``sweeps`` ask for, each once.
+    """The full pipeline, then the variants of ``items`` and ``sweeps``, each once.
 
     Raises:
-        ValueError: an item is malformed. What it names need not exist: that is the variant's own failure.
+        ValueError: an item is malformed. A name that does not exist fails later, with its variant.
     """
     found = [Variant(name=FULL, recipe=base, group=FULL)]
     for item in items:

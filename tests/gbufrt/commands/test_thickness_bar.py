@@ -1,4 +1,4 @@
-"""What is lost where thickness is not measured: by the guess at most a third of what a constant loses."""
+"""Error where thickness is not measured: the guess loses at most a third of what a constant loses."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def poles() -> Scene:
 def losses(scene: Scene, view: str, radius: float, *, samples: int = 32, scales: int = 2) -> dict[str, float]:
     """RMSE of AO with measured thickness, with the radius as thickness, and with the guess.
 
-    Two halves of the truth, whose noise so counts for nothing.
+    The truth comes in two halves, so that its noise adds no bias.
     """
     camera = scene.views[view].camera(0.0, size=(90, 160))
     g = gbuffer(scene, camera, time=0.0)

@@ -1,6 +1,6 @@
-"""The table of `gbufrt ablate` in short: passes against ray-traced truth in a court that a camera sees nearly all of.
+"""The table of `gbufrt ablate` in short: passes against ray-traced truth in a court that is nearly all on screen.
 
-The bounds are those of the report, or what a broken pass would miss where a small picture cannot reach them.
+The bounds are the report's; where a small picture cannot reach them, they are bounds that a broken pass misses.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def test_every_pass_earns_its_place(folder: Path) -> None:
 
 
 def test_thin_poles_have_no_halo(folder: Path) -> None:
-    """Posts before a wall, thin and near beside the radius: the wall behind them is as dark as in truth."""
+    """Posts in front of a wall, thin and close to it for the radius: the wall behind them is as dark as in truth."""
     spot, radius = place(folder, scene=posts()), 8.0
     g = spot.still().gbuffer
     truth = spot.truth_of("ambient_occlusion", g, {"radius": radius})["ao"]
@@ -88,7 +88,7 @@ def test_thin_poles_have_no_halo(folder: Path) -> None:
 
     assert error(thickness=g.thickness) < HALO
     assert error(thickness=g.thickness, hidden=0.0) < HALO / 2  # here nothing is hidden behind what is measured
-    assert error(method="horizon") > 1.5 * HALO  # what the bound is for: solid to their ends, posts darken the wall
+    assert error(method="horizon") > 1.5 * HALO  # what the bound catches: solid posts, which darken the wall
 
 
 def test_denoiser(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Finding each pixel's surface in the frame before."""
+"""Back-projection: finding each pixel's surface in the previous frame."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def test_still_camera_fetches_each_pixel_from_itself():
 
 
 def test_jitter_does_not_move_history():
-    """Sampled elsewhere in the pixel, a still surface still fetches its own pixel."""
+    """A still surface fetches its own pixel, even when jittered elsewhere in it."""
     before = boxes.frame(boxes.camera(SIZE).with_jitter((0.4, -0.3)))
     camera = boxes.camera(SIZE).with_jitter((-0.3, 0.4))
     now = boxes.frame(camera, previous=before.gbuffer.camera)

@@ -79,7 +79,7 @@ def test_an_open_floor_never_meets_itself(compiled, half):
 
 
 def pole_scene() -> tuple:
-    """A wall behind a thin pole, and a ray along the wall's face, a unit before it, that passes behind the pole."""
+    """A wall behind a thin pole; a ray along the wall's face, a unit in front of it, passes behind the pole."""
     scene = torch.tensor([[[-20.0, -20.0, -12.0], [20.0, 20.0, -11.0]], [[-0.2, -20.0, -4.4], [0.2, 20.0, -4.0]]])
     camera = Camera.look_at((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), size=(48, 64), far=100.0)
     g = boxes.frame(camera, boxes=scene).gbuffer

@@ -14,7 +14,7 @@ from post.passes.bilateral import Bilateral, bilateral
 
 
 def shaded(frame: Frame) -> Tensor:
-    """A value a face, darker toward the ground and in the shadow of something unseen."""
+    """A value a face, darker toward the ground and in the shadow of something off-screen."""
     g = frame.gbuffer
     x, height, z = g.camera.to_world(g.points_view()).unbind(1)
     shadow = 1 - 0.4 * ((x > -4) & (x < -0.5) & (z > -1))
@@ -143,7 +143,7 @@ def test_mirrors_stay_sharp_and_confidence_is_filtered_along():
 
 
 def test_reflections_are_sharp_near_what_they_show():
-    """A lobe spreads with the way: none of it at the foot of a thing, and in the distance as much as the noise asks."""
+    """A lobe widens with distance: no blur at the foot of an object, and far away as much as the noise asks."""
     frame = noisy(boxes.frame(boxes.camera((48, 64)), boxes=boxes.ROOM[:1]))
     g, light = frame.gbuffer, frame.read("ao").expand(-1, 3, -1, -1)
     stage, glossy = Bilateral(signal="reflection"), g.replace(roughness=torch.full_like(g.depth, 0.2))

@@ -106,7 +106,7 @@ def test_unknown_mode():
 
 
 def test_what_a_surface_mirrors_does_not_get_under_it():
-    """White walls that mirror a part of an even light, and let a part through, still send just that light."""
+    """White walls that reflect a part of a uniform light, and transmit a part, still send just that light."""
     mirrored, visibility = torch.rand(2, 2, 1, 4, 5, generator=torch.Generator().manual_seed(0)).unbind(0)
     (light,) = planes(1.0)
     diffuse, behind = 0.7 * light, 0.3 * light

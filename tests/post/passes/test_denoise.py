@@ -1,4 +1,4 @@
-"""Denoising path-traced light: emission and albedo survive, noise does not, shadows keep their borders."""
+"""Denoising path-traced light: emission and albedo survive, noise does not, shadows keep their edges."""
 
 # pyright: reportPossiblyUnboundVariable=false
 

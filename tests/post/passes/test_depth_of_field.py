@@ -105,7 +105,7 @@ def test_a_lamp_becomes_an_even_disc_that_keeps_its_light():
 
 
 def test_sharp_things_do_not_bleed_and_stay_sharp():
-    """A red wall in focus before a blurred white one: no red on the white, no white on the red."""
+    """A red wall in focus in front of a blurred white one: no red on the white, no white on the red."""
     camera, depth = boxes.camera((64, 64)), plane({(0, 32): 5.0, (32, 64): 50.0})
     color = torch.ones(1, 3, 64, 64)
     color[:, 1:, :, :32] = 0.0

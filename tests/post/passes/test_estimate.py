@@ -55,7 +55,7 @@ def test_motion_of_a_still_world_is_the_cameras():
 
 
 def test_the_search_finds_a_mover():
-    """A block that moved two pixels to the right before a far wall."""
+    """A block in front of a far wall that moved two pixels to the right."""
     camera = Camera.look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), size=(24, 32), far=100.0)
     depth, before = torch.full((1, 1, 24, 32), 50.0), torch.full((1, 1, 24, 32), 50.0)
     columns = torch.arange(10) * 0.5  # it is slanted, so that its depth tells its columns apart

@@ -21,7 +21,7 @@ METHODS = ("bitmask", "horizon")
 def plane(
     tilt: float, *, orthographic: bool = False, size: tuple[int, int] = SIZE
 ) -> tuple[Tensor, Tensor, Camera, Tensor]:
-    """Depth, normal, camera and hit of an endless floor seen ``tilt`` degrees off its normal."""
+    """Depth, normal, camera and hit of an endless floor viewed ``tilt`` degrees off its normal."""
     turn = math.radians(tilt)
     eye = (0.0, 3 * math.cos(turn), 3 * math.sin(turn))
     height = 4.0 if orthographic else None

@@ -29,7 +29,7 @@ def scene(size: tuple[int, int] = (30, 40), **options: Any) -> Frame:
 
 
 def brute_force(frame: Frame, rays: int = 160) -> tuple[Tensor, Tensor]:
-    """Cosine-weighted rays through the boxes: light of the ends that the camera sees, and the open share."""
+    """Cosine-weighted rays through the boxes: light of the visible hits, and the open share."""
     g, generator = frame.gbuffer, torch.Generator().manual_seed(3)
     points = g.camera.to_world(g.points_view())
     light, open_sky = torch.zeros_like(points), torch.zeros_like(g.depth)
@@ -85,7 +85,7 @@ def test_a_corner_sees_half_of_each_wall():
     foot = g.hit & (g.normal[:, 1:2] > 0.5) & (points[:, 2:3] < -5.0) & (points[:, 0:1].abs() < 10.0)
     assert foot.sum() > 3
     reach = points[:, 2:3][foot] + 10
-    visible = 63.0  # units of the wall that the camera sees above the floor at its middle
+    visible = 63.0  # units of the wall that are on screen above the floor at its middle
     expected = 0.5 * (1 - reach / (reach**2 + visible**2).sqrt())
     assert abs(float((gi[:, :1][foot] - expected).mean())) < 0.04
 

@@ -33,7 +33,7 @@ def moment(time: float, box: Tensor, travel: Tensor) -> tuple[Frame, Tensor, Ten
 
 
 def exposed(box, travel, position: str, shutter: float = 0.5) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-    """Colour, depth and motion at the frame's time; the mover's mask; what the open shutter sees."""
+    """Colour, depth and motion at the frame's time; the mover's mask; the mean over the open shutter."""
     box, travel = torch.tensor(box), torch.tensor(travel)
     frame, color, mover = moment(0.0, box, travel)
     before = moment(-1.0, box, travel)[0].gbuffer.camera

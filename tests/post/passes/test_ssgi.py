@@ -28,7 +28,7 @@ def gather(frame: Frame, light: Tensor, **tunables: Any) -> tuple[Tensor, Tensor
 
 
 def form_factor(point: Tensor) -> Tensor:
-    """Of the wall's face (z = -3) seen from floor points ``(N, 3)``, by the midpoint rule."""
+    """Of the wall's face (z = -3) from floor points ``(N, 3)``, by the midpoint rule."""
     x = (torch.arange(80) + 0.5) / 80 * 4 - 2
     y = (torch.arange(60) + 0.5) / 60 * 1.5
     grid_y, grid_x = torch.meshgrid(y, x, indexing="ij")
@@ -229,7 +229,7 @@ def test_soft_and_dithered_sectors_agree_on_average(tunables: dict[str, Any], ap
 
 
 def test_the_sky_that_senders_see_has_its_gradient() -> None:
-    """The coarse sweep over it is covered by fractions, too: dithered bits would pass nothing on."""
+    """The coarse sweep also covers it by fractions: dithered bits would pass no gradient on."""
     frame = boxes.frame(boxes.camera(SIZE))
     thickness = frame.read("thickness").clone().requires_grad_()
     (gradient,) = torch.autograd.grad(sent_light(frame, thickness=thickness).sum(), thickness)

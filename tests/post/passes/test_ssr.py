@@ -17,7 +17,7 @@ from post.shading.sent_light import outgoing_light
 
 
 def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.0, scene: Tensor = boxes.ROOM) -> Frame:
-    """Boxes with one light a box and no shading, so that what a mirror shows is known by the box alone."""
+    """Boxes of one radiance each, without shading, so that a mirror's picture follows from the box that is hit."""
     frame = boxes.frame(camera or boxes.camera((90, 120)), boxes=scene)
     g = frame.gbuffer
     g = g.replace(
@@ -121,7 +121,7 @@ def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():
 
 
 def boundless(frame: Frame) -> Frame:
-    """The floor seen from its edge, with sky on screen, and a visibility that claims there is none."""
+    """The floor viewed from its edge, with sky on screen and a sky visibility of zero."""
     level = shiny(boxes.camera((90, 120)), scene=boxes.ROOM[:1])
     return level.replace(sky_visibility=torch.zeros_like(level.gbuffer.depth), environment=frame.environment)
 
@@ -147,11 +147,11 @@ def test_rough_is_blurrier(method):
 
 
 def test_rough_converges_to_the_brdf_average():
-    """Under a uniform sky all directions bring the same, so the mean is the directional albedo: 1 less what is lost."""
+    """Under a uniform sky all directions bring the same radiance: the mean is the directional albedo, 1 less loss."""
     frame = shiny(boxes.camera((30, 40)), rough=0.6, scene=boxes.ROOM[:1])
     mean = mean_of(frame, SSR(samples=8), 8)
     value = mean[frame.gbuffer.hit.expand_as(mean)] / 0.5
-    assert 0.7 < value.mean() < 1.0  # 0.6 rough, mostly seen at grazing angles, without multiple scattering
+    assert 0.7 < value.mean() < 1.0  # roughness 0.6, mostly at grazing angles, without multiple scattering
     assert value.std() < 0.05
 
 
@@ -169,7 +169,7 @@ def test_reuse_keeps_the_mean_and_lowers_noise():
 
 
 def test_reuse_weighs_rays_by_their_density():
-    """Light from off the lobe's middle alone, of which rays counted without their density would find too little."""
+    """Light only from off the lobe's middle: rays not weighted by their density would find too little of it."""
     ones = torch.ones(1, 1, 96, 96)
     up = torch.cat([0 * ones, 0 * ones, -ones], dim=1)
     eye = torch.nn.functional.normalize(up + torch.tensor([0.6, 0.0, 0.0])[None, :, None, None], dim=1)

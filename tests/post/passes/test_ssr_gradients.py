@@ -25,7 +25,7 @@ def rough(by: Tensor) -> Frame:
 
 
 def wall_moved(by: Tensor) -> Frame:
-    """The wall farther away or nearer; a floor like polished stone mirrors it."""
+    """The wall farther away or nearer; a floor like polished stone reflects it."""
     g = ROOM.gbuffer
     return ROOM.replace(gbuffer=g.replace(depth=g.depth * (1 + by * (1 - FLOOR)), roughness=0 * FLOOR + 0.05))
 
@@ -83,7 +83,7 @@ def test_gradients_are_finite_at_mirrors_under_an_open_sky_and_where_nothing_is(
 
 
 def test_hits_follow_rays_and_planes_but_not_where_reads_keep_off_another_surface() -> None:
-    """By a plane with normal n, the way along a ray d changes by -n / (n . d) for each step of its origin."""
+    """For a plane with normal n, the distance along a ray d changes by -n / (n . d) for each step of its origin."""
     g = ROOM.gbuffer
     points, normal = g.points_view().detach().requires_grad_(), g.camera.rotate_to_view(g.normal)
     eye = g.camera.to_eye(points.detach())

@@ -25,7 +25,7 @@ def frame_at(jitter: tuple[float, float] | None, *, dx: float = 0.0, previous: C
 
 
 def area_sampled(side: int = 6, dx: float = 0.0) -> Tensor:
-    """Mean over a grid of positions in each pixel, in the tone-mapped space in which edges are seen."""
+    """Mean over a grid of positions in each pixel, in the tone-mapped space in which edges are judged."""
     total = torch.zeros(())
     for y in range(side):
         for x in range(side):

@@ -28,7 +28,7 @@ def noisy(frame: Frame, generator: torch.Generator, kind: str = "gauss") -> Fram
         noise = 1 + 0.3 * torch.randn(shape, generator=generator)
     elif kind == "exponential":
         noise = torch.empty(shape).exponential_(generator=generator)
-    else:  # one sample in twenty finds the lamp
+    else:  # one sample in twenty hits the lamp
         noise = 20.0 * (torch.rand(shape, generator=generator) < 0.05)
     return frame.replace(ao=torch.where(frame.gbuffer.hit, truth * noise, truth))
 
@@ -104,7 +104,7 @@ def test_moving_camera_keeps_most_of_its_history():
 
 
 def test_trails_are_gone_four_frames_after_disocclusion():
-    """A thin bright pole before a dark wall, the camera sliding: nothing of it may stay on the wall."""
+    """A thin bright pole in front of a dark wall, a sliding camera: the pole must leave no trail on the wall."""
     state, previous = None, None
     for step in range(12):
         camera = boxes.camera((60, 80), dx=0.12 * step)

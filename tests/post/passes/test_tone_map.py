@@ -81,7 +81,7 @@ def test_agx_look():
 
 
 def test_aces_matches_the_fit():
-    """Grey passes both matrices unchanged, so the rational fit alone is seen."""
+    """Grey passes both matrices unchanged, so the rational fit alone is tested."""
     for v in (0.01, 0.18, 1.0, 4.0):
         fit = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
         assert shown(v, v, v, operator="aces") == pytest.approx([fit] * 3, abs=1e-3)

@@ -114,7 +114,7 @@ def test_tangent_frames_are_right_handed():
 
 
 def test_what_a_floor_mirrors_toward_the_eye():
-    """Schlick at the angle that the camera sees it at, where it is smooth; less where it is rough."""
+    """Schlick at the view angle where it is smooth; less where it is rough."""
     camera = Camera.look_at((0.0, 2.0, 0.0), (0.0, 0.0, 3.0), size=(9, 9), fov_y=40.0)
     down = -camera.rays()[1][..., 1][:, None]
     g = GBuffer(

@@ -1,4 +1,4 @@
-"""What sweeps assume of the unseen: past the border, behind a front, and where the sky is."""
+"""What sweeps assume off-screen: past the border, behind a front, and where the sky is."""
 
 from __future__ import annotations
 

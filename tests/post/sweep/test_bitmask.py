@@ -20,7 +20,7 @@ CORNER = torch.tensor([[[-40.0, -1.0, -40.0], [40.0, 0.0, 40.0]], [[-40.0, -1.0,
 
 
 def pit(depth: float, *, size: int = 41) -> tuple[Tensor, Tensor, Camera]:
-    """A round pit of radius 1 in a floor, seen from straight above without perspective."""
+    """A round pit of radius 1 in a floor, viewed from straight above without perspective."""
     camera = Camera.look_at((0, 10, 0), (0, 0, 0), up=(0, 0, -1), size=(size, size), orthographic_height=3.2)
     point = camera.unproject(torch.full((1, 1, size, size), 10.0))
     inside = point[:, :2].norm(dim=1, keepdim=True) < 1
@@ -111,7 +111,7 @@ def test_soft_sectors_agree_with_dithered_ones() -> None:
 
 
 def test_soft_sectors_are_the_mean_of_dithered_ones() -> None:
-    """Bodies of taps that abut or overlap, as sweeps see them; the mean over evenly spaced dithers is exact."""
+    """Bodies of taps that abut or overlap, as in sweeps; the mean over evenly spaced dithers is exact."""
     generator, steps = torch.Generator().manual_seed(4), 6
     ends = torch.rand(steps, 1, 8, 9, generator=generator).cumsum(0) * 0.08
     slack = 0.02 * torch.rand(steps, 1, 8, 9, generator=generator)
@@ -131,7 +131,7 @@ def test_soft_sectors_are_the_mean_of_dithered_ones() -> None:
 
 
 def test_the_gradient_of_the_radius_is_whole_without_a_thickness() -> None:
-    """Nothing that the default thickness makes of the radius may be left out of its gradient."""
+    """The radius's gradient includes its effect through the default thickness."""
     g = boxes.frame(boxes.camera((8, 10))).to(torch.float64).gbuffer
     radius = torch.tensor(3.0, dtype=torch.float64)
 

@@ -43,7 +43,7 @@ def test_a_pillar_is_about_as_deep_as_it_is_wide(width: float, orthographic: boo
 
 
 def test_a_box_seen_at_a_corner_tells_its_depth() -> None:
-    """Thick along some rays and thin along others: the guess follows what the sides tell, short of the corners."""
+    """Thick along some rays and thin along others: the guess follows the sides, except at the corners."""
     camera = Camera.look_at((6, 3, 9), (0, 0.5, -1), size=(96, 120), fov_y=35.0, far=100.0)
     g = boxes.frame(camera, boxes=torch.tensor([[[-1.0, -1.0, -4.0], [1.0, 1.5, 0.0]], WALL])).gbuffer
     assert g.thickness is not None
@@ -115,7 +115,7 @@ def test_a_low_wall_across_the_picture_is_about_as_deep_as_it_is_high() -> None:
 
 
 def test_walls_do_not_end_in_the_corners_of_a_room() -> None:
-    """A corner is farther away than its side walls, and tells of no way out behind them."""
+    """A corner is farther away than its side walls, and must not end their thickness."""
     camera = Camera.look_at((0, 2, 6), (0, 2, 0), size=(48, 64), fov_y=50.0, far=100.0)
     sides = [[[-4.0, 0.0, -9.0], [-3.0, 5.0, 20.0]], [[3.0, 0.0, -9.0], [4.0, 5.0, 20.0]]]
     rest = [[[-4.0, -1.0, -9.0], [4.0, 0.0, 20.0]], [[-4.0, 0.0, -9.0], [4.0, 5.0, -8.0]]]

@@ -29,7 +29,7 @@ def above(size: tuple[int, int] = (48, 48), *, span: float = 24.0, height: float
 
 
 def irradiance(scene: Scene, g: GBuffer, **kw) -> torch.Tensor:
-    """What arrived, with albedo and emission taken out again."""
+    """Irradiance: the result with albedo and emission taken out."""
     radiance, _ = light(scene, g, **kw)
     assert g.albedo is not None
     assert g.emission is not None
@@ -168,7 +168,7 @@ def test_a_closed_box_is_black_inside():
 
 
 def test_inner_corners_and_flush_blocks_show_no_false_shadow():
-    """Sunlit steps seen at a slant: every pixel is either in a real shadow or fully lit, along creases too."""
+    """Sunlit steps viewed at a slant: every pixel is either in a real shadow or fully lit, along creases too."""
     steps = [(STONE, (0, 0, z), (48, 1 + (47 - z) // 4, z + 1)) for z in range(48)]
     sun = Sun(direction=(0.0, 1.0, 0.2), angular_radius=0.1)
     scene = Scene(world=world((48, 16, 48), *steps), sky=DARK, sun=sun)
@@ -225,7 +225,7 @@ def test_the_sky_shows_itself_and_the_suns_disc():
 
 
 def busy() -> tuple[Scene, Camera, GBuffer, torch.Tensor]:
-    """Two cameras at two times over lamps, glass and a lamp that moves."""
+    """Two cameras at two times over lamps, glass and a moving lamp."""
     model = world((2, 2, 2), (LAMP, (0, 0, 0), (2, 2, 2)))
     boxes = [(STONE, (20, 1, 18), (22, 6, 20)), (GLASS, (27, 1, 20), (29, 4, 30)), (LAMP, (24, 5, 24), (25, 6, 25))]
     scene = Scene(

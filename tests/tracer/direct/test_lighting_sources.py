@@ -1,4 +1,4 @@
-"""What sources would send with nothing between, and which lamps a world has."""
+"""Unoccluded light of the sources, and which lamps a world has."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sky as a light: directions come as often as they say, and most from where it is bright."""
+"""Importance sampling of the sky: directions follow their stated density, and most come from where it is bright."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which part of path-traced pictures came by what the camera sees."""
+"""Which part of path-traced pictures came by on-screen surfaces."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from tracer.truth.truth import path_trace
 
 
 def test_the_part_that_came_by_on_screen_surfaces():
-    """A floor before a white wall. With the wall on screen, all of its light came by on-screen surfaces; alone, the
-    sky's and the sun's, and what the wall sends is left out."""
+    """A floor in front of a white wall. With the wall on screen, all of its light came by on-screen surfaces; alone,
+    the sky's and the sun's, and what the wall sends is left out."""
     table = MaterialTable.of(
         [Material(name="floor", albedo=(0.5, 0.5, 0.5), variation=0.0), Material(name="wall", albedo=(0.9, 0.5, 0.2))]
     )
@@ -88,21 +88,21 @@ def test_a_lens_sees_round_an_edge_what_the_pinhole_does_not(behind: str, light:
     camera = Camera.look_at((24, 12, 0), (24, 12, 40), size=(128, 192), fov_y=40.0)
     found = path_trace(scene, camera, samples=16, aperture_radius=2.0, focus_distance=focus, **LIGHT[light])
     x = camera.to_world(camera.unproject(torch.full((1, 1, *camera.size), 40.0)))[0, 0, 64] - 24
-    inner = x.abs() < 16  # the lens sees beyond the border, too
+    inner = x.abs() < 16  # the lens gathers from beyond the border, too
     total, onscreen = (found[name][0, :, 48:80, inner].mean(dim=1) for name in ("radiance", "radiance_onscreen"))
     x, pixel = x[inner], float((x[1] - x[0]).abs())
     hidden, open_ = x < -2 * pixel, x > 2 * pixel
     assert (total[2, hidden] > 0.1).sum() >= 5
     assert onscreen[2, hidden].max() < 0.02
     assert torch.allclose(onscreen[2, open_], total[2, open_], atol=0.02)
-    lost = (total - onscreen)[0].clamp_min(0)  # some of the slab's side, which the pinhole sees edge-on
+    lost = (total - onscreen)[0].clamp_min(0)  # some of the slab's side, which is edge-on to the pinhole
     assert lost.sum() < 0.01 * total[0].sum()
 
 
 @pytest.mark.parametrize("light", LIGHT)
 def test_a_shutter_uncovers_what_a_mover_hides(light: str):
-    """A red box crosses a blue floor: it is known wherever it goes, the floor but where the box was as the picture was
-    taken."""
+    """A red box crosses a blue floor: the box is known wherever it goes, the floor except where the box was when the
+    picture was taken."""
     box = shining((2, 2, 2), (RED, (0, 0, 0), (2, 2, 2)))
     mover = Instance(model=box, pose=lambda t: pose((19.0 + 8 * t, 3.0, 23.0)))
     scene = Scene(world=shining((48, 2, 48), (BLUE, (0, 0, 0), (48, 1, 48))), instances=(mover,), sun=None, sky=DARK)

@@ -37,7 +37,7 @@ def case(seed: int) -> tuple[Scene, torch.Tensor, torch.Tensor, torch.Tensor]:
 
 
 def same(a: Hits, b: Hits, share: float = 0.001) -> None:
-    """All but a ``share`` of rays, which graze an edge, meet the same face at the same place."""
+    """All but a ``share`` of rays, which graze an edge, hit the same face at the same place."""
     differs = (a.hit != b.hit) | (a.hit & ((a.cell != b.cell).any(-1) | (a.face != b.face)))
     differs |= a.hit & ((a.material != b.material) | (a.instance != b.instance) | (a.back_face != b.back_face))
     assert differs.float().mean() <= share

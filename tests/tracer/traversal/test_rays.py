@@ -1,4 +1,4 @@
-"""What rays meet, where the answer can be said beforehand."""
+"""Hits of rays, where the answer is known beforehand."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_transmission_multiplies_runs() -> None:
     tint, opacity = voxels.TABLE.tint, voxels.TABLE.opacity
     through_water = (1 - opacity[water]) * tint[water] ** (3 * slant)
     through_glass = (1 - opacity[glass]) * tint[glass] ** slant
-    enters = 0.96 * (1 - (1 - 1 / slant) ** 5)  # what the two faces do not mirror
+    enters = 0.96 * (1 - (1 - 1 / slant) ** 5)  # what the two faces do not reflect
     torch.testing.assert_close(transmission(scene, *rays), through_water * through_glass * enters**2)
     inside = ray((4.3, 2.2, 4.0), (0.0, 0.0, 1.0))
     want = (1 - opacity[water]) * tint[water] ** 2 * (1 - opacity[glass]) * tint[glass] * 0.96**2

@@ -130,12 +130,12 @@ def test_direct_light_agrees_with_the_renderer(monkeypatch):
     table = MaterialTable.of([Material(name="floor", roughness=0.0), Material(name="lamp", emission=(4.0, 3.0, 2.0))])
     voxels = torch.zeros(48, 6, 48, dtype=torch.int16)
     voxels[:, 0], voxels[22:24, :4, 22:24], voxels[26:28, 3:5, 26] = 1, 1, 2
-    sun = Sun(direction=(0.5, 0.8, 0.2), angular_radius=3.0)  # seen from above no mirror shows sun or lamp
+    sun = Sun(direction=(0.5, 0.8, 0.2), angular_radius=3.0)  # from above no mirror shows sun or lamp
     scene = Scene(world=World.from_dense(voxels, table), sky=DARK, sun=sun)
     g = gbuffer(scene, above(span=12.0))
     want, _ = light(scene, g, samples=256)
     assert g.emission is not None
-    want = g.emission + 0.96 * (want - g.emission)  # seen from straight above: the rest is mirrored
+    want = g.emission + 0.96 * (want - g.emission)  # from straight above: the rest is reflected
     got = path_trace(scene, g.camera, bounces=0, samples=256, antialias=False)["radiance"]
     lit = want > 0.01
     assert float(want[lit].std()) > 0.1
@@ -245,7 +245,7 @@ def test_light_from_behind_water_is_dimmed_as_the_gbuffer_says():
     camera = above(span=6.0)
     g = gbuffer(scene, camera)
     assert g.transmittance is not None
-    want = 0.96 * g.transmittance * torch.tensor([4.0, 3.0, 2.0]).view(1, 3, 1, 1)  # the rest is mirrored
+    want = 0.96 * g.transmittance * torch.tensor([4.0, 3.0, 2.0]).view(1, 3, 1, 1)  # the rest is reflected
     got = path_trace(scene, camera, bounces=0, samples=256)
     assert (got["radiance"].mean(dim=(0, 2, 3)) / want.mean(dim=(0, 2, 3)) - 1).abs().max() < 0.02
 

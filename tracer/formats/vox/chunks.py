@@ -168,7 +168,7 @@ def _material(part: Cursor, chunks: Chunks) -> None:
 
 
 def _old_material(part: Cursor, chunks: Chunks) -> None:
-    """MATT of version 150, told in the words of MATL."""
+    """MATT of version 150, converted to the keys of MATL."""
     number, kind, weight = part.int32("MATT"), part.int32("kind of MATT"), part.float32("weight of MATT")
     if not 0 <= kind <= 3:
         part.fail(f"kind of a MATT material must lie in 0..3, got {kind}")

@@ -45,7 +45,7 @@ class Cursor:
         return float(struct.unpack("<f", self.take(4, what))[0])
 
     def count(self, what: str, *, bytes_each: int) -> int:
-        """A number of things of at least ``bytes_each`` bytes that follow."""
+        """The number of items that follow, of at least ``bytes_each`` bytes each."""
         n = self.int32(what)
         if not 0 <= n * bytes_each <= self.left:
             self.fail(f"{what} is {n}, more than the {self.left} bytes left can hold", at=self.at - 4)

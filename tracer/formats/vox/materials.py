@@ -20,7 +20,7 @@ VARIATION = 0.03
 def default_palette() -> NDArray[np.uint8]:
     """The 256 colours that a file without RGBA means, as RGBA bytes; index 0 is empty.
 
-    Six levels of red, green and blue from white down without the last, black; then ramps of ten levels between those
+    A cube of six levels of red, green and blue from white down, without black; then ramps of ten levels between those
     in red, green, blue and grey.
     """
     levels = range(255, -1, -51)
@@ -57,8 +57,8 @@ def material_table(chunks: Chunks, name: str) -> MaterialTable:
 def _material(name: str, color: RGB, told: Attributes) -> Material:
     """One material.
 
-    Metal: ``_weight`` or ``_metal`` is its metalness. Glass: ``_weight``, ``_trans`` or ``_alpha`` is what it lets
-    through, tinted by its colour per voxel. Emit: it also sends out its colour times weight (``_emit``) and flux.
+    Metal: ``_weight`` or ``_metal`` is its metalness. Glass: ``_weight``, ``_trans`` or ``_alpha`` is its
+    transmission, tinted by its colour per voxel. Emit: it also emits its colour times weight (``_emit``) and flux.
     """
     kind = told.get("_type", "_diffuse")
     weight = _share(told, "_weight", 1.0)
