@@ -168,9 +168,9 @@ def _check_motion(g: Geometry, motion: Tensor, prefix: str) -> None:
     """Most of a picture is static: compare its motion with the motion that the camera's own movement causes."""
     assert g.previous_camera is not None
     expected, _ = g.camera.static_motion(g.previous_camera, g.depth, g.hit)
-    seen = g.depth > g.camera.near
-    error = _median_error(motion, expected, seen)
-    length = float(expected.norm(dim=1, keepdim=True)[seen].median()) if bool(seen.any()) else 0.0
+    visible = g.depth > g.camera.near
+    error = _median_error(motion, expected, visible)
+    length = float(expected.norm(dim=1, keepdim=True)[visible].median()) if bool(visible.any()) else 0.0
     limit = max(MOTION_TOLERANCE, MOTION_RELATIVE * length)
     if error <= limit:
         return
@@ -185,20 +185,20 @@ def _check_motion(g: Geometry, motion: Tensor, prefix: str) -> None:
         "it looks like NDC units: multiply by (W/2, -H/2)": motion * size * flip_y / 2,
         "it looks like negated NDC units: multiply by (-W/2, H/2)": -motion * size * flip_y / 2,
     }
-    errors = {text: _median_error(guess, expected, seen) for text, guess in guesses.items()}
+    errors = {text: _median_error(guess, expected, visible) for text, guess in guesses.items()}
     best = min(errors, key=lambda text: errors[text])
     remedy = best if errors[best] <= limit else "check its sign, unit and jitter, and both cameras"
-    wrong = seen & ((motion - expected).norm(dim=1, keepdim=True) > limit)
+    wrong = visible & ((motion - expected).norm(dim=1, keepdim=True) > limit)
     raise ValueError(
         f"{prefix}motion must be pixels, previous - current: it differs from the camera's own movement by a median of "
         f"{error:.3g} px, and {_count(wrong)} off by more than {limit:.3g} px, such as at {_place(wrong)}; {remedy}"
     )
 
 
-def _median_error(motion: Tensor, expected: Tensor, seen: Tensor) -> float:
-    if not bool(seen.any()):
+def _median_error(motion: Tensor, expected: Tensor, visible: Tensor) -> float:
+    if not bool(visible.any()):
         return 0.0
-    return float((motion - expected).norm(dim=1, keepdim=True)[seen].median())
+    return float((motion - expected).norm(dim=1, keepdim=True)[visible].median())
 
 
 def _share(part: Tensor, whole: Tensor) -> float:

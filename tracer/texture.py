@@ -32,8 +32,8 @@ def variation(hits: Hits, texture_ids: Tensor, pixels_per_voxel: Tensor) -> Tens
     for side, amplitude in OCTAVES:
         cell = (uv * side).long().clamp_max(side - 1)
         number = _mix(face + (cell[..., 0] * side + cell[..., 1] + 64 * side) * 668265263)
-        seen = ((pixels_per_voxel / side - 0.75) / 1.25).clamp(0.0, 1.0)  # from 3/4 of a pixel to two
-        total = total + amplitude * seen * (number.to(total.dtype) * (2.0 / 0xFFFFFFFF) - 1.0)
+        visible = ((pixels_per_voxel / side - 0.75) / 1.25).clamp(0.0, 1.0)  # from 3/4 of a pixel to two
+        total = total + amplitude * visible * (number.to(total.dtype) * (2.0 / 0xFFFFFFFF) - 1.0)
     return total
 
 

@@ -165,8 +165,8 @@ class Shot:
         view = scene.views[self.view or next(iter(scene.views))]
 
         def camera(number: int) -> Any:
-            seen = view.camera(self.time + number / self.fps, size=self.size)
-            return seen.with_jitter(halton_jitter(number) if jitter else None).to(device)
+            posed = view.camera(self.time + number / self.fps, size=self.size)
+            return posed.with_jitter(halton_jitter(number) if jitter else None).to(device)
 
         more = {} if self.samples is None else {"light_samples": self.samples}
         frame = trace_frame(

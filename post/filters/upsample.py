@@ -52,11 +52,11 @@ def upsample(
     for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
         share = (1 - (x - left - dx).abs()) * (1 - (y - top - dy).abs())
         at = (left.long() + dx, top.long() + dy)
-        seen = gather(coarse, *at)
-        away = ((seen[:, :3] - points) * facing).sum(1, keepdim=True) * footprint
-        alike = (seen[:, 3:6] * facing).sum(1, keepdim=True).clamp_min(0) ** NORMAL_POWER
-        same = torch.where(hit, (-away * away).exp() * alike, 1.0) * (seen[:, 6:] == hit)
-        weight = (share[:, None] + 1e-3) * (same + LEAST * (seen[:, 6:] == hit) + LEAST**2)
+        visible = gather(coarse, *at)
+        away = ((visible[:, :3] - points) * facing).sum(1, keepdim=True) * footprint
+        alike = (visible[:, 3:6] * facing).sum(1, keepdim=True).clamp_min(0) ** NORMAL_POWER
+        same = torch.where(hit, (-away * away).exp() * alike, 1.0) * (visible[:, 6:] == hit)
+        weight = (share[:, None] + 1e-3) * (same + LEAST * (visible[:, 6:] == hit) + LEAST**2)
         result = result + weight * gather(low, *at)
         total = total + weight
     return result / total

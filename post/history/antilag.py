@@ -55,8 +55,8 @@ def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
     """Variance from 7x7 pixels: not every one of them has had one of the rare bright samples yet."""
     own, mature = sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
     typical = torch.maximum(own, pooled(own, mature, 7))
-    seen = (age > 0).to(age.dtype)
-    around = pooled(moments[:, 1:], seen, 7) - pooled(moments[:, :1], seen, 7) ** 2
+    visible = (age > 0).to(age.dtype)
+    around = pooled(moments[:, 1:], visible, 7) - pooled(moments[:, :1], visible, 7) ** 2
     return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
 
 

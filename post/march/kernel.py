@@ -16,7 +16,7 @@ from post.march.constants import BEHIND, BLOCKED, HIT, LEFT, SPENT, TOLERANCE
 
 
 @scalar
-def _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
+def _intersect(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep):
     """Intersect a ray from (ax, ay, qa) in pixel j to (bx, by, qb) with pixel i's surface: status, share, agreement."""
     q, gx, gy, back = planes[iy, ix, 0], planes[iy, ix, 1], planes[iy, ix, 2], planes[iy, ix, 3]
     front_a = qa - (q + gx * (ax - ix - 0.5) + gy * (ay - iy - 0.5))
@@ -79,10 +79,10 @@ def _traverse(planes, pyramid, table, x0, y0, q0, dx, dy, dq, flat, steep, steps
             pixels += 1
             if pixels > 0:  # not compared with the pixel that it starts in
                 ax, ay, bx, by = x0 + share * dx, y0 + share * dy, x0 + leave * dx, y0 + leave * dy
-                met, part, agreement = _meet(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
-                if met in (HIT, BLOCKED):
-                    return met, max(share + part * (leave - share), 0.0), ix, iy, agreement
-                behind = met == BEHIND
+                event, part, agreement = _intersect(planes, ix, iy, jx, jy, ax, ay, qa, bx, by, qb, flat, steep)
+                if event in (HIT, BLOCKED):
+                    return event, max(share + part * (leave - share), 0.0), ix, iy, agreement
+                behind = event == BEHIND
         hx, hy = (hx if hx >= 0 else jx, hy if hx >= 0 else jy) if behind else (-1, -1)
         crossing = _continued(planes, hx, hy, x0, y0, dx, dy, share, leave, qa, qb)
         if crossing >= 0.0:

@@ -105,18 +105,20 @@ def _traverse(planes: Tensor, pyramid: Tensor, table: Tensor, rays: _Rays, steps
         skips = (torch.minimum(qa, qb) > front) | (torch.maximum(qa, qb) < back)
         descends = running & (level > 0) & ~skips
         jx, jy = torch.where(sideways, ix + 1 - 2 * right, ix), torch.where(sideways, iy, iy + 1 - 2 * down)
-        met, part, agrees = _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb)
+        event, part, agrees = _intersect(planes, rays, ix, iy, jx, jy, share, leave, qa, qb)
         pixels = pixels + (running & (level == 0)).long()
         compared = running & (level == 0) & (pixels > 0)  # not in the pixel that it starts in
-        ends = compared & ((met == HIT) | (met == BLOCKED))
-        behind = torch.where(level > 0, running & skips & (torch.minimum(qa, qb) <= front), compared & (met == BEHIND))
+        ends = compared & ((event == HIT) | (event == BLOCKED))
+        behind = torch.where(
+            level > 0, running & skips & (torch.minimum(qa, qb) <= front), compared & (event == BEHIND)
+        )
         goes = behind & (hx < 0)
         hx, hy = torch.where(goes, jx, torch.where(behind | descends | ~running, hx, -1)), torch.where(goes, jy, hy)
         crosses, along = _continued(planes, rays, hx, hy, share, leave, qa, qb)
         crosses &= behind
-        met, part, agrees = (torch.where(crosses, a, b) for a, b in ((BLOCKED, met), (along, part), (0.0, agrees)))
+        event, part, agrees = (torch.where(crosses, a, b) for a, b in ((BLOCKED, event), (along, part), (0.0, agrees)))
         ix, iy, ends = torch.where(crosses, hx, ix), torch.where(crosses, hy, iy), ends | crosses
-        status, agreement = torch.where(ends, met, status), torch.where(ends, agrees, agreement)
+        status, agreement = torch.where(ends, event, status), torch.where(ends, agrees, agreement)
         share = torch.where(ends, (share + part * (leave - share)).clamp_min(0.0), share)
         moves = running & ~descends & ~ends
         share = torch.where(moves, leave, share)
@@ -152,7 +154,7 @@ def _look(planes: Tensor, rays: _Rays, ix: Tensor, iy: Tensor) -> Tensor:
     return planes[rays.batch, y, x].double().T
 
 
-def _meet(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, Tensor, Tensor]:
+def _intersect(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tensor, Tensor, Tensor]:
     """Intersect rays entering pixel i at ``share`` from pixel j with its plane: status, part of the way, agreement."""
     q, gx, gy, back = _look(planes, rays, ix, iy)
     ox, oy = rays.x - ix - 0.5, rays.y - iy - 0.5

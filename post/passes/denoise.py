@@ -64,12 +64,12 @@ def denoise(
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
-    seen, divisor, emission = seen_through(gbuffer, behind)
+    shown, divisor, emission = visible_layer(gbuffer, behind)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
         noisy,
-        seen,
+        shown,
         history,
         blend=blend,
         clamp=clamp,
@@ -80,15 +80,15 @@ def denoise(
     )
     variance = history.signals["variance"] * (1 + UNSURE / history.length.clamp_min(1.0))
     smooth, _ = atrous(
-        mean, seen.depth, seen.normal, hit=seen.hit, camera=seen.camera,
+        mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
         iterations=iterations, phi_color=phi_color, variance=variance,
     )  # fmt: skip
     if shadows:
-        smooth = into_shadow(smooth, noisy, surface(seen.depth, seen.normal, seen.hit, seen.camera))
+        smooth = into_shadow(smooth, noisy, surface(shown.depth, shown.normal, shown.hit, shown.camera))
     return torch.where(gbuffer.hit, smooth * divisor + emission, light), history
 
 
-def seen_through(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, Tensor]:
+def visible_layer(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, Tensor]:
     """What each pixel shows: its G-buffer, the divisor of its light, and its emission.
 
     Args:

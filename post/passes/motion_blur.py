@@ -112,8 +112,8 @@ def _reconstruct(
     known = torch.cat([depth.to(color.dtype), path], dim=1)
     total, weight = color * OWN_WEIGHT, torch.full_like(color[:, :1], OWN_WEIGHT)
     for time in times:
-        seen, share = _moment(color, known, px, path, dominant, time, softness)
-        total, weight = total + seen, weight + share
+        visible, share = _moment(color, known, px, path, dominant, time, softness)
+        total, weight = total + visible, weight + share
     return total / weight
 
 

@@ -187,7 +187,7 @@ def _slice(
                 ends = left.whole - found.high, left.whole - found.low
             covered, fresh = cover(covered, *ends, found.near, dither)
             lit = share(fresh) * torch.maximum(_facing(plane, at), ledge)
-            gathered = gathered + lit * tap.seen[:, :3].movedim(1, 0)
+            gathered = gathered + lit * tap.rest[:, :3].movedim(1, 0)
     openness: Tensor | float = 1.0
     if sky is not None:
         hits = leaves_hit(around, at, right), leaves_hit(around, at, left)
@@ -198,7 +198,7 @@ def _slice(
 def _plane(tap: Tap, parallel: bool) -> tuple[Tensor, ...]:
     """Point and normal of a tap in view space, six planes."""
     x, y = (tap.x, tap.y) if parallel else (tap.x * tap.z, tap.y * tap.z)
-    return x, y, tap.z, *tap.seen[:, 3:].unbind(1)
+    return x, y, tap.z, *tap.rest[:, 3:].unbind(1)
 
 
 def _flat(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> Tensor:

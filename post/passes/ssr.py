@@ -125,7 +125,7 @@ def ssr(
             incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
         total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
         shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
-        way, ends = way + hits.distance * (met := hits.hit | hits.blocked), ends + met
+        way, ends = way + hits.distance * (ended := hits.hit | hits.blocked), ends + ended
     distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
     return total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances
 
@@ -176,11 +176,11 @@ def _incoming(
     light: Tensor, environment: Tensor | None, hits: Hits, confidence: Tensor, world: Tensor, sky: Tensor
 ) -> Tensor:
     """Radiance of each ray: light from the screen as far as it is trusted, else the environment."""
-    seen = sample(light, hits.px)
-    guessed = torch.where(hits.blocked, UNSEEN * seen, 0.0)
+    visible = sample(light, hits.px)
+    guessed = torch.where(hits.blocked, UNSEEN * visible, 0.0)
     if environment is not None:
         guessed = guessed + sky * lookup_environment(environment, world)
-    return guessed + (seen - guessed) * confidence
+    return guessed + (visible - guessed) * confidence
 
 
 def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:

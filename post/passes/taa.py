@@ -62,11 +62,11 @@ def taa(
     if history is not None and history.gbuffer is not None:
         px = gbuffer.camera.pixel_centers(jittered=False, dtype=color.dtype)
         px = px + _dilated(motion_of(gbuffer, history.gbuffer.camera)[0], gbuffer)
-        seen = inside(px, gbuffer.camera.size) & (sample(history.length, px, mode="nearest") > 0)
-        age = torch.where(seen, sample(history.length, px, mode="nearest"), 0.0)
+        visible = inside(px, gbuffer.camera.size) & (sample(history.length, px, mode="nearest") > 0)
+        age = torch.where(visible, sample(history.length, px, mode="nearest"), 0.0)
         old = _clipped(catmull_rom(history.signals["toned"], px), toned, current, gamma)
         length = (age + 1).clamp_max(1 / max(1 - blend, 1e-9))
-        current = torch.where(seen, old + (current - old) / length, current)
+        current = torch.where(visible, old + (current - old) / length, current)
     result = current / (1 - luminance(current).clamp(0.0, BRIGHTEST))
     return result, History(length=length, signals={"toned": current}, gbuffer=geometry_of(gbuffer))
 

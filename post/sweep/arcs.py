@@ -69,7 +69,7 @@ def look(around: PaddedView, at: Receivers, side: Side, px: Tensor, parallel: bo
         back_z=z + solid,
         x=x,
         y=y,
-        seen=picked[:, 2:],
+        rest=picked[:, 2:],
     )
 
 

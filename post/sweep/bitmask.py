@@ -210,7 +210,7 @@ def blocked(
     front = arcs.arc_measure(rise, run, side)
     back = arcs.arc_measure(tap.back_rise, tap.back_run, side)
     high = back + (torch.maximum(back, before.share) - back) * joined
-    met = _front_at_the_radius(tap, before, side, radii, distance) if radii else front
+    crossed = _front_at_the_radius(tap, before, side, radii, distance) if radii else front
     covers = []
     for radius in radii or (None,):
         near, crossing = torch.ones_like(joined), torch.zeros_like(joined)
@@ -220,7 +220,7 @@ def blocked(
             crossing = joined * was_inside * (1 - inside)
             faded = ((radius - distance) / (2 * FADE * radius) + 0.5).clamp(0, 1) if soft else inside
             near = torch.maximum(faded, crossing)
-        first = front + (met - front) * crossing
+        first = front + (crossed - front) * crossing
         low = first + (torch.minimum(first, before.share) - first) * joined
         if same is not None:
             low = (low - (before.share - first).clamp_min(0) * same * (1 - crossing) * EDGE).clamp_min(0)

@@ -92,7 +92,7 @@ class Tap(NamedTuple):
     x: Tensor
     """With ``y``: slope (perspective) or place (orthographic) of the ray through the tap."""
     y: Tensor
-    seen: Tensor
+    rest: Tensor
     """``(B, C, h, w)``: the other channels of the scene's picture."""
 
 

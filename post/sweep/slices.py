@@ -42,10 +42,10 @@ def scene(
     m = margin.width(camera)
     front, stands = margin.continued(camera, depth, hit, normal)
     solid = torch.where(stands, margin.spread(reach, m), 0.0)
-    seen = []
+    extra = []
     if light is not None:
-        seen = [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
-    picture = torch.cat([front, solid, *seen], dim=1)
+        extra = [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
+    picture = torch.cat([front, solid, *extra], dim=1)
     rays = camera.unproject(torch.ones_like(depth))
     k = camera.intrinsics.to(depth.dtype)
     pitch_x, pitch_y = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]

@@ -145,8 +145,8 @@ def occlude(sums, scratch, around, at, dice):
 def _plane(around, tap):
     """See `ssgi._plane`."""
     x, y = (tap.x, tap.y) if around.parallel else (tap.x * tap.z, tap.y * tap.z)
-    seen = around.picture[tap.j, tap.i]
-    return Plane(x, y, tap.z, seen[NORMAL], seen[NORMAL + 1], seen[NORMAL + 2])
+    pixel = around.picture[tap.j, tap.i]
+    return Plane(x, y, tap.z, pixel[NORMAL], pixel[NORMAL + 1], pixel[NORMAL + 2])
 
 
 @scalar

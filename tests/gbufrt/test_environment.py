@@ -44,9 +44,9 @@ def test_lookup_of_a_smooth_sky_is_smooth_across_the_seam():
     picture = 0.5 + 0.5 * way[:, 0:1] + 0.2 * way[:, 1:2]
     angle = torch.linspace(math.pi - 0.1, math.pi + 0.1, 201)
     directions = torch.stack([angle.sin(), torch.full_like(angle, 0.1), -angle.cos()])[None, :, None]
-    seen = lookup_environment(picture, directions)
+    found = lookup_environment(picture, directions)
     unit = directions / directions.norm(dim=1, keepdim=True)
-    assert torch.allclose(seen, 0.5 + 0.5 * unit[:, 0:1] + 0.2 * unit[:, 1:2], atol=2e-3)
+    assert torch.allclose(found, 0.5 + 0.5 * unit[:, 0:1] + 0.2 * unit[:, 1:2], atol=2e-3)
 
 
 def test_batch_equals_loop_and_one_sky_serves_all():
@@ -73,9 +73,9 @@ def test_gradients_match_differences_and_are_not_zero():
 def test_poles_and_the_zero_vector_are_finite():
     picture = torch.rand(1, 3, 8, 16)
     way = torch.cat([one(0.0, 1.0, 0.0), one(0.0, -1.0, 0.0), one(0.0, 0.0, 0.0)], dim=3).requires_grad_()
-    seen = lookup_environment(picture, way)
-    seen.sum().backward()
-    assert torch.isfinite(seen).all()
+    found = lookup_environment(picture, way)
+    found.sum().backward()
+    assert torch.isfinite(found).all()
     assert way.grad is not None
     assert torch.isfinite(way.grad).all()
 

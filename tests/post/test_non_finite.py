@@ -120,11 +120,11 @@ def test_histories_recover(stage, kind):
 
 
 def test_good_frames_are_read_as_they_are(stage):
-    seen = []
-    stage.register_forward_pre_hook(lambda _, arguments: seen.append(arguments[0]))
+    given = []
+    stage.register_forward_pre_hook(lambda _, arguments: given.append(arguments[0]))
     frame = frame_of(stage)
     stage(frame)
-    assert seen[0] is frame
+    assert given[0] is frame
 
 
 @pytest.mark.parametrize("name", ["depth", "radiance", "environment"])

@@ -22,28 +22,28 @@ def cornell(step: int = 3) -> tuple[Frame, dict[str, Tensor]]:
     folder = Path(root or ".") / "truth"
     if root is None or not (folder / "cornell_f1.npz").exists():
         pytest.skip("set GBUFRT_TEST_DATA to a folder with truth/cornell_f1.npz")
-    seen, truth = np.load(folder / "cornell_f1.npz"), np.load(folder / "cornell_gt.npz")
-    depth = _picture(seen["depth"], step)
+    stored, truth = np.load(folder / "cornell_f1.npz"), np.load(folder / "cornell_gt.npz")
+    depth = _picture(stored["depth"], step)
     hit = torch.isfinite(depth)
-    k = torch.from_numpy(seen["K"]).float()
+    k = torch.from_numpy(stored["K"]).float()
     k[:2] = k[:2] / step
     k[:2, 2] += 0.5 - 0.5 / step  # the first pixel is kept
     camera = Camera.from_intrinsics(
-        k, torch.from_numpy(seen["cam_to_world"]).float(), size=(depth.shape[2], depth.shape[3]), far=FAR
+        k, torch.from_numpy(stored["cam_to_world"]).float(), size=(depth.shape[2], depth.shape[3]), far=FAR
     )
-    fields: dict[str, Any] = {name: _picture(seen[name], step) for name in ("albedo", "metallic", "emission")}
+    fields: dict[str, Any] = {name: _picture(stored[name], step) for name in ("albedo", "metallic", "emission")}
     gbuffer = GBuffer(
         camera=camera,
         depth=torch.where(hit, depth, FAR),
         hit=hit,
-        normal=torch.where(hit, _picture(seen["normal_world"], step), 0.0),
+        normal=torch.where(hit, _picture(stored["normal_world"], step), 0.0),
         **fields,
     )
     names = ("ao_gt", "ao_inf_gt", "bent_gt", "indirect_diffuse_1_onscreen_gt")
     answers = {name: _picture(truth[name], step) for name in names}
     answers["ok"] = (_picture(truth["gt_ok"], step) > 0) & hit
-    answers["object"] = _picture(seen["object_id"], step)
-    return Frame(gbuffer=gbuffer, radiance=_picture(seen["radiance"], step)), answers
+    answers["object"] = _picture(stored["object_id"], step)
+    return Frame(gbuffer=gbuffer, radiance=_picture(stored["radiance"], step)), answers
 
 
 def _picture(array: np.ndarray, step: int) -> Tensor:

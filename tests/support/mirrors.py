@@ -48,9 +48,9 @@ def meet(camera: Camera, points_world: Tensor, directions_world: Tensor, scene: 
     toward = camera.to_eye(view)
     eye = camera.rotate_to_world(toward).permute(0, 2, 3, 1) + 1e-9
     blocked, _, _ = cast(ends.permute(0, 2, 3, 1) + 1e-3 * normal, eye, scene)
-    seen = hit[:, None] & inside(px, camera.size) & (view[:, 2:] > camera.near)
-    seen &= torch.isinf(blocked)[:, None] | (blocked[:, None] > view.norm(dim=1, keepdim=True))
-    return Truth(hit[:, None], seen, px, distance[:, None], index[:, None], normal.permute(0, 3, 1, 2))
+    onscreen = hit[:, None] & inside(px, camera.size) & (view[:, 2:] > camera.near)
+    onscreen &= torch.isinf(blocked)[:, None] | (blocked[:, None] > view.norm(dim=1, keepdim=True))
+    return Truth(hit[:, None], onscreen, px, distance[:, None], index[:, None], normal.permute(0, 3, 1, 2))
 
 
 def reflected(frame) -> tuple[Tensor, Tensor]:

@@ -93,8 +93,8 @@ def test_motion_of_an_instance_is_that_of_its_points(orthographic: bool) -> None
     assert on.sum() > 50
     here, there = (scene.world_from_model(scene.poses([t])[0])[0].double() for t in (0.3, 0.1))
     px = now.pixel_centers()[0, :, on].double()
-    seen = now.to_world(g.points_view().double())[0, :, on]
-    model = torch.linalg.inv(here) @ torch.cat([seen, torch.ones_like(seen[:1])])
+    visible = now.to_world(g.points_view().double())[0, :, on]
+    model = torch.linalg.inv(here) @ torch.cat([visible, torch.ones_like(visible[:1])])
     was = before.to_view((there @ model)[None, :3])
     torch.testing.assert_close(g.motion[0, :, on].double(), before.project(was)[0] - px, atol=1e-3, rtol=0)
     torch.testing.assert_close(g.motion_z[0, 0, on].double(), was[0, 2] - g.depth[0, 0, on], atol=1e-4, rtol=0)
@@ -148,8 +148,8 @@ def test_behind_glass_is_what_is_there_without_it() -> None:
     assert glass.float().mean() > 0.5
     assert torch.equal(second.hit, glass & bare.hit)
     for name in ("depth", "normal", "albedo", "motion", "material_id", "thickness"):
-        seen, expected = getattr(second, name), getattr(bare, name)
-        share = ((seen - expected).abs() > 1e-4).any(1, keepdim=True)[second.hit].float().mean()
+        visible, expected = getattr(second, name), getattr(bare, name)
+        share = ((visible - expected).abs() > 1e-4).any(1, keepdim=True)[second.hit].float().mean()
         assert share < 0.01, name  # of pixels that hit the floor inside the pane's foot
     row = voxels.TABLE.id("glass")
     slant = camera.rays()[1][..., 2].abs()[:, None]
@@ -231,13 +231,13 @@ def test_faces_vary_near_and_are_flat_far() -> None:
     scene = Scene(world=World.from_dense(torch.ones(64, 64, 1, dtype=torch.int16), table, origin=(-32, -32, 0)))
     mean = torch.tensor([0.5, 0.4, 0.3])[None, :, None, None]
 
-    def seen(distance: float) -> Tensor:
+    def visible(distance: float) -> Tensor:
         camera = Camera.look_at((0.3, 0.2, 1 + distance), (0.3, 0.2, 0.0), size=(64, 64), far=9000.0)
         albedo = gbuffer(scene, camera).albedo
         assert albedo is not None
         return albedo / mean - 1
 
-    near = seen(4.0)
+    near = visible(4.0)
     assert 0.04 < float(near.std()) < 0.2
     assert float(near.abs().max()) < 0.2 * 1.3
     assert abs(float(near.mean())) < 0.03

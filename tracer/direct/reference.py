@@ -151,10 +151,10 @@ class Direct:
                 for point in points:
                     turn = turned.new_tensor([[point / PLASTIC % 1], [point / PLASTIC**2 % 1]])
                     directions, distances, weights = draw((turned[:, part] + turn) % 1.0)
-                    seen = through(pixels[part], directions, distances)
-                    sums[PASSED, part] += seen * weights
+                    visible = through(pixels[part], directions, distances)
+                    sums[PASSED, part] += visible * weights
                     sums[WEIGHT, part] += weights
-                    shade = seen.mean(dim=0)
+                    shade = visible.mean(dim=0)
                     sums[LEAST, part] = sums[LEAST, part].minimum(torch.where(weights > 0, shade, 1.0))
                     sums[MOST, part] = sums[MOST, part].maximum(torch.where(weights > 0, shade, 0.0))
             return sums

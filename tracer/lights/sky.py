@@ -65,8 +65,8 @@ def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
     toward = toward.to(directions.device).view(1, 3, *(1,) * (directions.ndim - 2))
     # in single precision the sine separates directions this close, the cosine does not
     off = torch.linalg.cross(directions, toward.expand_as(directions), dim=1).norm(dim=1, keepdim=True)
-    seen = (off < sine) & ((directions * toward).sum(dim=1, keepdim=True) > 0)
-    return torch.where(seen, _color(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
+    visible = (off < sine) & ((directions * toward).sum(dim=1, keepdim=True) > 0)
+    return torch.where(visible, _color(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
 
 
 def sky_along(scene: Scene, directions: Tensor) -> Tensor:

@@ -85,9 +85,9 @@ def noisy(place: Place, number: int) -> Frame:
 
 def rivals(frame: Frame) -> dict[str, Tensor]:
     """The same frame by the other denoisers that are installed, each given the albedo and normal that ours gets."""
-    from post.passes.denoise import seen_through
+    from post.passes.denoise import visible_layer
 
-    g, albedo, _ = seen_through(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
+    g, albedo, _ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
     frame = frame.replace(gbuffer=g.replace(albedo=torch.where(g.hit, albedo, 0.0)))
     found = {"kornia": joint_bilateral(frame)}
     return {**found, "oidn": oidn(frame)} if find_spec("pyoidn") is not None else found

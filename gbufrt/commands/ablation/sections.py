@@ -85,7 +85,7 @@ SECTIONS = (
             "psnr_if_direct": "PSNR of direct light alone",
         },
         text="The composite, before lens and display, against the path-traced frame with one sample place a pixel. The "
-        "on-screen part of that frame is the light that came, after the surface that is seen, by none that is not. "
+        "on-screen part of that frame is the light that came, after the first surface, by on-screen surfaces alone. "
         "Flicker is the RMS change of displayed static surfaces between the last two frames.",
     ),
     Section(

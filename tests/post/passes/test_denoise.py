@@ -79,9 +79,9 @@ def test_what_lies_behind_guides_where_a_surface_transmits():
     )  # fmt: skip
     light = noisy(frame, torch.Generator().manual_seed(1)).read("gi") * 0.9
     truth = 0.9 * (lit(frame) + frame.read("emission"))
-    seen, _ = denoise(light, pane, behind=g)
+    given, _ = denoise(light, pane, behind=g)
     blind, _ = denoise(light, pane)
-    error = [float((x - truth)[g.hit.expand_as(truth)].square().mean()) for x in (seen, blind)]
+    error = [float((x - truth)[g.hit.expand_as(truth)].square().mean()) for x in (given, blind)]
     assert error[0] < 0.5 * error[1]
 
 

@@ -18,7 +18,7 @@ SIZE = (90, 120)
 WORLD = torch.cat([boxes.ROOM, torch.tensor([[[1.2, 2.2, 4.5], [1.9, 3.4, 4.9]]])])  # and a block near the camera
 
 
-def seen(camera: Camera) -> tuple[Frame, Tensor]:
+def visible(camera: Camera) -> tuple[Frame, Tensor]:
     frame = boxes.frame(camera, boxes=WORLD)
     g = frame.gbuffer
     assert g.albedo is not None
@@ -39,7 +39,7 @@ def lens_truth(camera: Camera, focus: float, aperture: float, count: int = 96) -
     total = torch.zeros(())
     for i in range(count):
         radius, angle = aperture * math.sqrt((i + 0.5) / count), 2.399963 * i  # the golden angle
-        total = total + seen(through_lens(camera, radius * math.cos(angle), radius * math.sin(angle), focus))[1]
+        total = total + visible(through_lens(camera, radius * math.cos(angle), radius * math.sin(angle), focus))[1]
     return total / count
 
 
@@ -52,7 +52,7 @@ def psnr(image: Tensor, truth: Tensor) -> float:
 )
 def test_gains_on_the_thin_lens(focus, aperture, bound):
     camera = boxes.camera(SIZE)
-    frame, color = seen(camera)
+    frame, color = visible(camera)
     g = frame.gbuffer
     truth = lens_truth(camera, focus, aperture)
     blurred = depth_of_field(color, g.depth, camera, hit=g.hit, focus_distance=focus, aperture_radius=aperture)
@@ -131,7 +131,7 @@ def test_near_edges_become_transparent():
 
 
 def test_a_sloped_surface_keeps_its_colour():
-    frame, _ = seen(boxes.camera(SIZE))
+    frame, _ = visible(boxes.camera(SIZE))
     g = frame.gbuffer
     color = torch.full_like(g.normal, 0.37)
     blurred = depth_of_field(color, g.depth, g.camera, hit=g.hit, focus_distance=9.0, aperture_radius=1.0)
@@ -139,7 +139,7 @@ def test_a_sloped_surface_keeps_its_colour():
 
 
 def test_neutral():
-    frame, color = seen(boxes.camera(SIZE))
+    frame, color = visible(boxes.camera(SIZE))
     g = frame.gbuffer
     assert torch.equal(depth_of_field(color, g.depth, g.camera, aperture_radius=0.0), color)
     flat = torch.full_like(g.depth, 9.0)
@@ -171,7 +171,7 @@ def test_gradients():
 
 
 def test_focus_distance_is_recovered_by_descent():
-    frame, color = seen(boxes.camera((36, 48)))
+    frame, color = visible(boxes.camera((36, 48)))
     g = frame.gbuffer
     target = depth_of_field(color, g.depth, g.camera, focus_distance=9.0, aperture_radius=1.0)
     focus = torch.tensor([12.0], requires_grad=True)
@@ -185,7 +185,7 @@ def test_focus_distance_is_recovered_by_descent():
 
 
 def test_module_equals_function_and_focus_eases():
-    frame, color = seen(boxes.camera(SIZE))
+    frame, color = visible(boxes.camera(SIZE))
     frame, g = frame.replace(color=color), frame.gbuffer
     blur = DepthOfField(focus_distance=20.0, aperture_radius=0.5, focus_speed=0.5)
     result, state = blur(frame)
@@ -203,7 +203,7 @@ def test_module_equals_function_and_focus_eases():
 
 def test_a_cut_refocuses_its_own_batch_element_alone():
     camera = boxes.camera(SIZE)
-    frame, color = seen(camera)
+    frame, color = visible(camera)
     pipeline = Pipeline(dof=DepthOfField(focus_speed=0.1), given={"color"})
     _, state = pipeline(frame.replace(color=color))
     target = float(state.stages["dof"].signals["focus_distance"])

@@ -103,7 +103,7 @@ def test_interiors_do_not_fill_with_sky():
     assert torch.allclose(SSR(samples=1)(facing).read("reflection"), whole), "the mirror looks into the opening"
     beside = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None].expand_as(direction)
     assert SSR(samples=1)(ajar.replace(bent_normal=beside)).read("reflection").max() == 0, "and here past it"
-    assert SSR(samples=1)(boundless(frame)).read("reflection").max() > 0.4, "but a ray seen to end in the sky sees it"
+    assert SSR(samples=1)(boundless(frame)).read("reflection").max() > 0.4, "but a ray known to end in the sky finds it"
 
 
 def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():

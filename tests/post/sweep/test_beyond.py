@@ -47,8 +47,8 @@ def test_planes_at_the_border_go_on_exactly(orthographic: bool) -> None:
         k, wide.world_from_view, size=(60 + 2 * m, 72 + 2 * m), far=100.0, orthographic=orthographic
     )
     floor = WALL[:1]
-    seen, more = boxes.frame(wide, boxes=floor).gbuffer, boxes.frame(bigger, boxes=floor).gbuffer
-    depth, stands = margin.continued(wide, seen.depth, seen.hit, seen.normal)
+    visible, more = boxes.frame(wide, boxes=floor).gbuffer, boxes.frame(bigger, boxes=floor).gbuffer
+    depth, stands = margin.continued(wide, visible.depth, visible.hit, visible.normal)
     both = stands & more.hit
     assert float(both.float().mean()) > 0.9
     torch.testing.assert_close(depth[both], more.depth[both], rtol=1e-3, atol=1e-3)

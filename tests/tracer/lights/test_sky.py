@@ -79,6 +79,6 @@ def test_the_environment_shows_the_sky_without_the_disc():
     assert torch.allclose(lookup_environment(picture, way), sky_radiance(scene, way), rtol=0.03, atol=0.01)
     brightest = int(picture[0].mean(0).argmax())
     toward = F.normalize(torch.tensor(sun.direction), dim=0)
-    seen = environment_directions((64, 128)).flatten(2)[0, :, brightest]
-    assert seen @ toward > math.cos(math.radians(3.0))
+    visible = environment_directions((64, 128)).flatten(2)[0, :, brightest]
+    assert visible @ toward > math.cos(math.radians(3.0))
     assert picture.max() < sun_radiance(sun, toward.view(1, 3, 1, 1)).max() / 100

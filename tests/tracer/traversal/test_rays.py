@@ -136,8 +136,8 @@ def test_masks_choose_who_sees_an_instance() -> None:
         scene = Scene(world=wall().world, instances=(instance,))
         rays = ray((6.0, 6.0, 0.0), (0.0, 0.0, 1.0))
         for asked in (MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY):
-            seen = trace(scene, *rays, poses=scene.poses([0.0])[0], mask=asked)
-            assert int(seen.instance) == (0 if asked == mask else 1)
+            visible = trace(scene, *rays, poses=scene.poses([0.0])[0], mask=asked)
+            assert int(visible.instance) == (0 if asked == mask else 1)
         light = transmission(scene, *rays, poses=scene.poses([0.0])[0], t_max=9.0)
         assert float(light[0]) == (1.0 if mask == MASK_SHADOW else 0.0)
 

@@ -136,8 +136,8 @@ def test_sunlight_reflected_by_a_wall_is_energy_that_arrived_there(monkeypatch):
     g = gbuffer(scene, above(WALL - 3.0, 48.0))
     light = indirect_diffuse(scene, g, samples=256)
     x = WALL - points_of(g)[:, :1]
-    seen = 0.5 * (1 - x / (x * x + 24.0**2).sqrt())  # form factor of a long wall 24 high
-    want = albedo_of(g) * seen * 0.8 / math.pi * torch.tensor([2.0, 3.0, 4.0]).view(1, 3, 1, 1)
+    visible = 0.5 * (1 - x / (x * x + 24.0**2).sqrt())  # form factor of a long wall 24 high
+    want = albedo_of(g) * visible * 0.8 / math.pi * torch.tensor([2.0, 3.0, 4.0]).view(1, 3, 1, 1)
     assert light["sky"].max() == 0
     assert (light["gi"] / want - 1).mean().abs() < 0.02
 
