@@ -12,7 +12,7 @@ from post.filters.signals import luminance
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: below this age, variance comes from the neighbours
-ALIKE = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
+CORRELATED = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 SAME = 0.3  # edge weight above which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
@@ -107,7 +107,7 @@ def follow_light(
     few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
     floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
     same = torch.cat(windows(padded(mask, 1), 1), dim=1) * same * mask
-    samples = (same.sum(1, keepdim=True) / ALIKE).clamp_min(1.0)
+    samples = (same.sum(1, keepdim=True) / CORRELATED).clamp_min(1.0)
 
     def change(difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
         noise = (variance * frames / samples).add(1e-12).sqrt()
