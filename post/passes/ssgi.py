@@ -10,20 +10,14 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
-from gbufrt.compute.dispatch import Form, form_of
-from gbufrt.compute.fusion import fusible
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
 from post.filters.upsample import upsample
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import arcs, slices
-from post.sweep.bitmask import blocked, overlap, own_solid, start
 from post.sweep.chords import known_thickness, thickness_from_depth
-from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE
-from post.sweep.layout import PaddedView, Receivers, Tap
 from post.sweep.op import sweep
-from post.sweep.open_sky import Sky, leaves_hit, open_share, sky_beyond
-from post.sweep.sectors import cover, no_cover, share, slice_sums
+from post.sweep.open_sky import sky_beyond
 from post.sweep.thickness import planar_thickness
 
 SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged
@@ -105,16 +99,8 @@ def ssgi(
     radii = () if distance is None else (torch.as_tensor(distance).to(depth),)
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
     soft = torch.is_grad_enabled() and any(t.requires_grad for t in (at.z, solid, *radii))
-    lit = torch.is_grad_enabled() and not soft and light.requires_grad
-    with torch.set_grad_enabled(soft):  # a gradient in the light alone uses the kernel's numbers
-        form = form_of(around.picture, around.origin_x, at.x, at.nx, compiled=compiled, fuses=True)
-    by_reference = form is Form.REFERENCE
-    sums = _sweep(around, at, noise, radii, sky, **sizes, soft=soft) if by_reference or lit else at.z.new_empty(0)
-    if not by_reference:
-        asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
-        with torch.no_grad():
-            found = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True)[0]
-        sums = sums + (found - sums).detach() if lit else found  # the same numbers, and the light's gradient
+    asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
+    sums = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True, soft=soft, compiled=compiled)[0]
     visibility, bent = arcs.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
@@ -127,107 +113,6 @@ def ssgi(
         torch.where(hit, visibility, 1.0),
         torch.where(hit, bent, 0.0),
     )
-
-
-def _sweep(
-    around: PaddedView,
-    at: Receivers,
-    noise: Tensor,
-    radii: tuple[Tensor, ...],
-    sky: Sky | None,
-    *,
-    directions: int,
-    steps: int,
-    parallel: bool,
-    soft: bool,
-) -> Tensor:
-    """``(11, B, h, w)``: the sums of `arcs.finish`, and the light of all slices."""
-    rows = []
-    for cut, band in slices.bands(at):
-        sums = torch.zeros(11, *band.z.shape, dtype=at.z.dtype, device=at.z.device)
-        for which in range(directions):
-            random = slices.slice_noise(noise[:, cut], which, directions)
-            sums = sums + _slice(around, band, *random, radii, sky, steps, parallel, soft)
-        rows.append(sums)
-    return torch.cat(rows, dim=2)
-
-
-@fusible
-def _slice(
-    around: PaddedView,
-    at: Receivers,
-    cos_psi: Tensor,
-    sin_psi: Tensor,
-    jitter: Tensor,
-    dither: Tensor,
-    radii: tuple[Tensor, ...],
-    sky: Sky | None,
-    steps: int,
-    parallel: bool,
-    soft: bool,
-) -> Tensor:
-    """What one slice adds to the sums."""
-    cut = slices.cut_slice(at, cos_psi, sin_psi)
-    covered, own = no_cover(at.z, soft), own_solid(around, at)
-    gathered = at.z.new_zeros(3, *at.z.shape)
-    right, left = arcs.sides(around, at, cut)
-    for side in (right, left):
-        farthest = torch.minimum(side.frame, radii[0] * side.length) if radii else side.frame
-        before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
-        for i in range(steps):
-            px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)
-            tap = arcs.look(around, at, side, px, parallel)
-            next_plane = _plane(tap, parallel)
-            ledge = LEDGE * arcs.step(overlap(tap, before)) * _edge_on(next_plane, plane, at)
-            (found,), before = blocked(tap, before, side, radii, soft, _flat(next_plane, plane))
-            plane = next_plane
-            if side is right:
-                ends = left.whole + found.low, left.whole + found.high
-            else:
-                ends = left.whole - found.high, left.whole - found.low
-            covered, fresh = cover(covered, *ends, found.near, dither)
-            lit = share(fresh) * torch.maximum(_facing(plane, at), ledge)
-            gathered = gathered + lit * tap.rest[:, :3].movedim(1, 0)
-    openness: Tensor | float = 1.0
-    if sky is not None:
-        hits = leaves_hit(around, at, right), leaves_hit(around, at, left)
-        openness = open_share(sky, cut, GROUPS, left.whole, hits)
-    return torch.cat([slice_sums(cut, covered, openness), gathered * cut.weight])
-
-
-def _plane(tap: Tap, parallel: bool) -> tuple[Tensor, ...]:
-    """Point and normal of a tap in view space, six planes."""
-    x, y = (tap.x, tap.y) if parallel else (tap.x * tap.z, tap.y * tap.z)
-    return x, y, tap.z, *tap.rest[:, 3:].unbind(1)
-
-
-def _flat(one: tuple[Tensor, ...], other: tuple[Tensor, ...]) -> Tensor:
-    """1 where two points lie in each other's planes, else 0."""
-    dx, dy, dz = one[0] - other[0], one[1] - other[1], one[2] - other[2]
-    off = torch.maximum(
-        (dx * one[3] + dy * one[4] + dz * one[5]).abs(), (dx * other[3] + dy * other[4] + dz * other[5]).abs()
-    )
-    alike = arcs.step(one[3] * other[3] + one[4] * other[4] + one[5] * other[5] - 0.5)
-    return arcs.step(FLATNESS * (dx * dx + dy * dy + dz * dz + 1e-20).sqrt() - off) * alike
-
-
-def _edge_on(plane: tuple[Tensor, ...], before: tuple[Tensor, ...], at: Receivers) -> Tensor:
-    """1 where a tap and the one before are parallel to the receiver, and what joins tap and receiver faces the eye."""
-    parallel = arcs.step(_cosine(plane[3:], at) - ALIKE) * arcs.step(_cosine(before[3:], at) - ALIKE)
-    dx, dy, dz = at.x - plane[0], at.y - plane[1], at.z - plane[2]
-    toward_eye = dx * at.vx + dy * at.vy + dz * at.vz
-    off_plane = (dx * at.nx + dy * at.ny + dz * at.nz) * (at.nx * at.vx + at.ny * at.vy + at.nz * at.vz)
-    return parallel * arcs.step(toward_eye - off_plane)
-
-
-def _cosine(normal: tuple[Tensor, ...], at: Receivers) -> Tensor:
-    return normal[0] * at.nx + normal[1] * at.ny + normal[2] * at.nz
-
-
-def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
-    """1 where the receiver lies above a tap's plane, else 0."""
-    x, y, z, nx, ny, nz = plane
-    return arcs.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
 
 
 class SSGI(Pass):

@@ -1,14 +1,18 @@
-"""The compiled sweeps as a CPU operator: used by `post.sweep.bitmask` and `post.ssgi` where no gradient is wanted."""
+"""Slice sweeps as a torch operator: the kernel on the CPU, the torch reference elsewhere and for gradients."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import torch
 from torch import Tensor
 
+from gbufrt.compute.dispatch import Form, form_of
 from post.sweep import arcs, slices
 from post.sweep.constants import GROUPS
 from post.sweep.layout import PaddedView, Receivers
 from post.sweep.open_sky import Sky
+from post.sweep.reference import sweep_reference
 
 SUMS, LIGHT = 8, 3  # of `arcs.finish`; channels of light that follow
 
@@ -70,21 +74,54 @@ def sweep(
     steps: int,
     parallel: bool,
     gathers: bool = False,
+    soft: bool = False,
+    compiled: bool | None = None,
 ) -> Tensor:
-    """The sums over slices of `post.sweep.bitmask` or, where light is gathered, of `post.ssgi`; see `sweep_cpu`.
+    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`; 11 where light is gathered, its three channels last.
+
+    Where gathered light alone wants a gradient, the numbers are the kernel's and the gradient is the reference's.
 
     Args:
         around: what taps read.
         at: the receivers.
-        hit: ``(B, 1, h, w)`` bool: where False, nothing is swept and the sums are those of a black hemisphere.
+        hit: ``(B, 1, h, w)`` bool: where False, the kernel sweeps nothing and the sums are those of a black hemisphere.
         noise: ``(3, h, w)`` in [0, 1).
-        radii: from the smallest to the largest; none for no limit.
+        radii: from the smallest to the largest; none for no limit. At most one where light is gathered.
         sky: beyond the border, or None if all that is not covered is open.
         directions: number of slices.
         steps: taps on each side of a slice.
         parallel: whether the camera is orthographic.
         gathers: whether light is gathered.
+        soft: fractional coverage of edge sectors, which has no kernel; otherwise edges are dithered.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
     """
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": parallel, "gathers": gathers}
+    lit = gathers and not soft and torch.is_grad_enabled() and around.picture.requires_grad
+    with torch.set_grad_enabled(torch.is_grad_enabled() and not lit):
+        form = form_of(around.picture, around.origin_x, at.x, at.nx, *radii, compiled=compiled, fuses=True)
+    if form is Form.REFERENCE:
+        return sweep_reference(around, at, noise, radii, sky, **sizes, soft=soft)
+    with torch.no_grad():
+        found = _sweep_cpu(around, at, hit, noise, radii, sky, **sizes)
+    if lit:
+        sums = sweep_reference(around, at, noise, radii, sky, **sizes, soft=soft)
+        return sums + (found - sums).detach()
+    return found
+
+
+def _sweep_cpu(
+    around: PaddedView,
+    at: Receivers,
+    hit: Tensor,
+    noise: Tensor,
+    radii: tuple[Tensor, ...],
+    sky: Sky | None,
+    *,
+    directions: int,
+    steps: int,
+    parallel: bool,
+    gathers: bool,
+) -> Tensor:
     batch, empty = at.z.shape[0], at.z.new_empty(at.z.shape[0], 0)
     rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, at.aspect)
     dice = [torch.stack(slices.slice_noise(noise, which, directions), dim=-1) for which in range(directions)]

@@ -1,6 +1,6 @@
-"""The compiled form of the sweeps of `post.sweep.bitmask` and `post.ssgi`: one slice of one receiver as a scalar body.
+"""The compiled form of the sweeps of `post.sweep.reference`: one slice of one receiver as a scalar body.
 
-Names and steps are those of the torch references there, which are the definition, in the form without gradients. Angles
+Names and steps are those of that torch reference, which is the definition, in the form without gradients. Angles
 of taps that occlude nothing are not computed. `post.sweep.drivers` distributes the receivers.
 """
 
@@ -39,7 +39,7 @@ Plane = namedtuple("Plane", "x y z nx ny nz")
 
 @scalar
 def _start(around, at, side):
-    """See `bitmask.start`."""
+    """See `occluders.start`."""
     own = around.picture[np.int32(at.row), np.int32(at.column), 1]
     return Front(side.whole, ZERO, ZERO, ZERO, at.z, at.z + own)
 
@@ -58,7 +58,7 @@ def _share_of(front, side):
 
 @scalar
 def _overlap(tap, before):
-    """See `bitmask.overlap`."""
+    """See `occluders.overlap`."""
     return min(tap.back_z, before.back_z) - max(tap.z, before.z)
 
 
@@ -81,7 +81,7 @@ def _crosses(before, distance, radius):
 
 @scalar
 def _front_at_the_radius(tap, before, side, radii, distance):
-    """See `bitmask._front_at_the_radius`."""
+    """See `occluders._front_at_the_radius`."""
     radius = radii[radii.shape[0] - 1]
     for s in range(radii.shape[0] - 2, -1, -1):
         if radii[s] > before.distance:
@@ -128,7 +128,7 @@ def _occlude_side(covered, spread, around, at, side, seam, right, dither):
 
 @scalar
 def occlude(sums, scratch, around, at, dice):
-    """See `bitmask._slice`: add a slice to the sums of each radius."""
+    """See `reference._occlude`: add a slice to the sums of each radius."""
     covered, cut = scratch.covered, cut_slice(at, dice[0], dice[1])
     right, left = side_of(around, at, cut, ONE), side_of(around, at, cut, -ONE)
     fill_spread(scratch.spread, dice[2], around.radii.shape[0] == 0)
@@ -143,7 +143,7 @@ def occlude(sums, scratch, around, at, dice):
 
 @scalar
 def _plane(around, tap):
-    """See `ssgi._plane`."""
+    """See `reference._plane`."""
     x, y = (tap.x, tap.y) if around.parallel else (tap.x * tap.z, tap.y * tap.z)
     pixel = around.picture[tap.j, tap.i]
     return Plane(x, y, tap.z, pixel[NORMAL], pixel[NORMAL + 1], pixel[NORMAL + 2])
@@ -151,7 +151,7 @@ def _plane(around, tap):
 
 @scalar
 def _flat(one, other):
-    """See `ssgi._flat`."""
+    """See `reference._flat`."""
     if not one.nx * other.nx + one.ny * other.ny + one.nz * other.nz > HALF:
         return False
     dx, dy, dz = one.x - other.x, one.y - other.y, one.z - other.z
@@ -161,7 +161,7 @@ def _flat(one, other):
 
 @scalar
 def _edge_on(plane, before, at):
-    """See `ssgi._edge_on`."""
+    """See `reference._edge_on`."""
     if plane.nx * at.nx + plane.ny * at.ny + plane.nz * at.nz <= ALIKE:
         return False
     if before.nx * at.nx + before.ny * at.ny + before.nz * at.nz <= ALIKE:
@@ -174,13 +174,13 @@ def _edge_on(plane, before, at):
 
 @scalar
 def _facing(plane, at):
-    """See `ssgi._facing`."""
+    """See `reference._facing`."""
     return (at.x - plane.x) * plane.nx + (at.y - plane.y) * plane.ny + (at.z - plane.z) * plane.nz > ZERO
 
 
 @scalar
 def _gathered_arc(tap, before, side, radii, distance, joined, same, crossing):
-    """Shares of a side between which a tap occludes, see `bitmask.blocked`."""
+    """Shares of a side between which a tap occludes, see `occluders.blocked`."""
     first = arc_measure(tap.front_rise, tap.front_run, side)
     high = arc_measure(tap.back_rise, tap.back_run, side)
     if crossing:
@@ -231,7 +231,7 @@ def _gather_side(light, covered, spread, around, at, side, seam, right, dither):
 
 @scalar
 def gather(sums, scratch, around, at, dice):
-    """See `ssgi._slice`: add a slice to the sums."""
+    """See `reference._gather`: add a slice to the sums."""
     covered, light, cut = np.int32(0), scratch.light, cut_slice(at, dice[0], dice[1])
     right, left = side_of(around, at, cut, ONE), side_of(around, at, cut, -ONE)
     fill_spread(scratch.spread, dice[2], True)
