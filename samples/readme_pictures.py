@@ -17,7 +17,7 @@ out.mkdir(parents=True, exist_ok=True)
 scene = tracer.load("valley")
 
 
-def shot(name: str, count: int = 1, time: float = 0.0) -> list[Frame]:
+def traced(name: str, count: int = 1, time: float = 0.0) -> list[Frame]:
     """Consecutive frames of a view; several are jittered and move."""
 
     def camera(i: int) -> Camera:
@@ -42,16 +42,16 @@ def save(name: str, frames: list[Frame], left: Pipeline, right: Pipeline) -> Non
 
 still = me1("high").without("motion_blur", "depth_of_field")
 lens = me1("high", tunables={"depth_of_field.aperture_radius": 0.4, "motion_blur.shutter": 1.0})
-seed = me1("high", composite="me1").without("motion_blur", "depth_of_field")
-closeup, plaza, lake, cave, orbit = shot("closeup"), shot("plaza"), shot("lake"), shot("cave"), shot("orbit", 6, 1.0)
-save("ao", closeup, seed.without("ao"), seed)
+original = me1("high", composite="me1").without("motion_blur", "depth_of_field")
+closeup, plaza, lake, cave, orbit = *map(traced, ("closeup", "plaza", "lake", "cave")), traced("orbit", 6, 1.0)
+save("ao", closeup, original.without("ao"), original)
 save("gi", cave, still.without("gi"), still)
 save("reflection", lake, still.without("reflection"), still)
 noisy = still.without("ao.denoise", "gi.denoise", "reflection.denoise")
 once = noisy.without("ao.accumulate", "gi.accumulate", "reflection.accumulate")
 save("denoise", plaza, once, still)
 save("accumulate", [f.replace(index=i) for i in range(8) for f in plaza], once, noisy)
-save("composite", cave, seed, still)
+save("composite", cave, original, still)
 save("motion_blur", orbit, lens.without("fxaa", "motion_blur"), lens.without("fxaa"))
 save("taa", orbit, still.without("fxaa", "taa"), still.without("fxaa"))
 save("depth_of_field", closeup, lens.without("depth_of_field"), lens)

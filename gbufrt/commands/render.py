@@ -48,7 +48,7 @@ def render(
         resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
     """
     options = options or PassOptions()
-    shot = Shot(
+    job = Job(
         world=world,
         view=view,
         size=parse_size(size),
@@ -58,7 +58,7 @@ def render(
         samples=light_samples,
         seed=seed,
     )
-    shot.check()
+    job.check()
     check_options(options)
     check_folder(out)
 
@@ -70,9 +70,9 @@ def render(
     device = open_device(options.device)
     runner = Runner(recipe.build(), recipe.warmup)
     kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
-    scene = shot.load().to(device)
+    scene = job.load().to(device)
     jitter = frames > 1 and wants_jitter(runner)
-    notes = {"render": shot.notes(), "pipeline": recipe.to_notes()}
+    notes = {"render": job.notes(), "pipeline": recipe.to_notes()}
     missing = unfinished(out, frames, notes, jitter=jitter) if resume else list(range(frames))
     if not missing:
         print(f"all {frames} frames are in {out} already")
@@ -83,7 +83,7 @@ def render(
             if index not in anew:
                 runner(bare(_read(out, index)).to(device), doing(f"reading frame {index} again"))
                 continue
-            traced = shot.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
+            traced = job.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
             kernels_are_ready()
             result = runner(traced, doing(f"passes of frame {index}"))
             save(out, stem(index), result, notes=notes, debug=options.debug)
@@ -103,7 +103,7 @@ def _tell(out: Path, made: list[int], warmup: int) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shot:
+class Job:
     """What is to be traced."""
 
     world: str

@@ -77,12 +77,12 @@ def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate
 
 def guides(frame: Frame, names: tuple[str, ...]) -> Guides:
     """Further inputs of a denoiser for these signals, as keywords."""
-    mirrored = names[0] == "reflection"
+    specular = names[0] == "reflection"
     return {
         "lead": frame.read(names[0]).shape[1],
         "variance": frame.extra.get(f"{names[0]}_variance"),
-        "roughness": frame.gbuffer.roughness if mirrored else None,
-        "confidence": frame.reflection_confidence if mirrored else None,
+        "roughness": frame.gbuffer.roughness if specular else None,
+        "confidence": frame.reflection_confidence if specular else None,
     }
 
 

@@ -22,7 +22,7 @@ def composite(
     gi: Tensor | None = None,
     reflection: Tensor | None = None,
     behind: Tensor | None = None,
-    mirrored: Tensor | None = None,
+    specular: Tensor | None = None,
     mode: Mode = "physical",
     ao_intensity: float = 1.0,
     gi_intensity: float = 1.0,
@@ -30,9 +30,9 @@ def composite(
 ) -> Tensor:
     """Add up a surface's light. Absent parts count as zero, an absent visibility as 1.
 
-    ``physical``: (1 - mirrored) x (radiance - emission + ambient x visibility + gi + behind) + emission + reflection.
+    ``physical``: (1 - specular) x (radiance - emission + ambient x visibility + gi + behind) + emission + reflection.
     Exact when visibility and gi come from one sweep of unlimited radius: open directions bring sky light, occluded ones
-    the occluder's light. Specularly reflected light is not diffused as well: in uniform light a surface sends no more
+    the occluder's light. What is reflected is not diffused as well: in uniform light a surface sends no more
     than arrives.
 
     ``me1``: visibility x (radiance + ambient - emission) + emission + gi + behind + reflection, the formula of ME1
@@ -46,7 +46,7 @@ def composite(
         gi: ``(B, 3, H, W)`` indirect diffuse, outgoing linear radiance.
         reflection: ``(B, 3, H, W)`` specular light with Fresnel, linear radiance.
         behind: ``(B, 3, H, W)`` light transmitted through the surface, linear radiance.
-        mirrored: ``(B, 1, H, W)`` directional albedo of the specular lobe, see `specular_albedo`; counts only
+        specular: ``(B, 1, H, W)`` directional albedo of the specular lobe, see `specular_albedo`; counts only
             where there is a reflection to take its place.
         mode: which formula.
         ao_intensity: exponent on the visibility; 0 switches it off, above 1 exaggerates.
@@ -77,8 +77,8 @@ def composite(
         lit = lit + behind
     if reflection is None:
         return lit + own
-    if mirrored is not None and mode == "physical":
-        lit = lit * (1 - min(reflection_intensity, 1.0) * mirrored)
+    if specular is not None and mode == "physical":
+        lit = lit * (1 - min(reflection_intensity, 1.0) * specular)
     return lit + own + reflection_intensity * reflection
 
 
@@ -128,6 +128,6 @@ class Composite(Pass):
             gi=frame.gi,
             reflection=frame.reflection,
             behind=behind,
-            mirrored=None if frame.reflection is None else specular_albedo(frame.gbuffer),
+            specular=None if frame.reflection is None else specular_albedo(frame.gbuffer),
             **self.tunables(),
         )

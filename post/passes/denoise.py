@@ -17,7 +17,7 @@ from post.shading.ggx import specular_albedo
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
-SEEN = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
+GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 
 
@@ -102,15 +102,15 @@ def visible_layer(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, 
     albedo = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
     if behind is not None and g.transmittance is not None:
-        mirrored = specular_albedo(g)
+        specular = specular_albedo(g)
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
         far_emission = none if behind.emission is None else behind.emission
         through = g.transmittance * far_albedo
         clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
-        albedo = torch.where(clear, mirrored + (1 - mirrored) * (own * albedo + through), albedo)
-        emission = torch.where(clear, emission + (1 - mirrored) * g.transmittance * far_emission, emission)
-        pairs = {name: (getattr(behind, name), getattr(g, name)) for name in SEEN}
+        albedo = torch.where(clear, specular + (1 - specular) * (own * albedo + through), albedo)
+        emission = torch.where(clear, emission + (1 - specular) * g.transmittance * far_emission, emission)
+        pairs = {name: (getattr(behind, name), getattr(g, name)) for name in GEOMETRY}
         both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
         g = g.replace(**{name: torch.where(clear, far, near) for name, (far, near) in both.items()})
     return g, torch.where(g.hit, albedo.clamp_min(MIN_ALBEDO), 1.0), emission

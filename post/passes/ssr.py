@@ -23,7 +23,7 @@ from post.shading.sent_light import outgoing_light
 Method = Literal["ggx", "cone"]
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
-UNSEEN = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
+HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
 GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 
@@ -177,7 +177,7 @@ def _incoming(
 ) -> Tensor:
     """Radiance of each ray: light from the screen as far as it is trusted, else the environment."""
     visible = sample(light, hits.px)
-    guessed = torch.where(hits.blocked, UNSEEN * visible, 0.0)
+    guessed = torch.where(hits.blocked, HIDDEN_SHARE * visible, 0.0)
     if environment is not None:
         guessed = guessed + sky * lookup_environment(environment, world)
     return guessed + (visible - guessed) * confidence
@@ -192,9 +192,9 @@ def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Ten
 
 def _ends(surface: Surface, lobe: Lobe, hits: Hits) -> Tensor:
     """Where rays ended: points and 1, or directions and 0."""
-    meets = (hits.hit | hits.blocked).to(hits.distance)
-    reach = torch.where(meets > 0, hits.distance, 1.0)
-    return torch.cat([lobe.direction * reach + surface.points * meets, meets], dim=1)
+    found = (hits.hit | hits.blocked).to(hits.distance)
+    reach = torch.where(found > 0, hits.distance, 1.0)
+    return torch.cat([lobe.direction * reach + surface.points * found, found], dim=1)
 
 
 class SSR(Pass):

@@ -129,9 +129,9 @@ def _fetch(
         beside = torch.cat([beside[:, :-1], beside[:, -1:].clamp_max(BORROWED)], dim=1)
         found = torch.where(found[:, -1:] < beside[:, -1:], beside, found)
     if distance is not None:
-        mirrored = reproject(gbuffer, before, motion=_virtual(gbuffer, before, distance), **options)
-        image = mirrored.fetch(everything)
-        missing = ~mirrored.valid | (distance <= 0)
+        reflected = reproject(gbuffer, before, motion=_virtual(gbuffer, before, distance), **options)
+        image = reflected.fetch(everything)
+        missing = ~reflected.valid | (distance <= 0)
         agrees = _misfit(image, signal, lead) < _misfit(found, signal, lead)
         found = torch.where(~missing & (agrees | (found[:, -1:] <= 0)), image, found)
     old, fast, moments, share, age = found.split([signal.shape[1], lead, 2, 1, 1], dim=1)
@@ -216,14 +216,14 @@ class Temporal(TemporalPass):
         mean, state = temporal(
             stack(frame, names, demodulate=divide), frame.gbuffer, history_for(state, frame.cut),
             blend=self.blend, clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response,
-            feedback=self.feedback, distance=_mirrored(frame, names, self.virtual), lead=frame.read(names[0]).shape[1],
+            feedback=self.feedback, distance=_reflected(frame, names, self.virtual), lead=frame.read(names[0]).shape[1],
         )  # fmt: skip
         frame = unstack(frame, names, mean, demodulate=divide)
         frame = frame.write(f"{names[0]}_variance", state.signals["variance"])
         return frame.write(f"{names[0]}_history", state.length), state
 
 
-def _mirrored(frame: Frame, names: tuple[str, ...], virtual: bool) -> Tensor | None:
+def _reflected(frame: Frame, names: tuple[str, ...], virtual: bool) -> Tensor | None:
     """Distance to the reflected hit, zero where the surface is too rough to hold an image."""
     distance, roughness = frame.reflection_distance, frame.gbuffer.roughness
     if not virtual or names[0] != "reflection" or distance is None:

@@ -24,10 +24,10 @@ def sides(around: PaddedView, at: Receivers, cut: Slice) -> tuple[Side, Side]:
     length = (cut.step_x * cut.step_x + cut.step_y * cut.step_y).sqrt()
     dx, dy, half = cut.step_x / length, cut.step_y / length, 0.5 / cut.measure
     whole = (cut.cos_n + (cut.n + math.pi / 2) * cut.sin_n) * half
-    mirrored = cut._replace(tx=-cut.tx, ty=-cut.ty, tz=-cut.tz, place=-cut.place, sin_n=-cut.sin_n, n=-cut.n)
+    other = cut._replace(tx=-cut.tx, ty=-cut.ty, tz=-cut.tz, place=-cut.place, sin_n=-cut.sin_n, n=-cut.n)
     return (
         Side(cut, dx, dy, length, *_borders(around, at, dx, dy), half, whole),
-        Side(mirrored, -dx, -dy, length, *_borders(around, at, -dx, -dy), half, 1 - whole),
+        Side(other, -dx, -dy, length, *_borders(around, at, -dx, -dy), half, 1 - whole),
     )
 
 

@@ -76,8 +76,8 @@ def bitmask_ao(
     reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
-    unseen = 0.0 if reach is None else hidden * reach
-    solid = planar_thickness(camera, depth, hit, thickness, unseen)
+    behind_back = 0.0 if reach is None else hidden * reach
+    solid = planar_thickness(camera, depth, hit, thickness, behind_back)
     around = slices.scene(camera, depth, normal, hit, solid)
     at = slices.receivers(camera, depth, normal)
     if soft is None:

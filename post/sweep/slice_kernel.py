@@ -108,7 +108,7 @@ def side_of(around, at, cut, sign):
     dx, dy, half = sign * (cut.step_x / length), sign * (cut.step_y / length), HALF / cut.measure
     whole = (cut.cos_n + (cut.n + QUARTER) * cut.sin_n) * half
     frame, border = _border(around, around.margin + 1, at, dx, dy), _border(around, 1, at, dx, dy)
-    mirrored = Slice(
+    other = Slice(
         cut.nx,
         cut.ny,
         cut.nz,
@@ -128,7 +128,7 @@ def side_of(around, at, cut, sign):
         cut.step_x,
         cut.step_y,
     )
-    return Side(mirrored, dx, dy, length, frame, border, half, whole if sign > ZERO else ONE - whole)
+    return Side(other, dx, dy, length, frame, border, half, whole if sign > ZERO else ONE - whole)
 
 
 @scalar

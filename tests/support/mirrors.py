@@ -34,7 +34,7 @@ def cast(origins: Tensor, directions: Tensor, scene: Tensor) -> tuple[Tensor, Te
     return distance, index, normal
 
 
-def meet(camera: Camera, points_world: Tensor, directions_world: Tensor, scene: Tensor = boxes.ROOM) -> Truth:
+def intersect(camera: Camera, points_world: Tensor, directions_world: Tensor, scene: Tensor = boxes.ROOM) -> Truth:
     """Cast rays from ``(B, 3, H, W)`` surface points; zero directions hit nothing."""
     origins, directions = points_world.permute(0, 2, 3, 1), directions_world.permute(0, 2, 3, 1)
     moving = directions.norm(dim=-1, keepdim=True) > 0.5

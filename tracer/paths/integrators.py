@@ -12,7 +12,7 @@ from tracer.lights.samples import DIMS
 from tracer.lights.sky import sky_along
 from tracer.paths.diffuse import EVEN, gathered
 from tracer.paths.interaction import Vertices, intersect
-from tracer.paths.radiance import mirrored_lamps
+from tracer.paths.radiance import specular_lamps
 from tracer.paths.receivers import Receivers
 from tracer.sampling.progressive import Values
 from tracer.sampling.scatter import cosine_direction, fresnel, sample_specular
@@ -82,7 +82,7 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     light, onscreen = torch.zeros_like(start.points), torch.zeros_like(start.points)
     if at.lights.lamps is not None:
         numbers = u[3 : 3 + DIMS, rough]
-        light[rough], places, facing = mirrored_lamps(scene, at.lights, start[rough], numbers, at.poses)
+        light[rough], places, facing = specular_lamps(scene, at.lights, start[rough], numbers, at.poses)
         onscreen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
     sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
     sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])

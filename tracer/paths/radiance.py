@@ -174,7 +174,7 @@ def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Ten
     return value
 
 
-def mirrored_lamps(
+def specular_lamps(
     scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Specular reflections of lamps, by one shadow ray each.

@@ -93,7 +93,7 @@ class Row:
     """The worst."""
     bound: float
     better: str
-    met: bool | None
+    reached: bool | None
     """None where it was not measured."""
     views: Mapping[str, float]
     trivial: Mapping[str, float | None]
@@ -139,7 +139,7 @@ def _row(bar: Bar, records: Sequence[Record]) -> Row:
         note = "OIDN is not installed: pip install 'gbufrt[denoise]'"
     return Row(
         name=bar.name, what=bar.what, value=value, view=worst, bound=bar.bound, better=bar.better,
-        met=None if value is None else (value <= bar.bound if bar.better == "lower" else value >= bar.bound),
+        reached=None if value is None else (value <= bar.bound if bar.better == "lower" else value >= bar.bound),
         views=scores, trivial={label: figures.get(key) for label, key in bar.trivial.items()},
         limit=None if bar.limit is None else figures.get(bar.limit), note=note,
     )  # fmt: skip
@@ -156,7 +156,7 @@ def _whole(records: Sequence[Record]) -> Row:
     value = None if worst is None else lost[worst]
     return Row(
         name="whole frame", what="dB lost by leaving out any pass, on the pixels that it changes", value=value,
-        view=worst, bound=0.0, better="higher", met=None if value is None else value > 0, views=lost, trivial={},
+        view=worst, bound=0.0, better="higher", reached=None if value is None else value > 0, views=lost, trivial={},
         note="" if value is not None else "not measured in this run",
     )  # fmt: skip
 

@@ -13,7 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.commands.ablation.trivial import constant_per_object, mirrored_sky, untouched
+from gbufrt.commands.ablation.trivial import constant_per_object, reflected_sky, untouched
 from gbufrt.files.views import to_srgb, viridis
 from gbufrt.frame import Frame
 from gbufrt.metrics.image import masked_mean, rmse, ssim
@@ -162,7 +162,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None
     if lit is not None:
         result["reflection.exact_lit"] = _one(rms_error(lit, both, mirror) / mean)
     if frame.environment is not None and g.albedo is not None and g.metallic is not None:
-        result["reflection.if_sky"] = _one(rms_error(mirrored_sky(frame), both, mirror) / mean)
+        result["reflection.if_sky"] = _one(rms_error(reflected_sky(frame), both, mirror) / mean)
     return result
 
 

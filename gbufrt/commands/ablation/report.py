@@ -53,7 +53,7 @@ def show(results: Results) -> None:
         known = {label: value for label, value in row.trivial.items() if value is not None}
         trivial = ", ".join(f"{label} {number(value)}" for label, value in known.items())
         found = "–" if row.value is None else number(row.value)
-        mark = "" if row.met is None else " ✓" if row.met else " ✗"
+        mark = "" if row.reached is None else " ✓" if row.reached else " ✗"
         bound = f"{'≤' if row.better == 'lower' else '≥'} {row.bound:g}"
         table.add_row(row.name, row.what, row.view or "–", trivial or row.note, found + mark, bound)
     Console().print(table)

@@ -46,7 +46,7 @@ def _lens(title: str, subject: str, kind: str, truth: str) -> Section:
         "gain": "dB gained where the picture changes",
         "changed": "share of pixels",
         "gain_onscreen": "dB gained where all light is from on-screen points",
-        "unseen": "share of changed pixels with light from elsewhere",
+        "offscreen": "share of changed pixels with light from elsewhere",
         "offscreen_error": "share of the squared error on those",
         "kept": "error where nothing changes",
     }

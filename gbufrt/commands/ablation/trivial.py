@@ -32,7 +32,7 @@ def constant_per_object(truth: Tensor, gbuffer: GBuffer, mask: Tensor | None = N
     return result
 
 
-def mirrored_sky(frame: Frame) -> Tensor:
+def reflected_sky(frame: Frame) -> Tensor:
     """What each surface would reflect if there were only sky."""
     from gbufrt.environment import lookup_environment
     from gbufrt.specular import schlick

@@ -60,7 +60,7 @@ def test_the_table_gives_known_errors_and_trivial_answers():
     rows = {row.what: row for row in measured(variants=()).rows}
     ao = rows["RMSE to true AO at the same radius"]
     assert ao.value == pytest.approx((0.5 * 0.01**2 + 0.5 * 0.11**2) ** 0.5, rel=0.05)  # every other column is 0.1 off
-    assert ao.met is False
+    assert ao.reached is False
     assert ao.trivial["ao = 1"] == pytest.approx((0.5 * 0.4**2 + 0.5 * 0.5**2) ** 0.5, rel=0.05)
     gi = rows["squared error over squared truth, on-screen part of one bounce"]
     assert gi.value == pytest.approx(0.25, rel=1e-3)  # one bounce, not the preset's two
@@ -69,7 +69,7 @@ def test_the_table_gives_known_errors_and_trivial_answers():
     assert 0.1 <= mirror.value < 0.2  # a tenth too bright; GI is kept away from it
     assert mirror.trivial["black"] == pytest.approx(10 * mirror.value, rel=1e-3)
     assert rows["bent normal's error over the normal's, where true AO < 0.9"].value == pytest.approx(1.0)
-    assert rows["dB gained, centred shutter"].met is None  # nothing moves: no pixel to judge by
+    assert rows["dB gained, centred shutter"].reached is None  # nothing moves: no pixel to judge by
     kornia = rows["dB over kornia's joint bilateral, least of four frames from the first on"]
     assert set(kornia.views) == {"front", "above"}
     assert kornia.trivial["the input"] is not None
@@ -106,7 +106,7 @@ def test_leaving_a_pass_out_is_measured_where_it_changes_the_frame():
     losses = {(r.variant, r.view): r.figures["loss"] for r in results.records if "loss" in r.figures}
     assert losses["without=gi", "front"] > 0.5  # too dark a frame gets darker still
     assert losses["without=ao", "front"] == 0.0  # sky visibility is what this composite uses: nothing changes
-    assert results.rows[-1].met is False  # and what changes nothing does not earn its place
+    assert results.rows[-1].reached is False  # and what changes nothing does not earn its place
     assert results.rows[-1].name == "whole frame"
     assert results.rows[-1].value == min(v for (name, _), v in losses.items() if name.startswith("without="))
 

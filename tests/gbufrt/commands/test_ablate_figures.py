@@ -95,10 +95,10 @@ def test_the_worst_view_is_the_figure():
         return Record(**{**given, "figures": {"ao.rmse": value, "ao.if_open": 2 * value}, **more})  # pyright: ignore[reportArgumentType]
 
     row = table([record("a", 0.02), record("b", 0.05), record("b", 0.9, variant="without=ao")])[0]
-    assert (row.value, row.view, row.met, row.trivial["ao = 1"]) == (0.05, "b", True, 0.1)
-    assert table([record("a", 0.061)])[0].met is False
+    assert (row.value, row.view, row.reached, row.trivial["ao = 1"]) == (0.05, "b", True, 0.1)
+    assert table([record("a", 0.061)])[0].reached is False
     none = table([record("a", 0.0, figures={}, error="ValueError: why")])[0]
-    assert (none.value, none.met, none.note) == (None, None, "ValueError: why")
+    assert (none.value, none.reached, none.note) == (None, None, "ValueError: why")
 
 
 def test_charts_are_well_formed():

@@ -5,6 +5,7 @@ The bounds are the report's; where a small picture cannot reach them, they are b
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from gbufrt import Frame, Pipeline
 from gbufrt.commands.ablation import denoising, lens, subjects
 from gbufrt.commands.ablation.cache import Cache
 from gbufrt.commands.ablation.place import Place
+from gbufrt.commands.ablation.sections import SECTIONS
 from post import Denoise, DepthOfField, MotionBlur, gtao, me1
 
 FRAMES = 4
@@ -131,6 +133,8 @@ def test_lens_passes(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert focused["depth_of_field.large.gain"] >= 10.0
     assert focused["depth_of_field.large.gain_onscreen"] > 12.0
     assert 0.2 < focused["depth_of_field.large.offscreen"] < focused["depth_of_field.large.offscreen_error"] < 0.7
+    named = [s.figures for s in SECTIONS if s.picture.startswith(("motion_blur", "depth_of_field"))]
+    assert set(chain(*named)) <= {*blurred, *focused}, "the page shows every figure that it has words for"
     broken = Pipeline(given={"color"}, motion_blur=Across(), depth_of_field=Elsewhere())
     assert lens.motion_blur(place(folder, "turning", time=-1.0), broken).figures["motion_blur.centred.gain"] < 4.0
     assert lens.depth_of_field(place(folder), broken).figures["depth_of_field.small.gain"] < 10.0

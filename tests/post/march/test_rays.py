@@ -32,7 +32,7 @@ def mirror(
     hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=solid)
     flying = g.camera.rotate_to_view(directions)
     hits = march_rays(hierarchy, g.points_view(), flying, g.camera, compiled=compiled, **options)
-    return hits, mirrors.meet(g.camera, points, directions)
+    return hits, mirrors.intersect(g.camera, points, directions)
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -95,7 +95,7 @@ def test_rays_pass_behind_what_is_thin(compiled):
     measured = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
     hits = march_rays(measured, start, way, g.camera, compiled=compiled)
     assert hits.hit.all()
-    assert abs(float(hits.distance) - (1 + 0.25**2) ** 0.5 * 4) < 1e-3, "it meets the wall at x = 1"
+    assert abs(float(hits.distance) - (1 + 0.25**2) ** 0.5 * 4) < 1e-3, "it hits the wall at x = 1"
     thick = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=20.0)
     hits = march_rays(thick, start, way, g.camera, compiled=compiled)
     assert hits.blocked.all(), "a pole taken for a slab stops the ray, at a side that nobody sees"
@@ -108,7 +108,7 @@ def test_what_goes_on_behind_a_pole_ends_rays(compiled):
     way = g.camera.rotate_to_view(torch.tensor([3.0, 0.0, -1.0])[None, :, None, None] / 10**0.5)
     hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
     hits = march_rays(hierarchy, start, way, g.camera, compiled=compiled)
-    assert hits.blocked.all(), "it meets the wall at x = 0, where the pole hides it"
+    assert hits.blocked.all(), "it hits the wall at x = 0, where the pole hides it"
     assert abs(float(hits.distance) - 10**0.5) < 1e-3
     assert abs(float(sample(g.depth, hits.px)) - 15.0) < 1e-3, "and reads the wall beside the pole"
 

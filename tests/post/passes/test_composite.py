@@ -112,7 +112,7 @@ def test_what_a_surface_mirrors_does_not_get_under_it():
     diffuse, behind = 0.7 * light, 0.3 * light
     got = composite(
         torch.zeros_like(light), ambient=diffuse, visibility=visibility, gi=diffuse * (1 - visibility), behind=behind,
-        reflection=mirrored * light, mirrored=mirrored,
+        reflection=mirrored * light, specular=mirrored,
     )  # fmt: skip
     torch.testing.assert_close(got, light)
 
@@ -120,17 +120,17 @@ def test_what_a_surface_mirrors_does_not_get_under_it():
 def test_lamps_shine_through_what_they_mirror():
     emission, reflection = planes(2.0, 0.25)
     (mirrored,) = planes(0.5, channels=1)
-    got = composite(emission, emission=emission, reflection=reflection, mirrored=mirrored)
+    got = composite(emission, emission=emission, reflection=reflection, specular=mirrored)
     assert got.unique().tolist() == [2.25]
 
 
 def test_without_a_reflection_nothing_is_taken_away():
     radiance, reflection = planes(1.0, 0.5)
     (mirrored,) = planes(0.5, channels=1)
-    assert torch.equal(composite(radiance, mirrored=mirrored), radiance)
-    off = composite(radiance, reflection=reflection, mirrored=mirrored, reflection_intensity=0.0)
+    assert torch.equal(composite(radiance, specular=mirrored), radiance)
+    off = composite(radiance, reflection=reflection, specular=mirrored, reflection_intensity=0.0)
     assert torch.equal(off, radiance)
-    assert torch.equal(composite(radiance, reflection=reflection, mirrored=mirrored, mode="me1"), radiance + reflection)
+    assert torch.equal(composite(radiance, reflection=reflection, specular=mirrored, mode="me1"), radiance + reflection)
 
 
 def test_module_takes_what_the_surfaces_mirror():

@@ -36,7 +36,7 @@ def brute_force(frame: Frame, rays: int = 160) -> tuple[Tensor, Tensor]:
     for _ in range(rays):
         wild = torch.nn.functional.normalize(torch.randn(g.normal.shape, generator=generator), dim=1)
         way = torch.where(g.hit, torch.nn.functional.normalize(g.normal * 1.0001 + wild, dim=1), 0.0)
-        end = mirrors.meet(g.camera, points + 1e-3 * g.normal, way)
+        end = mirrors.intersect(g.camera, points + 1e-3 * g.normal, way)
         light = light + end.visible * sample(frame.read("radiance"), end.px, mode="nearest")
         open_sky = open_sky + (~end.hit).float()
     return frame.read("albedo") * light / rays, open_sky / rays

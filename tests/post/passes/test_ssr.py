@@ -32,7 +32,7 @@ def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.
 
 
 def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
-    truth = mirrors.meet(frame.gbuffer.camera, *mirrors.reflected(frame))
+    truth = mirrors.intersect(frame.gbuffer.camera, *mirrors.reflected(frame))
     return boxes.ALBEDO[truth.box[:, 0]].permute(0, 3, 1, 2), truth
 
 

@@ -49,7 +49,7 @@ def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, R
     return scene, at, replace(at.vertices, inside=u[0, : len(at.pixels)] < 0.3), u
 
 
-SHOTS = {
+CASES = {
     "occlusion": (integrators.OCCLUSION_DIMS, (7.0,)),
     "indirect": (integrators.indirect_dims(2), (2,)),
     "reflected": (integrators.REFLECTION_DIMS, (0.3,)),
@@ -57,9 +57,9 @@ SHOTS = {
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-@pytest.mark.parametrize("name", SHOTS)
+@pytest.mark.parametrize("name", CASES)
 def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> None:
-    dims, settings = SHOTS[name]
+    dims, settings = CASES[name]
     scene, at, start, u = place(len(name), dims, orthographic=orthographic)
     got, want = (getattr(form, name)(scene, at, start, u, *settings) for form in (path_ops, integrators))
     assert got.keys() == want.keys()
