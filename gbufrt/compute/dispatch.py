@@ -20,13 +20,15 @@ class Form(Enum):
     CUDA = "CUDA kernel"
 
 
-def form_of(*tensors: Tensor | None, compiled: bool | None = None, cuda: bool = False, fuses: bool = False) -> Form:
-    """The form of an operation that runs for tensors.
+def form_of(
+    *inputs: Tensor | float | None, compiled: bool | None = None, cuda: bool = False, fuses: bool = False
+) -> Form:
+    """The form of an operation that runs for these inputs.
 
     Kernels take float32 (and integers) on one device and give no gradients.
 
     Args:
-        tensors: the inputs that decide; None is ignored.
+        inputs: those that decide: tensors, and tunables that may be tensors; others are ignored.
         compiled: the user's choice: True for a kernel even if gradients are lost, False for the reference; by default
             a kernel wherever one fits.
         cuda: whether the operation has a CUDA form. It runs where numba-cuda is installed and finds a GPU.
@@ -38,7 +40,7 @@ def form_of(*tensors: Tensor | None, compiled: bool | None = None, cuda: bool = 
     Raises:
         ValueError: a kernel is requested, but there is none for these tensors.
     """
-    given = [t for t in tensors if t is not None]
+    given = [t for t in inputs if isinstance(t, Tensor)]
     kernel = _kernel_form(given, cuda)
     if compiled:
         if kernel is Form.REFERENCE:

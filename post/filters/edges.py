@@ -9,12 +9,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
-from gbufrt.compute.fusion import fusible
-from post.filters.signals import luminance
+from post.filters.constants import ROUGHNESS_SCALE
 
 GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
 DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)
-ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
 MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
 
 
@@ -32,6 +30,11 @@ class Surface:
     guide: Tensor
     plane: Tensor
     perspective: bool
+
+    @property
+    def hit(self) -> Tensor:
+        """``(B, 1, H, W)`` bool."""
+        return self.guide[:, HIT : HIT + 1] > 0
 
     def scaled(self, x: int, y: int) -> Tensor:
         """``plane`` for taps that lie x and y pixels apart."""
@@ -128,25 +131,6 @@ def edge_weight(
     return weight
 
 
-def spatial_moments(
-    signal: Tensor, geometry: Surface, *, radius: int = 1, lead: int | None = None, depth_sensitivity: float = 1.0
-) -> tuple[Tensor, Tensor]:
-    """Mean and variance of a signal's luminance over the pixels around that lie on the same surface.
-
-    Args:
-        signal: ``(B, C, H, W)``.
-        geometry: of the same size.
-        radius: 1 for 3x3, 2 for 5x5, 3 for SVGF's 7x7.
-        lead: how many channels make the luminance.
-        depth_sensitivity: see `edge_weight`.
-
-    Returns:
-        Two ``(B, 1, H, W)``; a pixel alone on its surface has variance zero.
-    """
-    light, guide = padded(luminance(signal, lead), radius), padded(geometry.guide, radius)
-    return _moments(light, guide, geometry.plane, radius, geometry.perspective, depth_sensitivity)
-
-
 def blurred(variance: Tensor) -> Tensor:
     """3x3 Gaussian: a single pixel's variance is too noisy to steer by."""
     planes = windows(padded(variance, 1), 1)
@@ -154,36 +138,3 @@ def blurred(variance: Tensor) -> Tensor:
     total = windows(padded(torch.ones_like(variance[:1]), 1), 1)
     norm = sum(w * t for w, t in zip(weights, total, strict=True))
     return sum((w * p for w, p in zip(weights, planes, strict=True)), torch.zeros_like(variance)) / norm
-
-
-@fusible
-def _moments(
-    light: Tensor,
-    guide: Tensor,
-    plane: Tensor,
-    radius: int,
-    perspective: bool,
-    depth_sensitivity: float,
-) -> tuple[Tensor, Tensor]:
-    values, guides = windows(light, radius), windows(guide, radius)
-    center = guides[len(guides) // 2]
-    pivot = values[len(values) // 2][:, 0]  # moments about the centre's value keep their precision
-    total, first, second = torch.zeros_like(pivot), torch.zeros_like(pivot), torch.zeros_like(pivot)
-    for (dy, dx), value, tap in zip(offsets(radius), values, guides, strict=True):
-        weight = edge_weight(
-            center,
-            tap,
-            plane,
-            dx,
-            dy,
-            perspective=perspective,
-            depth_sensitivity=depth_sensitivity,
-            normal_power=32.0,
-        )
-        away = value[:, 0] - pivot
-        total, first, second = total + weight, first + weight * away, second + weight * away * away
-    total = total.clamp_min(1e-6)
-    mean = first / total
-    unbiased = total / (total - 1.0).clamp_min(1.0)
-    variance = (second / total - mean * mean).clamp_min(0.0) * unbiased
-    return (mean + pivot)[:, None], variance[:, None]

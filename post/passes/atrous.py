@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
-from gbufrt.compute.fusion import fusible
 from gbufrt.specular import BROAD_ROUGHNESS
-from post.filters.edges import blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
+from post.filters.edges import surface
+from post.filters.op import spatial_moments, wavelet
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
 
-B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
 REACH = 16.0  # pixels: widest blur of a reflection
-FLOOR = 1e-3  # of the local luminance: noise below this makes no edge
 
 
 def atrous(
@@ -70,23 +66,12 @@ def atrous(
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
     light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
     reach = _reach(depth, roughness, confidence)
-    filtered, left, margin = torch.cat([signal, light], dim=1), variance, 2**iterations
-    guide = padded(geometry.guide, margin)
+    values = torch.cat([signal, light, variance], dim=1)
     for iteration in range(iterations):
-        step = 2**iteration
-        noise_of_mean = blurred(left).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
-        tolerance = phi_color * noise_of_mean + FLOOR * filtered[:, -1:].abs()
-        filtered, left = _wavelet(
-            windows(padded(torch.cat([filtered, left], dim=1), margin), 2, step, margin),
-            windows(guide, 2, step, margin),
-            geometry.scaled(step, step),
-            tolerance,
-            reach * step**2,
-            geometry.perspective,
-            phi_depth,
-            phi_normal,
+        values = wavelet(
+            values, geometry, reach, step=2**iteration, phi_color=phi_color, phi_depth=phi_depth, phi_normal=phi_normal
         )
-    return torch.where(hit, filtered[:, :-1], signal), torch.where(hit, left, variance)
+    return values[:, :-2], values[:, -1:]
 
 
 def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
@@ -97,44 +82,6 @@ def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -
     if confidence is not None:
         sigma = sigma * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))
     return 0.5 / (sigma * sigma)
-
-
-@fusible
-def _wavelet(
-    values: Sequence[Tensor],
-    surroundings: Sequence[Tensor],
-    plane: Tensor,
-    tolerance: Tensor,
-    reach: Tensor,
-    perspective: bool,
-    phi_depth: float,
-    phi_normal: float,
-) -> tuple[Tensor, Tensor]:
-    middle = len(values) // 2
-    here, center = values[middle], surroundings[middle]
-    channels = here.shape[1] - 1
-    light = here[:, channels - 1]
-    total, sums = torch.zeros_like(light), [torch.zeros_like(light) for _ in range(channels)]
-    spread = torch.zeros_like(light)
-    for (dy, dx), value, guide in zip(offsets(2), values, surroundings, strict=True):
-        weight = torch.full_like(light, B3[dy + 2] * B3[dx + 2])
-        if dy or dx:
-            edge = edge_weight(
-                center,
-                guide,
-                plane,
-                dx,
-                dy,
-                perspective=perspective,
-                depth_sensitivity=phi_depth,
-                normal_power=phi_normal,
-            )
-            away = (value[:, channels - 1] - light).abs() / tolerance[:, 0] + reach[:, 0] * (dx * dx + dy * dy)
-            weight = weight * edge * torch.exp(-away)
-        total = total + weight
-        sums = [s + weight * value[:, c] for c, s in enumerate(sums)]
-        spread = spread + weight * weight * value[:, channels]
-    return torch.stack(sums, dim=1) / total[:, None], (spread / (total * total))[:, None]
 
 
 class Atrous(Pass):

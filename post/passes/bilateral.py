@@ -6,14 +6,14 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
-from gbufrt.compute.fusion import fusible
 from gbufrt.specular import BROAD_ROUGHNESS
-from post.filters.edges import MIN_MEAN, blurred, edge_weight, offsets, padded, spatial_moments, surface, windows
+from post.filters.edges import MIN_MEAN, surface
+from post.filters.op import joint_bilateral, spatial_moments
+from post.filters.reference import noise_of_mean
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
 
 MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 NARROWEST = 0.4  # of sigma, where there is no noise
-AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
 LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
 
 
@@ -85,79 +85,11 @@ def bilateral(
     if roughness is not None and distance is not None:
         lobe = LOBE * roughness.square() * distance * camera.pixels_per_unit(depth + distance)
         width = torch.minimum(width, lobe.clamp_min(1e-3))
-    noise_of_mean = blurred(variance).clamp_min(0.0).add(1e-12).sqrt() / 3  # nine pixels
-    tolerance = phi_color * noise_of_mean + MIN_CONTRAST * local.abs()
-    edge = (geometry.perspective, depth_sensitivity, normal_power)
-    width = width * (AT_EDGES + (1 - AT_EDGES) * _open_share(geometry.guide, geometry.plane, *edge))
-    falloff = -0.5 / (width * width)
-    values, guide = padded(torch.cat([signal, local], dim=1), radius), padded(geometry.guide, radius)
-    sums = torch.cat([torch.zeros_like(signal), torch.zeros_like(local)], dim=1)
-    for dy in range(-radius, radius + 1):  # one compiled row serves all rows, and compiles in a tenth of the time
-        rows = slice(radius + dy, radius + dy + depth.shape[-2])
-        sums = _add_row(
-            sums, values[..., rows, :], guide[..., rows, :], local, geometry.guide, geometry.scaled(1, dy),
-            falloff, torch.exp(falloff * dy * dy), tolerance, radius, *edge,
-        )  # fmt: skip
-    return torch.where(hit, sums[:, :-1] / sums[:, -1:].clamp_min(1e-6), signal)
-
-
-@fusible
-def _add_row(
-    sums: Tensor,
-    values: Tensor,
-    guides: Tensor,
-    local: Tensor,
-    center: Tensor,
-    plane: Tensor,
-    falloff: Tensor,
-    row_share: Tensor,
-    tolerance: Tensor,
-    radius: int,
-    perspective: bool,
-    depth_sensitivity: float,
-    normal_power: float,
-) -> Tensor:
-    """Add one row of taps: the weighted signals, and in the last plane the weights."""
-    last, size = sums.shape[1] - 1, sums.shape[-1]
-    planes = [sums[:, c] for c in range(last + 1)]
-    for dx in range(-radius, radius + 1):
-        columns = slice(radius + dx, radius + dx + size)
-        value, guide = values[..., columns], guides[..., columns]
-        alike = edge_weight(
-            center,
-            guide,
-            plane,
-            dx,
-            1,
-            perspective=perspective,
-            depth_sensitivity=depth_sensitivity,
-            normal_power=normal_power,
-        )
-        unlike = (((value[:, last] - local[:, 0]) / tolerance[:, 0]) ** 2 - 1.0).clamp_min(0.0)
-        weight = row_share[:, 0] * alike * torch.exp(falloff[:, 0] * (dx * dx) - unlike)
-        planes = [planes[c] + weight * value[:, c] for c in range(last)] + [planes[last] + weight]
-    return torch.stack(planes, dim=1)
-
-
-def _open_share(
-    guide: Tensor, plane: Tensor, perspective: bool, depth_sensitivity: float, normal_power: float
-) -> Tensor:
-    """Share of the four neighbours that lie on the same surface."""
-    taps = windows(padded(guide, 1), 1)
-    total = torch.zeros_like(guide[:, 0])
-    for (dy, dx), tap in zip(offsets(1), taps, strict=True):
-        if abs(dx) + abs(dy) == 1:
-            total = total + edge_weight(
-                guide,
-                tap,
-                plane,
-                dx,
-                dy,
-                perspective=perspective,
-                depth_sensitivity=depth_sensitivity,
-                normal_power=normal_power,
-            )
-    return total[:, None] / 4
+    tolerance = phi_color * noise_of_mean(variance) + MIN_CONTRAST * local.abs()
+    return joint_bilateral(
+        torch.cat([signal, local], dim=1), geometry, width, tolerance,
+        radius=radius, depth_sensitivity=depth_sensitivity, normal_power=normal_power,
+    )  # fmt: skip
 
 
 class Bilateral(Pass):

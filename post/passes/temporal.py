@@ -10,7 +10,8 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
-from post.filters.edges import spatial_moments, surface
+from post.filters.edges import surface
+from post.filters.op import spatial_moments
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
 from post.history.antilag import (
     FAST_BLEND,

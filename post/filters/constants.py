@@ -1,0 +1,9 @@
+"""Numbers that the torch reference of the filters and its kernel share."""
+
+from __future__ import annotations
+
+B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
+FLOOR = 1e-3  # of the local luminance: noise below this makes no edge
+AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
+ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
+MOMENTS_POWER = 32.0  # of the cosine between normals, where moments are taken

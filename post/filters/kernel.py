@@ -1,0 +1,209 @@
+"""The compiled form of the edge-aware filters: a row of pixels as a body.
+
+Names and steps are those of the torch reference in `post.filters.reference`, the definition. Taps are fixed, so
+a row of them is a shifted row of the picture: every loop over a row becomes vector instructions. The factors of a
+weight are added up as exponents of 2 and raised once. Rows hold the pixels ``first`` to ``end`` of the picture.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from gbufrt.compute.approximations import LOG2_E, exp2, log2
+from gbufrt.compute.kernel import scalar
+from post.filters import constants
+
+ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+TINY, LEAST, NEVER = np.float32(1e-30), np.float32(1e-6), np.float32(-1e4)
+NOISELESS, THIRD = np.float32(1e-12), np.float32(1 / 3)
+FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
+ROUGHNESS_FALLOFF = LOG2_E / np.float32(constants.ROUGHNESS_SCALE)
+
+Guide = namedtuple("Guide", "depth nx ny nz hit roughness")
+"""A row of `edges.Surface.guide`; the row of hits stands in for a roughness that is not there."""
+Plane = namedtuple("Plane", "along x y scale")
+"""A row of `edges.Surface.plane`."""
+Edge = namedtuple("Edge", "perspective sensitivity power away roughness")
+"""How geometry counts: sensitivities in powers of 2; ``away``: exponent of normals more than a right angle apart."""
+Tap = namedtuple("Tap", "y first end dx dy")
+"""Where a tap's row lies, and which pixels of the centre's row it serves: ``dx``, ``dy`` are pixels."""
+
+
+@scalar
+def edge_of(guide, perspective, depth_sensitivity, normal_power):
+    """The constants of an edge weight."""
+    power = np.float32(normal_power)
+    roughness = ROUGHNESS_FALLOFF if guide.shape[0] > 5 else ZERO
+    return Edge(perspective, LOG2_E * np.float32(depth_sensitivity), power, NEVER if power > ZERO else ZERO, roughness)
+
+
+@scalar
+def tap_at(y, first, end, dx, dy, size):
+    """The tap (dx, dy) pixels away from the pixels ``first`` to ``end`` of row y; empty outside the picture."""
+    height, width = size
+    row = y + dy
+    low, high = max(first, -dx), min(end, width - dx)
+    return Tap(row, low, high if 0 <= row < height and high > low else low, dx, dy)
+
+
+@scalar
+def guide_row(guide, y, first, end):
+    """Pixels ``first`` to ``end`` of a row of the guide."""
+    rough = guide.shape[0] - 1 if guide.shape[0] > 5 else 4
+    return Guide(
+        guide[0, y, first:end], guide[1, y, first:end], guide[2, y, first:end], guide[3, y, first:end],
+        guide[4, y, first:end], guide[rough, y, first:end],
+    )  # fmt: skip
+
+
+@scalar
+def plane_row(plane, y, first, end):
+    """Pixels ``first`` to ``end`` of a row of the planes."""
+    return Plane(plane[0, y, first:end], plane[1, y, first:end], plane[2, y, first:end], plane[3, y, first:end])
+
+
+@scalar
+def edge_exponent(i, here, plane, there, dx, dy, edge):
+    """`edges.edge_weight` of pixel i as an exponent of 2, without whether the tap hit anything."""
+    slope = plane.x[i] * dx + plane.y[i] * dy
+    factor = there.depth[i] if edge.perspective else ONE
+    distance = plane.along[i] * (there.depth[i] - here.depth[i]) + slope * factor
+    cosine = here.nx[i] * there.nx[i] + here.ny[i] * there.ny[i] + here.nz[i] * there.nz[i]
+    alike = edge.power * log2(min(max(cosine, TINY), ONE)) if cosine > ZERO else edge.away
+    rougher = abs(here.roughness[i] - there.roughness[i]) * edge.roughness
+    return alike - edge.sensitivity * abs(distance) * plane.scale[i] - rougher
+
+
+@scalar
+def hit_span(hit, y):
+    """The first pixel of a row that was hit, and the one after the last."""
+    first, end = 0, hit.shape[1]
+    while first < end and hit[y, first] == ZERO:
+        first += 1
+    while end > first and hit[y, end - 1] == ZERO:
+        end -= 1
+    return first, end
+
+
+@scalar
+def edge_weights(weights, guide, plane, y, tap, edge):
+    """The edge weights of one tap for a row of pixels."""
+    here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
+    planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
+    for i in range(weights.shape[0]):
+        weights[i] = there.hit[i] * exp2(edge_exponent(i, here, planes, there, dx, dy, edge))
+
+
+@scalar
+def add_moments(total, mean, square, weights, light, y, tap):
+    """Add a tap to the sums of `reference.moments_reference`; they are about the centre's value."""
+    total, mean, square = total[tap.first : tap.end], mean[tap.first : tap.end], square[tap.first : tap.end]
+    here, there = light[y, tap.first : tap.end], light[tap.y, tap.first + tap.dx : tap.end + tap.dx]
+    for i in range(weights.shape[0]):
+        away, weight = there[i] - here[i], weights[i]
+        total[i] += weight
+        mean[i] += weight * away
+        square[i] += weight * away * away
+
+
+@scalar
+def finish_moments(out, total, mean, square, light, y):
+    """Mean and unbiased variance of a row from its sums."""
+    means, variances, here = out[0, y], out[1, y], light[y]
+    for x in range(here.shape[0]):
+        count = max(total[x], LEAST)
+        average = mean[x] / count
+        variance = max(square[x] / count - average * average, ZERO)
+        means[x] = average + here[x]
+        variances[x] = variance * (count / max(count - ONE, ONE))
+
+
+@scalar
+def noise_row(noise, column, variance, y):
+    """A row of the 3x3 means' standard deviation: `edges.blurred` variance, its root, over the root of nine."""
+    height, width = variance.shape
+    above, here, below = variance[max(y - 1, 0)], variance[y], variance[min(y + 1, height - 1)]
+    upper, lower = QUARTER if y > 0 else ZERO, QUARTER if y + 1 < height else ZERO
+    norm = ONE / (upper + lower + QUARTER + QUARTER)
+    for x in range(width):
+        column[x] = (upper * above[x] + (QUARTER + QUARTER) * here[x] + lower * below[x]) * norm
+    last = width - 1
+    left, right, middle = column[: max(last - 1, 0)], column[2:], column[1 : max(last, 1)]
+    inner = noise[1 : max(last, 1)]
+    for i in range(inner.shape[0]):
+        inner[i] = QUARTER * (left[i] + right[i]) + (QUARTER + QUARTER) * middle[i]
+    for x in (0, last):
+        beside = column[min(x + 1, last)] if x == 0 else column[x - 1]
+        noise[x] = (column[x] + column[x] + beside) / (ONE + ONE + ONE) if width > 1 else column[x]
+    for x in range(width):
+        noise[x] = math.sqrt(max(noise[x], ZERO) + NOISELESS) * THIRD
+
+
+@scalar
+def wavelet_weights(weights, guide, plane, values, tolerance, reach, y, tap, share, edge):
+    """The weights of one tap of `reference.wavelet_reference` for a row of pixels."""
+    here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
+    planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
+    light = values[values.shape[0] - 2]
+    mine, other = light[y, tap.first : tap.end], light[tap.y, tap.first + tap.dx : tap.end + tap.dx]
+    steps, limits = tolerance[tap.first : tap.end], reach[y, tap.first : tap.end]
+    square = LOG2_E * (dx * dx + dy * dy)
+    for i in range(weights.shape[0]):
+        away = abs(other[i] - mine[i]) * steps[i] + limits[i] * square
+        weights[i] = share * there.hit[i] * exp2(edge_exponent(i, here, planes, there, dx, dy, edge) - away)
+
+
+@scalar
+def wavelet_steps(tolerance, noise, light, y, phi_color):
+    """The exponent of 2 that a unit of difference in luminance costs, for a row."""
+    here, phi = light[y], np.float32(phi_color)
+    for x in range(here.shape[0]):
+        tolerance[x] = LOG2_E / (phi * noise[x] + FLOOR * abs(here[x]))
+
+
+@scalar
+def add_values(sums, weights, values, tap, channels):
+    """Add a tap's weighted values to the sums of a row, and its weight to the sum after them."""
+    for c in range(channels):
+        total, there = sums[c, tap.first : tap.end], values[c, tap.y, tap.first + tap.dx : tap.end + tap.dx]
+        for i in range(weights.shape[0]):
+            total[i] += weights[i] * there[i]
+    total = sums[channels, tap.first : tap.end]
+    for i in range(weights.shape[0]):
+        total[i] += weights[i]
+
+
+@scalar
+def add_spread(spread, weights, variance, tap):
+    """Add a tap's variance, weighted as that of a mean."""
+    total, there = spread[tap.first : tap.end], variance[tap.y, tap.first + tap.dx : tap.end + tap.dx]
+    for i in range(weights.shape[0]):
+        total[i] += weights[i] * weights[i] * there[i]
+
+
+@scalar
+def falloff_row(falloff, share, width, y):
+    """A row's spatial Gaussian as an exponent of 2 for each square pixel; narrower at edges."""
+    here, half = width[y], LOG2_E / np.float32(2)
+    for x in range(here.shape[0]):
+        sigma = here[x] * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share[x])
+        falloff[x] = -half / (sigma * sigma)
+
+
+@scalar
+def bilateral_weights(weights, guide, plane, values, tolerance, falloff, y, tap, edge):
+    """The weights of one tap of `reference.bilateral_reference` for a row of pixels."""
+    here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
+    planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
+    light = values[values.shape[0] - 1]
+    mine, other = light[y, tap.first : tap.end], light[tap.y, tap.first + tap.dx : tap.end + tap.dx]
+    limits, narrow = tolerance[y, tap.first : tap.end], falloff[tap.first : tap.end]
+    square = dx * dx + dy * dy
+    for i in range(weights.shape[0]):
+        away = (other[i] - mine[i]) / limits[i]
+        unlike = LOG2_E * max(away * away - ONE, ZERO)
+        exponent = edge_exponent(i, here, planes, there, dx, dy, edge) + narrow[i] * square - unlike
+        weights[i] = there.hit[i] * exp2(exponent)

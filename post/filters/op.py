@@ -1,0 +1,175 @@
+"""Edge-aware filters as torch operators: kernels on the CPU, the torch reference elsewhere and for gradients."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.compute.dispatch import Form, form_of
+from post.filters.constants import MOMENTS_POWER
+from post.filters.edges import Surface
+from post.filters.reference import bilateral_reference, moments_reference, wavelet_reference
+from post.filters.signals import luminance
+
+
+@torch.library.custom_op("gbufrt::moments", mutates_args=())
+def moments_cpu(
+    light: Tensor, guide: Tensor, plane: Tensor, radius: int, perspective: bool, depth_sensitivity: float
+) -> Tensor:
+    """``(B, 2, H, W)``. Tensors are those of `Surface`, and ``light`` as in `moments`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import moments_rows
+
+    out = light.new_empty(light.shape[0], 2, *light.shape[2:])
+    inputs = (array(out), array(light[:, 0]), array(guide), array(plane))
+    moments_rows(*inputs, radius, perspective, depth_sensitivity, MOMENTS_POWER, threads())
+    return out
+
+
+@moments_cpu.register_fake
+def _(light, guide, plane, radius, perspective, depth_sensitivity):
+    return light.new_empty(light.shape[0], 2, *light.shape[2:])
+
+
+@torch.library.custom_op("gbufrt::wavelet", mutates_args=())
+def wavelet_cpu(
+    values: Tensor,
+    guide: Tensor,
+    plane: Tensor,
+    reach: Tensor,
+    step: int,
+    perspective: bool,
+    phi_color: float,
+    phi_depth: float,
+    phi_normal: float,
+) -> Tensor:
+    """``(B, C + 2, H, W)``. Tensors are those of `Surface` and of `wavelet`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import wavelet_rows
+
+    out = torch.empty_like(values, memory_format=torch.contiguous_format)
+    inputs = (array(out), array(values), array(guide), array(plane), array(reach[:, 0]))
+    wavelet_rows(*inputs, step, perspective, phi_color, phi_depth, phi_normal, threads())
+    return out
+
+
+@wavelet_cpu.register_fake
+def _(values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal):
+    return torch.empty_like(values, memory_format=torch.contiguous_format)
+
+
+@torch.library.custom_op("gbufrt::joint_bilateral", mutates_args=())
+def bilateral_cpu(
+    values: Tensor,
+    guide: Tensor,
+    plane: Tensor,
+    width: Tensor,
+    tolerance: Tensor,
+    radius: int,
+    perspective: bool,
+    depth_sensitivity: float,
+    normal_power: float,
+) -> Tensor:
+    """``(B, C, H, W)``. Tensors are those of `Surface` and of `joint_bilateral`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import bilateral_rows
+
+    out = values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
+    inputs = (array(out), array(values), array(guide), array(plane), array(width[:, 0]), array(tolerance[:, 0]))
+    bilateral_rows(*inputs, radius, perspective, depth_sensitivity, normal_power, threads())
+    return out
+
+
+@bilateral_cpu.register_fake
+def _(values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power):
+    return values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
+
+
+def moments(
+    light: Tensor, geometry: Surface, *, radius: int = 1, depth_sensitivity: float = 1.0, compiled: bool | None = None
+) -> Tensor:
+    """Mean and variance over the pixels around that lie on the same surface.
+
+    Args:
+        light: ``(B, 1, H, W)``, any unit.
+        geometry: of the same size.
+        radius: 1 for 3x3, 2 for 5x5, 3 for SVGF's 7x7.
+        depth_sensitivity: see `edges.edge_weight`.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 2, H, W)``: mean and unbiased variance; a pixel alone on its surface has variance zero.
+    """
+    if form_of(light, geometry.guide, geometry.plane, depth_sensitivity, compiled=compiled) is Form.REFERENCE:
+        return moments_reference(light, geometry, radius, depth_sensitivity)
+    planes = (light, geometry.guide, geometry.plane)
+    return moments_cpu(*planes, radius, geometry.perspective, float(depth_sensitivity))
+
+
+def spatial_moments(
+    signal: Tensor, geometry: Surface, *, radius: int = 1, lead: int | None = None, depth_sensitivity: float = 1.0
+) -> tuple[Tensor, Tensor]:
+    """`moments` of the luminance of a signal ``(B, C, H, W)``, whose first ``lead`` channels make it."""
+    found = moments(luminance(signal, lead), geometry, radius=radius, depth_sensitivity=depth_sensitivity)
+    return found[:, :1], found[:, 1:]
+
+
+def wavelet(
+    values: Tensor,
+    geometry: Surface,
+    reach: Tensor,
+    *,
+    step: int,
+    phi_color: float,
+    phi_depth: float,
+    phi_normal: float,
+    compiled: bool | None = None,
+) -> Tensor:
+    """One 5x5 B-spline kernel with holes, weighted by geometry and by luminance in standard deviations of its noise.
+
+    Args:
+        values: ``(B, C + 2, H, W)``: a signal, then the luminance that is compared, then the signal's variance.
+        geometry: of the same size.
+        reach: ``(B, 1, H, W)``: 1 / (2 sigma^2) of a spatial Gaussian in pixels; 0 for none.
+        step: pixels from tap to tap.
+        phi_color: see `post.atrous`, as the rest.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        As ``values``, filtered; the variance is that which is left. Pixels that hit nothing are as before.
+    """
+    phi, planes = (phi_color, phi_depth, phi_normal), (values, geometry.guide, geometry.plane, reach)
+    if form_of(*planes, *phi, compiled=compiled) is Form.REFERENCE:
+        return wavelet_reference(values, geometry, reach, step, *phi)
+    return wavelet_cpu(*planes, step, geometry.perspective, *map(float, phi))
+
+
+def joint_bilateral(
+    values: Tensor,
+    geometry: Surface,
+    width: Tensor,
+    tolerance: Tensor,
+    *,
+    radius: int,
+    depth_sensitivity: float,
+    normal_power: float,
+    compiled: bool | None = None,
+) -> Tensor:
+    """One kernel weighted by geometry, distance in the picture, and luminance beyond a tolerance.
+
+    Args:
+        values: ``(B, C + 1, H, W)``: a signal, then the luminance that is compared.
+        geometry: of the same size.
+        width: ``(B, 1, H, W)``: sigma of the spatial Gaussian, pixels; half of it where no neighbour is on the surface.
+        tolerance: ``(B, 1, H, W)``: difference in luminance up to which a tap counts in full.
+        radius: of the square of taps, pixels.
+        depth_sensitivity: see `post.bilateral`, as the rest.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, C, H, W)``; pixels that hit nothing are as before.
+    """
+    edge, planes = (depth_sensitivity, normal_power), (values, geometry.guide, geometry.plane, width, tolerance)
+    if form_of(*planes, *edge, compiled=compiled) is Form.REFERENCE:
+        return bilateral_reference(values, geometry, width, tolerance, radius, *edge)
+    return bilateral_cpu(*planes, radius, geometry.perspective, *map(float, edge))
