@@ -40,7 +40,7 @@ def form_of(
     Raises:
         ValueError: a kernel is requested, but there is none for these tensors.
     """
-    given = [t for t in inputs if isinstance(t, Tensor)]
+    given = [t for t in inputs if t is not None and not isinstance(t, int | float)]
     kernel = _kernel_form(given, cuda)
     if compiled:
         if kernel is Form.REFERENCE:
