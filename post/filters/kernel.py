@@ -44,9 +44,10 @@ def edge_of(guide, perspective, depth_sensitivity, normal_power):
 def tap_at(y, first, end, dx, dy, size):
     """The tap (dx, dy) pixels away from the pixels ``first`` to ``end`` of row y; empty outside the picture."""
     height, width = size
-    row = y + dy
     low, high = max(first, -dx), min(end, width - dx)
-    return Tap(row, low, high if 0 <= row < height and high > low else low, dx, dy)
+    if 0 <= y + dy < height and high > low:
+        return Tap(y + dy, low, high, dx, dy)
+    return Tap(y, first, first, 0, 0)
 
 
 @scalar

@@ -8,14 +8,9 @@ from torch import Tensor
 
 from post.filters.edges import HIT, Surface, edge_weight, offsets, padded, windows
 from post.filters.signals import luminance
+from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, RELATIVE_FLOOR, SAME, YOUNG
 
-FAST_BLEND = 0.8
-MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
-YOUNG = 4  # frames: below this age, variance comes from the neighbours
-CORRELATED = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
-SAME = 0.3  # edge weight above which a neighbour shows the same surface
-RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
 
 
 def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
@@ -122,6 +117,35 @@ def follow_light(
     shift, explained = change(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
     old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
     return old, fast, moments, torch.where(age > 1, 1 + (age - 1) * explained, age)
+
+
+def accumulate_reference(
+    signal: Tensor,
+    state: Tensor,
+    longest: Tensor,
+    geometry: Surface,
+    lead: int,
+    clamp: float,
+    firefly: float,
+) -> tuple[Tensor, Tensor]:
+    """Arguments and results are those of `post.history.op.accumulate`."""
+    old, fast, moments, share, age = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
+    noise = typical_variance(moments, age)
+    sample = without_fireflies(signal, old, noise, age, lead, firefly)
+    if clamp > 0:
+        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, alike(geometry), lead, clamp)
+        share, age = share * age / younger.clamp_min(1e-6), younger
+    length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
+    light, alpha = luminance(sample, lead), 1 / length
+    fresh = torch.cat([light, light * light], dim=1)
+    new = [
+        old + alpha * (sample - old),
+        fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast),
+        moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments),
+        share * (1 - alpha) ** 2 + alpha**2,
+        length,
+    ]
+    return torch.cat(new, dim=1), sample
 
 
 def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:

@@ -11,10 +11,9 @@ from gbufrt import Camera, GBuffer, History
 from gbufrt.sampling import gather
 from post.filters.edges import offsets
 from post.history.catmull_rom import catmull_rom_taps
+from post.history.constants import KEPT, WHOLE
 
 NORMAL, HIT, OBJECT, POINT, FOOTPRINT = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 8), slice(8, 9)
-
-WHOLE = 0.999  # of the bilinear footprint: above this, all four pixels show the surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,19 +90,22 @@ def reproject(
 
     Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
     """
-    if (gbuffer.batch, gbuffer.camera.size) != (previous.batch, previous.camera.size):
-        raise ValueError(
-            f"the history must have the frame's batch {gbuffer.batch} and size {gbuffer.camera.size}, got "
-            f"batch {previous.batch} and size {previous.camera.size}; start with state=None after a change"
-        )
-    moved, moved_z = motion_of(gbuffer, previous.camera)
-    by_object = gbuffer.object_id is not None and previous.object_id is not None
-    now = _expected(gbuffer, previous.camera, moved, moved_z, by_object)
-    before = _seen(previous, length, by_object)
-    grid_y, grid_x = _grid(gbuffer)
-    shift = moved if motion is None else motion
-    shift = torch.nan_to_num(shift).clamp(-1e6, 1e6)
-    column, row = grid_x + shift[:, 0], grid_y + shift[:, 1]
+    look = correspondence(gbuffer, previous, length, motion)
+    return find_taps(*look, plane_tolerance, normal_tolerance, search, sharp)
+
+
+def find_taps(
+    now: Tensor,
+    before: Tensor,
+    shift: Tensor,
+    plane_tolerance: float,
+    normal_tolerance: float,
+    search: bool,
+    sharp: bool,
+) -> Taps:
+    """`reproject`, of what `correspondence` returns."""
+    y, x = (torch.arange(n, dtype=shift.dtype, device=shift.device) for n in shift.shape[-2:])
+    column, row = x + shift[:, 0], y[:, None] + shift[:, 1]
     left, top = torch.floor(column), torch.floor(row)
     fx, fy = (column - left), (row - top)
     xs, ys, weights = [], [], []
@@ -115,8 +117,8 @@ def reproject(
         ys.append(y)
         weights.append(share * same)
     total = sum(weights, torch.zeros_like(fx))
-    kept = total > 1e-3  # too little of a tap is no history
-    weight = torch.stack([torch.where(kept, w / total.clamp_min(1e-3), torch.zeros_like(w)) for w in weights], dim=1)
+    kept = total > KEPT
+    weight = torch.stack([torch.where(kept, w / total.clamp_min(KEPT), torch.zeros_like(w)) for w in weights], dim=1)
     support = torch.where(kept, total, torch.zeros_like(total))[:, None]
     taps = Taps(torch.stack(xs, dim=1), torch.stack(ys, dim=1), weight, support)
     if search:
@@ -128,6 +130,36 @@ def reproject(
         same=lambda x, y: _same_surface(now, before, x, y, plane_tolerance, normal_tolerance),
     )  # fmt: skip
     return Taps(x, y, weight, support)
+
+
+def correspondence(
+    gbuffer: GBuffer, previous: GBuffer, length: Tensor | None = None, motion: Tensor | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """What each pixel expects of its surface in the previous frame, what that frame's pixels hold, and where to look.
+
+    Args:
+        gbuffer: of this frame.
+        previous: of the frame before.
+        length: see `reproject`.
+        motion: see `reproject`.
+
+    Returns:
+        ``(B, 9, H, W)``: normal, hit, object and position in the previous view, and the size of a pixel there;
+        ``(B, 8, H, W)``: the first eight of these of the previous frame's pixels; ``(B, 2, H, W)`` pixels.
+
+    Raises:
+        ValueError: the frames differ in batch or size.
+    """
+    if (gbuffer.batch, gbuffer.camera.size) != (previous.batch, previous.camera.size):
+        raise ValueError(
+            f"the history must have the frame's batch {gbuffer.batch} and size {gbuffer.camera.size}, got "
+            f"batch {previous.batch} and size {previous.camera.size}; start with state=None after a change"
+        )
+    moved, moved_z = motion_of(gbuffer, previous.camera)
+    by_object = gbuffer.object_id is not None and previous.object_id is not None
+    now = _expected(gbuffer, previous.camera, moved, moved_z, by_object)
+    shift = torch.nan_to_num(moved if motion is None else motion).clamp(-1e6, 1e6)
+    return now, _actual(previous, length, by_object), shift
 
 
 def motion_of(gbuffer: GBuffer, previous: Camera) -> tuple[Tensor, Tensor]:
@@ -166,12 +198,6 @@ def geometry_of(gbuffer: GBuffer) -> GBuffer:
     )
 
 
-def _grid(gbuffer: GBuffer) -> tuple[Tensor, Tensor]:
-    size, depth = gbuffer.camera.size, gbuffer.depth
-    y, x = (torch.arange(n, dtype=depth.dtype, device=depth.device) for n in size)
-    return y[:, None], x[None, :]
-
-
 def _expected(g: GBuffer, previous: Camera, motion: Tensor, motion_z: Tensor, by_object: bool) -> Tensor:
     """Expected values of a tap: normal, hit, object, position of the surface in the previous view, and tolerance."""
     px = g.camera.pixel_centers(dtype=g.depth.dtype) + motion
@@ -180,7 +206,7 @@ def _expected(g: GBuffer, previous: Camera, motion: Tensor, motion_z: Tensor, by
     return torch.cat([*_identity(g, previous, by_object), previous.unproject(depth, px), footprint], dim=1)
 
 
-def _seen(g: GBuffer, length: Tensor | None, by_object: bool) -> Tensor:
+def _actual(g: GBuffer, length: Tensor | None, by_object: bool) -> Tensor:
     """Actual values of taps, in the same layout; where there is no history they match nothing."""
     normal, hit, object_id = _identity(g, g.camera, by_object)
     if length is not None:

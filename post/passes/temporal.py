@@ -13,18 +13,10 @@ from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.edges import surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
-from post.history.antilag import (
-    FAST_BLEND,
-    MOMENTS_BLEND,
-    YOUNG,
-    alike,
-    follow_light,
-    pooled,
-    sample_variance,
-    typical_variance,
-    without_fireflies,
-)
-from post.history.reproject import geometry_of, history_for, motion_of, reproject
+from post.history.antilag import pooled, sample_variance
+from post.history.constants import YOUNG
+from post.history.op import accumulate, read_history
+from post.history.reproject import geometry_of, history_for, motion_of
 from post.passes.atrous import atrous
 
 STORED = ("signal", "fast", "moments", "share")
@@ -87,30 +79,18 @@ def temporal(
         moments = torch.cat([light, light * light], dim=1)
         new = {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": one}
         return _finish(signal, new, one, gbuffer, feedback, lead)
-    old, fast, moments, share, age = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp)
-    noise = typical_variance(moments, age)
-    sample = without_fireflies(signal, old, noise, age, lead, firefly)
-    if clamp > 0:
-        same = alike(surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera))
-        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, same, lead, clamp)
-        share, age = share * age / younger.clamp_min(1e-6), younger
+    state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp)
     motion, _ = motion_of(gbuffer, history.gbuffer.camera)
     longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)
-    length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
-    light, alpha = luminance(sample, lead), 1 / length
-    fresh = torch.cat([light, light * light], dim=1)
-    new = {
-        "signal": old + alpha * (sample - old),
-        "fast": fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast),
-        "moments": moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments),
-        "share": share * (1 - alpha) ** 2 + alpha**2,
-    }
-    return _finish(sample, new, length, gbuffer, feedback, lead)
+    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
+    state, sample = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
+    parts = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
+    return _finish(sample, dict(zip(STORED, parts, strict=False)), parts[-1], gbuffer, feedback, lead)
 
 
 def _fetch(
     signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int, sharp: bool
-) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
+) -> Tensor:
     """Mean, fast mean, moments, sum of squared weights and length of the history, reprojected to this frame."""
     kept = history.signals
     if kept["signal"].shape[1] != signal.shape[1]:
@@ -122,21 +102,19 @@ def _fetch(
     options: dict[str, Any] = {"length": history.length}
     if sharp:
         options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
-    taps = reproject(gbuffer, before, **options)
-    found = taps.fetch(everything)
+    found = read_history(gbuffer, before, everything, **options)
+    state = found.image
     if sharp:
-        found = torch.cat([found[:, :-1], found[:, -1:] * taps.support**2], dim=1)
-        beside = reproject(gbuffer, before, length=history.length).fetch(everything)
+        state = torch.cat([state[:, :-1], state[:, -1:] * found.support**2], dim=1)
+        beside = read_history(gbuffer, before, everything, length=history.length).image
         beside = torch.cat([beside[:, :-1], beside[:, -1:].clamp_max(BORROWED)], dim=1)
-        found = torch.where(found[:, -1:] < beside[:, -1:], beside, found)
+        state = torch.where(state[:, -1:] < beside[:, -1:], beside, state)
     if distance is not None:
-        reflected = reproject(gbuffer, before, motion=_virtual(gbuffer, before, distance), **options)
-        image = reflected.fetch(everything)
+        reflected = read_history(gbuffer, before, everything, motion=_virtual(gbuffer, before, distance), **options)
         missing = ~reflected.valid | (distance <= 0)
-        agrees = _misfit(image, signal, lead) < _misfit(found, signal, lead)
-        found = torch.where(~missing & (agrees | (found[:, -1:] <= 0)), image, found)
-    old, fast, moments, share, age = found.split([signal.shape[1], lead, 2, 1, 1], dim=1)
-    return old, fast, moments, share, age
+        agrees = _misfit(reflected.image, signal, lead) < _misfit(state, signal, lead)
+        state = torch.where(~missing & (agrees | (state[:, -1:] <= 0)), reflected.image, state)
+    return state
 
 
 def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:

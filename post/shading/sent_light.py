@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
-from post.history.reproject import reproject
+from post.history.op import read_history
 from post.sweep.bitmask import bitmask_ao
 
 SKY_DIRECTIONS = 2  # slices for the sky visibility of senders: gathering averages their noise
@@ -60,7 +60,7 @@ def sent_light(
         light = light + frame.ambient * _sky_share(frame, distance, thickness, steps)
     previous = frame.previous
     if bounces > 1 and previous is not None and previous.gi is not None:
-        light = light + bounce_loss * reproject(g, previous.gbuffer, search=False).fetch(previous.gi)
+        light = light + bounce_loss * read_history(g, previous.gbuffer, previous.gi, search=False).image
     return torch.where(g.hit, light, 0.0)
 
 
@@ -97,7 +97,7 @@ def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
     light, gain = _with_visible_sky(frame, gathered_radiance(frame)), feedback_gain(bounces)
     previous = frame.previous
     if gain > 0 and previous is not None and previous.gi is not None:
-        light = light + gain * reproject(frame.gbuffer, previous.gbuffer).fetch(previous.gi).to(light)
+        light = light + gain * read_history(frame.gbuffer, previous.gbuffer, previous.gi).image.to(light)
     return light
 
 

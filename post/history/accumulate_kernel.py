@@ -1,0 +1,237 @@
+"""The compiled form of `post.history.antilag.accumulate`: a row of pixels as a body.
+
+Names and steps are those of that torch reference, which is the definition. As in `post.filters.kernel`, neighbours are
+shifted rows, and every loop over a row becomes vector instructions. A state's planes are the mean (C), the fast mean
+(lead), two moments, the sum of squared weights, and the age.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gbufrt.compute.kernel import scalar
+from post.filters.kernel import edge_weights, tap_at
+from post.filters.signals import REC709
+from post.history import constants
+
+ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.float32(8), np.float32(9)
+TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
+RED, GREEN, BLUE = (np.float32(share) for share in REC709)
+YOUNG, SAME = np.float32(constants.YOUNG), np.float32(constants.SAME)
+CORRELATED, RELATIVE_FLOOR = np.float32(constants.CORRELATED), np.float32(constants.RELATIVE_FLOOR)
+LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
+FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
+FEW_MOMENTS = np.float32((1 + constants.MOMENTS_BLEND) / (1 - constants.MOMENTS_BLEND))
+POOL = 3  # pixels to each side over which variance is pooled
+
+
+@scalar
+def luminance_of(planes, lead, y, x):
+    """`signals.luminance` of one pixel."""
+    if lead < 3:
+        return planes[0, y, x]
+    return RED * planes[0, y, x] + GREEN * planes[1, y, x] + BLUE * planes[2, y, x]
+
+
+@scalar
+def _own_variance(first, second, age):
+    """`antilag.sample_variance` of one pixel."""
+    count = min(max(age, TWO), FEW_MOMENTS)
+    return max(second - first * first, ZERO) * count / (count - ONE)
+
+
+@scalar
+def noise_row(noise, sums, state, first, y):
+    """A row of `antilag.typical_variance`; ``first`` is the plane of the first moment."""
+    mean, square, ages = state[first], state[first + 1], state[first + 3]
+    height, width = mean.shape
+    sums[:] = 0
+    for row in range(max(y - POOL, 0), min(y + POOL + 1, height)):
+        m1, m2, age = mean[row], square[row], ages[row]
+        s0, s1, s2 = sums[0, POOL : POOL + width], sums[1, POOL : POOL + width], sums[2, POOL : POOL + width]
+        s3, s4 = sums[3, POOL : POOL + width], sums[4, POOL : POOL + width]
+        for x in range(width):
+            mature, visible = ONE if age[x] >= YOUNG else ZERO, ONE if age[x] > ZERO else ZERO
+            s0[x] += _own_variance(m1[x], m2[x], age[x]) * mature
+            s1[x] += mature
+            s2[x] += m2[x] * visible
+            s3[x] += m1[x] * visible
+            s4[x] += visible
+    pool = LEAST * np.float32((2 * POOL + 1) ** 2)
+    m1, m2, age = mean[y], square[y], ages[y]
+    for x in range(width):
+        own, mature, second, average, visible = ZERO, ZERO, ZERO, ZERO, ZERO
+        for k in range(2 * POOL + 1):
+            own += sums[0, x + k]
+            mature += sums[1, x + k]
+            second += sums[2, x + k]
+            average += sums[3, x + k]
+            visible += sums[4, x + k]
+        average /= max(visible, pool)
+        around = second / max(visible, pool) - average * average
+        typical = max(_own_variance(m1[x], m2[x], age[x]), own / max(mature, pool))
+        noise[x] = max(typical, around) if age[x] < YOUNG else typical
+
+
+@scalar
+def sample_row(sample, sums, signal, state, noise, lead, firefly, y):
+    """A row of `antilag.without_fireflies`."""
+    channels, height, width = signal.shape
+    ages, scale = state[state.shape[0] - 1, y], sums[2]
+    sums[:2] = 0
+    top, bottom = max(y - 1, 0), min(y + 2, height)
+    for row in range(top, bottom):
+        for x in range(width):
+            light = luminance_of(signal, lead, row, x)
+            sums[0, x + 1] += light
+            sums[1, x + 1] += light * light
+    for x in range(width):
+        light = luminance_of(signal, lead, y, x)
+        nine = NINE / np.float32((bottom - top) * (min(x + 2, width) - max(x - 1, 0)))
+        around = (nine * (sums[0, x] + sums[0, x + 1] + sums[0, x + 2]) - light) / EIGHT
+        square = (nine * (sums[1, x] + sums[1, x + 1] + sums[1, x + 2]) - light * light) / EIGHT
+        spread = max(square - around * around, ZERO)
+        own = luminance_of(state, lead, y, x) + firefly * math.sqrt(noise[x] + TINY)
+        limit = max(own, around + firefly * math.sqrt(spread + TINY))
+        cut = ages[x] >= YOUNG and light > limit and limit > ZERO and firefly > ZERO
+        scale[x] = limit / max(light, TINY) if cut else ONE
+    for c in range(channels):
+        given, kept = signal[c, y], sample[c, y]
+        for x in range(width):
+            kept[x] = given[x] * (scale[x] if c < lead else ONE)
+
+
+@scalar
+def alike_row(bits, weights, guide, plane, age, edge, y):
+    """A row of `antilag.alike` among pixels that have a history: bit k for the k-th of 3x3 pixels."""
+    bits[y] = 0
+    size = age.shape
+    for k in range(9):
+        tap = tap_at(y, 0, size[1], k % 3 - 1, k // 3 - 1, size)
+        used = weights[: tap.end - tap.first]
+        edge_weights(used, guide, plane, y, tap, edge)
+        first, end = tap.first, tap.end
+        mask, hit, own = bits[y, first:end], guide[4, y, first:end], age[y, first:end]
+        there_hit, there = guide[4, tap.y, first + tap.dx : end + tap.dx], age[tap.y, first + tap.dx : end + tap.dx]
+        bit = np.int32(1 << k)
+        for i in range(used.shape[0]):
+            same = used[i] > SAME or (hit[i] == ZERO and there_hit[i] == ZERO)
+            mask[i] |= bit if same and own[i] > ZERO and there[i] > ZERO else np.int32(0)
+
+
+@scalar
+def difference_row(sums, count, bits, one, other, lead, y):
+    """The mean of ``one`` - ``other`` over the pixels alike, and their number."""
+    _, height, width = one.shape
+    sums[:lead] = 0
+    count[:] = 0
+    for k in range(9):
+        tap = tap_at(y, 0, width, k % 3 - 1, k // 3 - 1, (height, width))
+        first, end = tap.first, tap.end
+        mask, number = bits[y, first:end], count[first:end]
+        for i in range(mask.shape[0]):
+            number[i] += np.float32((mask[i] >> k) & 1)
+        for c in range(lead):
+            total = sums[c, first:end]
+            a, b = one[c, tap.y, first + tap.dx : end + tap.dx], other[c, tap.y, first + tap.dx : end + tap.dx]
+            for i in range(mask.shape[0]):
+                total[i] += np.float32((mask[i] >> k) & 1) * (a[i] - b[i])
+    for c in range(lead):
+        total = sums[c]
+        for x in range(width):
+            total[x] /= max(count[x], ONE)
+
+
+@scalar
+def explained_row(explained, sums, count, noise, state, lead, channels, clamp, slow, y):
+    """The share of each difference that noise explains, squared: see ``change`` in `antilag.follow_light`."""
+    ages = state[state.shape[0] - 1, y]
+    explained[:] = ZERO
+    for c in range(lead):
+        difference = sums[c]
+        for x in range(explained.shape[0]):
+            explained[x] = max(explained[x], abs(difference[x]))
+    for x in range(explained.shape[0]):
+        few = ONE / min(max(ages[x], ONE), FEW_FAST)
+        frames = few + ONE / max(ages[x], ONE) if slow else ONE + few
+        samples = max(count[x] / CORRELATED, ONE)
+        floor = RELATIVE_FLOOR * abs(luminance_of(state[channels:], lead, y, x)) + LEAST
+        allowed = clamp * math.sqrt(noise[y, x] * frames / samples + TINY) + floor
+        share = min(allowed / max(explained[x], TINY), ONE)
+        explained[x] = share * share
+
+
+@scalar
+def fast_row(fast, sums, explained, state, lead, channels, y):
+    """The fast history and the moments of a row, moved toward the sample by what noise does not explain."""
+    for c in range(lead):
+        shift, old, new = sums[c], state[channels + c, y], fast[c, y]
+        for x in range(explained.shape[0]):
+            shift[x] *= ONE - explained[x]
+            new[x] = old[x] + shift[x]
+    first, second, new_first, new_second = (
+        state[channels + lead, y],
+        state[channels + lead + 1, y],
+        fast[lead, y],
+        fast[lead + 1, y],
+    )
+    for x in range(explained.shape[0]):
+        light = sums[0, x] if lead < 3 else RED * sums[0, x] + GREEN * sums[1, x] + BLUE * sums[2, x]
+        new_first[x] = first[x] + light
+        new_second[x] = second[x] + light * (TWO * first[x] + light)
+
+
+@scalar
+def slow_row(sums, explained, lead):
+    """What the slow history of a row moves by toward the fast one."""
+    for c in range(lead):
+        shift = sums[c]
+        for x in range(explained.shape[0]):
+            shift[x] *= ONE - explained[x]
+
+
+@scalar
+def age_row(out, alpha, explained, state, longest, y):
+    """The length and the sum of squared weights of a row, and the share ``alpha`` that this frame's sample gets."""
+    last = out.shape[0] - 1
+    ages, shares, lengths, squares, most = (
+        state[last, y],
+        state[last - 1, y],
+        out[last, y],
+        out[last - 1, y],
+        longest[y],
+    )
+    for x in range(alpha.shape[0]):
+        age = ages[x]
+        younger = ONE + (age - ONE) * explained[x] if age > ONE else age
+        length = min(younger + ONE, max(most[x], ONE)) if age > ZERO else ONE
+        weight = ONE / length
+        squares[x] = shares[x] * age / max(younger, LEAST) * (ONE - weight) * (ONE - weight) + weight * weight
+        lengths[x], alpha[x] = length, weight
+
+
+@scalar
+def blend_row(out, sums, alpha, sample, fast, state, lead, y):
+    """The means and moments of a row with this frame's sample in them."""
+    channels, width = sample.shape[0], alpha.shape[0]
+    for c in range(channels):
+        new, old, own, shift, moves = out[c, y], state[c, y], sample[c, y], sums[min(c, lead - 1)], c < lead
+        for x in range(width):
+            before = old[x] + shift[x] if moves else old[x]
+            new[x] = before + alpha[x] * (own[x] - before)
+    for c in range(lead):
+        new, old, own = out[channels + c, y], fast[c, y], sample[c, y]
+        for x in range(width):
+            new[x] = old[x] + max(alpha[x], LEAST_FAST) * (own[x] - old[x])
+    first, second, old_first, old_second = (
+        out[channels + lead, y],
+        out[channels + lead + 1, y],
+        fast[lead, y],
+        fast[lead + 1, y],
+    )
+    for x in range(width):
+        quick, light = max(alpha[x], LEAST_MOMENTS), luminance_of(sample, lead, y, x)
+        first[x] = old_first[x] + quick * (light - old_first[x])
+        second[x] = old_second[x] + quick * (light * light - old_second[x])

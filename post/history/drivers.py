@@ -1,0 +1,70 @@
+"""Run the bodies of `post.history`'s kernels over pictures on CPU threads."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import prange
+
+from gbufrt.compute.each import Each
+from gbufrt.compute.kernel import driver
+from post.filters.kernel import edge_of
+from post.history import read_kernel
+from post.history.accumulate_kernel import (
+    POOL,
+    age_row,
+    alike_row,
+    blend_row,
+    difference_row,
+    explained_row,
+    fast_row,
+    noise_row,
+    sample_row,
+    slow_row,
+)
+
+read_each = Each(read_kernel.read)
+
+
+@driver
+def sample_rows(sample, noise, bits, signal, state, guide, plane, perspective, lead, firefly, follows, threads):
+    """What is known before histories move: the samples without fireflies, their noise, and which neighbours count."""
+    batch, channels, height, width = signal.shape
+    for thread in prange(threads):
+        weights, sums = np.empty(width, np.float32), np.empty((5, width + 2 * POOL), np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            noise_row(noise[b, y], sums, state[b], channels + lead, y)
+            sample_row(sample[b], sums, signal[b], state[b], noise[b, y], lead, np.float32(firefly), y)
+            if follows:
+                edge = edge_of(guide[b], perspective, 1.0, 32.0)
+                alike_row(bits[b], weights, guide[b], plane[b], state[b, state.shape[1] - 1], edge, y)
+
+
+@driver
+def fast_rows(fast, sample, noise, bits, state, lead, clamp, threads):
+    """The fast history after it has followed the sample."""
+    batch, channels, height, width = sample.shape
+    for thread in prange(threads):
+        sums, rows = np.zeros((lead, width), np.float32), np.ones((2, width), np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            if clamp > 0:
+                difference_row(sums, rows[0], bits[b], sample[b], state[b, channels:], lead, y)
+                explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), False, y)
+            fast_row(fast[b], sums, rows[1], state[b], lead, channels, y)
+
+
+@driver
+def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, threads):
+    """The state after this frame: the slow history follows the fast one, and both take the sample in."""
+    batch, channels, height, width = sample.shape
+    for thread in prange(threads):
+        sums, rows = np.zeros((lead, width), np.float32), np.ones((2, width), np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            if clamp > 0:
+                difference_row(sums, rows[0], bits[b], fast[b], state[b], lead, y)
+                explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), True, y)
+                slow_row(sums, rows[1], lead)
+            age_row(out[b], rows[0], rows[1], state[b], longest[b], y)
+            blend_row(out[b], sums, rows[0], sample[b], fast[b], state[b], lead, y)

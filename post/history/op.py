@@ -1,0 +1,154 @@
+"""Histories as torch operators: kernels on the CPU, the torch reference elsewhere and for gradients."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt import GBuffer
+from gbufrt.compute.dispatch import Form, form_of
+from post.filters.edges import Surface
+from post.history.antilag import accumulate_reference
+from post.history.reproject import correspondence, find_taps
+
+
+class Reading(NamedTuple):
+    """A picture of the previous frame, read at this frame's pixels."""
+
+    image: Tensor
+    """``(B, C, H, W)``; zero where not valid."""
+    support: Tensor
+    """``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface."""
+    valid: Tensor
+    """``(B, 1, H, W)`` bool: whether there is any history."""
+
+
+@torch.library.custom_op("gbufrt::read_history", mutates_args=())
+def read_history_cpu(
+    image: Tensor, now: Tensor, before: Tensor, shift: Tensor, plane: float, normal: float, search: bool, sharp: bool
+) -> Tensor:
+    """``(B, C + 2, H, W)``: the picture, the support, and 1 where it is valid.
+
+    Args:
+        image: ``(B, C, H, W)``.
+        now: as `correspondence` gives it, as ``before`` and ``shift``.
+        before: see ``now``.
+        shift: see ``now``.
+        plane: ``plane_tolerance`` of `reproject`.
+        normal: ``normal_tolerance``.
+        search: see `reproject`.
+        sharp: see `reproject`.
+    """
+    from post.history.drivers import read_each
+
+    batch, channels, height, width = image.shape
+    out = image.new_zeros(batch, channels + 2, height, width)
+    pixels = (image.movedim(1, -1), now, before.movedim(1, -1), shift)  # one tap's channels lie side by side
+    read_each(batch * height * width, out, *pixels, plane, normal, search, sharp)
+    return out
+
+
+@read_history_cpu.register_fake
+def _(image, now, before, shift, plane, normal, search, sharp):
+    return image.new_empty(image.shape[0], image.shape[1] + 2, *image.shape[2:])
+
+
+@torch.library.custom_op("gbufrt::accumulate", mutates_args=())
+def accumulate_cpu(
+    signal: Tensor,
+    state: Tensor,
+    longest: Tensor,
+    guide: Tensor,
+    plane: Tensor,
+    perspective: bool,
+    lead: int,
+    clamp: float,
+    firefly: float,
+) -> tuple[Tensor, Tensor]:
+    """See `accumulate`; ``guide`` and ``plane`` are those of `Surface`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.history.drivers import blend_rows, fast_rows, sample_rows
+
+    batch, _, height, width = signal.shape
+    out, sample = state.new_empty(state.shape), signal.new_empty(signal.shape)
+    noise, fast = signal.new_empty(batch, height, width), signal.new_empty(batch, lead + 2, height, width)
+    bits = torch.empty(batch, height, width, dtype=torch.int32)
+    given, wide = array(state), threads()
+    now = (array(sample), array(noise), array(bits))
+    geometry = (array(guide), array(plane), perspective)
+    sample_rows(*now, array(signal), given, *geometry, lead, firefly, clamp > 0, wide)
+    fast_rows(array(fast), *now, given, lead, clamp, wide)
+    blend_rows(array(out), array(fast), *now, given, array(longest[:, 0]), lead, clamp, wide)
+    return out, sample
+
+
+@accumulate_cpu.register_fake
+def _(signal, state, longest, guide, plane, perspective, lead, clamp, firefly):
+    return state.new_empty(state.shape), signal.new_empty(signal.shape)
+
+
+def read_history(
+    gbuffer: GBuffer,
+    previous: GBuffer,
+    image: Tensor,
+    *,
+    length: Tensor | None = None,
+    motion: Tensor | None = None,
+    plane_tolerance: float = 2.0,
+    normal_tolerance: float = 0.9,
+    search: bool = True,
+    sharp: bool = False,
+    compiled: bool | None = None,
+) -> Reading:
+    """Read a picture of the previous frame where this frame's surfaces were: `reproject`, then fetch.
+
+    Args:
+        gbuffer: of this frame.
+        previous: of the frame before, with its own camera.
+        image: ``(B, C, H, W)`` of the frame before.
+        length: see `reproject`, as the rest.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Raises:
+        ValueError: the frames differ in batch or size.
+    """
+    now, before, shift = correspondence(gbuffer, previous, length, motion)
+    options = (plane_tolerance, normal_tolerance, search, sharp)
+    if form_of(image, shift, now.detach(), before.detach(), compiled=compiled) is Form.CPU:
+        found = read_history_cpu(image, now, before, shift, *options)
+        return Reading(found[:, :-2], found[:, -2:-1], found[:, -1:] > 0)
+    taps = find_taps(now, before, shift, *options)
+    return Reading(taps.fetch(image), taps.support, taps.valid)
+
+
+def accumulate(
+    signal: Tensor,
+    state: Tensor,
+    longest: Tensor,
+    geometry: Surface,
+    *,
+    lead: int,
+    clamp: float,
+    firefly: float,
+    compiled: bool | None = None,
+) -> tuple[Tensor, Tensor]:
+    """Average a signal with its history, which follows changes of light; see `post.temporal`.
+
+    Args:
+        signal: ``(B, C, H, W)`` of this frame.
+        state: ``(B, C + lead + 4, H, W)`` of the frame before at this frame's pixels: mean, fast mean of the first
+            ``lead`` channels, mean and mean square of luminance, sum of squared weights, age in frames.
+        longest: ``(B, 1, H, W)`` frames that a history may hold.
+        geometry: of this frame.
+        lead: see `post.temporal`, as the rest.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        The state after this frame, and the signal without fireflies.
+    """
+    planes = (signal, state, longest, geometry.guide, geometry.plane)
+    if form_of(*planes, clamp, firefly, compiled=compiled) is Form.REFERENCE:
+        return accumulate_reference(signal, state, longest, geometry, lead, clamp, firefly)
+    return accumulate_cpu(*planes, geometry.perspective, lead, float(clamp), float(firefly))
