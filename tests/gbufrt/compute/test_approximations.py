@@ -1,0 +1,25 @@
+"""Polynomials of kernels against the exact functions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gbufrt.compute.approximations import exp2, log2
+
+
+def test_exp2() -> None:
+    x = np.linspace(-125.9, 126.9, 5001, dtype=np.float32)
+    got = np.array([exp2(v) for v in x], dtype=np.float64)
+    assert np.abs(got / 2.0 ** x.astype(np.float64) - 1).max() < 3e-7
+    assert exp2(np.float32(-1e9)) < 1.2e-38
+    assert 1e38 < exp2(np.float32(1e9)) < np.inf
+
+
+def test_log2() -> None:
+    x = np.exp2(np.linspace(-120, 120, 5001)).astype(np.float32)
+    got, want = np.array([log2(v) for v in x], dtype=np.float64), np.log2(x.astype(np.float64))
+    assert (np.abs(got - want) <= 6e-7 + 1e-7 * np.abs(want)).all()
+    near = (1 - np.geomspace(1e-6, 0.2, 1000)).astype(np.float32)
+    got, want = np.array([log2(v) for v in near], dtype=np.float64), np.log2(near.astype(np.float64))
+    assert np.abs(got / want - 1).max() < 3e-7
+    assert log2(np.float32(1)) == 0

@@ -1,0 +1,126 @@
+"""The compiled filters against their torch reference."""
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+from post.filters.edges import Surface, surface
+from post.filters.op import (
+    bilateral_cpu,
+    joint_bilateral,
+    moments,
+    moments_cpu,
+    spatial_moments,
+    wavelet,
+    wavelet_cpu,
+)
+
+SIZE = (37, 53)
+PHI = {"phi_color": 1.0, "phi_depth": 1.0, "phi_normal": 128.0}
+EDGE = {"depth_sensitivity": 1.0, "normal_power": 32.0}
+CASES = {"perspective": {}, "orthographic": {"orthographic": True}, "roughness": {"rough": True}}
+
+
+def scene(size: tuple[int, int] = SIZE, *, orthographic: bool = False, rough: bool = False) -> Surface:
+    g = boxes.frame(boxes.camera(size, orthographic=orthographic)).gbuffer
+    roughness = torch.linspace(0.0, 1.0, size[1]).expand_as(g.depth) if rough else None
+    hit = g.hit & (noise(1, size)[:, :1] > 0.1)  # holes, so that rows begin and end anywhere
+    hit[..., :3, :] = False
+    return surface(g.depth, g.normal, hit, g.camera, roughness)
+
+
+def noise(channels: int, size: tuple[int, int] = SIZE) -> Tensor:
+    return torch.rand((1, channels, *size), generator=torch.Generator().manual_seed(channels))
+
+
+def close(got: Tensor, want: Tensor) -> None:
+    torch.testing.assert_close(got, want, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("radius", [1, 2])
+def test_moments(case: str, radius: int) -> None:
+    geometry, light = scene(**CASES[case]), noise(1)
+    got, want = (moments(light, geometry, radius=radius, compiled=form) for form in (True, False))
+    close(got[:, :, geometry.hit[0, 0]], want[:, :, geometry.hit[0, 0]])
+    assert float(want[:, 1:][geometry.hit].std()) > 1e-3, "variances differ, so that the comparison says something"
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("step", [1, 4, 32])
+def test_wavelet(case: str, step: int) -> None:
+    geometry, values = scene(**CASES[case]), noise(5)
+    got, want = (wavelet(values, geometry, 0.05 * noise(1), step=step, **PHI, compiled=form) for form in (True, False))
+    close(got, want)
+    assert torch.equal(got[:, :, ~geometry.hit[0, 0]], values[:, :, ~geometry.hit[0, 0]])
+    assert step == 32 or float((got - values).abs().mean()) > 0.05
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("radius", [1, 4])
+def test_joint_bilateral(case: str, radius: int) -> None:
+    geometry, values = scene(**CASES[case]), noise(4)
+    inputs = (values, geometry, 0.5 + 4 * noise(1), 0.1 + noise(2)[:, 1:])
+    got, want = (joint_bilateral(*inputs, radius=radius, **EDGE, compiled=form) for form in (True, False))
+    close(got, want)
+    assert float((got - values[:, :-1]).abs().mean()) > 0.03
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (2, 2), (5, 3)])
+def test_pictures_smaller_than_the_kernel(size: tuple[int, int]) -> None:
+    ones = torch.ones(1, 1, *size)
+    geometry = Surface(torch.cat([ones, 0 * ones, 0 * ones, ones, ones], dim=1), torch.cat([ones] * 4, dim=1), True)
+    for form in (wavelet, joint_bilateral, moments):
+        values = noise(4, size)
+        options = {
+            wavelet: ((values, geometry, 0 * ones), {"step": 4, **PHI}),
+            joint_bilateral: ((values, geometry, 2 * ones, ones), {"radius": 4, **EDGE}),
+            moments: ((values[:, :1], geometry), {"radius": 2}),
+        }[form]
+        got, want = (form(*options[0], **options[1], compiled=compiled) for compiled in (True, False))
+        close(got, want)
+
+
+@pytest.mark.parametrize("power", [0.0, 0.5])
+def test_normals_that_face_away(power: float) -> None:
+    """A power of 0 counts every normal; any other counts none that is more than a right angle away."""
+    ones = torch.ones(1, 1, 3, 4)
+    flip = torch.tensor([1.0, -1.0, 1.0, -1.0]).expand_as(ones)
+    geometry = Surface(torch.cat([ones, 0 * ones, 0 * ones, flip, ones], dim=1), 0 * torch.cat([ones] * 4, dim=1), True)
+    inputs = (noise(2, (3, 4)), geometry, 3 * ones, 10 * ones)
+    options = {"radius": 2, "depth_sensitivity": 1.0, "normal_power": power}
+    got, want = (joint_bilateral(*inputs, **options, compiled=form) for form in (True, False))
+    close(got, want)
+
+
+def test_batches() -> None:
+    one, other = scene(), scene(orthographic=False, rough=False)
+    both = Surface(torch.cat([one.guide, other.guide.flip(-1)]), torch.cat([one.plane, other.plane]), True)
+    values = torch.cat([noise(5), noise(5).flip(-2)])
+    got = wavelet(values, both, torch.zeros(2, 1, *SIZE), step=2, **PHI, compiled=True)
+    for b in range(2):
+        alone = Surface(both.guide[b : b + 1], both.plane[b : b + 1], True)
+        want = wavelet(values[b : b + 1], alone, torch.zeros(1, 1, *SIZE), step=2, **PHI, compiled=True)
+        assert torch.equal(got[b : b + 1], want)
+
+
+def test_a_tunable_that_wants_a_gradient_gets_the_reference() -> None:
+    sensitivity = torch.tensor(1.0, requires_grad=True)
+    mean, variance = spatial_moments(noise(3), scene(), depth_sensitivity=sensitivity)  # pyright: ignore[reportArgumentType]
+    (mean + variance).sum().backward()
+    assert sensitivity.grad is not None
+    assert float(sensitivity.grad) != 0
+
+
+def test_operators_are_registered_properly() -> None:
+    geometry, checks = scene(), ("test_schema", "test_faketensor")
+    planes = (geometry.guide, geometry.plane)
+    for operator, given in (
+        (moments_cpu, (noise(1), *planes, 1, True, 1.0)),
+        (wavelet_cpu, (noise(5), *planes, noise(1), 2, True, 1.0, 1.0, 128.0)),
+        (bilateral_cpu, (noise(4), *planes, noise(1), noise(1), 2, True, 1.0, 32.0)),
+    ):
+        torch.library.opcheck(operator, given, test_utils=checks)

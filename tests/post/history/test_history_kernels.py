@@ -1,0 +1,92 @@
+"""The compiled histories against their torch reference."""
+
+from __future__ import annotations
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+from post.filters.edges import surface
+from post.history.op import accumulate, accumulate_cpu, read_history, read_history_cpu
+from post.history.reproject import correspondence
+
+SIZE = (45, 61)
+FORMS = (True, False)
+
+
+def noise(channels: int, seed: int = 0) -> Tensor:
+    return torch.rand((1, channels, *SIZE), generator=torch.Generator().manual_seed(seed))
+
+
+@pytest.mark.parametrize("search", [True, False])
+@pytest.mark.parametrize("sharp", [True, False])
+@pytest.mark.parametrize("orthographic", [True, False])
+def test_read_history(search: bool, sharp: bool, orthographic: bool) -> None:
+    camera, before = (
+        boxes.camera(SIZE, dx=0.35, orthographic=orthographic),
+        boxes.camera(SIZE, orthographic=orthographic),
+    )
+    now, then = boxes.frame(camera, previous=before).gbuffer, boxes.frame(before).gbuffer
+    options = {"length": (noise(1) > 0.1).float(), "search": search, "sharp": sharp}
+    got, want = (read_history(now, then, noise(3), **options, compiled=form) for form in FORMS)
+    torch.testing.assert_close(got.image, want.image, rtol=1e-5, atol=2e-6)
+    torch.testing.assert_close(got.support, want.support, rtol=1e-5, atol=1e-6)
+    assert torch.equal(got.valid, want.valid)
+    assert 0.3 < float(want.valid.float().mean()) < 1.0, "some surfaces are new"
+
+
+def test_read_history_far_outside_and_without_motion() -> None:
+    g = boxes.frame(boxes.camera(SIZE)).gbuffer
+    motion = torch.zeros(1, 2, *SIZE)
+    motion[..., :9], motion[..., 9:20], motion[..., 20:30] = torch.inf, -1e30, torch.nan
+    got, want = (read_history(g, g, noise(2), motion=motion, compiled=form) for form in FORMS)
+    torch.testing.assert_close(got.image, want.image)
+    assert torch.equal(got.valid, want.valid)
+    assert not want.valid[..., :20].any()
+
+
+def state_of(lead: int, signal: Tensor) -> Tensor:
+    """Histories of every age, some of which the signal agrees with."""
+    mean = signal * (0.8 + 0.4 * noise(signal.shape[1], 1))
+    fast = signal[:, :lead] * (0.9 + 0.2 * noise(lead, 2))
+    first = signal[:, :1] * 0.9
+    moments = torch.cat([first, first * first + 0.01 * noise(1, 3)], dim=1)
+    age = torch.floor(12 * noise(1, 4))
+    return torch.cat([mean, fast, moments, 1 / age.clamp_min(1.0), age], dim=1)
+
+
+@pytest.mark.parametrize("lead", [1, 3])
+@pytest.mark.parametrize("clamp", [2.0, 0.0])
+@pytest.mark.parametrize("firefly", [6.0, 0.0])
+@pytest.mark.parametrize("orthographic", [True, False])
+def test_accumulate(lead: int, clamp: float, firefly: float, orthographic: bool) -> None:
+    g = boxes.frame(boxes.camera(SIZE, orthographic=orthographic)).gbuffer
+    geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), 0.5 + 0.1 * noise(4)
+    signal[..., 20:, :] *= 2.0  # the light has changed
+    state = state_of(lead, 0.5 + 0.1 * noise(4))
+    signal[..., ::7, ::5] *= 4.0  # fireflies, not so bright that rounding shows in what they leave
+    inputs = (signal, state, 4 + 8 * noise(1), geometry)
+    got, want = (accumulate(*inputs, lead=lead, clamp=clamp, firefly=firefly, compiled=form) for form in FORMS)
+    for a, b in zip(got, want, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5)
+    assert (float((want[1] - signal).abs().max()) > 1) == (firefly > 0), "fireflies are cut"
+    younger = want[0][:, -1:] < torch.minimum(state[:, -1:] + 1, inputs[2]) - 0.01
+    assert bool((younger & (state[:, -1:] > 0)).any()) == (clamp > 0), "changed light makes histories younger"
+
+
+def test_gradients_take_the_reference() -> None:
+    g = boxes.frame(boxes.camera(SIZE)).gbuffer
+    image = noise(3).requires_grad_()
+    read_history(g, g, image).image.sum().backward()
+    assert image.grad is not None
+    assert float(image.grad.abs().sum()) > 0
+
+
+def test_operators_are_registered_properly() -> None:
+    g, checks = boxes.frame(boxes.camera(SIZE)).gbuffer, ("test_schema", "test_faketensor")
+    geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), noise(4)
+    look = correspondence(g, g)
+    torch.library.opcheck(read_history_cpu, (signal, *look, 2.0, 0.9, True, False), test_utils=checks)
+    given = (signal, state_of(3, signal), noise(1), geometry.guide, geometry.plane, True, 3, 2.0, 6.0)
+    torch.library.opcheck(accumulate_cpu, given, test_utils=checks)
