@@ -28,6 +28,9 @@ def test_read_history(search: bool, sharp: bool, orthographic: bool) -> None:
         boxes.camera(SIZE, orthographic=orthographic),
     )
     now, then = boxes.frame(camera, previous=before).gbuffer, boxes.frame(before).gbuffer
+    assert then.object_id is not None
+    decal = torch.arange(SIZE[1]).expand_as(then.object_id) % 20 < 5  # another object in the same plane
+    then = then.replace(object_id=torch.where(decal, 999, then.object_id))
     options = {"length": (noise(1) > 0.1).float(), "search": search, "sharp": sharp}
     got, want = (read_history(now, then, noise(3), **options, compiled=form) for form in FORMS)
     torch.testing.assert_close(got.image, want.image, rtol=1e-5, atol=2e-6)
