@@ -29,6 +29,12 @@ def scalar(function: F) -> F:
     return function
 
 
+def inlined(function: F) -> F:
+    """Mark a `scalar` helper that loops call: compilers turn no loop into vector instructions that calls a function."""
+    function.__inlined__ = True  # type: ignore[attr-defined]
+    return scalar(function)
+
+
 def is_scalar(value: Any) -> bool:
     """Whether a value is a function marked `scalar`."""
     return isinstance(value, FunctionType) and hasattr(value, "__scalar__")
@@ -40,15 +46,22 @@ class Target:
     Args:
         jit: numba's compiler for the device.
         helper: its options for functions that bodies call.
+        within: its options for functions that are part of their callers, see `inlined`.
         entry: its options for a body that a driver calls as ``item``.
         driver: its options for drivers.
     """
 
     def __init__(
-        self, jit: Callable[..., Any], *, helper: dict[str, Any], entry: dict[str, Any], driver: dict[str, Any]
+        self,
+        jit: Callable[..., Any],
+        *,
+        helper: dict[str, Any],
+        within: dict[str, Any],
+        entry: dict[str, Any],
+        driver: dict[str, Any],
     ) -> None:
-        self._helper, self._entry, self._driver = jit(**helper), jit(**entry), jit(**driver)
-        self._options = f"{helper} {entry} {driver}"
+        self._helper, self._within, self._entry, self._driver = (jit(**o) for o in (helper, within, entry, driver))
+        self._options = f"{helper} {within} {entry} {driver}"
         self._compiled: dict[FunctionType, Any] = {}
 
     def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
@@ -73,7 +86,8 @@ class Target:
     def helper(self, function: FunctionType) -> Any:
         """The compiled form of a marked function, shared by all callers."""
         if function not in self._compiled:
-            self._compiled[function] = self._helper(self.bind(function))
+            compiler = self._within if hasattr(function, "__inlined__") else self._helper
+            self._compiled[function] = compiler(self.bind(function))
         return self._compiled[function]
 
     def _resolve(self, value: Any, user: FunctionType) -> Any:
@@ -164,7 +178,7 @@ def _describe(value: Any, user: FunctionType) -> Iterator[str]:
     elif isinstance(value, type):
         yield f"type {_name(value)} {getattr(value, '_fields', '')}"
     elif is_scalar(value) or isinstance(value, (BuiltinFunctionType, np.ufunc)) or _is_foreign(value):
-        yield f"function {_name(value)}"
+        yield f"function {_name(value)}{' inlined' if hasattr(value, '__inlined__') else ''}"
     else:
         raise TypeError(
             f"{_name(user)} names {getattr(value, '__name__', repr(value))}, a {type(value).__name__}: compiled code "

@@ -22,16 +22,17 @@ import numba
 import numpy as np
 from torch import Tensor
 
-from gbufrt.compute.bodies import Target, scalar
+from gbufrt.compute.bodies import Target, inlined, scalar
 from gbufrt.compute.cache import kept, missing
 from gbufrt.compute.threads import threads
 
-__all__ = ["CPU", "Kernel", "array", "driver", "scalar", "threads"]
+__all__ = ["CPU", "Kernel", "array", "driver", "inlined", "scalar", "threads"]
 
 _PLAIN = {"nogil": True, "error_model": "numpy"}
 CPU = Target(
     numba.njit,
     helper=_PLAIN,  # cached as part of their driver
+    within=_PLAIN | {"forceinline": True},
     entry=_PLAIN | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
     driver=_PLAIN | {"parallel": True},
 )

@@ -15,3 +15,6 @@ SECTORS = 30  # of equal cosine-weighted measure; fits a signed 32-bit mask
 GROUPS = 6  # of sectors, one mean direction each
 PER_GROUP = SECTORS // GROUPS
 FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
+
+SUMS = 8  # of each receiver, see `arcs.finish`
+LIGHT = 3  # channels of light that follow where it is gathered

@@ -6,40 +6,60 @@ import numpy as np
 from numba import prange
 
 from gbufrt.compute.kernel import driver, scalar
-from post.sweep.slice_kernel import Around, dice_at, receiver_at
-from post.sweep.sweep_kernel import Scratch, gather, occlude
+from post.sweep.lane_kernel import LANES, Around, fill_noise, fill_receivers, new_lanes
+from post.sweep.sweep_kernel import gather, occlude
 
 
 @scalar
-def _scratch(radii, groups, steps):
-    """Scratch memory of one thread."""
-    covered, light = np.empty(max(radii.shape[0], 1), np.int32), np.empty(3, np.float32)
-    return Scratch(covered, light, np.empty((groups, 3), np.float32), np.empty(steps, np.float32))
+def _sweep_lanes(out, lanes, around, planes, turns, noise, used, gathers):
+    """Sweep the receivers at ``lanes.place``, of which the first ``used`` count; the other lanes repeat one of them."""
+    lanes.place[used:] = lanes.place[0]
+    fill_receivers(lanes, planes, around)
+    lanes.sums[:] = 0
+    for which in range(turns.shape[0]):
+        fill_noise(lanes, turns, noise, which)
+        if gathers:
+            gather(lanes, around)
+        else:
+            occlude(lanes, around)
+    for k in range(out.shape[0]):
+        for x in range(used):
+            out[k, lanes.place[x]] = lanes.sums[k * LANES + x]
 
 
 @scalar
-def _clear(sums, hit):
-    """Set to zero, but the weight to 1 where nothing was hit, so that it can be divided by."""
-    sums[:] = 0
-    sums[:, 0] = not hit
+def _clear(out, sums, place):
+    """Sums of a receiver that hit nothing: zero, but a weight of 1, so that they can be divided by it."""
+    out[:, place] = 0
+    out[::sums, place] = 1
+
+
+@scalar
+def _sweep_rows(out, lanes, around, planes, hit, turns, noise, first, every, gathers):
+    """Sweep every ``every``-th row of one picture, from row ``first``; receivers that hit nothing are left out."""
+    (height, width), used = hit.shape, 0
+    for y in range(first, height, every):
+        for x in range(width):
+            if hit[y, x]:
+                lanes.place[used] = y * width + x
+                used += 1
+                if used == LANES:
+                    _sweep_lanes(out, lanes, around, planes, turns, noise, used, gathers)
+                    used = 0
+            else:
+                _clear(out, lanes.sums.shape[0] // lanes.covered.shape[0], y * width + x)
+    if used > 0:
+        _sweep_lanes(out, lanes, around, planes, turns, noise, used, gathers)
 
 
 @driver
-def sweep_all(out, picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, gathers, threads):
-    _, batch, height, width = planes.shape
+def sweep_all(
+    out, picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, steps, limited, parallel, gathers, threads
+):
+    tall, wide, pairs = picture.shape[1:]
     for thread in prange(threads):
-        sums, scratch = np.empty(out.shape[:2], np.float32), _scratch(radii, terms.shape[1] // 2, steps)
-        for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            around = Around(picture[b], rays[b], radii, sky[b], terms, margin, parallel)
-            for x in range(width):
-                _clear(sums, hit[b, y, x])
-                if hit[b, y, x]:
-                    at = receiver_at(planes, rays[b, 4], b, y, x)
-                    for which in range(random.shape[0]):
-                        dice = dice_at(random, which, y, x)
-                        if gathers:
-                            gather(sums, scratch, around, at, dice)
-                        else:
-                            occlude(sums, scratch, around, at, dice)
-                out[:, :, b, y, x] = sums
+        lanes = new_lanes(radii.shape[0], out.shape[0] // radii.shape[0], steps)
+        for b in range(picture.shape[0]):
+            pixels = picture[b].reshape(tall * wide, pairs)
+            around = Around(pixels, wide, tall, rays[b, 4], rays[b], radii, limited, sky[b], terms, margin, parallel)
+            _sweep_rows(out[:, b], lanes, around, planes[:, b], hit[b], turns, noise, thread, threads, gathers)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from post.sweep import arcs, slices
-from post.sweep.constants import GROUPS
+from post.sweep.constants import GROUPS, LIGHT, SUMS
 from post.sweep.layout import PaddedView, Receivers
 from post.sweep.open_sky import Sky
 from post.sweep.reference import sweep_reference
-
-SUMS, LIGHT = 8, 3  # of `arcs.finish`; channels of light that follow
-
 
 @torch.library.custom_op("gbufrt::sweep", mutates_args=())
 def sweep_cpu(
@@ -23,7 +21,8 @@ def sweep_cpu(
     rays: Tensor,
     planes: Tensor,
     hit: Tensor,
-    random: Tensor,
+    turns: Tensor,
+    noise: Tensor,
     radii: Tensor,
     sky: Tensor,
     terms: Tensor,
@@ -39,7 +38,8 @@ def sweep_cpu(
         rays: ``(B, 5)``: its origins and pitches, and the aspect of `slices.Receivers`.
         planes: ``(12, B, h, w)``: the other planes of the receivers.
         hit: ``(B, h, w)`` bool.
-        random: ``(directions, h, w, 4)``: see `slices.slice_noise`.
+        turns: ``(directions, 2, h, w)``: cosine and sine of the slices' angles, see `slices.slice_noise`.
+        noise: ``(3, h, w)`` in [0, 1).
         radii: ``(R,)``, from the smallest to the largest.
         sky: ``(B, 5)``, see `open_sky.Sky`, or ``(B, 0)``.
         terms: see `arcs.direction_polynomials`.
@@ -51,14 +51,18 @@ def sweep_cpu(
     from gbufrt.compute.kernel import array, threads
     from post.sweep.drivers import sweep_all
 
-    out = planes.new_empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]), dtype=torch.float32)
-    inputs = [array(t) for t in (out, picture, rays, planes, hit, random, radii, sky, terms)]
-    sweep_all(*inputs, margin, steps, parallel, gathers, threads())
-    return out
+    (batch, *size), count = hit.shape, SUMS + LIGHT * gathers
+    out = planes.new_empty((max(len(radii), 1) * count, batch, size[0] * size[1]), dtype=torch.float32)
+    limits = radii if len(radii) else radii.new_tensor([torch.inf])
+    flat = planes.flatten(2), hit, turns.flatten(2), noise.flatten(1)
+    inputs = [array(t) for t in (out, picture, rays, *flat, limits, sky, terms)]
+    inputs[1] = inputs[1].view(np.int64)  # two numbers are read at once
+    sweep_all(*inputs, margin, steps, len(radii) > 0, parallel, gathers, threads())
+    return out.view(-1, count, batch, *size)
 
 
 @sweep_cpu.register_fake
-def _(picture, rays, planes, hit, random, radii, sky, terms, margin, steps, parallel, gathers):
+def _(picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, steps, parallel, gathers):
     return planes.new_empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]))
 
 
@@ -124,13 +128,14 @@ def _sweep_cpu(
 ) -> Tensor:
     batch, empty = at.z.shape[0], at.z.new_empty(at.z.shape[0], 0)
     rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, at.aspect)
-    dice = [torch.stack(slices.slice_noise(noise, which, directions), dim=-1) for which in range(directions)]
+    turns = [torch.stack(slices.slice_noise(noise, which, directions)[:2]) for which in range(directions)]
     return sweep_cpu(
         around.picture.movedim(1, -1),
         torch.cat([t.expand(batch, 1, 1).flatten(1) for t in rays], dim=1),
         torch.stack(at[:-1]),
         hit[:, 0],
-        torch.stack(dice),
+        torch.stack(turns),
+        noise,
         torch.stack(radii) if radii else at.z.new_empty(0),
         empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
         torch.tensor(arcs.direction_polynomials(GROUPS), dtype=at.z.dtype),

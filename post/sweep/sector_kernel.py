@@ -1,4 +1,4 @@
-"""Scalar forms of the sectors of a slice's arc and of their sums. See `post.sweep.sweep_kernel`.
+"""Compiled forms of the sectors of a slice's arc and of their sums, for all lanes at once: see `post.sweep.lane_kernel`.
 
 Names and steps are those of the torch reference in `post.sweep.sectors` and `post.sweep.open_sky`, which is the
 definition.
@@ -10,94 +10,123 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from post.sweep import constants
-from post.sweep.constants import FIRST_BITS, PER_GROUP
-from post.sweep.slice_kernel import HALF, ONE, ZERO, leaves_hit
+from post.sweep import lane_kernel as lane
+from post.sweep.constants import PER_GROUP
+from post.sweep.lane_kernel import LANES
+from post.sweep.slice_kernel import HALF, ONE, ZERO
 
 SECTORS, GROUPS, FREE = np.float32(constants.SECTORS), np.float32(constants.GROUPS), np.float32(constants.FREE)
 FIELD = (1 << PER_GROUP) - 1
 
 
-@scalar
-def bits_between(low, high, dither):
-    """The sectors between two shares of the arc, see `sectors.cover`."""
-    first = np.int32(low * SECTORS + dither)
-    last = max(np.int32(high * SECTORS + dither), first)
+@inlined
+def bits_between(low, high, seam, right, dither):
+    """The sectors between two shares of a side, see `sectors.cover`."""
+    first = np.int32((seam + low if right else seam - high) * SECTORS + dither)
+    last = max(np.int32((seam + high if right else seam - low) * SECTORS + dither), first)
     return np.int32((1 << last) - (1 << first))
 
 
-@scalar
-def group_counts(bits):
-    """Number of sectors set in each group, one bit field per group; see `sectors.group_shares`."""
-    counts = bits & FIRST_BITS
-    for bit in range(1, PER_GROUP):
-        counts += (bits >> bit) & FIRST_BITS
-    return counts
+@inlined
+def count(bits):
+    """The number of sectors that are set: sums of two bits, then of two sums, and so on, all side by side."""
+    twos = np.int32(bits - (np.int32(bits >> 1) & 0x55555555))
+    fours = np.int32((twos & 0x33333333) + (np.int32(twos >> 2) & 0x33333333))
+    eights = np.int32(np.int32(fours + np.int32(fours >> 4)) & 0x0F0F0F0F)
+    halves = np.int32(eights + np.int32(eights >> 8))
+    return np.int32(np.int32(halves + np.int32(halves >> 16)) & 63)
 
 
-@scalar
+@inlined
 def share(bits):
     """See `sectors.share`."""
-    counts, total = group_counts(bits), 0
-    for group in range(constants.GROUPS):
-        total += (counts >> (PER_GROUP * group)) & FIELD
-    return np.float32(total) / SECTORS
+    return np.float32(count(bits)) / SECTORS
 
 
-@scalar
-def mean_direction(terms, sin_n, which):
-    """See `arcs.mean_directions`: polynomials; each row of ``terms`` holds one power."""
-    value = terms[terms.shape[0] - 1, which]
-    for power in range(terms.shape[0] - 2, -1, -1):
-        value = value * sin_n + terms[power, which]
-    return value
+@inlined
+def _terms(terms, which):
+    """One of the polynomials of `arcs.direction_polynomials`, lowest power first."""
+    return (
+        terms[0, which],
+        terms[1, which],
+        terms[2, which],
+        terms[3, which],
+        terms[4, which],
+        terms[5, which],
+        terms[6, which],
+        terms[7, which],
+        terms[8, which],
+    )
 
 
-@scalar
-def _open_share(sky, cut, group, rise, run, seam, hits):
+@inlined
+def _polynomial(t, s):
+    """See `arcs.mean_directions`."""
+    value = ((((t[8] * s + t[7]) * s + t[6]) * s + t[5]) * s + t[4]) * s + t[3]
+    return ((value * s + t[2]) * s + t[1]) * s + t[0]
+
+
+@inlined
+def _open_share(rows, sky, group, rise, run, x):
     """See `open_sky.open_share`: of one group."""
-    lift = cut.hx * sky[2] + cut.hy * sky[3] + cut.hz * sky[4]
-    slide = cut.tx * sky[2] + cut.ty * sky[3] + cut.tz * sky[4]
+    lift = rows[lane.HX + x] * sky[2] + rows[lane.HY + x] * sky[3] + rows[lane.HZ + x] * sky[4]
+    slide = rows[lane.TX + x] * sky[2] + rows[lane.TY + x] * sky[3] + rows[lane.TZ + x] * sky[4]
     elevation = (rise * lift + run * slide) / math.sqrt(rise * rise + run * run + np.float32(1e-12))
-    right = min(max(np.float32(group) + HALF - seam * GROUPS + HALF, ZERO), ONE)
-    unknown = (right * hits[0] + (ONE - right) * hits[1]) * sky[1]
+    right = min(max(np.float32(group) + HALF - rows[lane.LEFT + x] * GROUPS + HALF, ZERO), ONE)
+    unknown = (right * rows[lane.RIGHT_HIT + x] + (ONE - right) * rows[lane.LEFT_HIT + x]) * sky[1]
     return ONE - unknown * (ONE - sky[0] * min(max(elevation / FREE, ZERO), ONE))
 
 
 @scalar
-def fill_groups(groups, around, at, cut, right, left):
-    """What all masks of a slice share: each group's mean direction (2) and its openness where not covered."""
-    sky, terms = around.sky, around.terms
-    hits = (leaves_hit(around, at, right), leaves_hit(around, at, left))
-    for group in range(constants.GROUPS):
-        rise = mean_direction(terms, cut.sin_n, group)
-        run = mean_direction(terms, cut.sin_n, constants.GROUPS + group)
-        groups[group, 0], groups[group, 1] = rise, run
-        groups[group, 2] = _open_share(sky, cut, group, rise, run, left.whole, hits) if sky.shape[0] > 0 else ONE
+def _start_group(rows, around, group):
+    """What all masks of a slice share: a group's mean direction and its openness where not covered."""
+    rises, runs = _terms(around.terms, group), _terms(around.terms, constants.GROUPS + group)
+    for x in range(LANES):
+        sin_n = rows[lane.SIN_N + x]
+        rise, run = _polynomial(rises, sin_n), _polynomial(runs, sin_n)
+        rows[lane.GROUP_RISE + x], rows[lane.GROUP_RUN + x], rows[lane.GROUP_OPEN + x] = rise, run, ONE
+    if around.sky.shape[0] > 0:
+        sky = around.sky[0], around.sky[1], around.sky[2], around.sky[3], around.sky[4]
+        for x in range(LANES):
+            rise, run = rows[lane.GROUP_RISE + x], rows[lane.GROUP_RUN + x]
+            rows[lane.GROUP_OPEN + x] = _open_share(rows, sky, group, rise, run, x)
 
 
 @scalar
-def _add_direction(sums, cut, rise, run):
-    sums[0] += rise * cut.hx + run * cut.tx
-    sums[1] += rise * cut.hy + run * cut.ty
-    sums[2] += rise * cut.hz + run * cut.tz
+def _add_group(rows, covered, group):
+    for x in range(LANES):
+        rise, run = rows[lane.GROUP_RISE + x], rows[lane.GROUP_RUN + x]
+        bits = (covered[x] >> (PER_GROUP * group)) & FIELD
+        part = (ONE - np.float32(count(bits)) / np.float32(PER_GROUP)) * rows[lane.GROUP_OPEN + x]
+        rows[lane.OPENED + x] += part
+        rows[lane.OPEN_RISE + x] += part * rise
+        rows[lane.OPEN_RUN + x] += part * run
+        rows[lane.WHOLE_RISE + x] += rise
+        rows[lane.WHOLE_RUN + x] += run
+
+
+@inlined
+def _add_direction(sums, k, rows, rise, run, x):
+    sums[k + x] += rise * rows[lane.HX + x] + run * rows[lane.TX + x]
+    sums[k + LANES + x] += rise * rows[lane.HY + x] + run * rows[lane.TY + x]
+    sums[k + 2 * LANES + x] += rise * rows[lane.HZ + x] + run * rows[lane.TZ + x]
 
 
 @scalar
-def add_slice(sums, groups, cut, bits):
-    """See `sectors.slice_sums`."""
-    counts = group_counts(bits)
-    opened, open_rise, open_run, whole_rise, whole_run = ZERO, ZERO, ZERO, ZERO, ZERO
+def add_slices(rows, sums, covered, around):
+    """See `sectors.slice_sums`: add every slice, covered as given, to its sums."""
+    for x in range(5 * LANES):
+        rows[lane.WHOLE_RISE + x] = ZERO
     for group in range(constants.GROUPS):
-        rise, run = groups[group, 0], groups[group, 1]
-        covered = np.float32((counts >> (PER_GROUP * group)) & FIELD) / np.float32(PER_GROUP)
-        part = (ONE - covered) * groups[group, 2]
-        opened += part
-        open_rise, open_run = open_rise + part * rise, open_run + part * run
-        whole_rise, whole_run = whole_rise + rise, whole_run + run
-    weight = cut.weight
-    sums[0] += weight
-    sums[1] += opened / GROUPS * weight
-    _add_direction(sums[2:5], cut, open_rise / GROUPS * weight, open_run / GROUPS * weight)
-    _add_direction(sums[5:8], cut, whole_rise / GROUPS * weight, whole_run / GROUPS * weight)
+        _start_group(rows, around, group)
+        _add_group(rows, covered, group)
+    for x in range(LANES):
+        weight = rows[lane.WEIGHT + x]
+        sums[x] += weight
+        sums[LANES + x] += rows[lane.OPENED + x] / GROUPS * weight
+        rise, run = rows[lane.OPEN_RISE + x] / GROUPS * weight, rows[lane.OPEN_RUN + x] / GROUPS * weight
+        _add_direction(sums, 2 * LANES, rows, rise, run, x)
+        rise, run = rows[lane.WHOLE_RISE + x] / GROUPS * weight, rows[lane.WHOLE_RUN + x] / GROUPS * weight
+        _add_direction(sums, 5 * LANES, rows, rise, run, x)

@@ -1,34 +1,27 @@
-"""Scalar forms shared by the compiled sweeps: one slice of a receiver, its sides and taps.
+"""Scalar forms shared by the compiled sweeps: one slice of a receiver, its sides, and the measure of its arc.
 
 Names and steps are those of the torch reference in `post.sweep.slices` and `post.sweep.arcs`, which is the definition,
-with branches where the reference multiplies by 0 or 1. All numbers are float32, as there: Python floats would turn
+with selections where the reference multiplies by 0 or 1. All numbers are float32, as there: Python floats would turn
 them into doubles, which round to other pixels and sectors.
 """
 
 from __future__ import annotations
 
 import math
-from collections import namedtuple
-from typing import Any
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined
 from post.sweep import constants
-from post.sweep.layout import Receivers, Side, Slice
+from post.sweep.layout import Slice
 
 BIAS, FIRST, SNAP = np.float32(constants.BIAS), np.float32(constants.FIRST), np.float32(constants.SNAP)
 ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
 QUARTER, HALF_TURN = np.float32(math.pi / 2), np.float32(math.pi)
 FOLD = np.float32(math.tan(math.pi / 8))
 
-Around = namedtuple("Around", "picture rays radii sky terms margin parallel")
-"""What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
-Tap = namedtuple("Tap", "front_rise front_run back_rise back_run z back_z x y i j")
-"""See `arcs.Tap`; column and row in the picture in place of the further channels."""
 
-
-@scalar
+@inlined
 def atan2(y, x):
     """The angle of (x, y), to 2e-7: a library's scalar form would take most of a sweep's time.
 
@@ -47,22 +40,7 @@ def atan2(y, x):
     return -angle if y < ZERO else angle
 
 
-@scalar
-def receiver_at(planes, aspect, b, y, x):
-    """One of `slices.Receivers`."""
-    one = planes[:, b, y, x]
-    return Receivers(
-        one[0], one[1], one[2], one[3], one[4], one[5], one[6], one[7], one[8], one[9], one[10], one[11], aspect
-    )
-
-
-@scalar
-def dice_at(random, which, y, x):
-    """See `slices.slice_noise`."""
-    return random[which, y, x, 0], random[which, y, x, 1], random[which, y, x, 2], random[which, y, x, 3]
-
-
-@scalar
+@inlined
 def cut_slice(at, cos_psi, sin_psi):
     """See `slices.cut_slice`."""
     length = ONE / math.sqrt(ONE - at.vx * at.vx)
@@ -101,94 +79,39 @@ def cut_slice(at, cos_psi, sin_psi):
     )
 
 
-@scalar
-def side_of(around, at, cut, sign):
-    """See `arcs.sides`: the right side for ``sign`` 1, the left one for -1."""
-    length: Any = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
-    dx, dy, half = sign * (cut.step_x / length), sign * (cut.step_y / length), HALF / cut.measure
-    whole = (cut.cos_n + (cut.n + QUARTER) * cut.sin_n) * half
-    frame, border = _border(around, around.margin + 1, at, dx, dy), _border(around, 1, at, dx, dy)
-    other = Slice(
-        cut.nx,
-        cut.ny,
-        cut.nz,
-        cut.hx,
-        cut.hy,
-        cut.hz,
-        sign * cut.tx,
-        sign * cut.ty,
-        sign * cut.tz,
-        cut.level,
-        sign * cut.place,
-        cut.cos_n,
-        sign * cut.sin_n,
-        sign * cut.n,
-        cut.measure,
-        cut.weight,
-        cut.step_x,
-        cut.step_y,
-    )
-    return Side(other, dx, dy, length, frame, border, half, whole if sign > ZERO else ONE - whole)
+@inlined
+def right_share(cut):
+    """Share of the arc on the right side, see `arcs.sides`."""
+    return (cut.cos_n + (cut.n + QUARTER) * cut.sin_n) * (HALF / cut.measure)
 
 
-@scalar
-def _border(around, edge, at, dx, dy):
-    """See `arcs._borders`."""
-    height, width = around.picture.shape[:2]
-    right, low = np.float32(width - edge) - HALF, np.float32(height - edge) - HALF
+@inlined
+def pixels_to(edge, around, at, dx, dy):
+    """Pixels in direction (dx, dy) to ``edge`` pixels before the end of the padded picture, see `arcs._borders`."""
+    right, low = np.float32(around.width - edge) - HALF, np.float32(around.height - edge) - HALF
     first = np.float32(edge) - HALF
     x = max((right - at.column) * dx, (first - at.column) * dx) / max(dx * dx, np.float32(1e-12))
     y = max((low - at.row) * dy, (first - at.row) * dy) / max(dy * dy, np.float32(1e-12))
     return min(x, y)
 
 
-@scalar
-def _pixel(around, at, side, px):
-    """Whole column and row ``px`` pixels from the receiver, and the same clamped to the picture."""
-    column, row = np.rint(at.column + side.dx * px), np.rint(at.row + side.dy * px)
-    i = min(max(np.int32(column), np.int32(0)), np.int32(around.picture.shape[1] - 1))
-    j = min(max(np.int32(row), np.int32(0)), np.int32(around.picture.shape[0] - 1))
-    return column, row, i, j
-
-
-@scalar
-def look(around, at, side, px):
-    """See `arcs.look`."""
-    cut, rays = side.cut, around.rays
-    column, row, i, j = _pixel(around, at, side, px)
-    z, solid = around.picture[j, i, 0], around.picture[j, i, 1]
-    x, y = rays[0] + rays[2] * column, rays[1] + rays[3] * row
-    rise, run = x * cut.nx + y * cut.ny, x * cut.tx + y * cut.ty
-    if around.parallel:
-        rise_by_z, run_by_z = cut.nz, cut.tz
-        rise, run = rise + z * cut.nz - cut.level, run + z * cut.tz - cut.place
-    else:
-        rise_by_z, run_by_z = rise + cut.nz, run + cut.tz
-        rise, run = z * rise_by_z - cut.level, z * run_by_z - cut.place
-    return Tap(rise, run, rise + solid * rise_by_z, run + solid * run_by_z, z, z + solid, x, y, i, j)
-
-
-@scalar
-def arc_measure(rise, run, side):
+@inlined
+def arc_measure(rise, run, cos_n, sin_n, half, whole):
     """See `arcs.arc_measure`."""
-    if rise < ZERO:
-        return side.whole
-    cos_n, sin_n = side.cut.cos_n, side.cut.sin_n
     sine, cosine = run * cos_n + rise * sin_n, rise * cos_n - run * sin_n
-    share = (run * sine / (rise * rise + run * run + TINY) + atan2(sine, cosine) * sin_n) * side.half
-    return max(min(share + SNAP, side.whole), ZERO)
+    share = (run * sine / (rise * rise + run * run + TINY) + atan2(sine, cosine) * sin_n) * half
+    share = max(min(share + SNAP, whole), ZERO)
+    return whole if rise < ZERO else share
 
 
-@scalar
-def fill_spread(spread, jitter, beyond):
-    """Shares of a side's reach at which its taps lie, see `slices.tap_pixels`; rounded once, as a power is."""
-    for i in range(spread.shape[0]):
-        t = np.float64((np.float32(i) + jitter) / np.float32(spread.shape[0]))
-        spread[i] = t * t * math.sqrt(t) if beyond else t * math.sqrt(t)
+@inlined
+def part_of_reach(which, jitter, steps, beyond):
+    """Share of a side's reach at which a tap lies, see `slices.tap_pixels`; rounded once, as a power is."""
+    t = np.float64((np.float32(which) + jitter) / np.float32(steps))
+    return np.float32(t * t * math.sqrt(t) if beyond else t * math.sqrt(t))
 
 
-@scalar
-def leaves_hit(around, at, side):
+@inlined
+def leaves_hit(solid):
     """See `open_sky.leaves_hit`."""
-    _, _, i, j = _pixel(around, at, side, side.frame)
-    return ONE if around.picture[j, i, 1] > ZERO else ZERO
+    return ONE if solid > ZERO else ZERO
