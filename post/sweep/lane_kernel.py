@@ -16,7 +16,7 @@ from gbufrt.noise.noise import GOLDEN
 from post.sweep import slices
 from post.sweep.layout import Receivers
 
-LANES = 64  # enough to spread the cost of a loop's start, few enough that all rows stay in the nearest cache
+LANES = 256  # enough to spread the cost of a call and of reading what was just stored; all rows stay in a core's cache
 BELOW_ONE = np.float32(slices.BELOW_ONE)
 PAIRS = 4  # of numbers in the largest pixel that taps read
 
