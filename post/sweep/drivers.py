@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import prange
 
 from gbufrt.compute.kernel import driver, scalar
@@ -36,7 +35,10 @@ def _clear(out, sums, place):
 
 @scalar
 def _sweep_rows(out, lanes, around, planes, hit, turns, noise, first, every, gathers):
-    """Sweep every ``every``-th row of one picture, from row ``first``; receivers that hit nothing are left out."""
+    """Sweep every ``every``-th row of one picture, from row ``first``; receivers that hit nothing are left out.
+
+    Not part of the driver: numba removes from a parallel function what it writes to an array in a tuple.
+    """
     (height, width), used = hit.shape, 0
     for y in range(first, height, every):
         for x in range(width):

@@ -1,8 +1,10 @@
 """Scratch memory of the compiled sweeps: receivers side by side, a lane each, and a row for each of their numbers.
 
 A sweep runs the same steps for all lanes, so that the compiler turns each loop over lanes into vector instructions.
-For that, every row has a constant place in one array: the compiler then sees that no row overlaps another. A loop
-that reads pixels at computed places stays scalar, and so is kept apart and does nothing else.
+For that, every row has a constant place in one array: the compiler then sees that no row overlaps another. Three
+things keep a loop scalar: a call of a function that is not `inlined`; a row whose place is not constant, which a slice
+made before the loop avoids; and a choice between the numbers of two rows, which becomes a choice of a place. A loop
+that reads pixels stays scalar in any case, and so is kept apart and does nothing else.
 """
 
 from __future__ import annotations

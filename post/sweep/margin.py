@@ -36,14 +36,18 @@ def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor) -> tup
     """
     m = width(camera)
     inner = (..., slice(m, m + camera.height), slice(m, m + camera.width))
-    plane, point = spread(camera.rotate_to_view(normal), m), spread(camera.unproject(depth), m)
+    normal = camera.rotate_to_view(normal)
+    level = spread((normal * camera.unproject(depth)).sum(1, keepdim=True), m)
+    plane = spread(normal, m)
     k = camera.intrinsics.clone()
     k[:, :2, 2] += m
     wide = replace(camera, intrinsics=k, size=(camera.height + 2 * m, camera.width + 2 * m))
-    start = wide.unproject(torch.zeros_like(point[:, :1]))
-    ray = wide.unproject(torch.ones_like(point[:, :1])) - start
+    ray = wide.unproject(torch.ones_like(level))
+    if camera.orthographic:  # rays of a perspective camera start at the origin
+        start = wide.unproject(torch.zeros_like(level))
+        ray, level = ray - start, level - (plane * start).sum(1, keepdim=True)
     facing = -(plane * ray).sum(1, keepdim=True)
-    far = (plane * (start - point)).sum(1, keepdim=True) / facing.clamp_min(LEAST_FACING)
+    far = -level / facing.clamp_min(LEAST_FACING)
     stands = spread(hit.to(depth.dtype), m) * (facing > LEAST_FACING) * (far > camera.near) > 0
     stands[inner] = hit
     outer = torch.ones_like(stands)

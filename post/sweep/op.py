@@ -15,6 +15,7 @@ from post.sweep.layout import PaddedView, Receivers
 from post.sweep.open_sky import Sky
 from post.sweep.reference import sweep_reference
 
+
 @torch.library.custom_op("gbufrt::sweep", mutates_args=())
 def sweep_cpu(
     picture: Tensor,
@@ -128,13 +129,13 @@ def _sweep_cpu(
 ) -> Tensor:
     batch, empty = at.z.shape[0], at.z.new_empty(at.z.shape[0], 0)
     rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, at.aspect)
-    turns = [torch.stack(slices.slice_noise(noise, which, directions)[:2]) for which in range(directions)]
+    turns = [part for which in range(directions) for part in slices.slice_turn(noise, which, directions)]
     return sweep_cpu(
         around.picture.movedim(1, -1),
         torch.cat([t.expand(batch, 1, 1).flatten(1) for t in rays], dim=1),
         torch.stack(at[:-1]),
         hit[:, 0],
-        torch.stack(turns),
+        torch.stack(turns).unflatten(0, (directions, 2)),
         noise,
         torch.stack(radii) if radii else at.z.new_empty(0),
         empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),

@@ -1,4 +1,4 @@
-"""Compiled forms of the sectors of a slice's arc and of their sums, for all lanes at once: see `post.sweep.lane_kernel`.
+"""Compiled sectors of a slice's arc and their sums, for all lanes at once: see `post.sweep.lane_kernel`.
 
 Names and steps are those of the torch reference in `post.sweep.sectors` and `post.sweep.open_sky`, which is the
 definition.

@@ -109,8 +109,17 @@ def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Ten
         which: 0 to ``directions - 1``.
         directions: number of slices over half a turn.
     """
+    return (
+        *slice_turn(noise, which, directions),
+        (noise[1] + which * GOLDEN) % 1.0,
+        (noise[2] + which * GOLDEN) % 1.0 * BELOW_ONE,
+    )
+
+
+def slice_turn(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor]:
+    """The first two of `slice_noise`."""
     angle = (noise[0] + which) * (math.pi / directions)
-    return angle.cos(), angle.sin(), (noise[1] + which * GOLDEN) % 1.0, (noise[2] + which * GOLDEN) % 1.0 * BELOW_ONE
+    return angle.cos(), angle.sin()
 
 
 def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int, power: float) -> Tensor:

@@ -16,7 +16,7 @@ from post.sweep import lane_kernel as lane
 from post.sweep.constants import LIGHT, SUMS
 from post.sweep.lane_kernel import LANES
 from post.sweep.sector_kernel import add_slices, bits_between, share
-from post.sweep.slice_kernel import HALF, ONE, TINY, ZERO
+from post.sweep.slice_kernel import HALF, ONE, TINY, ZERO, leaves_hit
 from post.sweep.tap_kernel import (
     APART,
     measure_crossings,
@@ -40,11 +40,11 @@ def _find_ends(lanes, around):
     place_ends(lanes, around, ONE)
     read_taps(lanes, around.pixels)
     for x in range(LANES):
-        rows[lane.RIGHT_HIT + x] = ONE if pixel[2 * x + 1] > ZERO else ZERO
+        rows[lane.RIGHT_HIT + x] = leaves_hit(pixel[2 * x + 1])
     place_ends(lanes, around, -ONE)
     read_taps(lanes, around.pixels)
     for x in range(LANES):
-        rows[lane.LEFT_HIT + x] = ONE if pixel[2 * x + 1] > ZERO else ZERO
+        rows[lane.LEFT_HIT + x] = leaves_hit(pixel[2 * x + 1])
 
 
 @inlined

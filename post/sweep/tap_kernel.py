@@ -7,6 +7,7 @@ definition.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +35,7 @@ def start_slice(lanes, around, beyond):
     """Cut the slice of every lane; see `arcs.sides` for what both of its sides share."""
     rows, parts = lanes.rows, lanes.parts
     for x in range(LANES):
-        cut = cut_slice(receiver_of(rows, around.aspect, x), rows[lane.COS + x], rows[lane.SIN + x])
+        cut: Any = cut_slice(receiver_of(rows, around.aspect, x), rows[lane.COS + x], rows[lane.SIN + x])
         keep_slice(rows, cut, x)
         length = math.sqrt(cut.step_x * cut.step_x + cut.step_y * cut.step_y)
         right = right_share(cut)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from gbufrt.compute.bodies import fingerprint, is_scalar, scalar
+from gbufrt.compute.bodies import fingerprint, inlined, is_scalar, scalar
 from gbufrt.compute.each import Each
 
 HELPERS = """
@@ -105,3 +105,20 @@ def test_a_body_must_not_close_over_anything() -> None:
 
     with pytest.raises(TypeError, match="must not close over variables to be compiled, but does over offset"):
         Each(body)(1, torch.zeros(1))
+
+
+@scalar
+def uses_thrice(x):
+    return thrice(x)
+
+
+@scalar
+def thrice(x):
+    return 3 * x
+
+
+def test_an_inlined_helper_is_scalar_and_the_key_says_that_it_is_inlined(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = fingerprint(uses_thrice)
+    monkeypatch.setitem(thrice.__dict__, "__inlined__", True)
+    assert fingerprint(uses_thrice) != before
+    assert is_scalar(inlined(lambda x: x))
