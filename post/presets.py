@@ -28,7 +28,8 @@ Preset = Literal["low", "medium", "high", "ultra"]
 GI_PHI = 1.0  # gentler than for one path a pixel: light in corners is small and bright
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
-AO_BLUR = 6.0  # pixels times directions: sigma of the denoiser, smaller with more directions
+AO_BLUR = 6.0  # pixels times ME1's directions: sigma of the denoiser, smaller with more directions
+DIRECTIONS_PER_AO_SLICE = 2  # of ME1's AO: a slice covers both sides; more slices gain nothing after four frames
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
 GI_STEPS = 36  # taps on each side of a slice: two thirds as many would lose a twentieth of the light in the gaps
 RAYS_PER_GI_SLICE = 6  # of ME1's GI rays: a slice covers both sides with several taps each
@@ -108,7 +109,12 @@ def me1(
 
 def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipeline]:
     physical = composite == "physical"
-    ao = GTAO(radius=AO_RADIUS * metre, directions=quality.ao_directions, steps=AO_STEPS, scales=quality.ao_scales)
+    ao = GTAO(
+        radius=AO_RADIUS * metre,
+        directions=quality.ao_directions // DIRECTIONS_PER_AO_SLICE,
+        steps=AO_STEPS,
+        scales=quality.ao_scales,
+    )
     gi = SSGI(
         directions=math.ceil(quality.gi_rays / RAYS_PER_GI_SLICE),
         steps=GI_STEPS,
