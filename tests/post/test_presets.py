@@ -63,7 +63,7 @@ def test_batch_equals_loop(mode):
         assert worst < 1e-3
 
 
-def test_the_seeds_table():
+def test_the_numbers_of_me1():
     rows = {name: me1(name, units_per_metre=2.0, composite="me1").all_tunables() for name in QUALITIES}
     assert [rows[p]["ao.estimate.directions"] for p in rows] == [2, 3, 4, 6]
     assert [rows[p]["ao.estimate.scales"] for p in rows] == [1, 2, 2, 3]
