@@ -1,9 +1,19 @@
-"""Frames of directions."""
+"""Lengths of vectors, and frames of directions."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor
+
+SHORTEST = 1e-30  # square of a length below which its gradient is taken as 0
+
+
+def length(vector: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` length of vectors ``(B, C, H, W)``, 1e-15 for zero, where the gradient is 0.
+
+    ``norm(dim=1)`` is twenty times slower on planes.
+    """
+    return (vector * vector).sum(1, keepdim=True).clamp_min(SHORTEST).sqrt()
 
 
 def tangent_frame(normal: Tensor) -> tuple[Tensor, Tensor]:

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
+from gbufrt.directions import length as length_of
 
 UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
 REC709 = (0.2126, 0.7152, 0.0722)
@@ -69,7 +70,7 @@ def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate
         if demodulate and name == names[0] and before.shape[1] == 3:
             signal = signal * _divisor(frame)
         if name in UNIT_VECTORS:
-            length = signal.norm(dim=1, keepdim=True)
+            length = length_of(signal)
             signal = torch.where(length > 1e-6, signal / length.clamp_min(1e-6), before)
         frame = frame.write(name, torch.where(frame.gbuffer.hit, signal, before))
     return frame

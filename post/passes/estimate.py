@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.directions import length
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.filters.signals import luminance
 from post.sweep.chords import thickness_from_depth
@@ -53,7 +54,7 @@ def normals_from_depth(
         # Planes are straight in 1/z under perspective and in z under parallel projection.
         straight = depth if camera.orthographic else 1 / depth.clamp_min(TINY)
         away = torch.linalg.cross(_slope(points, straight, 1, 0), _slope(points, straight, 0, 1), dim=1)
-        away = away / away.norm(dim=1, keepdim=True).clamp_min(TINY)
+        away = away / length(away).clamp_min(TINY)
         facing = torch.where((away * camera.to_eye(points)).sum(1, keepdim=True) < 0, -away, away)
         normal = camera.rotate_to_world(facing)
     return normal if hit is None else torch.where(hit, normal, 0.0)

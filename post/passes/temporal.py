@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.edges import surface
@@ -81,7 +82,7 @@ def temporal(
         return _finish(signal, new, one, gbuffer, feedback, lead)
     state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp)
     motion, _ = motion_of(gbuffer, history.gbuffer.camera)
-    longest = 1 / (1 + motion_response * motion.norm(dim=1, keepdim=True)) / max(1 - blend, 1e-9)
+    longest = 1 / (1 + motion_response * length(motion)) / max(1 - blend, 1e-9)
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
     state, sample = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
     parts = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)

@@ -18,3 +18,5 @@ FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
 
 SUMS = 8  # of each receiver, see `arcs.finish`
 LIGHT = 3  # channels of light that follow where it is gathered
+
+STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around

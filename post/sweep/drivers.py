@@ -65,3 +65,23 @@ def sweep_all(
             pixels = picture[b].reshape(tall * wide, pairs)
             around = Around(pixels, wide, tall, rays[b, 4], rays[b], radii, limited, sky[b], terms, margin, parallel)
             _sweep_rows(out[:, b], lanes, around, planes[:, b], hit[b], turns, noise, thread, threads, gathers)
+
+
+@driver
+def bodies_rows(out, depth, hit, back, stride, threads):
+    """One pass of `post.sweep.reference.bodies_reference`: the deepest back among neighbours that overlap in depth."""
+    batch, height, width = depth.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            out[b, y] = back[b, y]
+            for tap in range(9):
+                dx, there = (tap % 3 - 1) * stride, y + (tap // 3 - 1) * stride
+                if 0 <= there < height:
+                    first, end = max(0, -dx), min(width, width - dx)
+                    deepest, front, own = out[b, y, first:end], depth[b, y, first:end], back[b, y, first:end]
+                    near, far = depth[b, there, first + dx : end + dx], back[b, there, first + dx : end + dx]
+                    solid = hit[b, there, first + dx : end + dx]
+                    for i in range(deepest.shape[0]):
+                        one = solid[i] and near[i] <= own[i] and front[i] <= far[i]
+                        deepest[i] = max(deepest[i], far[i]) if one else deepest[i]

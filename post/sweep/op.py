@@ -10,10 +10,10 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from post.sweep import arcs, slices
-from post.sweep.constants import GROUPS, LIGHT, SUMS
+from post.sweep.constants import GROUPS, LIGHT, STRIDES, SUMS
 from post.sweep.layout import PaddedView, Receivers
 from post.sweep.open_sky import Sky
-from post.sweep.reference import sweep_reference
+from post.sweep.reference import bodies_reference, sweep_reference
 
 
 @torch.library.custom_op("gbufrt::sweep", mutates_args=())
@@ -145,3 +145,39 @@ def _sweep_cpu(
         parallel,
         gathers,
     )
+
+
+@torch.library.custom_op("gbufrt::bodies", mutates_args=())
+def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
+    """See `bodies`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.sweep.drivers import bodies_rows
+
+    fixed, near = (array(depth[:, 0]), array(hit[:, 0])), back
+    for stride in STRIDES:
+        far = near.new_empty(near.shape)
+        bodies_rows(array(far[:, 0]), *fixed, array(near[:, 0]), stride, threads())
+        near = far
+    return near
+
+
+@bodies_cpu.register_fake
+def _(depth, hit, back):
+    return back.new_empty(back.shape)
+
+
+def bodies(depth: Tensor, hit: Tensor, back: Tensor, *, compiled: bool | None = None) -> Tensor:
+    """Depth of the back of each pixel's body, from all surrounding pixels whose solids overlap with its own.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z of fronts, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        back: as ``depth``, of backs.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        As ``back``.
+    """
+    if form_of(depth, back, compiled=compiled) is Form.REFERENCE:
+        return bodies_reference(depth, hit, back)
+    return bodies_cpu(depth, hit, back)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.fusion import fusible
 from post.sweep import arcs, slices
-from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE
+from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE, STRIDES
 from post.sweep.layout import PaddedView, Receivers, Side, Slice, Tap
 from post.sweep.occluders import blocked, overlap, own_solid, start
 from post.sweep.open_sky import Sky, leaves_hit, open_share
@@ -151,3 +152,19 @@ def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
     """1 where the receiver lies above a tap's plane, else 0."""
     x, y, z, nx, ny, nz = plane
     return arcs.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
+
+
+def bodies_reference(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
+    """Arguments and result are those of `post.sweep.op.bodies`."""
+    height, width = depth.shape[-2:]
+    for stride in STRIDES:
+        fronts = F.pad(torch.where(hit, depth, torch.inf), (stride,) * 4, value=torch.inf)
+        backs = F.pad(torch.where(hit, back, -torch.inf), (stride,) * 4, value=-torch.inf)
+        deepest = back
+        for dy in (0, stride, 2 * stride):
+            for dx in (0, stride, 2 * stride):
+                place = (..., slice(dy, dy + height), slice(dx, dx + width))
+                one = (fronts[place] <= back) & (depth <= backs[place])
+                deepest = torch.where(one, torch.maximum(deepest, backs[place]), deepest)
+        back = deepest
+    return back

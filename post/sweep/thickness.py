@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from post.sweep.op import bodies
 
 UNBOUNDED = 1e6  # limit of thickness, in place of "no end", as a multiple of the depth
-STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around
 
 
 def planar_thickness(
@@ -38,19 +37,3 @@ def planar_thickness(
         return torch.minimum(torch.as_tensor(thickness).to(depth).expand_as(depth), limit) * toward
     back = depth + torch.minimum(thickness.to(depth.dtype), limit) * toward
     return bodies(depth, hit, back) - depth + hidden * toward
-
-
-def bodies(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
-    """Depth of the back of each pixel's body, from all surrounding pixels whose solids overlap with its own."""
-    height, width = depth.shape[-2:]
-    for stride in STRIDES:
-        fronts = F.pad(torch.where(hit, depth, torch.inf), (stride,) * 4, value=torch.inf)
-        backs = F.pad(torch.where(hit, back, -torch.inf), (stride,) * 4, value=-torch.inf)
-        deepest = back
-        for dy in (0, stride, 2 * stride):
-            for dx in (0, stride, 2 * stride):
-                place = (..., slice(dy, dy + height), slice(dx, dx + width))
-                one = (fronts[place] <= back) & (depth <= backs[place])
-                deepest = torch.where(one, torch.maximum(deepest, backs[place]), deepest)
-        back = deepest
-    return back

@@ -15,6 +15,7 @@ from gbufrt import Camera, Frame
 from post.passes.ssgi import ssgi
 from post.sweep import slices
 from post.sweep.bitmask import bitmask_ao
+from post.sweep.op import bodies, bodies_cpu
 
 SIZE = (54, 72)
 
@@ -122,3 +123,13 @@ def test_second_process_compiles_nothing() -> None:
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert out.stdout.strip() == "0"
+
+
+@pytest.mark.parametrize("size", [(24, 31), (3, 2), (1, 9)])
+def test_bodies(size: tuple[int, int]) -> None:
+    depth, solid, chance = torch.rand((3, 2, 1, *size), generator=torch.Generator().manual_seed(0)).unbind(0)
+    depth, hit = 4 + depth, chance > 0.2
+    got, want = (bodies(depth, hit, depth + 0.5 * solid, compiled=form) for form in (True, False))
+    assert torch.equal(got, want)
+    assert bool((got > depth + 0.5 * solid).any())
+    torch.library.opcheck(bodies_cpu, (depth, hit, depth + solid), test_utils=("test_schema", "test_faketensor"))
