@@ -72,11 +72,11 @@ def small_frame() -> Frame:
 
 
 def main(notes: str) -> None:
-    """Run a pipeline once over a small frame, so that its kernels are compiled and kept."""
+    """Run a pipeline twice over a small frame, so that its kernels are compiled and kept."""
     from gbufrt.commands.session import Recipe, Runner
 
     recipe = Recipe.of_notes({"pipeline": json.loads(notes)})
-    Runner(recipe.build(), 0)(small_frame())
+    Runner(recipe.build(), 1)(small_frame())  # the first frame has no history to read
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbufrt.compute.bodies import scalar
+from gbufrt.compute.bodies import inlined
 
 LOG2_E = np.float32(1.4426950408889634)
 LOWEST, HIGHEST = np.float32(-126.0), np.float32(127.0)  # exponents of normal numbers
@@ -19,7 +19,7 @@ L0, L1, L2, L3 = np.float32(1.44269502), np.float32(-0.721352935), np.float32(0.
 L4, L5, L6, L7 = np.float32(0.287288874), np.float32(-0.249271825), np.float32(0.232652575), np.float32(-0.14275974)
 
 
-@scalar
+@inlined
 def exp2(x):
     """2 to the power x, to 3e-7 of its value; at least 2^-126, at most 2^127."""
     x = min(max(x, LOWEST), HIGHEST)
@@ -29,7 +29,7 @@ def exp2(x):
     return np.int32((np.int32(whole) + BIAS) << MANTISSA_BITS).view(np.float32) * part
 
 
-@scalar
+@inlined
 def log2(x):
     """The logarithm of a positive normal number to base 2, to 6e-7, and to 3e-7 of its value near 1."""
     bits = np.float32(x).view(np.int32)

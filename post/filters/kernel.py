@@ -13,7 +13,7 @@ from collections import namedtuple
 import numpy as np
 
 from gbufrt.compute.approximations import LOG2_E, exp2, log2
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from post.filters import constants
 
 ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
@@ -66,7 +66,7 @@ def plane_row(plane, y, first, end):
     return Plane(plane[0, y, first:end], plane[1, y, first:end], plane[2, y, first:end], plane[3, y, first:end])
 
 
-@scalar
+@inlined
 def edge_exponent(i, here, plane, there, dx, dy, edge):
     """`edges.edge_weight` of pixel i as an exponent of 2, without whether the tap hit anything."""
     slope = plane.x[i] * dx + plane.y[i] * dy

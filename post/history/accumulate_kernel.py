@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from post.filters.kernel import edge_weights, tap_at
 from post.filters.signals import REC709
 from post.history import constants
@@ -27,7 +27,7 @@ FEW_MOMENTS = np.float32((1 + constants.MOMENTS_BLEND) / (1 - constants.MOMENTS_
 POOL = 3  # pixels to each side over which variance is pooled
 
 
-@scalar
+@inlined
 def luminance_of(planes, lead, y, x):
     """`signals.luminance` of one pixel."""
     if lead < 3:
@@ -35,7 +35,7 @@ def luminance_of(planes, lead, y, x):
     return RED * planes[0, y, x] + GREEN * planes[1, y, x] + BLUE * planes[2, y, x]
 
 
-@scalar
+@inlined
 def _own_variance(first, second, age):
     """`antilag.sample_variance` of one pixel."""
     count = min(max(age, TWO), FEW_MOMENTS)
