@@ -29,6 +29,7 @@ def bench(
     repeats: Whole = 5,
     device: str = "cpu",
     busy: Whole = 0,
+    peers: Annotated[bool, Parameter(negative="")] = False,
     json: Path | None = None,
 ) -> None:
     """Time every pass of a preset and the tracing of primary rays, and measure the peak memory.
@@ -43,6 +44,8 @@ def bench(
         device: cpu, or cuda where there is a CUDA device.
         busy: Also run the passes beside this many busy processes, and report how their time compares with the fair
             share of the machine's cores: 1 is fair, more means that threads wait for one another.
+        peers: Also denoise ambient occlusion of one ray a pixel with our spatial filters, kornia's joint bilateral, and
+            Intel Open Image Denoise where pyoidn is installed: time and PSNR of each.
         json: Also write the figures to this file.
     """
     shape = parse_size(size)
@@ -59,7 +62,7 @@ def bench(
 
     open_device(device)
     figures: dict[str, Any] = {"machine": machine(), "size": [shape[1], shape[0]], "device": device, "presets": {}}
-    with progress("bench", 1 + len(names)) as doing, tempfile.TemporaryDirectory() as folder:
+    with progress("bench", 1 + len(names) + peers) as doing, tempfile.TemporaryDirectory() as folder:
         tick = doing("tracing")
         figures["rays"] = time_rays(repeats, device)
         frame = make_frame(Path(folder), shape, device)
@@ -67,6 +70,12 @@ def bench(
         for name in names:
             tick = doing(f"preset {name}")
             figures["presets"][name] = _in_own_process(frame, name, repeats, device, busy)
+            tick()
+        if peers:
+            from gbufrt.commands.peers import compare_peers
+
+            tick = doing("denoisers")
+            figures["peers"] = compare_peers(shape, repeats)
             tick()
     _show(figures)
     if json is not None:
@@ -214,4 +223,18 @@ def _show(figures: dict[str, Any]) -> None:
     width, height = figures["size"]
     console.print(f"passes at {width}x{height}; primary rays over terrain, 854x480: ", end="", markup=False)
     console.print(f"{rays['mrays_per_s']:.2f} Mrays/s ({rays['ms']:.0f} ms)", markup=False)
+    console.print(table)
+    if "peers" in figures:
+        _show_peers(figures["peers"], console)
+
+
+def _show_peers(rows: list[dict[str, Any]], console: Any) -> None:
+    from rich import box
+    from rich.table import Table
+
+    table = Table("ambient occlusion of one ray a pixel, denoised by", box=box.SIMPLE_HEAD)
+    for title in ("median ms", "PSNR, dB"):
+        table.add_column(title, justify="right")
+    for row in rows:
+        table.add_row(row["name"], f"{row['ms']:.1f}" if row["ms"] else "", f"{row['psnr']:.1f}")
     console.print(table)

@@ -76,7 +76,7 @@ def ssr(
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         index: frame number, for the noise.
-        samples: rays a pixel at roughness 1; half as many at 0, and one for a mirror.
+        samples: rays a pixel; one for a mirror.
         steps: see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
         roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
@@ -106,7 +106,7 @@ def ssr(
     surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
     with torch.no_grad():
-        rays = torch.where(roughness < MIRROR_ROUGHNESS, 1.0, (samples * (0.5 + 0.5 * roughness)).ceil())
+        rays = torch.where(roughness < MIRROR_ROUGHNESS, 1.0, float(samples))
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i in range(samples):
