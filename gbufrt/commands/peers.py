@@ -58,7 +58,7 @@ def occlusion(size: tuple[int, int]) -> tuple[Frame, Tensor]:
     scene = builtin()
     g = gbuffer(scene, next(iter(scene.views.values())).camera(0.0, size=size))
     noisy, clean = (
-        ambient_occlusion(scene, g, radius=RADIUS, samples=samples, seed=seed)["ao"]
+        ambient_occlusion(scene, g, poses=scene.poses([0.0]), radius=RADIUS, samples=samples, seed=seed)["ao"]
         for seed, samples in enumerate((1, CLEAN_SAMPLES))
     )
     return Frame(gbuffer=g, ao=noisy), clean
@@ -94,5 +94,5 @@ def _oidn(ao: Tensor, g: GBuffer, quality: str) -> Tensor:
 
     pixels = [plane[0].permute(1, 2, 0).contiguous() for plane in (ao.expand(-1, 3, -1, -1), g.normal)]
     flat = torch.where(g.hit, 1.0, 0.0)[0].permute(1, 2, 0).expand(-1, -1, 3).contiguous()
-    found = denoise(pixels[0], flat, pixels[1], hdr=False, clean_aux=True, quality=quality)
+    found = denoise(pixels[0], flat, pixels[1], hdr=True, clean_aux=True, quality=quality)
     return found.permute(2, 0, 1)[None, :1]

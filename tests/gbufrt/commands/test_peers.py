@@ -25,3 +25,11 @@ def test_filters_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(row["ms"] > 0 for row in rows.values())
     assert all(row["psnr"] > before["psnr"] + 1 for row in rows.values()), "each filter denoises"
     assert all(row["psnr"] > before["psnr"] + 10 for name, row in rows.items() if name.startswith("post."))
+
+
+def test_the_picture_that_they_denoise(monkeypatch: pytest.MonkeyPatch) -> None:
+    noisy, clean = peers.occlusion((24, 32))
+    assert noisy.read("ao").shape == clean.shape == (1, 1, 24, 32)
+    assert set(noisy.read("ao").unique().tolist()) <= {0.0, 1.0}, "one ray is blocked or not"
+    assert 0.3 < float(clean.mean()) < 1.0
+    assert abs(float(noisy.read("ao").mean() - clean.mean())) < 0.1
