@@ -160,8 +160,8 @@ def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor)
     near, far = torch.minimum(near, far), torch.maximum(near, far)
     enter, axis = near.max(dim=1)
     t = torch.maximum(enter, t_min)
-    meets = (t < far.amin(1)) & (t < t_max) & origin.isfinite().all(1) & direction.isfinite().all(1)
-    ray = meets.nonzero()[:, 0]
+    enters = (t < far.amin(1)) & (t < t_max) & origin.isfinite().all(1) & direction.isfinite().all(1)
+    ray = enters.nonzero()[:, 0]
     place = origin + direction * t[:, None]
     cell = torch.where((direction < 0) & (place == place.floor()), place - 1, place.floor())[ray]
     cell = torch.minimum(torch.maximum(cell.long(), voxels.low), voxels.high - 1)
