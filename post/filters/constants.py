@@ -6,4 +6,6 @@ B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
 FLOOR = 1e-3  # of the local luminance: noise below this makes no edge
 AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
-MOMENTS_POWER = 32.0  # of the cosine between normals, where moments are taken
+COARSE_POWER = 32.0  # of the cosine between normals, where neighbours are only told apart or averaged
+
+DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)  # channels of `edges.Surface.guide`

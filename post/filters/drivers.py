@@ -6,7 +6,7 @@ import numpy as np
 from numba import prange
 
 from gbufrt.compute.kernel import driver
-from post.filters.constants import B3
+from post.filters.constants import B3, HIT
 from post.filters.kernel import (
     add_moments,
     add_spread,
@@ -16,6 +16,7 @@ from post.filters.kernel import (
     edge_weights,
     falloff_row,
     finish_moments,
+    finish_row,
     hit_span,
     noise_row,
     tap_at,
@@ -32,7 +33,7 @@ def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivit
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             edge = edge_of(guide[b], perspective, depth_sensitivity, normal_power)
-            first, end = hit_span(guide[b, 4], y)
+            first, end = hit_span(guide[b, HIT], y)
             sums[:] = 0
             for dy in range(-radius, radius + 1):
                 for dx in range(-radius, radius + 1):
@@ -44,9 +45,7 @@ def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivit
 
 
 @driver
-def wavelet_rows(
-    out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, threads
-):  # fmt: skip
+def wavelet_rows(out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, threads):
     batch, planes, height, width = values.shape
     channels = planes - 1
     for thread in prange(threads):
@@ -55,8 +54,7 @@ def wavelet_rows(
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             edge = edge_of(guide[b], perspective, phi_depth, phi_normal)
-            first, end = hit_span(guide[b, 4], y)
-            out[b, :, y] = values[b, :, y]
+            first, end = hit_span(guide[b, HIT], y)
             noise_row(noise, column, values[b, channels], y)
             wavelet_steps(noise, noise, values[b, channels - 1], y, phi_color)
             sums[:] = 0
@@ -70,18 +68,16 @@ def wavelet_rows(
                         wavelet_weights(used, guide[b], plane[b], values[b], noise, reach[b], y, tap, share, edge)
                     add_values(sums, used, values[b], tap, channels)
                     add_spread(sums[planes], used, values[b, channels], tap)
-            hit, total = guide[b, 4, y], sums[channels]
-            for x in range(first, end):
-                if hit[x] != 0:
-                    for c in range(channels):
-                        out[b, c, y, x] = sums[c, x] / total[x]
-                    out[b, channels, y, x] = sums[planes, x] / (total[x] * total[x])
+            for c in range(channels):
+                finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
+            sums[channels] *= sums[channels]
+            finish_row(out[b, channels], sums[planes], sums[channels], values[b, channels], guide[b, HIT], y)
 
 
 @driver
 def bilateral_rows(
     out, values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power, threads
-):  # fmt: skip
+):
     batch, planes, height, size = values.shape
     channels = planes - 1
     for thread in prange(threads):
@@ -90,7 +86,7 @@ def bilateral_rows(
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             edge = edge_of(guide[b], perspective, depth_sensitivity, normal_power)
-            first, end = hit_span(guide[b, 4], y)
+            first, end = hit_span(guide[b, HIT], y)
             sums[:] = 0
             for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)):
                 tap = tap_at(y, first, end, dx, dy, (height, size))
@@ -106,8 +102,5 @@ def bilateral_rows(
                     used = weights[: tap.end - tap.first]
                     bilateral_weights(used, guide[b], plane[b], values[b], tolerance[b], falloff, y, tap, edge)
                     add_values(sums, used, values[b], tap, channels)
-            hit, total = guide[b, 4, y], sums[channels]
             for c in range(channels):
-                for x in range(size):
-                    inside = first <= x < end and hit[x] != 0
-                    out[b, c, y, x] = sums[c, x] / max(total[x], np.float32(1e-6)) if inside else values[b, c, y, x]
+                finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)

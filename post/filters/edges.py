@@ -9,10 +9,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
-from post.filters.constants import ROUGHNESS_SCALE
+from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS, ROUGHNESS_SCALE
 
 GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
-DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)
 MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from gbufrt.compute.approximations import LOG2_E, exp2, log2
 from gbufrt.compute.kernel import inlined, scalar
 from post.filters import constants
+from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 
 ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 TINY, LEAST, NEVER = np.float32(1e-30), np.float32(1e-6), np.float32(-1e4)
@@ -36,7 +37,7 @@ Tap = namedtuple("Tap", "y first end dx dy")
 def edge_of(guide, perspective, depth_sensitivity, normal_power):
     """The constants of an edge weight."""
     power = np.float32(normal_power)
-    roughness = ROUGHNESS_FALLOFF if guide.shape[0] > 5 else ZERO
+    roughness = ROUGHNESS_FALLOFF if guide.shape[0] > ROUGHNESS else ZERO
     return Edge(perspective, LOG2_E * np.float32(depth_sensitivity), power, NEVER if power > ZERO else ZERO, roughness)
 
 
@@ -53,10 +54,10 @@ def tap_at(y, first, end, dx, dy, size):
 @scalar
 def guide_row(guide, y, first, end):
     """Pixels ``first`` to ``end`` of a row of the guide."""
-    rough = guide.shape[0] - 1 if guide.shape[0] > 5 else 4
+    rough = ROUGHNESS if guide.shape[0] > ROUGHNESS else HIT
     return Guide(
-        guide[0, y, first:end], guide[1, y, first:end], guide[2, y, first:end], guide[3, y, first:end],
-        guide[4, y, first:end], guide[rough, y, first:end],
+        guide[DEPTH, y, first:end], guide[NX, y, first:end], guide[NY, y, first:end], guide[NZ, y, first:end],
+        guide[HIT, y, first:end], guide[rough, y, first:end],
     )  # fmt: skip
 
 
@@ -208,3 +209,11 @@ def bilateral_weights(weights, guide, plane, values, tolerance, falloff, y, tap,
         unlike = LOG2_E * max(away * away - ONE, ZERO)
         exponent = edge_exponent(i, here, planes, there, dx, dy, edge) + narrow[i] * square - unlike
         weights[i] = there.hit[i] * exp2(exponent)
+
+
+@scalar
+def finish_row(out, sums, total, before, hit, y):
+    """Means of a row from their sums; pixels that hit nothing are as before."""
+    new, old, known = out[y], before[y], hit[y]
+    for x in range(total.shape[0]):
+        new[x] = sums[x] / max(total[x], LEAST) if known[x] != ZERO else old[x]

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
-from post.filters.constants import MOMENTS_POWER
+from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
 from post.filters.reference import bilateral_reference, moments_reference, wavelet_reference
 from post.filters.signals import luminance
@@ -22,7 +22,7 @@ def moments_cpu(
 
     out = light.new_empty(light.shape[0], 2, *light.shape[2:])
     inputs = (array(out), array(light[:, 0]), array(guide), array(plane))
-    moments_rows(*inputs, radius, perspective, depth_sensitivity, MOMENTS_POWER, threads())
+    moments_rows(*inputs, radius, perspective, depth_sensitivity, COARSE_POWER, threads())
     return out
 
 

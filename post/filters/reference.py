@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.fusion import fusible
-from post.filters.constants import AT_EDGES, B3, FLOOR, MOMENTS_POWER
+from post.filters.constants import AT_EDGES, B3, COARSE_POWER, FLOOR
 from post.filters.edges import Surface, blurred, edge_weight, offsets, padded, windows
 
 
@@ -29,7 +29,7 @@ def _moments(
     for (dy, dx), value, tap in zip(offsets(radius), values, guides, strict=True):
         weight = edge_weight(
             center, tap, plane, dx, dy,
-            perspective=perspective, depth_sensitivity=depth_sensitivity, normal_power=MOMENTS_POWER,
+            perspective=perspective, depth_sensitivity=depth_sensitivity, normal_power=COARSE_POWER,
         )  # fmt: skip
         away = value[:, 0] - pivot
         total, first, second = total + weight, first + weight * away, second + weight * away * away

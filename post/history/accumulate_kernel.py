@@ -1,4 +1,4 @@
-"""The compiled form of `post.history.antilag.accumulate`: a row of pixels as a body.
+"""The compiled form of `post.history.antilag.accumulate_reference`: a row of pixels as a body.
 
 Names and steps are those of that torch reference, which is the definition. As in `post.filters.kernel`, neighbours are
 shifted rows, and every loop over a row becomes vector instructions. A state's planes are the mean (C), the fast mean
@@ -12,9 +12,11 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
+from post.filters.constants import HIT
 from post.filters.kernel import edge_weights, tap_at
 from post.filters.signals import REC709
 from post.history import constants
+from post.history.constants import POOL
 
 ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.float32(8), np.float32(9)
 TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
@@ -24,7 +26,6 @@ CORRELATED, RELATIVE_FLOOR = np.float32(constants.CORRELATED), np.float32(consta
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
 FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
 FEW_MOMENTS = np.float32((1 + constants.MOMENTS_BLEND) / (1 - constants.MOMENTS_BLEND))
-POOL = 3  # pixels to each side over which variance is pooled
 
 
 @inlined
@@ -113,8 +114,8 @@ def alike_row(bits, weights, guide, plane, age, edge, y):
         used = weights[: tap.end - tap.first]
         edge_weights(used, guide, plane, y, tap, edge)
         first, end = tap.first, tap.end
-        mask, hit, own = bits[y, first:end], guide[4, y, first:end], age[y, first:end]
-        there_hit, there = guide[4, tap.y, first + tap.dx : end + tap.dx], age[tap.y, first + tap.dx : end + tap.dx]
+        mask, hit, own = bits[y, first:end], guide[HIT, y, first:end], age[y, first:end]
+        there_hit, there = guide[HIT, tap.y, first + tap.dx : end + tap.dx], age[tap.y, first + tap.dx : end + tap.dx]
         bit = np.int32(1 << k)
         for i in range(used.shape[0]):
             same = used[i] > SAME or (hit[i] == ZERO and there_hit[i] == ZERO)
@@ -146,7 +147,7 @@ def difference_row(sums, count, bits, one, other, lead, y):
 
 @scalar
 def explained_row(explained, sums, count, noise, state, lead, channels, clamp, slow, y):
-    """The share of each difference that noise explains, squared: see ``change`` in `antilag.follow_light`."""
+    """Leave in ``sums`` what noise does not explain; keep its share, squared: ``change`` in `antilag.follow_light`."""
     ages = state[state.shape[0] - 1, y]
     explained[:] = ZERO
     for c in range(lead):
@@ -161,48 +162,34 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
         allowed = clamp * math.sqrt(noise[y, x] * frames / samples + TINY) + floor
         share = min(allowed / max(explained[x], TINY), ONE)
         explained[x] = share * share
+    for c in range(lead):
+        difference = sums[c]
+        for x in range(explained.shape[0]):
+            difference[x] *= ONE - explained[x]
 
 
 @scalar
-def fast_row(fast, sums, explained, state, lead, channels, y):
-    """The fast history and the moments of a row, moved toward the sample by what noise does not explain."""
+def fast_row(fast, sums, state, lead, channels, y):
+    """The fast history and the moments of a row, moved toward the sample by ``sums``."""
+    width = sums.shape[1]
     for c in range(lead):
         shift, old, new = sums[c], state[channels + c, y], fast[c, y]
-        for x in range(explained.shape[0]):
-            shift[x] *= ONE - explained[x]
+        for x in range(width):
             new[x] = old[x] + shift[x]
-    first, second, new_first, new_second = (
-        state[channels + lead, y],
-        state[channels + lead + 1, y],
-        fast[lead, y],
-        fast[lead + 1, y],
-    )
-    for x in range(explained.shape[0]):
+    first, second = state[channels + lead, y], state[channels + lead + 1, y]
+    new_first, new_second = fast[lead, y], fast[lead + 1, y]
+    for x in range(width):
         light = sums[0, x] if lead < 3 else RED * sums[0, x] + GREEN * sums[1, x] + BLUE * sums[2, x]
         new_first[x] = first[x] + light
         new_second[x] = second[x] + light * (TWO * first[x] + light)
 
 
 @scalar
-def slow_row(sums, explained, lead):
-    """What the slow history of a row moves by toward the fast one."""
-    for c in range(lead):
-        shift = sums[c]
-        for x in range(explained.shape[0]):
-            shift[x] *= ONE - explained[x]
-
-
-@scalar
 def age_row(out, alpha, explained, state, longest, y):
     """The length and the sum of squared weights of a row, and the share ``alpha`` that this frame's sample gets."""
     last = out.shape[0] - 1
-    ages, shares, lengths, squares, most = (
-        state[last, y],
-        state[last - 1, y],
-        out[last, y],
-        out[last - 1, y],
-        longest[y],
-    )
+    ages, shares, most = state[last, y], state[last - 1, y], longest[y]
+    lengths, squares = out[last, y], out[last - 1, y]
     for x in range(alpha.shape[0]):
         age = ages[x]
         younger = ONE + (age - ONE) * explained[x] if age > ONE else age
@@ -225,12 +212,8 @@ def blend_row(out, sums, alpha, sample, fast, state, lead, y):
         new, old, own = out[channels + c, y], fast[c, y], sample[c, y]
         for x in range(width):
             new[x] = old[x] + max(alpha[x], LEAST_FAST) * (own[x] - old[x])
-    first, second, old_first, old_second = (
-        out[channels + lead, y],
-        out[channels + lead + 1, y],
-        fast[lead, y],
-        fast[lead + 1, y],
-    )
+    first, second = out[channels + lead, y], out[channels + lead + 1, y]
+    old_first, old_second = fast[lead, y], fast[lead + 1, y]
     for x in range(width):
         quick, light = max(alpha[x], LEAST_MOMENTS), luminance_of(sample, lead, y, x)
         first[x] = old_first[x] + quick * (light - old_first[x])

@@ -6,9 +6,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from post.filters.edges import HIT, Surface, edge_weight, offsets, padded, windows
+from post.filters.constants import COARSE_POWER, HIT
+from post.filters.edges import Surface, edge_weight, offsets, padded, windows
 from post.filters.signals import luminance
-from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, RELATIVE_FLOOR, SAME, YOUNG
+from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, SAME, YOUNG
 
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 
@@ -27,7 +28,7 @@ def alike(geometry: Surface) -> Tensor:
     for (dy, dx), guide, sky in zip(offsets(1), guides, away, strict=True):
         weight = edge_weight(
             geometry.guide, guide, geometry.plane, dx, dy,
-            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=32.0,
+            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=COARSE_POWER,
         )  # fmt: skip
         same.append((weight > SAME) | ((sky * away[len(away) // 2])[:, 0] > 0))
     return torch.stack(same, dim=1)
@@ -48,10 +49,11 @@ def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
 
 def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
     """Variance from 7x7 pixels: not every one of them has had one of the rare bright samples yet."""
+    wide = 2 * POOL + 1
     own, mature = sample_variance(moments, age), (age >= YOUNG).to(age.dtype)
-    typical = torch.maximum(own, pooled(own, mature, 7))
+    typical = torch.maximum(own, pooled(own, mature, wide))
     visible = (age > 0).to(age.dtype)
-    around = pooled(moments[:, 1:], visible, 7) - pooled(moments[:, :1], visible, 7) ** 2
+    around = pooled(moments[:, 1:], visible, wide) - pooled(moments[:, :1], visible, wide) ** 2
     return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
 
 

@@ -7,10 +7,10 @@ from numba import prange
 
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver
+from post.filters.constants import COARSE_POWER
 from post.filters.kernel import edge_of
 from post.history import read_kernel
 from post.history.accumulate_kernel import (
-    POOL,
     age_row,
     alike_row,
     blend_row,
@@ -19,8 +19,8 @@ from post.history.accumulate_kernel import (
     fast_row,
     noise_row,
     sample_row,
-    slow_row,
 )
+from post.history.constants import POOL
 
 read_each = Each(read_kernel.read)
 
@@ -36,7 +36,7 @@ def sample_rows(sample, noise, bits, signal, state, guide, plane, perspective, l
             noise_row(noise[b, y], sums, state[b], channels + lead, y)
             sample_row(sample[b], sums, signal[b], state[b], noise[b, y], lead, np.float32(firefly), y)
             if follows:
-                edge = edge_of(guide[b], perspective, 1.0, 32.0)
+                edge = edge_of(guide[b], perspective, 1.0, COARSE_POWER)
                 alike_row(bits[b], weights, guide[b], plane[b], state[b, state.shape[1] - 1], edge, y)
 
 
@@ -51,7 +51,7 @@ def fast_rows(fast, sample, noise, bits, state, lead, clamp, threads):
             if clamp > 0:
                 difference_row(sums, rows[0], bits[b], sample[b], state[b, channels:], lead, y)
                 explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), False, y)
-            fast_row(fast[b], sums, rows[1], state[b], lead, channels, y)
+            fast_row(fast[b], sums, state[b], lead, channels, y)
 
 
 @driver
@@ -65,6 +65,5 @@ def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, thre
             if clamp > 0:
                 difference_row(sums, rows[0], bits[b], fast[b], state[b], lead, y)
                 explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), True, y)
-                slow_row(sums, rows[1], lead)
             age_row(out[b], rows[0], rows[1], state[b], longest[b], y)
             blend_row(out[b], sums, rows[0], sample[b], fast[b], state[b], lead, y)
