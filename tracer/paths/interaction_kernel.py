@@ -33,7 +33,7 @@ class Tables(NamedTuple):
     """A scene at one time, flat.
 
     Args:
-        transforms: ``(I + 1, 3, 4)`` float64, grid from world.
+        transforms: ``(I + 1, 4, 4)`` float64, see `tracer.traversal.op`.
         grids: see `tracer.scene.grids.Grids.tensors`.
         materials: ``(M, 13)`` float32.
         scales: ``(I + 1,)`` float64, world units a voxel.

@@ -41,6 +41,18 @@ def ray_in_grid(matrix, origin, direction):
 
 
 @scalar
+def may_enter(row, origin, direction, t_end):
+    """Whether a ray in world space comes near a bounding sphere: its centre, its radius."""
+    x, y, z = row[0] - origin[0], row[1] - origin[1], row[2] - origin[2]
+    along = x * direction[0] + y * direction[1] + z * direction[2]
+    square = direction[0] * direction[0] + direction[1] * direction[1] + direction[2] * direction[2]
+    outside = x * x + y * y + z * z - row[3] * row[3]
+    if outside <= 0:
+        return True
+    return not (along <= 0 or along * along < outside * square or along - row[3] * math.sqrt(square) > t_end * square)
+
+
+@scalar
 def slabs(o, inv, box):
     """Where the ray enters and leaves the box of an entry, and the axis of the face that it enters through."""
     x0, x1 = (box[LOW] - o[0]) * inv[0], (box[HIGH] - o[0]) * inv[0]

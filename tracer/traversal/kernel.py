@@ -12,8 +12,9 @@ import numpy as np
 from gbufrt.compute.kernel import scalar
 from tracer.sampling.scatter_kernel import dot, enters_smooth, scaled
 from tracer.scene.grids import MASK, MATERIAL, ORIGIN
-from tracer.traversal.grid_kernel import cell_at, counted, inside, look, ray_in_grid, slabs, step, triple
+from tracer.traversal.grid_kernel import cell_at, counted, inside, look, may_enter, ray_in_grid, slabs, step, triple
 
+SPHERE = 3  # row of a transform
 SOLID = -1  # medium of a ray that began inside something opaque and has not left it yet
 
 
@@ -48,7 +49,7 @@ def nearest(transforms, grids, origin, direction, t_begin, t_end, left, mask):
     voxel, place = (0, 0, 0), (0.0, 0.0, 0.0)
     for entry in range(entries.shape[0]):
         box = entries[entry]
-        if not box[MASK] & mask:
+        if not (box[MASK] & mask and may_enter(transforms[entry, SPHERE], origin, direction, t_end)):
             continue
         o, d, inv = ray_in_grid(transforms[entry], origin, direction)
         enter, leave, axis = slabs(o, inv, box)
@@ -131,7 +132,7 @@ def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
     light = (1.0, 1.0, 1.0)
     for entry in range(len(entries)):
         box = entries[entry]
-        if box[MASK] & mask:
+        if box[MASK] & mask and may_enter(transforms[entry, SPHERE], origin, direction, t_end):
             o, d, inv = ray_in_grid(transforms[entry], origin, direction)
             enter, leave, axis = slabs(o, inv, box)
             t = max(enter, t_begin)

@@ -3,7 +3,8 @@
 They share these arguments:
     rays: origins and directions, ``(N, 3)`` float32 world space, ordered by the B batch elements, with t in units of
         the direction's length; spans, ``(N, 2)`` float32, t at which each ray begins and ends; and transforms,
-        ``(B, I + 1, 3, 4)`` float64, grid from world, where a grid counts voxels from its index's corner.
+        ``(B, I + 1, 4, 4)`` float64, grid from world, where a grid counts voxels from its index's corner; the fourth
+        row is the centre and the radius, in world space, of a sphere around the voxels.
     grids: bricks, index, entries and media; see `tracer.scene.grids.Grids`.
     mask: which entries rays can hit.
 """

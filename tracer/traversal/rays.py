@@ -9,11 +9,12 @@ import torch
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
-from tracer.scene.grids import ORIGIN
+from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 from tracer.traversal import op as ops
 
 FARTHEST = 1e20  # where every ray ends, so that one without a direction hits nothing
+MARGIN = 1e-6  # of bounding spheres, against rounding
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -211,7 +212,7 @@ def _rays(
 
 
 def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) -> Tensor:
-    """``(B, I + 1, 3, 4)`` float64: where a grid counts voxels from the corner of its index.
+    """``(B, I + 1, 4, 4)`` float64, see `tracer.traversal.op`: where a grid counts voxels from its index's corner.
 
     Raises:
         ValueError: the poses do not fit the scene.
@@ -224,14 +225,18 @@ def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) ->
     poses = poses[None] if poses.ndim == 3 else poses
     if poses.ndim != 4 or poses.shape[1:] != (count, 4, 4):
         raise ValueError(f"poses must be ({count},4,4) or (B,{count},4,4), got {tuple(poses.shape)}")
-    inverse = torch.eye(4, dtype=torch.float64, device=device)[:3].repeat(poses.shape[0], count + 1, 1, 1)
-    matrices = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
+    matrices = torch.eye(4, dtype=torch.float64, device=device).repeat(poses.shape[0], count + 1, 1, 1)
+    matrices[:, 1:] = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
     turned = matrices[..., :3, :3].transpose(-1, -2)  # rigid up to a scale: far cheaper to invert than a general matrix
     turned = turned / turned.square().sum(dim=-1, keepdim=True).clamp_min(1e-30)
-    inverse[:, 1:, :, :3] = turned
-    inverse[:, 1:, :, 3:] = -turned @ matrices[..., :3, 3:]
-    inverse[..., 3] -= scene.grids.entries[:, ORIGIN : ORIGIN + 3].to(device=device, dtype=torch.float64)
-    return inverse
+    entries = scene.grids.entries.to(device=device, dtype=torch.float64)
+    origin, low, high = (entries[:, first : first + 3] for first in (ORIGIN, LOW, HIGH))
+    offset = -(turned @ matrices[..., :3, 3:])[..., 0] - origin
+    inverse = torch.cat([turned, offset[..., None]], dim=-1)
+    center = (matrices[..., :3, :3] @ ((low + high) / 2 + origin)[..., None])[..., 0] + matrices[..., :3, 3]
+    radius = matrices[..., :3, 0].norm(dim=-1) * (high - low).norm(dim=-1) / 2
+    sphere = torch.cat([center, radius[..., None] * (1 + MARGIN) + MARGIN], dim=-1)
+    return torch.cat([inverse, sphere[..., None, :]], dim=-2)
 
 
 def _starts(hits: Hits) -> Tensor:
@@ -241,7 +246,7 @@ def _starts(hits: Hits) -> Tensor:
 
 def _normals(ids: Tensor, transforms: Tensor, hit: Tensor) -> Tensor:
     """World normals of faces: the rows of a grid-from-world matrix are the gradients of the grid's coordinates."""
-    rows = torch.nn.functional.normalize(transforms[..., :3], dim=-1).float()
+    rows = torch.nn.functional.normalize(transforms[..., :3, :3], dim=-1).float()
     faces = torch.stack([-rows, rows], dim=3).flatten(1, 3)  # (B, (I + 1) * 6, 3)
     place = (ids[:, 1].clamp_min(0) * 6 + ids[:, 2]).view(rows.shape[0], -1)
     place = place + torch.arange(rows.shape[0], device=ids.device)[:, None] * faces.shape[1]

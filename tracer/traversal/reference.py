@@ -149,7 +149,7 @@ def _seen(grids: Sequence[Tensor], mask: int) -> list[int]:
 def _enter(voxels: Voxels, rays: Sequence[Tensor], t_min: Tensor, t_max: Tensor) -> Traversal:
     """The rays that intersect the grid's bounds, at the point of entry."""
     origins, directions, _, transforms = rays
-    matrix = transforms[:, voxels.entry]
+    matrix = transforms[:, voxels.entry, :3]
     rotation, offset, each = matrix[..., :3], matrix[:, None, :, 3], (len(matrix), -1, 3)
     origin = torch.einsum("bij,bnj->bni", rotation, origins.double().view(each)) + offset
     direction = torch.einsum("bij,bnj->bni", rotation, directions.double().view(each))

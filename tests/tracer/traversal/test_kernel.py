@@ -112,7 +112,7 @@ def test_fakes_give_the_shapes() -> None:
     from torch._subclasses.fake_tensor import FakeTensorMode
 
     with FakeTensorMode():
-        rays = [torch.empty(5, 3), torch.empty(5, 3), torch.empty(5, 2), torch.empty(1, 1, 3, 4)]
+        rays = [torch.empty(5, 3), torch.empty(5, 3), torch.empty(5, 2), torch.empty(1, 1, 4, 4)]
         grids = [torch.empty(0)] * 4
         numbers, ids = traversal.ops.surface(rays, grids, torch.empty(0, 5), 1)
         assert (numbers.shape, ids.shape, ids.dtype) == ((5, 4), (5, 7), torch.int32)
