@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from weakref import WeakKeyDictionary
 
 import torch
 import torch.nn.functional as F
@@ -16,6 +17,7 @@ HAZE = 0.12  # sine of the depression over which the horizon fades into the grou
 GLOW = ((0.010, 0.55), (0.004, 0.86))  # share of the sun's irradiance and Henyey-Greenstein g of each lobe
 INTEGRATION = (64, 128)  # pixels of the lat-long picture that irradiance is summed over
 TABLE = (32, 64)  # pixels of the irradiance table: irradiance is a smooth function of the normal
+_tables: WeakKeyDictionary[Scene, Tensor] = WeakKeyDictionary()  # scenes do not change
 
 
 def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
@@ -115,6 +117,12 @@ def sky_irradiance(scene: Scene, normals: Tensor) -> Tensor:
 
 def irradiance_table(scene: Scene) -> Tensor:
     """``(1, 3, h, w)`` irradiance of the unoccluded sky on surfaces that face each direction, lat-long."""
+    if scene not in _tables:
+        _tables[scene] = _integrated(scene)
+    return _tables[scene]
+
+
+def _integrated(scene: Scene) -> Tensor:
     sky = environment(scene, size=INTEGRATION).flatten(2)[0]
     way = environment_directions(INTEGRATION, device=sky.device).flatten(2)[0]
     angles = environment_solid_angles(INTEGRATION, device=sky.device).expand(1, 1, *INTEGRATION).flatten()
