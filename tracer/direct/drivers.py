@@ -1,8 +1,13 @@
-"""The compiled samples of sun and lamps over the pixels of a picture."""
+"""The compiled direct light of a picture: every pixel samples the sources that matter to it.
+
+`tracer.lights.shadows.arriving` passes over the picture once for each source. Here each pixel lists its sources and
+samples them together, so that work grows with what reaches a pixel, not with the number of lamps. Both forms send the
+same rays.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -12,98 +17,143 @@ from numba import prange
 from torch import Tensor
 
 from gbufrt.compute.kernel import array, driver, threads
-from tracer.direct import kernel as direct_kernel
-from tracer.direct import reference as direct
-from tracer.direct.kernel import Shining
+from tracer.direct import reference
+from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE, draw_rest, extent, find_candidates, list_lamps
+from tracer.direct.kernel import Sources
+from tracer.direct.pixel_kernel import first_rays, light_of_pixel
+from tracer.direct.reference import DRAWS
 from tracer.lights.emitters import Lamps
-from tracer.lights.shadows import LEAST, MOST, ShadowRays
+from tracer.lights.shadows import MOST, REACH, first_of
 from tracer.scene.scene import Sun
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
 
-ROWS = 64  # pixels handed out at a time
+CHUNK = 64  # pixels handed out at a time
+BAND = 1 << 17  # pixels whose samples are in memory together
 
 
 @driver
-def sun_all(space, axes, sine, pixels, turned, begin, end, lanes, sums):
-    numbers, points, normals = pixels
+def list_all(sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, lanes):
+    points, normals, lit = surface
+    lamps, height = len(sources.lamps), len(counts) // width
+    across = (width + TILE - 1) // TILE
     for lane in prange(lanes):
-        for start in range(lane * ROWS, len(numbers), lanes * ROWS):
-            for i in range(start, min(start + ROWS, len(numbers))):
-                point, normal = triple(points, numbers[i], 0), triple(normals, numbers[i], 0)
-                direct_kernel.sun(space, axes, sine, point, normal, turned, i, begin, end, sums[i])
+        candidates, numbers = np.empty(lamps, np.int32), np.empty(lamps, np.int32)
+        power, upto = np.empty(lamps), np.empty(lamps)
+        for n in range(lane, across * ((height + TILE - 1) // TILE), lanes):
+            y, x = n // across * TILE, n % across * TILE
+            tile, others = (y, min(y + TILE, height), x, min(x + TILE, width)), (numbers, upto)
+            i, low, high = extent(surface, start, width, tile)
+            found, count, sent = 0, 0, 0.0
+            if i >= 0:
+                given = triple(points, i, 0), triple(normals, i, 0), known[i], low, high, candidates, others
+                found, count, sent = find_candidates(sources, few, *given)
+            used = candidates[:found]
+            for row in range(tile[0], tile[1]):
+                for p in range(row * width + tile[2], row * width + tile[3]):
+                    i = start + p
+                    counts[p], scale[p, :] = 0, np.float32(0)
+                    if lit[i]:
+                        given = triple(points, i, 0), triple(normals, i, 0), known[i], sent, power, lists[p]
+                        counts[p], rest, draws = list_lamps(sources, used, *given)
+                        draw_rest(used, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
 
 
 @driver
-def lamp_all(space, shining, lamp, pixels, turned, begin, end, lanes, widest, sums):
-    numbers, points, normals = pixels
+def first_all(space, sources, widest, surface, turned, start, offsets, marked, count, samples, sums, lanes):
+    points, normals, _ = surface
     for lane in prange(lanes):
         each = np.empty(widest)
-        for start in range(lane * ROWS, len(numbers), lanes * ROWS):
-            for i in range(start, min(start + ROWS, len(numbers))):
-                point, normal = triple(points, numbers[i], 0), triple(normals, numbers[i], 0)
-                which = lamp[numbers[i] % len(lamp)]
-                direct_kernel.lamp(space, shining, which, point, normal, turned, i, begin, end, each, sums[i])
+        for begin in range(lane * CHUNK, len(offsets) - 1, lanes * CHUNK):
+            for p in range(begin, min(begin + CHUNK, len(offsets) - 1)):
+                i = start + p
+                point, normal = triple(points, i, 0), triple(normals, i, 0)
+                turn = (turned[0, i], turned[1, i])
+                for k in range(offsets[p], offsets[p + 1]):
+                    first_rays(space, sources, marked[k] >> 1, point, normal, turn, count, samples, each, sums[k])
 
 
 @driver
-def choose_all(shining, pixels, known, dice, lanes, levels, chosen, scale):
-    numbers, points, normals = pixels
+def finish_all(
+    space, sources, widest, surface, turned, start, offsets, marked, sums, rest, rows, width, count, samples, out, lanes
+):
+    points, normals, _ = surface
+    chosen, scale = rest
     for lane in prange(lanes):
-        power = np.empty(len(levels))
-        for start in range(lane * ROWS, len(numbers), lanes * ROWS):
-            for k in range(start, min(start + ROWS, len(numbers))):
-                i = numbers[k]
-                point, normal = triple(points, i, 0), triple(normals, i, 0)
-                chosen[i], scale[i] = direct_kernel.choose(shining, point, normal, known[i], dice[i], power, levels, i)
+        each, more = np.empty(widest), np.empty(sums.shape[1], np.float32)
+        for begin in range(rows[0] * width + lane * CHUNK, rows[1] * width, lanes * CHUNK):
+            for p in range(begin, min(begin + CHUNK, rows[1] * width)):
+                i = start + p
+                if offsets[p + 1] > offsets[p] or scale[p, 0] > 0:
+                    place = triple(points, i, 0), triple(normals, i, 0), (turned[0, i], turned[1, i])
+                    near = offsets, marked, sums, width
+                    one = chosen[p], scale[p]
+                    light = light_of_pixel(space, sources, near, place, p, one, count, samples, each, more)
+                    for c in range(3):
+                        out[c, i] += np.float32(light[c])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Direct(direct.Direct):
+class Direct(reference.Direct):
     """See `tracer.direct.reference.Direct`."""
 
-    def sun(self, sun: Sun) -> ShadowRays:
-        """See `tracer.direct.reference.Direct.sun`."""
-        sine, basis = direct.sun_frame(sun)
-        axes = array(basis.T.double())
+    def arriving(self, noise: Tensor, samples: int) -> Tensor:
+        """See `tracer.direct.reference.Direct.arriving`."""
+        size, lit = self.surface.size, self.surface.lit
+        arrived = torch.zeros(3, lit.numel())
+        if self.scene.sun is not None:
+            for start, rows, pixels in self._bands():
+                alone = lit[start : start + pixels].int()
+                offsets = np.concatenate([[0], array(alone.cumsum(0))])
+                marked = np.full(offsets[-1], 2 * len(self.lamps) + 1, np.int32)
+                none = np.zeros((pixels, DRAWS), np.int32), np.zeros((pixels, DRAWS), np.float32)
+                self._sample(arrived, noise, samples, start, rows, offsets, marked, none)
+        if len(self.lamps):
+            known, dice = arrived.mean(dim=0), noise[2].flatten()
+            for start, rows, pixels in self._bands():
+                lists, counts, rest = self.lists(known, dice, start, pixels)
+                offsets = np.concatenate([[0], counts.cumsum()])
+                marked = lists[np.arange(lists.shape[1]) < counts[:, None]]
+                self._sample(arrived, noise, samples, start, rows, offsets, marked, rest)
+        return arrived.view(3, *size)
 
-        def run(pixels: Tensor, turned: Tensor, points: range, sums: Tensor) -> None:
-            given = self._picture(pixels), array(turned), points.start, points.stop, threads(), array(sums)
-            sun_all(self._space, axes, sine, *given)
+    def _bands(self) -> Iterator[tuple[int, tuple[int, int], int]]:
+        """First pixel and number of pixels of each band, and those of its rows that are finished with it."""
+        height, width = self.surface.size
+        tall = max(BAND // width, 2 * REACH)
+        for top in range(0, height, tall):
+            first, last = max(top - REACH, 0), min(top + tall + REACH, height)
+            yield first * width, (top - first, min(top + tall, height) - first), (last - first) * width
 
-        return _shadow_rays(run)
+    def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int) -> tuple[np.ndarray, np.ndarray, Any]:
+        lists = np.empty((pixels, min(len(self.lamps), MOST_ALONE)), np.int32)
+        counts, chosen = np.empty(pixels, np.int64), np.zeros((pixels, DRAWS), np.int32)
+        scale = np.empty(chosen.shape, np.float32)
+        given = array(known), array(dice), start, self.surface.size[1], FEW
+        list_all(self._sources, self._surface, *given, lists, counts, chosen, scale, threads())
+        return lists, counts, (chosen, scale)
 
-    def lamp(self, number: int) -> ShadowRays:
-        """See `tracer.direct.reference.Direct.lamp`."""
-        return self._lamps(np.array([number]))
-
-    def lamp_of_each(self, numbers: Tensor) -> ShadowRays:
-        """See `tracer.direct.reference.Direct.lamp_of_each`."""
-        return self._lamps(array(numbers))
-
-    def choices(self, known: Tensor, dice: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """See `tracer.direct.reference.Direct.choices`."""
-        levels = torch.zeros(len(self.lamps), len(known), dtype=torch.uint8)
-        chosen, scale = torch.zeros(len(known), dtype=torch.long), torch.zeros_like(known)
-        pixels, out = self._picture(self.surface.lit.nonzero()[:, 0]), (levels, chosen, scale)
-        choose_all(self._shining, pixels, array(known), array(dice), threads(), *(array(t) for t in out))
-        return out
-
-    def _lamps(self, numbers: np.ndarray) -> ShadowRays:
-        widest = int(np.diff(self._shining.first).max())
-
-        def run(pixels: Tensor, turned: Tensor, points: range, sums: Tensor) -> None:
-            given = self._picture(pixels), array(turned), points.start, points.stop, threads(), widest, array(sums)
-            lamp_all(self._space, self._shining, numbers, *given)
-
-        return _shadow_rays(run)
-
-    def _picture(self, numbers: Tensor) -> tuple[np.ndarray, ...]:
-        return array(numbers), *self._rows
+    def _sample(
+        self,
+        arrived: Tensor,
+        noise: Tensor,
+        samples: int,
+        start: int,
+        rows: tuple[int, int],
+        offsets: np.ndarray,
+        marked: np.ndarray,
+        rest: tuple[np.ndarray, np.ndarray],
+    ) -> None:
+        sums = np.empty((len(marked), MOST + 1), np.float32)
+        turned, count = array(noise[:2].flatten(1)), first_of(samples)
+        widest = int(np.diff(self._sources.first).max(initial=0))
+        given = self._space, self._sources, widest, self._surface, turned, start, offsets, marked
+        first_all(*given, count, samples, sums, threads())
+        finish_all(*given, sums, rest, rows, self.surface.size[1], count, samples, array(arrived), threads())
 
     @cached_property
-    def _rows(self) -> tuple[np.ndarray, ...]:
-        return array(self.surface.points.T), array(self.surface.normals.T)
+    def _surface(self) -> tuple[np.ndarray, ...]:
+        surface = self.surface
+        return array(surface.points.T), array(surface.normals.T), array(surface.lit)
 
     @cached_property
     def _space(self) -> tuple[np.ndarray, ...]:
@@ -111,28 +161,24 @@ class Direct(direct.Direct):
         return array(transforms), *(array(grid) for grid in self.scene.grids.tensors)
 
     @cached_property
-    def _shining(self) -> Shining:
-        return shining_of(self.lamps)
+    def _sources(self) -> Sources:
+        return sources_of(self.lamps, self.scene.sun)
 
 
-def shining_of(lamps: Lamps) -> Shining:
-    """Lamps as `tracer.direct.kernel` reads them."""
+def sources_of(lamps: Lamps, sun: Sun | None) -> Sources:
+    """Lamps and sun as `tracer.direct.kernel` reads them."""
     used = lamps.edge_u.abs().sum(dim=2) > 0
     corner, edge_u, edge_v = (t[used].double() for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
     facing = torch.linalg.cross(edge_u, edge_v)
     offset = (facing * corner).sum(dim=1, keepdim=True)
     first = torch.cat([torch.zeros(1, dtype=torch.long), used.sum(dim=1).cumsum(0)])
     ball = torch.cat([lamps.center, lamps.radius[:, None], lamps.radiance.mean(dim=1, keepdim=True)], dim=1)
-    return Shining(
-        array(torch.cat([corner, edge_u, edge_v, facing, offset], dim=1)), array(first), array(ball.double())
+    sine, basis = (0.0, torch.eye(3)) if sun is None else reference.sun_frame(sun)
+    color = torch.zeros(1, 3) if sun is None else torch.tensor([sun.irradiance])
+    return Sources(
+        rectangles=array(torch.cat([corner, edge_u, edge_v, facing, offset], dim=1)),
+        first=array(first),
+        lamps=array(ball.double()),
+        sun=array(torch.cat([basis.T, torch.full((1, 3), sine)]).double()),
+        colors=array(torch.cat([lamps.radiance, color])),
     )
-
-
-def _shadow_rays(run: Any) -> ShadowRays:
-    def shadow_rays(pixels: Tensor, turned: Tensor, points: range) -> Tensor:
-        sums = torch.zeros(len(pixels), MOST + 1)
-        sums[:, LEAST] = 1.0
-        run(pixels, turned, points, sums)
-        return sums.T
-
-    return shadow_rays

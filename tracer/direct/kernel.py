@@ -1,4 +1,4 @@
-"""The compiled form of `tracer.direct.reference` and `tracer.lights.form_factor`: one pixel at a time."""
+"""The compiled form of `tracer.direct.reference` and `tracer.lights.form_factor`: one source at one pixel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from gbufrt.compute.kernel import scalar
 from gbufrt.noise.noise import PLASTIC
-from tracer.direct.reference import SHARE_ALONE, SHARE_FINE
 from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
 from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, scaled
 from tracer.scene.scene import MASK_SHADOW
@@ -18,21 +17,26 @@ from tracer.traversal.kernel import transmitted, triple
 CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
 """Columns of `Shining.rectangles`; the facing is as long as the area, the offset its product with the corner."""
 CENTER, RADIUS, MEAN = 0, 3, 4
-"""Columns of `Shining.lamps`; the mean of the radiance."""
+"""Columns of `Sources.lamps`; the mean of the radiance."""
 
 
-class Shining(NamedTuple):
-    """Lamps, flat.
+class Sources(NamedTuple):
+    """All that shines on a picture. Lamps have numbers from 0; the sun, if any, is number L.
 
     Args:
         rectangles: ``(R, 13)`` float64, those of one lamp after those of another.
         first: ``(L + 1,)`` int64, where those of each lamp begin.
         lamps: ``(L, 5)`` float64.
+        sun: ``(4, 3)`` float64: two axes across the direction to the sun, that direction, and the sine of the sun's
+            angular radius.
+        colors: ``(L + 1, 3)`` float32: radiance of the lamps, irradiance of the sun.
     """
 
     rectangles: np.ndarray
     first: np.ndarray
     lamps: np.ndarray
+    sun: np.ndarray
+    colors: np.ndarray
 
 
 @scalar
@@ -83,9 +87,9 @@ def rectangle_irradiance(rectangles, k, point, normal):
 
 
 @scalar
-def _turned(turned, i, point):
-    """A point of the R2 sequence, rotated by the offset of pixel ``i``."""
-    return (turned[0, i] + point / PLASTIC) % 1.0, (turned[1, i] + point / PLASTIC**2) % 1.0
+def _turned(turn, number):
+    """A point of the R2 sequence, rotated by a pixel's offset."""
+    return (turn[0] + number / PLASTIC) % 1.0, (turn[1] + number / PLASTIC**2) % 1.0
 
 
 @scalar
@@ -104,23 +108,24 @@ def _shoot(space, origin, direction, distance, weight, sums):
 
 
 @scalar
-def sun(space, axes, sine, point, normal, turned, i, begin, end, sums):
-    """Samples of the sun's disc from one pixel; ``axes`` are two across the direction to it, and that direction."""
+def _sun(space, sources, point, normal, turn, begin, end, sums):
+    """Samples of the sun's disc from one pixel."""
+    axes, sine = sources.sun, sources.sun[3, 0]
     across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
     sums[UNBLOCKED] = max(disc_cosine(dot(normal, toward), sine), 0.0)
     if sums[UNBLOCKED] <= 0:
         return
     for number in range(begin, end):
-        x, y = disc(*_turned(turned, i, number))
+        x, y = disc(*_turned(turn, number))
         x, y = x * sine, y * sine
         direction = combined(across, other, toward, x, y, math.sqrt(1 - x * x - y * y))
         _shoot(space, point, direction, np.inf, dot(normal, direction), sums)
 
 
 @scalar
-def lamp(space, shining, number, point, normal, turned, i, begin, end, each, sums):
+def _lamp(space, sources, number, point, normal, turn, begin, end, each, sums):
     """Samples of one lamp from one pixel; ``each`` has room for one number per rectangle."""
-    rectangles, first, _ = shining
+    rectangles, first = sources.rectangles, sources.first
     low, high = first[number], first[number + 1]
     total = 0.0
     for k in range(low, high):
@@ -130,7 +135,7 @@ def lamp(space, shining, number, point, normal, turned, i, begin, end, each, sum
     if total <= 0:
         return
     for step in range(begin, end):
-        u, v = _turned(turned, i, step)
+        u, v = _turned(turn, step)
         place, k = u * total, low
         while k < high - 1 and place >= each[k - low]:
             place -= each[k - low]
@@ -147,37 +152,11 @@ def lamp(space, shining, number, point, normal, turned, i, begin, end, each, sum
 
 
 @scalar
-def _importance(shining, number, point, normal):
-    """See `tracer.direct.reference`."""
-    rectangles, first, lamps = shining
-    shown = 0.0
-    for k in range(first[number], first[number + 1]):
-        shown += max(dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET], 0.0)
-    if shown <= 0:
-        return 0.0
-    way = along(triple(lamps, number, CENTER), point, -1.0)
-    square, radius = dot(way, way), lamps[number, RADIUS]
-    distance = max(math.sqrt(square), 1e-6)
-    cosine = dot(way, normal) / distance
-    cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
-    return shown * cosine / (distance * max(square, radius * radius / 4)) * lamps[number, MEAN]
-
-
-@scalar
-def choose(shining, point, normal, known, die, power, levels, i):
-    """Levels of all lamps at pixel ``i``, and the lamp drawn from those of level 0 with its scale."""
-    total = known
-    for number in range(len(power)):
-        power[number] = _importance(shining, number, point, normal)
-        total += power[number]
-    rest = 0.0
-    for number in range(len(power)):
-        levels[number, i] = (power[number] > SHARE_ALONE * total) + (power[number] > SHARE_FINE * total)
-        rest += power[number] if levels[number, i] == 0 else 0.0
-    chosen, upto = 0, 0.0
-    for number in range(len(power)):
-        if levels[number, i] == 0 and power[number] > 0:
-            chosen, upto = number, upto + power[number]
-            if upto > die * rest:
-                break
-    return chosen, (rest / power[chosen] if rest > 0 else 0.0)
+def sample(space, sources, number, point, normal, turn, begin, end, each, sums):
+    """Rays ``begin`` to ``end`` from one pixel to one source, as `tracer.lights.shadows.ShadowRays` counts them."""
+    sums[:] = np.float32(0)
+    sums[LEAST] = np.float32(1)
+    if number == len(sources.lamps):
+        _sun(space, sources, point, normal, turn, begin, end, sums)
+    else:
+        _lamp(space, sources, number, point, normal, turn, begin, end, each, sums)

@@ -11,8 +11,8 @@ from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.noise.noise import blue_noise
 from tracer.direct.reference import Direct
-from tracer.lights.emitters import Lamps, lamps_of
-from tracer.lights.shadows import Surface, arriving
+from tracer.lights.emitters import lamps_of
+from tracer.lights.shadows import Surface
 from tracer.lights.sky import sky_irradiance, sky_radiance, sun_radiance
 from tracer.scene.scene import Scene
 
@@ -32,8 +32,8 @@ def light(
     later.
 
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
-    off: those that may give a pixel at most 1/128 of the light it could get are represented by one of them, drawn in
-    proportion, and those below 1/32 get a quarter of the samples.
+    off: those that may give a pixel at most 1/128 of the light it could get are represented by up to eight of them,
+    drawn in proportion, and those below 1/32 get an eighth of the samples.
 
     Args:
         scene: what is there, and its sun and sky.
@@ -70,7 +70,7 @@ def light(
             lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
             size=camera.size,
         )
-        arrived.append(_irradiance(scene, surface, poses[b], noise, samples))
+        arrived.append(_direct(scene, poses[b], surface).arriving(noise, samples))
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_radiance(scene, directions)
     if scene.sun is not None:
@@ -82,34 +82,9 @@ def light(
     return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
 
 
-def _irradiance(scene: Scene, surface: Surface, poses: Tensor, noise: Tensor, samples: int) -> Tensor:
-    """``(3, H, W)`` from the sun and all lamps, for one picture."""
-    lamps = lamps_of(scene, poses)
-    direct = _direct(scene, poses, surface, lamps)
-    arrived = torch.zeros_like(surface.points).view(3, *surface.size)
-    if scene.sun is not None:
-        wanted = surface.lit.view(surface.size)
-        coming = arriving(direct.sun(scene.sun), wanted, wanted, noise[:2], samples=samples, start=0)
-        arrived = coming * coming.new_tensor(scene.sun.irradiance)[:, None, None]
-    return arrived + _lamp_light(direct, noise, samples, arrived) if len(lamps) else arrived
-
-
-def _lamp_light(direct: Direct, noise: Tensor, samples: int, known: Tensor) -> Tensor:
-    """``(3, H, W)`` irradiance from lamps, where ``known`` ``(3, H, W)`` comes from elsewhere."""
-    size, radiance = direct.surface.size, direct.lamps.radiance
-    levels, chosen, scale = direct.choices(known.mean(dim=0).flatten(), noise[2].flatten())
-    arrived = torch.zeros_like(known)
-    for lamp, level in enumerate(levels.view(-1, *size)):
-        shadow_rays = direct.lamp(lamp)
-        coming = arriving(shadow_rays, level >= 1, level >= 2, noise[:2], samples=samples, start=samples * lamp)
-        arrived += coming * radiance[lamp][:, None, None]
-    left = (scale > 0).view(size)
-    coming = arriving(direct.lamp_of_each(chosen), left, left, noise[:2], samples=1, start=samples * len(direct.lamps))
-    return arrived + coming * (radiance[chosen].T * scale).view_as(coming)
-
-
-def _direct(scene: Scene, poses: Tensor, surface: Surface, lamps: Lamps) -> Direct:
+def _direct(scene: Scene, poses: Tensor, surface: Surface) -> Direct:
     """Direct light on a surface, in the form for its device."""
+    lamps = lamps_of(scene, poses)
     if form_of(surface.points.detach()) is Form.REFERENCE:
         return Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
     from tracer.direct import drivers

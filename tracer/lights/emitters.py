@@ -12,7 +12,7 @@ from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.scene.world import BRICK, World
 
 GROUPS = (4, 8, 16, 32)  # side, in voxels, of the cells that group lamps: the first that gives at most MANY lamps
-MANY = 128
+MANY = 2048
 _known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and finding lamps takes time
 
 

@@ -1,0 +1,153 @@
+"""Which lamps matter to the pixels of a tile: the compiled form of `tracer.direct.reference.Direct.choices`.
+
+Where a scene has many lamps, a tile first bounds what each may send to any of its pixels. Its pixels then look only at
+the candidates: lamps that may be worth rays of their own. The others are drawn by what they send to one pixel of the
+tile, so their light is noisier than in the reference, and as free of bias.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gbufrt.compute.kernel import scalar
+from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
+from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, SHARE_ALONE, SHARE_FINE
+from tracer.sampling.scatter_kernel import along, dot
+from tracer.traversal.kernel import triple
+
+TILE = 8  # pixels on a side
+UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
+FEW = 64  # so few lamps are candidates everywhere
+MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
+"""So many lamps at most can each give a pixel more than the share that earns rays of their own."""
+
+
+@scalar
+def importance(sources, number, point, normal):
+    """See `tracer.direct.reference`."""
+    rectangles, first, lamps = sources.rectangles, sources.first, sources.lamps
+    shown = 0.0
+    for k in range(first[number], first[number + 1]):
+        shown += max(dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET], 0.0)
+    if shown <= 0:
+        return 0.0
+    way = along(triple(lamps, number, CENTER), point, -1.0)
+    square, radius = dot(way, way), lamps[number, RADIUS]
+    distance = max(math.sqrt(square), 1e-6)
+    cosine = dot(way, normal) / distance
+    cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
+    return shown * cosine / (distance * max(square, radius * radius / 4)) * lamps[number, MEAN]
+
+
+@scalar
+def bound(sources, number, center, reach, low, high):
+    """The most that `importance` is within ``reach`` of a point, for normals between ``low`` and ``high``."""
+    rectangles, first, lamps = sources.rectangles, sources.first, sources.lamps
+    shown = 0.0
+    for k in range(first[number], first[number + 1]):
+        facing = triple(rectangles, k, FACING)
+        shown += max(dot(facing, center) + math.sqrt(dot(facing, facing)) * reach - rectangles[k, OFFSET], 0.0)
+    if shown <= 0:
+        return 0.0
+    way, radius = along(triple(lamps, number, CENTER), center, -1.0), lamps[number, RADIUS]
+    distance = max(math.sqrt(dot(way, way)) - reach, 1e-6)
+    above = reach
+    for axis in range(3):
+        above += max(way[axis] * low[axis], way[axis] * high[axis])
+    cosine = min(above / distance, 1.0)
+    cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
+    return shown * cosine / (distance * max(distance * distance, radius * radius / 4)) * lamps[number, MEAN]
+
+
+@scalar
+def extent(surface, start, width, tile):
+    """The middle lit pixel of a tile (-1 for none), and the ranges of its lit points and normals."""
+    points, normals, lit = surface
+    count, middle = 0, -1
+    low, high = np.full(6, np.inf), np.full(6, -np.inf)
+    for y in range(tile[0], tile[1]):
+        for i in range(start + y * width + tile[2], start + y * width + tile[3]):
+            if lit[i]:
+                count += 1
+                middle = i if 2 * count <= (tile[1] - tile[0]) * (tile[3] - tile[2]) + 1 else middle
+                for k in range(3):
+                    low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
+                    low[3 + k], high[3 + k] = min(low[3 + k], normals[i, k]), max(high[3 + k], normals[i, k])
+    return middle, low, high
+
+
+@scalar
+def find_candidates(sources, few, point, normal, known, low, high, candidates, others):
+    """Sort all lamps into candidates and others; up to ``few`` lamps are all candidates.
+
+    ``point``, ``normal`` and ``known`` are those of one pixel, ``low`` and ``high`` the tile's ranges. Left in
+    ``others``: their numbers, and the sum of their weights up to each. Returned: the number of both, and what the
+    others send to the pixel.
+    """
+    lamps = len(sources.lamps)
+    if lamps <= few:
+        for number in range(lamps):
+            candidates[number] = number
+        return lamps, 0, 0.0
+    center = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2)
+    corner = (high[0] - center[0], high[1] - center[1], high[2] - center[2])
+    reach, least, most = math.sqrt(dot(corner, corner)), (low[3], low[4], low[5]), (high[3], high[4], high[5])
+    numbers, upto = others
+    total = known
+    for number in range(lamps):
+        upto[number] = importance(sources, number, point, normal)
+        total += upto[number]
+    found, count, rest, sent = 0, 0, 0.0, 0.0
+    for number in range(lamps):
+        here, most_here = upto[number], bound(sources, number, center, reach, least, most)
+        if most_here > SHARE_ALONE * total:
+            candidates[found] = number
+            found += 1
+        elif most_here > 0:
+            rest, sent = rest + here + UNLIKE * most_here, sent + here
+            numbers[count], upto[count] = number, rest
+            count += 1
+    return found, count, sent
+
+
+@scalar
+def list_lamps(sources, candidates, point, normal, known, sent, power, marked):
+    """List the candidates worth rays of their own; leave in ``power`` the importance of the rest.
+
+    Returned: the length of the list, the sum of ``power``, and how many of the rest are drawn.
+    """
+    total = known + sent
+    for k in range(len(candidates)):
+        power[k] = importance(sources, candidates[k], point, normal)
+        total += power[k]
+    count, rest = 0, 0.0
+    for k in range(len(candidates)):
+        if power[k] > SHARE_ALONE * total:
+            marked[count] = 2 * candidates[k] + (1 if power[k] > SHARE_FINE * total else 0)
+            count += 1
+            power[k] = 0.0
+        rest += power[k]
+    draws = min(max(math.ceil(DRAWS_PER_SHARE * (rest + sent) / max(total, 1e-30)), 1), DRAWS)
+    return count, rest, draws
+
+
+@scalar
+def draw_rest(candidates, power, rest, others, count, die, draws, chosen, scale):
+    """Draw lamps of the rest: candidates by importance, others by weight; ``scale`` is the inverse of how often."""
+    numbers, upto = others
+    total = rest + (upto[count - 1] if count > 0 else 0.0)
+    draw, reached, last = 0, 0.0, -1
+    for k in range(len(candidates)):
+        if power[k] > 0:
+            reached, last = reached + power[k], k
+            while draw < draws and (die + draw) / draws * total < reached:
+                chosen[draw], scale[draw] = candidates[k], total / (power[k] * draws)
+                draw += 1
+    while draw < draws and count > 0:
+        k = min(np.searchsorted(upto[:count], (die + draw) / draws * total - rest, side="right"), count - 1)
+        chosen[draw], scale[draw] = numbers[k], total / ((upto[k] - (upto[k - 1] if k > 0 else 0.0)) * draws)
+        draw += 1
+    if draw < draws and last >= 0:  # rounded up to the end
+        chosen[draw], scale[draw] = candidates[last], total / (power[last] * draws)

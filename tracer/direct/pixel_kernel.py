@@ -1,0 +1,82 @@
+"""The compiled form of `tracer.direct.reference.Direct.arriving`: one pixel and its list of sources.
+
+A list holds the numbers of sources in rising order, each shifted left by one; the lowest bit says whether the source
+matters enough for more than the first rays.
+"""
+
+from __future__ import annotations
+
+from gbufrt.compute.kernel import scalar
+from tracer.direct.kernel import sample
+from tracer.lights.shadows import AGREE, LEAST, MOST, REACH, UNBLOCKED, WEIGHT
+
+
+@scalar
+def first_rays(space, sources, number, point, normal, turn, count, samples, each, sums):
+    """The first ``count`` rays to one source."""
+    begin = _begin(sources, number, samples)
+    sample(space, sources, number, point, normal, turn, begin, begin + count, each, sums)
+
+
+@scalar
+def _begin(sources, number, samples):
+    """The number of a source's first point in the R2 sequence."""
+    return 0 if number == len(sources.lamps) else number * samples
+
+
+@scalar
+def _differs(near, p, k):
+    """Whether the first rays to source ``k`` of pixel ``p`` differ, among themselves or from those nearby."""
+    offsets, marked, sums, width = near
+    least, most = sums[k, LEAST], sums[k, MOST]
+    place, column = k - offsets[p], p % width
+    for dy in range(-REACH, REACH + 1):
+        for dx in range(-REACH, REACH + 1):
+            q = p + dy * width + dx
+            if 0 <= column + dx < width and 0 <= q < len(offsets) - 1:
+                j, end = offsets[q] + place, offsets[q + 1]
+                if j >= end or marked[j] >> 1 != marked[k] >> 1:  # most lists are alike
+                    j = offsets[q]
+                    while j < end and marked[j] >> 1 < marked[k] >> 1:
+                        j += 1
+                if j < end and marked[j] >> 1 == marked[k] >> 1:
+                    least, most = min(least, sums[j, LEAST]), max(most, sums[j, MOST])
+        if most - least > AGREE:
+            return True
+    return False
+
+
+@scalar
+def _gathered(light, sums, color, scale):
+    """``light`` and that of a source: unblocked irradiance times the mean transmission of its rays."""
+    share = sums[UNBLOCKED] * scale / max(sums[WEIGHT], 1e-20)
+    return (
+        light[0] + sums[1] * share * color[0],
+        light[1] + sums[2] * share * color[1],
+        light[2] + sums[3] * share * color[2],
+    )
+
+
+@scalar
+def light_of_pixel(space, sources, near, place, p, rest, count, samples, each, more):
+    """Irradiance of pixel ``p`` from the sources of its list, with more rays where the first differ, and the rest."""
+    offsets, marked, sums, _ = near
+    point, normal, turn = place
+    light = (0.0, 0.0, 0.0)
+    for k in range(offsets[p], offsets[p + 1]):
+        number = marked[k] >> 1
+        if samples > count and marked[k] & 1 and _differs(near, p, k):
+            begin = _begin(sources, number, samples)
+            sample(space, sources, number, point, normal, turn, begin + count, begin + samples, each, more)
+            for row in range(1, WEIGHT + 1):
+                more[row] += sums[k, row]
+            light = _gathered(light, more, sources.colors[number], 1.0)
+        else:
+            light = _gathered(light, sums[k], sources.colors[number], 1.0)
+    chosen, scale = rest
+    for draw in range(len(chosen)):
+        if scale[draw] > 0:
+            begin = len(sources.lamps) * samples + draw
+            sample(space, sources, chosen[draw], point, normal, turn, begin, begin + 1, each, more)
+            light = _gathered(light, more, sources.colors[chosen[draw]], scale[draw])
+    return light
