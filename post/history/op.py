@@ -36,10 +36,10 @@ def read_history_cpu(
         now: as `correspondence` gives it, as ``before`` and ``shift``.
         before: see ``now``.
         shift: see ``now``.
-        plane: ``plane_tolerance`` of `reproject`.
+        plane: ``plane_tolerance`` of `read_history`.
         normal: ``normal_tolerance``.
-        search: see `reproject`.
-        sharp: see `reproject`.
+        search: see `read_history`.
+        sharp: see `read_history`.
     """
     from post.history.drivers import read_each
 
@@ -102,17 +102,34 @@ def read_history(
     sharp: bool = False,
     compiled: bool | None = None,
 ) -> Reading:
-    """Read a picture of the previous frame where this frame's surfaces were: `reproject`, then fetch.
+    """Read a picture of the previous frame where this frame's surfaces were.
+
+    Each of the four pixels around the reprojected position counts only if it shows the same surface: the same hit
+    flag and object, a similar normal, and a point within ``plane_tolerance`` of the surface's tangent plane at that
+    time. Where none does, the 3x3 pixels around are searched for the nearest that does. Sky matches sky.
+
+    History lives on the pixel grid without jitter: a still camera fetches each pixel from itself, jittered or not.
 
     Args:
         gbuffer: of this frame.
         previous: of the frame before, with its own camera.
         image: ``(B, C, H, W)`` of the frame before.
-        length: see `reproject`, as the rest.
+        length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero are not used.
+        motion: see `correspondence`.
+        plane_tolerance: allowed distance from the plane, in pixel footprints.
+        normal_tolerance: smallest allowed cosine between normals.
+        search: whether to search the neighbours of failures.
+        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer taps that do not show it
+            give their share to the nearest of the four. A history that moves every frame keeps its detail.
         compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        `Reading`.
 
     Raises:
         ValueError: the frames differ in batch or size.
+
+    Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
     """
     now, before, shift = correspondence(gbuffer, previous, length, motion)
     options = (plane_tolerance, normal_tolerance, search, sharp)

@@ -51,59 +51,19 @@ class Taps:
         return torch.where(self.valid, torch.minimum(torch.maximum(result, low), high), result) if taps > 4 else result
 
 
-def reproject(
-    gbuffer: GBuffer,
-    previous: GBuffer,
-    *,
-    length: Tensor | None = None,
-    motion: Tensor | None = None,
+def find_taps(
+    now: Tensor,
+    before: Tensor,
+    shift: Tensor,
     plane_tolerance: float = 2.0,
     normal_tolerance: float = 0.9,
     search: bool = True,
     sharp: bool = False,
 ) -> Taps:
-    """Find each pixel's surface in the previous frame.
+    """The pixels of the previous frame that show each pixel's surface, by what `correspondence` returns.
 
-    Each of the four pixels around the reprojected position counts only if it shows the same surface: the same hit
-    flag and object, a similar normal, and a point within ``plane_tolerance`` of the surface's tangent plane at that
-    time. Where none does, the 3x3 pixels around are searched for the nearest that does. Sky matches sky.
-
-    History lives on the pixel grid without jitter: a still camera fetches each pixel from itself, jittered or not.
-
-    Args:
-        gbuffer: of this frame.
-        previous: of the frame before, with its own camera.
-        length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero are not used.
-        motion: ``(B, 2, H, W)`` pixels, previous minus current, to look elsewhere than where the surface was, as for
-            reflections; by default the G-buffer's, and without one that of the cameras.
-        plane_tolerance: allowed distance from the plane, in pixel footprints.
-        normal_tolerance: smallest allowed cosine between normals.
-        search: whether to search the neighbours of failures.
-        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer taps that do not show it
-            give their share to the nearest of the four. A history that moves every frame keeps its detail.
-
-    Returns:
-        `Taps`.
-
-    Raises:
-        ValueError: the frames differ in batch or size.
-
-    Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
+    The definition of which pixels count is that of `post.history.op.read_history`.
     """
-    look = correspondence(gbuffer, previous, length, motion)
-    return find_taps(*look, plane_tolerance, normal_tolerance, search, sharp)
-
-
-def find_taps(
-    now: Tensor,
-    before: Tensor,
-    shift: Tensor,
-    plane_tolerance: float,
-    normal_tolerance: float,
-    search: bool,
-    sharp: bool,
-) -> Taps:
-    """`reproject`, of what `correspondence` returns."""
     y, x = (torch.arange(n, dtype=shift.dtype, device=shift.device) for n in shift.shape[-2:])
     column, row = x + shift[:, 0], y[:, None] + shift[:, 1]
     left, top = torch.floor(column), torch.floor(row)
@@ -140,8 +100,9 @@ def correspondence(
     Args:
         gbuffer: of this frame.
         previous: of the frame before.
-        length: see `reproject`.
-        motion: see `reproject`.
+        length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero match nothing.
+        motion: ``(B, 2, H, W)`` pixels, previous minus current, to look elsewhere than where the surface was, as for
+            reflections; by default the G-buffer's, and without one that of the cameras.
 
     Returns:
         ``(B, 9, H, W)``: normal, hit, object and position in the previous view, and the size of a pixel there;
@@ -187,7 +148,7 @@ def history_for(history: History | None, cut: Tensor | None) -> History | None:
 
 
 def geometry_of(gbuffer: GBuffer) -> GBuffer:
-    """Only those channels of a past frame's G-buffer that `reproject` needs."""
+    """Only those channels of a past frame's G-buffer that `correspondence` needs."""
     return GBuffer(
         camera=gbuffer.camera,
         depth=gbuffer.depth,
