@@ -36,7 +36,7 @@ def noise(channels: int, size: tuple[int, int] = SIZE) -> Tensor:
     return torch.rand((1, channels, *size), generator=torch.Generator().manual_seed(channels))
 
 
-def close(got: Tensor, want: Tensor) -> None:
+def assert_close(got: Tensor, want: Tensor) -> None:
     torch.testing.assert_close(got, want, rtol=1e-4, atol=1e-5)
 
 
@@ -45,7 +45,7 @@ def close(got: Tensor, want: Tensor) -> None:
 def test_moments(case: str, radius: int) -> None:
     geometry, light = scene(**CASES[case]), noise(1)
     got, want = (moments(light, geometry, radius=radius, compiled=form) for form in (True, False))
-    close(got[:, :, geometry.hit[0, 0]], want[:, :, geometry.hit[0, 0]])
+    assert_close(got[:, :, geometry.hit[0, 0]], want[:, :, geometry.hit[0, 0]])
     assert float(want[:, 1:][geometry.hit].std()) > 1e-3, "variances differ, so that the comparison says something"
 
 
@@ -54,7 +54,7 @@ def test_moments(case: str, radius: int) -> None:
 def test_wavelet(case: str, step: int) -> None:
     geometry, values = scene(**CASES[case]), noise(5)
     got, want = (wavelet(values, geometry, 0.05 * noise(1), step=step, **PHI, compiled=form) for form in (True, False))
-    close(got, want)
+    assert_close(got, want)
     assert torch.equal(got[:, :, ~geometry.hit[0, 0]], values[:, :, ~geometry.hit[0, 0]])
     assert step == 32 or float((got - values).abs().mean()) > 0.05
 
@@ -65,7 +65,7 @@ def test_joint_bilateral(case: str, radius: int) -> None:
     geometry, values = scene(**CASES[case]), noise(4)
     inputs = (values, geometry, 0.5 + 4 * noise(1), 0.1 + noise(2)[:, 1:])
     got, want = (joint_bilateral(*inputs, radius=radius, **EDGE, compiled=form) for form in (True, False))
-    close(got, want)
+    assert_close(got, want)
     assert float((got - values[:, :-1]).abs().mean()) > 0.03
 
 
@@ -81,7 +81,7 @@ def test_pictures_smaller_than_the_kernel(size: tuple[int, int]) -> None:
             moments: ((values[:, :1], geometry), {"radius": 2}),
         }[form]
         got, want = (form(*options[0], **options[1], compiled=compiled) for compiled in (True, False))
-        close(got, want)
+        assert_close(got, want)
 
 
 @pytest.mark.parametrize("power", [0.0, 0.5])
@@ -93,7 +93,7 @@ def test_normals_that_face_away(power: float) -> None:
     inputs = (noise(2, (3, 4)), geometry, 3 * ones, 10 * ones)
     options = {"radius": 2, "depth_sensitivity": 1.0, "normal_power": power}
     got, want = (joint_bilateral(*inputs, **options, compiled=form) for form in (True, False))
-    close(got, want)
+    assert_close(got, want)
 
 
 def test_batches() -> None:
