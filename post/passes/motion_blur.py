@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.compute.fusion import fusible
+from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import inside, pixel_centers, sample
@@ -100,8 +101,8 @@ def _dominant(path: Tensor, tile: int, noise: Tensor) -> Tensor:
 
 def _longest(path: Tensor, size: int, stride: int, padding: int) -> Tensor:
     """Like max pooling of vectors by their length."""
-    length = path.detach().square().sum(1, keepdim=True)
-    _, where = F.max_pool2d(length, size, stride, padding, ceil_mode=True, return_indices=True)
+    square = path.detach().square().sum(1, keepdim=True)
+    _, where = F.max_pool2d(square, size, stride, padding, ceil_mode=True, return_indices=True)
     return path.flatten(2).gather(2, where.flatten(2).expand(-1, 2, -1)).view(*path.shape[:2], *where.shape[2:])
 
 
@@ -139,8 +140,8 @@ def _candidate(
     lies behind what is here now."""
     at = px - path * time
     found, there = sample(known, at, mode="nearest"), inside(at, (color.shape[-2], color.shape[-1]))
-    miss = _length((found[:, 1:] - path) * time)
-    lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * _length(path * time))).clamp(0, 1)
+    miss = length((found[:, 1:] - path) * time)
+    lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * length(path * time))).clamp(0, 1)
     behind = 2 * (_in_front(known[:, :1], found[:, :1], softness) - 0.5).clamp_min(0)
     return sample(color, at), found[:, :1], lands * there, behind * there
 
@@ -171,11 +172,7 @@ def _similar_moment(
 
 
 def _limited(path: Tensor, longest: float) -> Tensor:
-    return path * (longest / _length(path)).clamp_max(1.0)
-
-
-def _length(path: Tensor) -> Tensor:
-    return path.square().sum(1, keepdim=True).clamp_min(1e-12).sqrt()
+    return path * (longest / length(path)).clamp_max(1.0)
 
 
 def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int, softness: float) -> None:

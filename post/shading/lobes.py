@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from gbufrt.directions import tangent_frame
+from gbufrt.directions import length, tangent_frame
 from gbufrt.sampling import shifted
 from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, smith_lambda
 from post.shading.ggx import grazing, reflection_pdf
@@ -60,7 +60,7 @@ def dot(a: Tensor, b: Tensor) -> Tensor:
 
 def unit(a: Tensor) -> Tensor:
     """``a`` at length 1; zero stays zero."""
-    return a / dot(a, a).clamp_min(1e-20).sqrt()
+    return a / length(a)
 
 
 def surface_of(
