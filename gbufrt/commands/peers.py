@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 from statistics import median
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from gbufrt.commands.ablation.denoising import has_oidn, joint_bilateral, oidn
 from gbufrt.frame import Frame
-from gbufrt.gbuffer import GBuffer
 
 RADIUS = 2.0  # world units, of the ambient occlusion that is denoised
 CLEAN_SAMPLES = 64
-KERNEL, SIGMA_GUIDE, SIGMA_SPACE = 9, 0.1, 4.0  # of kornia's filter, as wide as ours
+KERNEL = 9  # pixels, of kornia's filter and of ours
 
 Filter = Callable[[], Tensor]
 
@@ -73,26 +72,10 @@ def filters(frame: Frame) -> dict[str, Filter]:
     found: dict[str, Filter] = {
         "post.bilateral, 9x9": lambda: bilateral(ao, g.depth, g.normal, radius=KERNEL // 2, **surface),
         "post.atrous, 5 iterations": lambda: atrous(ao, g.depth, g.normal, **surface)[0],
-        "kornia joint bilateral, 9x9": lambda: _kornia(ao, g),
+        "kornia joint bilateral, 9x9": lambda: joint_bilateral(ao, g, kernel=KERNEL),
     }
-    if find_spec("pyoidn") is not None:
-        found["OIDN, fast"] = lambda: _oidn(ao, g, "fast")
-        found["OIDN, high"] = lambda: _oidn(ao, g, "high")
+    if has_oidn():
+        light, white = (plane.expand(-1, 3, -1, -1) for plane in (ao, torch.where(g.hit, 1.0, 0.0)))
+        found["OIDN, fast"] = lambda: oidn(light, white, g.normal, quality="fast")[:, :1]
+        found["OIDN, high"] = lambda: oidn(light, white, g.normal)[:, :1]
     return found
-
-
-def _kornia(ao: Tensor, g: GBuffer) -> Tensor:
-    from kornia.filters import joint_bilateral_blur
-
-    near = torch.where(g.hit, 1 / g.depth, 0.0)
-    guide = torch.cat([g.normal * 0.5, near / near.amax().clamp_min(1e-9)], dim=1)
-    return joint_bilateral_blur(ao, guide, KERNEL, SIGMA_GUIDE, (SIGMA_SPACE, SIGMA_SPACE))
-
-
-def _oidn(ao: Tensor, g: GBuffer, quality: str) -> Tensor:
-    from pyoidn import denoise  # pyright: ignore[reportMissingImports]
-
-    pixels = [plane[0].permute(1, 2, 0).contiguous() for plane in (ao.expand(-1, 3, -1, -1), g.normal)]
-    flat = torch.where(g.hit, 1.0, 0.0)[0].permute(1, 2, 0).expand(-1, -1, 3).contiguous()
-    found = denoise(pixels[0], flat, pixels[1], hdr=True, clean_aux=True, quality=quality)
-    return found.permute(2, 0, 1)[None, :1]

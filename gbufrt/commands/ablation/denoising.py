@@ -13,6 +13,7 @@ from gbufrt.commands.ablation.measure import run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import SHARP, Outcome
 from gbufrt.frame import Frame
+from gbufrt.gbuffer import GBuffer
 from gbufrt.metrics.temporal import frames_seen
 from gbufrt.pipeline import Pipeline
 
@@ -88,26 +89,31 @@ def rivals(frame: Frame) -> dict[str, Tensor]:
     from post.passes.denoise import visible_layer
 
     g, albedo, _ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
-    frame = frame.replace(gbuffer=g.replace(albedo=torch.where(g.hit, albedo, 0.0)))
-    found = {"kornia": joint_bilateral(frame)}
-    return {**found, "oidn": oidn(frame)} if find_spec("pyoidn") is not None else found
+    light, low = frame.read("gi"), albedo.clamp_min(MIN_ALBEDO)
+    smooth = joint_bilateral(torch.where(g.hit, light / low, light), g, kernel=KERNEL)  # with the albedo divided out
+    found = {"kornia": torch.where(g.hit, smooth * low, light)}
+    if has_oidn():
+        found["oidn"] = oidn(light, torch.where(g.hit, albedo, 0.0), g.normal)
+    return found
 
 
-def oidn(frame: Frame) -> Tensor:
-    """Intel Open Image Denoise, at its best quality, with clean albedo and normal."""
+def has_oidn() -> bool:
+    """Whether `oidn` can run here."""
+    return find_spec("pyoidn") is not None
+
+
+def oidn(light: Tensor, albedo: Tensor, normal: Tensor, *, quality: str = "high") -> Tensor:
+    """Intel Open Image Denoise with clean albedo and normal, all of them and the result ``(1, 3, H, W)``."""
     from pyoidn import denoise as filtered  # pyright: ignore[reportMissingImports]
 
-    pixels = [frame.read(name)[0].permute(1, 2, 0).contiguous() for name in ("gi", "albedo", "normal")]
-    return filtered(*pixels, hdr=True, clean_aux=True).permute(2, 0, 1)[None]
+    pixels = [plane[0].permute(1, 2, 0).contiguous() for plane in (light, albedo, normal)]
+    return filtered(*pixels, hdr=True, clean_aux=True, quality=quality).permute(2, 0, 1)[None]
 
 
-def joint_bilateral(frame: Frame) -> Tensor:
-    """kornia's joint bilateral filter over the light with the albedo divided out, guided by normal and depth."""
+def joint_bilateral(signal: Tensor, g: GBuffer, *, kernel: int) -> Tensor:
+    """kornia's joint bilateral filter over ``(B, C, H, W)``, guided by normal and depth, ``kernel`` pixels wide."""
     from kornia.filters import joint_bilateral_blur
 
-    g, albedo = frame.gbuffer, frame.read("albedo").clamp_min(MIN_ALBEDO)
     near = torch.where(g.hit, 1 / g.depth, 0.0)
     guide = torch.cat([g.normal * 0.5, near / near.amax().clamp_min(1e-9)], dim=1)
-    irradiance = torch.where(g.hit, frame.read("gi") / albedo, frame.read("gi"))
-    smooth = joint_bilateral_blur(irradiance, guide, KERNEL, SIGMA_GUIDE, (SIGMA_SPACE, SIGMA_SPACE))
-    return torch.where(g.hit, smooth * albedo, frame.read("gi"))
+    return joint_bilateral_blur(signal, guide, kernel, SIGMA_GUIDE, (SIGMA_SPACE, SIGMA_SPACE))
