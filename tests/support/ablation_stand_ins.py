@@ -149,4 +149,4 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(import_module("tracer.truth.truth"), integrator.__name__, integrator)
 
 
-__all__ = ["OPEN", "calls", "install"]
+__all__ = ["OPEN", "FakeAO", "FakeGI", "calls", "install"]

@@ -33,6 +33,10 @@ BARS = (
         subject="signals", trivial={"ao = 1": "ao.if_open", "constant per object": "ao.if_constant"}, limit="ao.limit",
     ),
     Bar(
+        name="AO", what="the same RMSE after 1 frame from an empty history", key="ao.rmse_1", bound=0.09,
+        better="lower", subject="signals",
+    ),
+    Bar(
         name="AO", what="bent normal's error over the normal's, where true AO < 0.9", key="ao.bent", bound=0.5,
         better="lower", subject="signals", trivial={"the normal": "ao.if_normal"},
     ),
@@ -42,7 +46,11 @@ BARS = (
         limit="gi.exact",
     ),
     Bar(
-        name="GI", what="the same error over a per-object constant's", key="gi.to_constant", bound=0.5, better="lower",
+        name="GI", what="the same error after 1 frame from an empty history", key="gi.error_1", bound=0.5,
+        better="lower", subject="signals",
+    ),
+    Bar(
+        name="GI", what="the error over a per-object constant's", key="gi.to_constant", bound=0.5, better="lower",
         subject="signals",
     ),
     Bar(

@@ -77,6 +77,21 @@ def _pair(value: Tensor | Pair) -> Pair:
     return value if isinstance(value, tuple) else (value, value)
 
 
+def ao_error(frame: Frame, truth: Truth) -> float:
+    """RMSE of ``ao``."""
+    return _one(rms_error(frame.read("ao"), halves(truth, "ao"), frame.gbuffer.hit))
+
+
+def gi_error(frame: Frame, truth: Truth) -> float:
+    """Squared error of ``gi`` over the squared truth, both of the part from on-screen surfaces."""
+    return relative_energy(frame.read("gi"), halves(truth, "gi_onscreen"), frame.gbuffer.hit)
+
+
+def reflection_error(frame: Frame, truth: Truth) -> float:
+    """Squared error of ``reflection`` over the squared truth, on all surfaces."""
+    return relative_energy(frame.read("reflection"), halves(truth, "reflection"), frame.gbuffer.hit)
+
+
 def ao_figures(frame: Frame, truth: Truth) -> Figures:
     """Of ``ao`` and ``bent_normal``.
 
@@ -85,7 +100,7 @@ def ao_figures(frame: Frame, truth: Truth) -> Figures:
     """
     hit, ao, true, both = frame.gbuffer.hit, frame.read("ao"), truth["ao"], halves(truth, "ao")
     result = {
-        "ao.rmse": _one(rms_error(ao, both, hit)),
+        "ao.rmse": ao_error(frame, truth),
         "ao.limit": _one(rmse(truth["ao_onscreen"], true, hit)),
         "ao.own": _one(rmse(ao, truth["ao_onscreen"], hit)),
         "ao.ssim": _one(ssim(ao, true, hit)) if min(true.shape[-2:]) > 5 else float("nan"),
@@ -110,7 +125,7 @@ def gi_figures(frame: Frame, truth: Truth, exact: Pair) -> Figures:
     """
     hit, gi, onscreen, true = frame.gbuffer.hit, frame.read("gi"), halves(truth, "gi_onscreen"), halves(truth, "gi")
     constant = constant_per_object(truth["gi_onscreen"], frame.gbuffer)
-    error, trivial = relative_energy(gi, onscreen, hit), relative_energy(constant, onscreen, hit)
+    error, trivial = gi_error(frame, truth), relative_energy(constant, onscreen, hit)
     return {
         "gi.error": error,
         "gi.exact": relative_energy(exact, onscreen, hit),
@@ -155,7 +170,7 @@ def reflection_figures(frame: Frame, truth: Truth, exact: Pair, lit: Pair | None
         "reflection.mirror_share": share(mirror, g.hit),
         "reflection.if_black": _one(rms_error(torch.zeros_like(true), both, mirror) / mean),
         "reflection.if_constant": _one(rms_error(constant_per_object(true, g, mirror), both, mirror) / mean),
-        "reflection.whole": relative_energy(found, both, g.hit),
+        "reflection.whole": reflection_error(frame, truth),
         "reflection.limit": relative_energy(halves(truth, "reflection_onscreen"), both, g.hit),
         "reflection.truth_error": float(truth.get("reflection_error", torch.tensor(torch.nan))),
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import weakref
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from statistics import median
@@ -30,6 +30,8 @@ class Run:
 
     frames: list[Frame] = field(default_factory=list)
     """The last ones, oldest first."""
+    at: dict[int, Frame] = field(default_factory=dict)
+    """Those asked for by their number, from 0."""
     passes: dict[str, dict[str, float]] = field(default_factory=dict)
     """Of each pass ``ms`` (median) and ``peak_mb`` (most tensor memory beyond what it was given)."""
 
@@ -44,13 +46,21 @@ class Run:
         return sum(cost["ms"] for cost in self.passes.values())
 
 
-def run(pipeline: Pipeline, frames: Iterable[Frame], *, keep: int = 1, tick: Callable[[], Any] = lambda: None) -> Run:
+def run(
+    pipeline: Pipeline,
+    frames: Iterable[Frame],
+    *,
+    keep: int = 1,
+    at: Collection[int] = (),
+    tick: Callable[[], Any] = lambda: None,
+) -> Run:
     """Send frames through a pipeline from an empty history.
 
     Args:
         pipeline: what to run.
         frames: in order; at least one. The last is measured for memory, not time, unless it is the only one.
         keep: how many of the last results to keep.
+        at: numbers, from 0, of further results to keep.
         tick: called after each frame.
     """
     result, state, waiting = Run(), None, iter(frames)
@@ -59,12 +69,16 @@ def run(pipeline: Pipeline, frames: Iterable[Frame], *, keep: int = 1, tick: Cal
         raise ValueError("frames must hold at least one frame")
     spent: dict[str, list[float]] = defaultdict(list)
     held: dict[str, float] = {}
+    number = 0
     while frame is not None:
         following = next(waiting, None)
         watch = _timed(pipeline, spent) if following is not None or not spent else _weighed(pipeline, held)
         with torch.no_grad(), watch:  # the last frame is measured for memory, not time: counting memory is slow
             after, state = pipeline(frame, state)
         result.frames = [*result.frames, after][-keep:]
+        if number in at:
+            result.at[number] = after
+        number += 1
         tick()
         frame = following
     for name, times in spent.items():

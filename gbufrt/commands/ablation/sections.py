@@ -93,11 +93,13 @@ SECTIONS = (
         subject="signals",
         picture="ao",
         figures=(
-            "ao.rmse", "ao.limit", "ao.own", "ao.ssim", "ao.if_open", "ao.if_constant",
+            "ao.rmse", "ao.rmse_1", "ao.rmse_4", "ao.limit", "ao.own", "ao.ssim", "ao.if_open", "ao.if_constant",
             "ao.bent", "ao.bent_degrees", "ao.normal_degrees", "ao.truth_error",
         ),
         names={
             "ao.rmse": "RMSE",
+            "ao.rmse_1": "after 1 frame",
+            "ao.rmse_4": "after 4",
             "ao.limit": "limit of screen space",
             "ao.own": "RMSE to that limit",
             "ao.ssim": "SSIM",
@@ -117,11 +119,13 @@ SECTIONS = (
         subject="signals",
         picture="gi",
         figures=(
-            "gi.error", "gi.exact", "gi.if_constant", "gi.to_constant", "gi.whole", "gi.limit", "gi.rmse",
-            "sky.rmse", "sky.if_open", "sky.if_constant", "gi.truth_error",
+            "gi.error", "gi.error_1", "gi.error_4", "gi.exact", "gi.if_constant", "gi.to_constant", "gi.whole",
+            "gi.limit", "gi.rmse", "sky.rmse", "sky.if_open", "sky.if_constant", "gi.truth_error",
         ),
         names={
             "gi.error": "relative squared error",
+            "gi.error_1": "after 1 frame",
+            "gi.error_4": "after 4",
             "gi.exact": "perfect rays",
             "gi.if_constant": "constant per object",
             "gi.to_constant": "error over the constant's",

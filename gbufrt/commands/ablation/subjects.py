@@ -28,6 +28,7 @@ PATH_FRAMES = 8
 PATH_KEPT = 3  # frames of the path that are compared with truth
 PATH_LIGHT_SAMPLES = 4
 TAA_FRAMES = 8
+EARLY = (1, 4)  # static frames after which AO and GI are judged as well
 
 
 @dataclass(kw_only=True)
@@ -57,18 +58,21 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
     if "gi" in stages and "reflection" in stages:
         stages = {"ao": stages.get("ao"), "gi": stages["gi"], "hide": Hide(), "reflection": stages["reflection"]}
     frame = place.still()
-    found = run(Pipeline(**stages), repeated(frame, frames), tick=_said(place, "static frame", frames))  # pyright: ignore[reportArgumentType]
-    result, last = Outcome(passes=found.passes), found.last
-    last = last.replace(gi=last.extra.get("gi_found", last.gi))
+    said = _said(place, "static frame", frames)
+    found = run(Pipeline(**stages), repeated(frame, frames), at=[n - 1 for n in EARLY], tick=said)  # pyright: ignore[reportArgumentType]
+    result = Outcome(passes=found.passes)
+    last, *early = (one.replace(gi=one.extra.get("gi_found", one.gi)) for one in (found.last, *found.at.values()))
     exposure, sky = f.exposure_of(untouched(frame), frame.gbuffer.hit), None
     if "ao" in wanted:
         truth = ao_truth(place, pipeline, frame)
         result.figures.update(f.ao_figures(last, truth))
+        result.figures.update({f"ao.rmse_{n}": f.ao_error(one, truth) for n, one in zip(EARLY, early, strict=False)})
         result.pictures.update(_compared("ao", _grey(last.read("ao")), _grey(truth["ao"]), frame))
     if "gi" in wanted:
         truth = place.truth_of("indirect_diffuse", frame.gbuffer, {"bounces": 1})
         figures, sky = f.gi_figures(last, truth, limits.exact_gi(place, last)), truth["sky_visibility"]
         result.figures.update({**figures, **f.sky_figures(last, truth)})
+        result.figures.update({f"gi.error_{n}": f.gi_error(one, truth) for n, one in zip(EARLY, early, strict=False)})
         shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_onscreen"], exposure)
         result.pictures.update(_compared("gi", shown, true, frame))
     if "reflection" in wanted:

@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from ablation_stand_ins import calls, install
+from ablation_stand_ins import FakeAO, FakeGI, calls, install
 
 import gbufrt.commands.ablation.run as sweep
 from gbufrt.commands.ablation import Plan, Results, ablate
@@ -16,6 +16,7 @@ from gbufrt.commands.ablation.cache import sources
 from gbufrt.commands.ablation.variants import parse_sweep, parse_variants
 from gbufrt.commands.cli import main
 from gbufrt.commands.session import Recipe
+from gbufrt.frame import Frame
 
 SMALL = {"size": (24, 32), "frames": 2, "samples": 2, "views": ("front", "above")}
 
@@ -73,6 +74,31 @@ def test_the_table_gives_known_errors_and_trivial_answers():
     kornia = rows["dB over kornia's joint bilateral, least of four frames from the first on"]
     assert set(kornia.views) == {"front", "above"}
     assert kornia.trivial["the input"] is not None
+
+
+def test_signals_are_judged_after_the_first_frames_too(monkeypatch: pytest.MonkeyPatch):
+    """AO that is off by 0.2, 0.1, 0.07... and GI that starts black: one frame and four count from an empty history."""
+    real_ao, real_gi = FakeAO.forward, FakeGI.forward
+
+    def slow_ao(self: FakeAO, frame: Frame) -> Frame:
+        self.bias = 0.2 / (frame.index + 1)
+        return real_ao(self, frame)
+
+    def slow_gi(self: FakeGI, frame: Frame) -> Frame:
+        self.share = 0.5 * frame.index
+        return real_gi(self, frame)
+
+    monkeypatch.setattr(FakeAO, "forward", slow_ao)
+    monkeypatch.setattr(FakeGI, "forward", slow_gi)
+    results = measured(variants=(), only=("ao", "gi", "reflection"), frames=6, views=("front",))
+    figures = results.records[0].figures
+    for key, bias in (("ao.rmse_1", 0.2), ("ao.rmse_4", 0.05), ("ao.rmse", 0.2 / 6)):
+        assert figures[key] == pytest.approx((0.5 * bias**2 + 0.5 * (bias + 0.1) ** 2) ** 0.5, rel=0.05), key
+    assert figures["gi.error_1"] == pytest.approx(1.0)  # black
+    assert figures["gi.error_4"] == pytest.approx(0.25, rel=1e-3)  # half as much again
+    bars = {row.what: row for row in results.rows}
+    assert bars["the same RMSE after 1 frame from an empty history"].reached is False
+    assert bars["the same error after 1 frame from an empty history"].reached is False
 
 
 def test_json_csv_and_page_say_the_same():
