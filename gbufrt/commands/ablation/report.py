@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.commands.ablation.bars import Results
-from gbufrt.commands.ablation.charts import Point, dots, scatter
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.sections import SECTIONS, Section
 from gbufrt.commands.ablation.variants import FULL
+from gbufrt.commands.charts import COLOURS, STYLE, Point, dots, scatter
 from gbufrt.files.output import write_text
 
 JPEG_QUALITY = 88
@@ -31,6 +31,7 @@ def write_page(out: Path, results: Results) -> Path:
     )  # fmt: skip
     ink.filters["number"] = number
     text = ink.get_template("page.html").render(
+        colours=COLOURS.strip(), style=STYLE.strip(),
         about=results.about, rows=results.rows, sections=[_section(out, s, results.records) for s in SECTIONS],
         earned=earned(results.records), worth=worth(results.records), costs=costs(results.records),
         failures=results.failures, records=results.records, main=[m for m in MAIN if _any(results.records, m)],

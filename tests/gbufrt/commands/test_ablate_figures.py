@@ -13,10 +13,10 @@ import torch
 from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation.bars import table
 from gbufrt.commands.ablation.cache import Cache, digest
-from gbufrt.commands.ablation.charts import Point, dots, scatter
 from gbufrt.commands.ablation.measure import Allocations
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.trivial import constant_per_object
+from gbufrt.commands.charts import Point, dots, scatter
 
 
 def test_relative_energy_and_the_constant_per_object():
