@@ -40,11 +40,12 @@ def ablate(
     cache: Path | None = None,
     resume: Flag = False,
 ) -> None:
-    """Measure the passes against ray-traced truth, and write OUT/report.html, report.json and report.csv.
+    """Measure the passes against ray-traced truth, and write OUT/report.html, report.json, report.csv and front.svg.
 
     Without further options it makes the table of what each pass must reach, from the built-in world: ambient occlusion,
-    indirect light and reflections after static frames, denoising on a moving path, motion blur and depth of field, and
-    the whole frame with each pass left out. Truth is kept between runs. A variant that fails is reported in its row.
+    indirect light and reflections after static frames, and their error against time at several settings; denoising on a
+    moving path, motion blur and depth of field; the whole frame with each pass left out. Truth is kept between runs. A
+    variant that fails is reported in its row.
 
     Args:
         worlds: Built-in worlds or MagicaVoxel .vox files; by default the built-in one.
@@ -60,7 +61,8 @@ def ablate(
         variants: Groups (passes, presets, methods) or changes joined by + (without=gi, gtao.method=horizon,
             gi.estimate=MarchGI); may be repeated, or name several with commas.
         sweep: Tunable to vary, as NAME=LOW:HIGH:COUNT (gtao.radius=0.25:2:5); may be repeated.
-        only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise.
+        only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise,
+            front (error against time).
         cache: Folder where truth is kept. [default: the user's cache]
         resume: Keep what is finished in OUT, as far as nothing it depends on has changed.
     """
@@ -92,4 +94,5 @@ def ablate(
     show(results)
     for record in results.failures:
         print(f"failed: {record.variant}, {record.subject} of {record.view}: {record.error}")
-    print(f"wrote report.html, report.json and report.csv to {out}")
+    drawn = ", front.svg" if any(record.subject == "front" and record.figures for record in results.records) else ""
+    print(f"wrote report.html, report.json, report.csv{drawn} to {out}")

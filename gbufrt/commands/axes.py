@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 FEW = 8.0  # times the least value that the most must be for ticks at 1, 2 and 5, rather than at even steps
+MOST_TICKS = 8  # where they crowd at one end
 WIDE = 300.0  # the same for ticks at powers of ten alone
 
 
@@ -29,7 +30,7 @@ class Axis:
         margin = max((high / low) ** 0.04, 1.02)
         low, high = low / margin, high * margin
         if high / low < FEW:
-            ticks = _span([low, high])[2]
+            ticks = _span([low, high], MOST_TICKS)[2]
         else:
             decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
             steps = (1, 2, 5) if high / low < WIDE else (1,)
@@ -50,12 +51,12 @@ def short(value: float) -> str:
     return f"{value / 1e3:.3g}k" if abs(value) >= 1e4 else f"{value:g}"
 
 
-def _span(values: Sequence[float]) -> tuple[float, float, list[float]]:
-    """Round axis limits around the values, and round ticks between them."""
+def _span(values: Sequence[float], count: int = 5) -> tuple[float, float, list[float]]:
+    """Round axis limits around the values, and round ticks between them, about ``count``."""
     low, high = min(values), max(values)
     if high - low < 1e-9:
         low, high = low - max(abs(low), 1.0) * 0.1, high + max(abs(high), 1.0) * 0.1
-    raw = (high - low) / 5
+    raw = (high - low) / count
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(m * power for m in (1, 2, 2.5, 5, 10) if m * power >= raw)
     first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)

@@ -6,14 +6,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
-from itertools import cycle
+from itertools import count, cycle
 
 from gbufrt.commands.axes import Axis, short
 
 WIDTH, LEFT, RIGHT, ROW = 760, 190, 24, 24
 HEIGHT, TOP, BOTTOM = 340, 16, 44
-AXIS_LEFT, AXIS_RIGHT = 64, WIDTH - 150  # of charts with two axes: names stand right of their points
-LABEL = 13  # pixels between labels that would overlap
+END = HEIGHT - BOTTOM
+AXIS_LEFT, MARGIN = 64, 150  # of charts with two axes
+NARROW, NARROW_MARGIN = 460, 90  # charts that stand side by side
+LIFT = 7  # pixels that names stand above points which a falling line joins
+LABEL, NEAR = 13, 9  # pixels between labels that would overlap, and between a label and another point
+LETTER = 6.5  # pixels, mean width of one in a label
 MOST_TICKS = 7  # places of a series that each get a tick
 GROUPS = ("full", "passes", "presets", "methods", "sweep", "own")
 HUES = ("mark", "other", "third", "bad")
@@ -55,6 +59,42 @@ class Point:
     """Whether it is drawn small."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Plane:
+    """Two axes on a chart of a width; names stand right of their points, in a margin."""
+
+    x: Axis
+    y: Axis
+    width: int
+    margin: int
+
+    @property
+    def right(self) -> float:
+        """The end of the horizontal axis."""
+        return self.width - self.margin
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """Pixels of a point."""
+        return AXIS_LEFT + self.x.share(x) * (self.right - AXIS_LEFT), END - self.y.share(y) * (END - TOP)
+
+    def axes(self, x_label: str, y_label: str) -> list[str]:
+        """Grid lines, ticks and labels."""
+        parts = []
+        for tick in self.y.ticks:
+            _, y = self.place(self.x.low, tick)
+            parts.append(f'<line class="grid" x1="{AXIS_LEFT}" x2="{self.right}" y1="{y:.1f}" y2="{y:.1f}"/>')
+            parts.append(f'<text class="tick" x="{AXIS_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">'
+                         f"{short(tick)}</text>")  # fmt: skip
+        for tick in self.x.ticks:
+            x, _ = self.place(tick, self.y.low)
+            parts.append(f'<text class="tick" x="{x:.1f}" y="{END + 18}" text-anchor="middle">{short(tick)}</text>')
+        middle = (AXIS_LEFT + self.right) / 2
+        parts.append(f'<text class="axis" x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
+        parts.append(f'<text class="axis" transform="translate(14 {(TOP + END) / 2}) rotate(-90)" '
+                     f'text-anchor="middle">{escape(y_label)}</text>')  # fmt: skip
+        return parts
+
+
 def scatter(
     points: Sequence[Point],
     *,
@@ -63,6 +103,7 @@ def scatter(
     line: bool = False,
     front: Sequence[Point] = (),
     log: str = "",
+    width: int = WIDTH,
 ) -> str:
     """Points with their names. Empty without points.
 
@@ -73,20 +114,24 @@ def scatter(
         line: join all points from left to right.
         front: points to join from left to right by a line, which need not be drawn themselves.
         log: the axes that are logarithmic: ``""``, ``"x"``, ``"y"`` or ``"xy"``.
+        width: of the chart, pixels.
     """
     points = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y)]
     if not points:
         return ""
     x, y = Axis.of([p.x for p in points], log="x" in log), Axis.of([p.y for p in points], log="y" in log)
-    parts = _axes(x, y, x_label, y_label)
+    plane = Plane(x=x, y=y, width=width, margin=MARGIN if width == WIDTH else NARROW_MARGIN)
+    parts = plane.axes(x_label, y_label)
     for joined in (points if line else (), front):
         if joined:
-            parts.append(_polyline([_place(x, y, p.x, p.y) for p in sorted(joined, key=lambda p: p.x)]))
-    parts += _named(points, [_place(x, y, p.x, p.y) for p in points])
-    return _svg(HEIGHT, parts, f"{y_label} against {x_label}")
+            parts.append(_polyline([plane.place(p.x, p.y) for p in sorted(joined, key=lambda p: p.x)]))
+    parts += _named(points, [plane.place(p.x, p.y) for p in points], lift=LIFT if front else 0)
+    return _svg(width, HEIGHT, parts, f"{y_label} against {x_label}")
 
 
-def lines(series: Mapping[str, Sequence[tuple[float, float]]], *, x_label: str, y_label: str) -> str:
+def lines(
+    series: Mapping[str, Sequence[tuple[float, float]]], *, x_label: str, y_label: str, width: int = WIDTH
+) -> str:
     """Lines through positive points, each named at its right end, on logarithmic axes. Empty without points."""
     series = {name: sorted(points) for name, points in series.items() if points}
     if not series:
@@ -95,9 +140,10 @@ def lines(series: Mapping[str, Sequence[tuple[float, float]]], *, x_label: str, 
     x, y = Axis.of(xs, log=True), Axis.of(ys, log=True)
     if len(set(xs)) <= MOST_TICKS:
         x = Axis(low=x.low, high=x.high, ticks=sorted(set(xs)), log=True)
-    parts, ends = _axes(x, y, x_label, y_label), []
+    plane = Plane(x=x, y=y, width=width, margin=MARGIN)
+    parts, ends = plane.axes(x_label, y_label), []
     for (name, points), hue in zip(series.items(), cycle(HUES), strict=False):
-        places = [_place(x, y, *point) for point in points]
+        places = [plane.place(*point) for point in points]
         parts.append(_polyline(places, hue))
         for (px, py), (at, value) in zip(places, points, strict=True):
             title = f"<title>{escape(name)}: {at:.6g}, {value:.4g}</title>"
@@ -108,20 +154,20 @@ def lines(series: Mapping[str, Sequence[tuple[float, float]]], *, x_label: str, 
         height = max(py, taken[-1] + LABEL + 1) if taken else py
         taken.append(height)
         parts.append(f'<text class="name {hue}" x="{px + 9:.1f}" y="{height + 4:.1f}">{escape(name)}</text>')
-    return _svg(HEIGHT, parts, f"{y_label} against {x_label}")
+    return _svg(width, HEIGHT, parts, f"{y_label} against {x_label}")
 
 
 def sheet(charts: Mapping[str, str], *, columns: int = 2) -> str:
-    """Charts under their titles on one sheet, as a file with colours of its own, for light and for dark."""
+    """Charts of width `NARROW` under their titles on one sheet: a file with colours of its own, for light and dark."""
     drawn = [(title, chart) for title, chart in charts.items() if chart]
     gap, head = 24, 30
     parts, rows = [], math.ceil(len(drawn) / columns)
-    width, height = columns * (WIDTH + gap) + gap, rows * (HEIGHT + head + gap) + gap
+    width, height = columns * (NARROW + gap) + gap, rows * (HEIGHT + head + gap) + gap
     for number, (title, chart) in enumerate(drawn):
-        left = gap + number % columns * (WIDTH + gap)
+        left = gap + number % columns * (NARROW + gap)
         top = gap + number // columns * (HEIGHT + head + gap)
         parts.append(f'<text class="title" x="{left + 8}" y="{top + 14}">{escape(title)}</text>')
-        placed = f'<svg x="{left}" y="{top + head}" width="{WIDTH}" height="{HEIGHT}" '
+        placed = f'<svg x="{left}" y="{top + head}" width="{NARROW}" height="{HEIGHT}" '
         parts.append(chart.replace("<svg ", placed, 1))
     size = f'width="{width}" height="{height}"'
     return (
@@ -159,30 +205,7 @@ def dots(rows: Sequence[tuple[str, Mapping[str, float]]], *, label: str) -> str:
                          f"{escape(view)}: {value:.3g}</title></circle>")  # fmt: skip
     middle = (LEFT + WIDTH - RIGHT) / 2
     parts.append(f'<text class="axis" x="{middle}" y="{height - 6}" text-anchor="middle">{escape(label)}</text>')
-    return _svg(height, parts, label)
-
-
-def _place(x: Axis, y: Axis, at: float, value: float) -> tuple[float, float]:
-    bottom = HEIGHT - BOTTOM
-    return AXIS_LEFT + x.share(at) * (AXIS_RIGHT - AXIS_LEFT), bottom - y.share(value) * (bottom - TOP)
-
-
-def _axes(x: Axis, y: Axis, x_label: str, y_label: str) -> list[str]:
-    """Grid lines, ticks and labels of both axes."""
-    bottom, parts = HEIGHT - BOTTOM, []
-    for tick in y.ticks:
-        height = bottom - y.share(tick) * (bottom - TOP)
-        parts.append(f'<line class="grid" x1="{AXIS_LEFT}" x2="{AXIS_RIGHT}" y1="{height:.1f}" y2="{height:.1f}"/>')
-        parts.append(f'<text class="tick" x="{AXIS_LEFT - 8}" y="{height + 4:.1f}" text-anchor="end">'
-                     f"{short(tick)}</text>")  # fmt: skip
-    for tick in x.ticks:
-        left = AXIS_LEFT + x.share(tick) * (AXIS_RIGHT - AXIS_LEFT)
-        parts.append(f'<text class="tick" x="{left:.1f}" y="{bottom + 18}" text-anchor="middle">{short(tick)}</text>')
-    middle = (AXIS_LEFT + AXIS_RIGHT) / 2
-    parts.append(f'<text class="axis" x="{middle}" y="{HEIGHT - 6}" text-anchor="middle">{escape(x_label)}</text>')
-    parts.append(f'<text class="axis" transform="translate(14 {(TOP + bottom) / 2}) rotate(-90)" '
-                 f'text-anchor="middle">{escape(y_label)}</text>')  # fmt: skip
-    return parts
+    return _svg(WIDTH, height, parts, label)
 
 
 def _polyline(places: Sequence[tuple[float, float]], hue: str = "") -> str:
@@ -190,7 +213,7 @@ def _polyline(places: Sequence[tuple[float, float]], hue: str = "") -> str:
     return f'<polyline class="{" ".join(["line", *([hue] if hue else [])])}" points="{joined}"/>'
 
 
-def _named(points: Sequence[Point], places: Sequence[tuple[float, float]]) -> list[str]:
+def _named(points: Sequence[Point], places: Sequence[tuple[float, float]], *, lift: float = 0) -> list[str]:
     """Circles, and names beside them that do not overlap."""
     parts, names, taken = [], [], []
     order = sorted(zip(points, places, strict=True), key=lambda item: (not item[0].minor, item[1][1]))
@@ -202,14 +225,19 @@ def _named(points: Sequence[Point], places: Sequence[tuple[float, float]]) -> li
     for point, (x, y) in sorted(order, key=lambda item: item[1][1]):
         if not point.label:
             continue
-        height = y
-        while any(abs(height - other) < LABEL and abs(x - beside) < 150 for beside, other in taken):
-            height += 2
-        taken.append((x, height))
+        right = x + 9 + LETTER * len(point.label)
+        circles = [(cx, cy) for cx, cy in places if (cx, cy) != (x, y) and x < cx < right + 4]
+        beside = [height for left, end, height in taken if left < right and x < end]
+        height = next(
+            at
+            for at in (y - lift + sign * 2 * n for n in count() for sign in (-1, 1))
+            if all(abs(at - other) >= LABEL for other in beside) and all(abs(at - cy) >= NEAR for _, cy in circles)
+        )
+        taken.append((x, right, height))
         kind = "minor" if point.minor else "name"
         names.append(f'<text class="{kind}" x="{x + 9:.1f}" y="{height + 4:.1f}">{escape(point.label)}</text>')
     return parts + names
 
 
-def _svg(height: float, parts: Sequence[str], title: str) -> str:
-    return f'<svg viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{escape(title)}">{"".join(parts)}</svg>'
+def _svg(width: float, height: float, parts: Sequence[str], title: str) -> str:
+    return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">{"".join(parts)}</svg>'

@@ -15,7 +15,7 @@ COMPOSITES = ("physical", "me1")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
-SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise")
+SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 
 
 def check_options(options: PassOptions) -> None:

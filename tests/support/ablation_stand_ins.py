@@ -63,8 +63,8 @@ class FakeSSR(Pass):
 
 
 def fake_me1(preset: str = "high", *, composite: str = "physical") -> Pipeline:
-    if preset not in ("low", "high"):
-        raise ValueError(f"preset must be low or high, got {preset!r}")
+    if preset not in ("low", "medium", "high"):
+        raise ValueError(f"preset must be low, medium or high, got {preset!r}")
     return Pipeline(
         ao=Pipeline(estimate=FakeAO()),
         gi=Pipeline(estimate=FakeGI()),

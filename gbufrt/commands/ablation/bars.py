@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from gbufrt.commands.ablation.front import TOLERANCE
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.variants import FULL
 
@@ -86,6 +87,13 @@ BARS = (
         name="depth of field", what="dB gained, large aperture", key="depth_of_field.large.gain", bound=12.0,
         better="higher", subject="depth_of_field",
     ),
+)  # fmt: skip
+BARS += tuple(
+    Bar(
+        name=name, what="most times the time of the fastest setting that errs no more, of presets low to high",
+        key=f"front.{signal}.behind", bound=TOLERANCE, better="lower", subject="front",
+    )
+    for name, signal in (("AO", "ao"), ("GI", "gi"), ("reflections", "reflection"))
 )  # fmt: skip
 UNTOUCHED = {"motion_blur": "the untouched frame: 0 dB", "depth_of_field": "the untouched frame: 0 dB"}
 

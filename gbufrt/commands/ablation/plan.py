@@ -15,8 +15,9 @@ from gbufrt.commands.session import Recipe
 if TYPE_CHECKING:
     from tracer.scene.scene import Scene
 
-SUBJECTS = (*SIGNALS, "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise")
-STILL = ("frame", "taa", "depth_of_field")
+SUBJECTS = (*SIGNALS, "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
+STILL = ("frame", "taa", "depth_of_field", "front")
+ONE_VIEW = ("taa", "front")
 VIEWS: Mapping[str, tuple[str, ...]] = {  # of the built-in world; each subject where there is something to judge
     "signals": ("village", "cave", "plaza", "hall"),
     "frame": ("village", "hall"),
@@ -25,6 +26,7 @@ VIEWS: Mapping[str, tuple[str, ...]] = {  # of the built-in world; each subject 
     "motion_blur": ("orbit", "plaza"),
     "depth_of_field": ("closeup", "plaza"),
     "denoise": ("orbit",),
+    "front": ("village",),
 }
 MOST_VIEWS = 4  # of a world that is not in the table
 
@@ -91,7 +93,7 @@ class Plan:
         for view in chosen:
             if view not in scene.views:
                 raise ValueError(f"no view {view!r} in world {world!r}; it has {', '.join(scene.views)}")
-        return chosen[:1] if subject == "taa" else chosen
+        return chosen[:1] if subject in ONE_VIEW else chosen
 
     def units(self, scene: Scene, world: str) -> Iterator[tuple[Variant, str, str]]:
         """Variant, subject and view of everything to measure in a world; the full pipeline first."""

@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.commands.ablation.bars import Results
+from gbufrt.commands.ablation.front import EFFECTS, Effect, Setting, front, settings_of
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.sections import SECTIONS, Section
 from gbufrt.commands.ablation.variants import FULL
-from gbufrt.commands.charts import COLOURS, STYLE, Point, dots, scatter
+from gbufrt.commands.charts import COLOURS, NARROW, STYLE, WIDTH, Point, dots, scatter, sheet
 from gbufrt.files.output import write_text
 
 JPEG_QUALITY = 88
@@ -33,6 +34,7 @@ def write_page(out: Path, results: Results) -> Path:
     text = ink.get_template("page.html").render(
         colours=COLOURS.strip(), style=STYLE.strip(),
         about=results.about, rows=results.rows, sections=[_section(out, s, results.records) for s in SECTIONS],
+        fronts=fronts(results.records),
         earned=earned(results.records), worth=worth(results.records), costs=costs(results.records),
         failures=results.failures, records=results.records, main=[m for m in MAIN if _any(results.records, m)],
         took=str(timedelta(seconds=round(results.about["seconds"]))),
@@ -91,6 +93,37 @@ def costs(records: Sequence[Record]) -> list[tuple[str, float, float]]:
                 if record.subject != "taa" or name == "taa":
                     found.setdefault(name, []).append(cost)
     return [(name, _mean(c["ms"] for c in all_), _mean(c["peak_mb"] for c in all_)) for name, all_ in found.items()]
+
+
+def fronts(records: Sequence[Record], width: int = WIDTH) -> dict[str, str]:
+    """Error against time of each effect's settings, by title: presets named, the front joined."""
+    figures = next((r.figures for r in records if r.subject == "front" and r.figures), {})
+    found = {effect: settings_of(figures, effect.signal) for effect in EFFECTS}
+    return {effect.title: _front_chart(effect, settings, width) for effect, settings in found.items() if settings}
+
+
+def write_front(out: Path, records: Sequence[Record]) -> Path | None:
+    """``front.svg``, the charts of `fronts` on one sheet; None where there are none."""
+    charts = fronts(records, NARROW)
+    if not charts:
+        return None
+    write_text(out / "front.svg", sheet(charts))
+    return out / "front.svg"
+
+
+def _front_chart(effect: Effect, settings: Sequence[Setting], width: int) -> str:
+    best = front(settings)
+    points = {
+        s.name: Point(
+            x=s.ms, y=s.error, label=s.name if s.preset or s in best else "", title=s.name, minor=not s.preset,
+            group="presets" if s.preset else "own",
+        )
+        for s in settings
+    }  # fmt: skip
+    x_label = f"ms a frame; small: {' x '.join(effect.grid)}"
+    joined = [points[s.name] for s in best]
+    shown = list(points.values())
+    return scatter(shown, x_label=x_label, y_label=effect.error, front=joined, log="x", width=width)
 
 
 def _section(out: Path, section: Section, records: Sequence[Record]) -> dict[str, Any]:

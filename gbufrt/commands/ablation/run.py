@@ -16,7 +16,7 @@ from gbufrt.commands.ablation.cache import Cache, default_folder, digest, source
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.plan import Plan
 from gbufrt.commands.ablation.records import Record, Store, to_csv
-from gbufrt.commands.ablation.report import write_page
+from gbufrt.commands.ablation.report import write_front, write_page
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.variants import FULL, Variant
 from gbufrt.commands.checks import check_folder
@@ -25,7 +25,7 @@ from gbufrt.files.output import write_text
 
 
 def ablate(plan: Plan) -> Results:
-    """Measure what the plan says, and write report.html, report.json and report.csv.
+    """Measure what the plan says, and write report.html, report.json, report.csv, and front.svg where it is measured.
 
     A variant that fails is noted in its record; the others still run.
 
@@ -54,6 +54,7 @@ def ablate(plan: Plan) -> Results:
     results = Results(records=records, rows=table(records), about=about)
     write_results(plan.out, results)
     write_page(plan.out, results)
+    write_front(plan.out, records)
     return results
 
 
@@ -91,7 +92,7 @@ def _unit(plan: Plan, store: Store, place: Place, variant: Variant, subject: str
 
 
 def _judge(plan: Plan, place: Place, variant: Variant, subject: str, full: Tensor | None) -> Outcome:
-    from gbufrt.commands.ablation import denoising, lens, subjects
+    from gbufrt.commands.ablation import denoising, front, lens, subjects
 
     pipeline = variant.pipeline
     if subject == "signals":
@@ -101,6 +102,8 @@ def _judge(plan: Plan, place: Place, variant: Variant, subject: str, full: Tenso
         return subjects.whole_frame(place, pipeline, max(plan.frames // 4, 1), base)
     if subject in ("path", "taa"):
         return getattr(subjects, subject)(place, pipeline, plan.frames)
+    if subject == "front":
+        return front.measure(place, variant.recipe)
     judges: dict[str, Callable[..., Outcome]] = {
         "motion_blur": lens.motion_blur,
         "depth_of_field": lens.depth_of_field,
