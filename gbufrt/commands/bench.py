@@ -16,7 +16,7 @@ from cyclopts import Parameter
 
 from gbufrt.commands.busy import beside, cores, fair_slowdown
 from gbufrt.commands.checks import PRESETS, check_name
-from gbufrt.commands.options import MOST_COUNT, Whole, at_least, check_device, parse_names, parse_size
+from gbufrt.commands.options import MOST_COUNT, Flag, Whole, at_least, check_device, parse_names, parse_size
 
 TRACE_SIZE = (480, 854)
 MEGA = 1e6
@@ -29,7 +29,9 @@ def bench(
     repeats: Whole = 5,
     device: str = "cpu",
     busy: Whole = 0,
-    peers: Annotated[bool, Parameter(negative="")] = False,
+    peers: Flag = False,
+    scaling: Flag = False,
+    chart: Path | None = None,
     json: Path | None = None,
 ) -> None:
     """Time every pass of a preset and the tracing of primary rays, and measure the peak memory.
@@ -46,6 +48,8 @@ def bench(
             share of the machine's cores: 1 is fair, more means that threads wait for one another.
         peers: Also denoise ambient occlusion of one ray a pixel with our spatial filters, kornia's joint bilateral, and
             Intel Open Image Denoise where pyoidn is installed: time and PSNR of each.
+        scaling: Also measure how time grows with pixels, samples, lamps, the size of the world, and threads.
+        chart: Also draw what --scaling finds, into this SVG file.
         json: Also write the figures to this file.
     """
     shape = parse_size(size)
@@ -55,14 +59,18 @@ def bench(
     names = parse_names(presets)
     for name in names:
         check_name("--presets", name, PRESETS)
+    if chart is not None:
+        _check_chart(chart, scaling)
 
     from gbufrt.commands.progress import progress
+    from gbufrt.commands.scaling import AXES, chart_of, show_series
     from gbufrt.commands.session import open_device
     from gbufrt.files.output import write_text
 
     open_device(device)
     figures: dict[str, Any] = {"machine": machine(), "size": [shape[1], shape[0]], "device": device, "presets": {}}
-    with progress("bench", 1 + len(names) + peers) as doing, tempfile.TemporaryDirectory() as folder:
+    axes = AXES if scaling else {}
+    with progress("bench", 1 + len(names) + peers + len(axes)) as doing, tempfile.TemporaryDirectory() as folder:
         tick = doing("tracing")
         figures["rays"] = time_rays(repeats, device)
         frame = make_frame(Path(folder), shape, device)
@@ -77,7 +85,17 @@ def bench(
             tick = doing("denoisers")
             figures["peers"] = compare_peers(shape, repeats)
             tick()
+        found = {}
+        for axis, measure in axes.items():
+            tick = doing(f"time by {axis}")
+            found[axis] = measure(repeats, device)
+            tick()
     _show(figures)
+    if found:
+        show_series(found)
+        figures["scaling"] = {axis: [one.to_json() for one in series] for axis, series in found.items()}
+    if chart is not None:
+        write_text(chart, chart_of(found))
     if json is not None:
         write_text(json, jsonlib.dumps(figures, indent=2) + "\n")
 
@@ -189,6 +207,13 @@ def _in_own_process(*arguments: Any) -> dict[str, Any]:
     quiet = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the child without a traceback
     with ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=quiet) as pool:
         return pool.submit(time_passes, *arguments).result()
+
+
+def _check_chart(chart: Path, scaling: bool) -> None:
+    if not scaling:
+        raise ValueError("--chart draws what --scaling measures; add --scaling")
+    if chart.suffix.lower() != ".svg" or chart.is_dir():
+        raise ValueError(f"--chart must be a file that ends in .svg, got {str(chart)!r}")
 
 
 def _wait(device: str) -> None:

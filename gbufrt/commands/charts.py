@@ -20,7 +20,7 @@ LABEL, NEAR = 13, 9  # pixels between labels that would overlap, and between a l
 LETTER = 6.5  # pixels, mean width of one in a label
 MOST_TICKS = 7  # places of a series that each get a tick
 GROUPS = ("full", "passes", "presets", "methods", "sweep", "own")
-HUES = ("mark", "other", "third", "bad")
+HUES = ("mark", "other", "third", "bad", "good")
 COLOURS = """
 :root { color-scheme: light dark; --ink: #1c1e21; --soft: #6a6f76; --paper: #fdfdfc; --line: #e2e3e0; --fill: #f3f4f1;
   --good: #1a7f4b; --bad: #c2410c; --mark: #3b5bdb; --other: #0f8b8d; --third: #b5840a; }
@@ -39,7 +39,7 @@ svg .worst.bad { fill: var(--bad); } svg .line { fill: none; stroke: var(--mark)
 svg .point { fill: var(--soft); } svg .full { fill: var(--good); } svg .passes { fill: var(--mark); }
 svg .presets { fill: var(--third); } svg .methods { fill: var(--other); } svg .sweep { fill: var(--mark); }
 svg .line.other { stroke: var(--other); } svg .line.third { stroke: var(--third); }
-svg .line.bad { stroke: var(--bad); }
+svg .line.bad { stroke: var(--bad); } svg .line.good { stroke: var(--good); } svg .good { fill: var(--good); }
 svg .mark { fill: var(--mark); } svg .other { fill: var(--other); } svg .third { fill: var(--third); }
 svg .bad { fill: var(--bad); } svg polyline.line { fill: none; } svg .paper { fill: var(--paper); }
 """
@@ -140,7 +140,7 @@ def lines(
     x, y = Axis.of(xs, log=True), Axis.of(ys, log=True)
     if len(set(xs)) <= MOST_TICKS:
         x = Axis(low=x.low, high=x.high, ticks=sorted(set(xs)), log=True)
-    plane = Plane(x=x, y=y, width=width, margin=MARGIN)
+    plane = Plane(x=x, y=y, width=width, margin=round(20 + LETTER * max(map(len, series))))
     parts, ends = plane.axes(x_label, y_label), []
     for (name, points), hue in zip(series.items(), cycle(HUES), strict=False):
         places = [plane.place(*point) for point in points]

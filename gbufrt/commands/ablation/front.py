@@ -61,7 +61,7 @@ class Setting:
 
     name: str
     ms: float
-    """Milliseconds a frame of the effect's own passes."""
+    """Milliseconds a frame of the effect's own passes, of all processors together."""
     error: float
 
     @property
@@ -143,16 +143,16 @@ def branches(effect: Effect, recipe: Recipe) -> dict[str, Pipeline]:
 def _run(pipelines: Mapping[str, Pipeline], frame: Frame) -> dict[str, tuple[Frame, float]]:
     """The last of `FRAMES` static frames by each pipeline, and the least milliseconds that one after the first took.
 
-    The least, because other processes can only slow a frame down; and the pipelines take turns, so that all are beside
-    the same ones.
+    Processor time, which does not count waiting for other processes; the least, because they can only slow a frame
+    down; and the pipelines take turns, so that all are beside the same ones.
     """
     after, states, least = {}, dict.fromkeys(pipelines), dict.fromkeys(pipelines, float("inf"))
     with torch.no_grad():
         for index in range(FRAMES):
             for name, pipeline in pipelines.items():
-                begun = time.perf_counter()
+                begun = time.process_time()
                 after[name], states[name] = pipeline(frame.replace(index=index), states[name])  # pyright: ignore[reportArgumentType]
-                seconds = time.perf_counter() - begun
+                seconds = time.process_time() - begun
                 least[name] = least[name] if index == 0 else min(least[name], seconds)
     return {name: (after[name], least[name] * 1e3) for name in pipelines}
 

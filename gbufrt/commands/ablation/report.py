@@ -120,7 +120,7 @@ def _front_chart(effect: Effect, settings: Sequence[Setting], width: int) -> str
         )
         for s in settings
     }  # fmt: skip
-    x_label = f"ms a frame; small: {' x '.join(effect.grid)}"
+    x_label = f"ms a frame of processor time; small: {' x '.join(effect.grid)}"
     joined = [points[s.name] for s in best]
     shown = list(points.values())
     return scatter(shown, x_label=x_label, y_label=effect.error, front=joined, log="x", width=width)
