@@ -47,6 +47,8 @@ WRONG = (
     ("bench --repeats 0", "--repeats must be 1 or more"),
     ("bench --busy -1", "--busy must be 0 or more"),
     ("bench --presets huge", "--presets must be low, medium, high or ultra"),
+    ("bench --chart chart.svg", "--chart draws what --scaling measures"),
+    ("bench --scaling --chart chart.png", "--chart must be a file that ends in .svg, got 'chart.png'"),
     ("bench --device tpu", "--device must be cpu or cuda"),
 )
 CODE = """
