@@ -1,5 +1,6 @@
 # make demo   install and render the built-in world into demo/
 # make test   install and run the tests
+# make bench  install and time the presets, other denoisers, and how time grows: under ten minutes
 # make check  install and run the linters, the type checker and the layer test
 PYTHON ?= python3.11
 ifeq ($(shell command -v $(PYTHON) 2>/dev/null),)
@@ -11,7 +12,7 @@ ifeq ($(GBUFRT_TEST_DATA),)
 unexport GBUFRT_TEST_DATA
 endif
 
-.PHONY: install demo test check clean
+.PHONY: install demo test bench check clean
 install: .venv/installed
 
 # --no-compile: most modules are never imported; those that are get compiled then
@@ -25,6 +26,9 @@ demo: install
 
 test: install
 	OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE $(BIN)/python -m pytest -n 2  # two workers of one thread: more would wait for one another
+
+bench: install
+	$(BIN)/gbufrt bench --presets low,medium,high --peers --scaling
 
 check: install
 	$(BIN)/ruff check --no-cache .

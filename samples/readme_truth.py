@@ -1,6 +1,7 @@
-"""The README's picture of the truth: the first whole frame of a `gbufrt ablate` report, its truth, and its error."""
+"""The README's pictures from a `gbufrt ablate` report: a whole frame, its truth and its error; error against time."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -15,3 +16,4 @@ for i, part in enumerate(parts):
     whole.paste(part, (i * part.width, 0))
 out.mkdir(parents=True, exist_ok=True)
 whole.save(out / "truth.jpg", quality=88)
+shutil.copy(report / "front.svg", out)
