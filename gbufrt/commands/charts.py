@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import count, cycle
+from types import MappingProxyType
 
 from gbufrt.commands.axes import Axis, short
 
@@ -130,9 +131,22 @@ def scatter(
 
 
 def lines(
-    series: Mapping[str, Sequence[tuple[float, float]]], *, x_label: str, y_label: str, width: int = WIDTH
+    series: Mapping[str, Sequence[tuple[float, float]]],
+    *,
+    x_label: str,
+    y_label: str,
+    width: int = WIDTH,
+    hues: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Lines through positive points, each named at its right end, on logarithmic axes. Empty without points."""
+    """Lines through positive points, each named at its right end, on logarithmic axes. Empty without points.
+
+    Args:
+        series: points by the name of their line.
+        x_label: under the axis.
+        y_label: beside the axis.
+        width: of the chart, pixels.
+        hues: names of lines to members of `HUES`; by default in turn.
+    """
     series = {name: sorted(points) for name, points in series.items() if points}
     if not series:
         return ""
@@ -143,6 +157,7 @@ def lines(
     plane = Plane(x=x, y=y, width=width, margin=round(20 + LETTER * max(map(len, series))))
     parts, ends = plane.axes(x_label, y_label), []
     for (name, points), hue in zip(series.items(), cycle(HUES), strict=False):
+        hue = hues.get(name, hue)
         places = [plane.place(*point) for point in points]
         parts.append(_polyline(places, hue))
         for (px, py), (at, value) in zip(places, points, strict=True):

@@ -10,6 +10,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from statistics import fmean, median
 from typing import TYPE_CHECKING, Any
 
@@ -235,12 +236,16 @@ def show_series(found: Mapping[str, list[Series]]) -> None:
 
 def chart_of(found: Mapping[str, list[Series]]) -> str:
     """The series as a sheet of charts with logarithmic axes, an SVG file."""
-    from gbufrt.commands.charts import NARROW, lines, sheet
+    from gbufrt.commands.charts import HUES, NARROW, lines, sheet
 
     charts = {}
+    names = dict.fromkeys(one.name for series in found.values() for one in series)
+    hue_of = dict(zip(names, cycle(HUES), strict=False))  # the same on every chart
     for axis, series in found.items():
-        named = {f"{one.name}: {growth(one)}".removesuffix(": "): one.points for one in series}
-        charts[f"Time by {axis}"] = lines(named, x_label=axis, y_label="median ms", width=NARROW)
+        labels = {one.name: f"{one.name}: {growth(one)}".removesuffix(": ") for one in series}
+        named = {labels[one.name]: one.points for one in series}
+        hues = {label: hue_of[name] for name, label in labels.items()}
+        charts[f"Time by {axis}"] = lines(named, x_label=axis, y_label="median ms", width=NARROW, hues=hues)
     return sheet(charts)
 
 

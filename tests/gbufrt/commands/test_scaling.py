@@ -101,6 +101,18 @@ def test_bench_prints_draws_and_writes_them(
     assert {node.text for node in root.iter() if "name" in node.get("class", "")} == {"direct light: n^0.15", "flat"}
 
 
+def test_what_is_timed_has_one_colour_on_all_charts():
+    names = {"pixels": ("all passes", "AO", "GI"), "samples": ("AO", "GI"), "threads": ("GI", "AO")}
+    found = {axis: [Series(name=name, points=[(1, 1.0), (2, 2.0)]) for name in some] for axis, some in names.items()}
+    hues: dict[str, set[str]] = {}
+    for node in ElementTree.fromstring(scaling.chart_of(found)).iter():
+        kind = node.get("class", "").split()
+        if kind[:1] == ["name"]:
+            hues.setdefault((node.text or "").partition(":")[0], set()).add(kind[1])
+    assert all(len(some) == 1 for some in hues.values())
+    assert len(set.union(*hues.values())) == 3
+
+
 def test_labels_of_lines_do_not_overlap_and_stay_on_the_chart():
     series = {f"line {n} of many with names": [(1.0, 2.0 + 0.01 * n), (100.0, 3.0 + 0.01 * n)] for n in range(6)}
     chart = lines(series, x_label="n", y_label="ms", width=NARROW)
