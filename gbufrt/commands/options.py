@@ -62,6 +62,18 @@ class PassOptions:
     """TOML file with options by their names here; [set] may be a table. The command line wins."""
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ClusterOptions:
+    """Whether the work is spread over processes and machines."""
+
+    cluster: str | None = None
+    """Spread the work: local for processes here, or HOST:PORT of a Ray cluster that this machine is part of."""
+
+    workers: Whole | None = None
+    """Most worker processes of --cluster; they share its cores. [default: one a core, or per OMP_NUM_THREADS]"""
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """``WxH`` as ``(H, W)``.
 

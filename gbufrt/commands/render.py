@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import check_folder, check_options, check_world
-from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, Flag, PassOptions, Whole, at_least, parse_size
+from gbufrt.commands.checks import check_folder, check_options
+from gbufrt.commands.cluster import check_cluster
+from gbufrt.commands.flight import LEAD_IN, Flight, Job, Shot, cut, shoot, stem
+from gbufrt.commands.options import MOST_FRAMES, ClusterOptions, Flag, PassOptions, Whole, at_least, parse_size
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
     from gbufrt.frame import Frame
-    from tracer.scene.scene import Scene
 
 
 def render(
@@ -29,7 +29,9 @@ def render(
     light_samples: Whole | None = None,
     seed: Annotated[Whole | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
     resume: Flag = False,
+    lead_in: Whole = LEAD_IN,
     options: PassOptions | None = None,
+    spread: ClusterOptions | None = None,
 ) -> None:
     """Trace a world into G-buffers, run the passes over them, and write OUT/frame_0000.png and .exr for every frame.
 
@@ -46,8 +48,10 @@ def render(
         fps: Frames a second of the scene's time.
         light_samples: Shadow rays to each light per pixel; more is smoother and slower.
         resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
+        lead_in: With --cluster each worker makes a shot of consecutive frames, and begins so many frames early to fill
+            histories; with fewer, seams show.
     """
-    options = options or PassOptions()
+    options, spread = options or PassOptions(), spread or ClusterOptions()
     job = Job(
         world=world,
         view=view,
@@ -59,12 +63,13 @@ def render(
         seed=seed,
     )
     job.check()
+    at_least("--lead-in", lead_in, 0, MOST_FRAMES)
     check_options(options)
     check_folder(out)
+    check_cluster(spread, device=options.device)
 
     from gbufrt.commands.ahead import compile_ahead
-    from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Recipe, Runner, bare, open_device, save
+    from gbufrt.commands.session import Recipe, Runner, open_device
 
     recipe = Recipe.of(options)
     device = open_device(options.device)
@@ -77,17 +82,40 @@ def render(
     if not missing:
         print(f"all {frames} frames are in {out} already")
         return
-    anew = set(missing)
-    with progress("render", len(missing) + runner.runs(missing[-1] + 1)) as doing:
-        for index in range(missing[-1] + 1):
-            if index not in anew:
-                runner(bare(_read(out, index)).to(device), doing(f"reading frame {index} again"))
-                continue
-            traced = job.trace(scene, index, device, jitter, doing(f"tracing frame {index}"))
-            kernels_are_ready()
-            result = runner(traced, doing(f"passes of frame {index}"))
-            save(out, stem(index), result, notes=notes, debug=options.debug)
+    flight = Flight(job=job, scene=scene, recipe=recipe, jitter=jitter, notes=notes, debug=options.debug)
+    if spread.cluster is None:
+        _in_one_go(flight, missing, runner, out, device, kernels_are_ready)
+    else:
+        kernels_are_ready()  # workers would compile them all at once
+        _in_shots(flight, missing, out, spread, lead_in)
     _tell(out, missing, recipe.warmup)
+
+
+def _in_one_go(flight: Flight, missing: list[int], runner: Runner, out: Path, device: Any, ready: Any) -> None:
+    """Make and write the missing frames here, in order; those that are there are read, for the history."""
+    from gbufrt.commands.progress import progress
+    from gbufrt.commands.session import bare
+
+    anew, shot = set(missing), Shot(begin=0, wanted=tuple(missing))
+    with progress("render", len(missing) + runner.runs(len(shot.frames))) as doing:
+        known = lambda index: bare(_read(out, index)).to(device)
+        for index, frame in flight.make(shot, runner, device=device, doing=doing, known=known, ready=ready):
+            if index in anew:
+                flight.save(out, index, frame)
+
+
+def _in_shots(flight: Flight, missing: list[int], out: Path, spread: ClusterOptions, lead_in: int) -> None:
+    """Make and write the missing frames on the workers of a cluster."""
+    from gbufrt.commands.cluster import open_cluster
+    from gbufrt.commands.progress import progress
+
+    with open_cluster(spread) as cluster:
+        shots = cut(flight.job.frames, missing, workers=cluster.workers, lead_in=lead_in)
+        with progress("render", sum(len(shot.frames) for shot in shots)) as doing:
+            for what in cluster.run(shoot, shots, shared=flight, out=out):
+                doing(what)()
+    count = f"{len(shots)} shots" if len(shots) > 1 else "one shot: the flight is too short for more"
+    print(f"{count}, {min(len(shots), cluster.workers)} at once, {cluster.threads(len(shots))} threads each")
 
 
 def _tell(out: Path, made: list[int], warmup: int) -> None:
@@ -102,94 +130,9 @@ def _tell(out: Path, made: list[int], warmup: int) -> None:
         print(f"wrote {first}.png, the picture, and {first}.exr, with everything that led to it")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Job:
-    """What is to be traced."""
-
-    world: str
-    view: str | None
-    size: tuple[int, int]
-    frames: int
-    time: float
-    fps: float
-    samples: int | None
-    seed: int | None
-
-    def check(self) -> None:
-        """Check the values, as far as possible without loading the world.
-
-        Raises:
-            ValueError: a number that makes no sense; there is no such world or view.
-            FileNotFoundError: there is no such file.
-        """
-        at_least("--frames", self.frames, 1, MOST_FRAMES)
-        at_least("--time", self.time, 0.0)
-        at_least("--fps", self.fps, 1e-3)
-        if self.samples is not None:
-            at_least("--light-samples", self.samples, 1, MOST_COUNT)
-        check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
-
-    def load(self) -> Scene:
-        """The world.
-
-        Raises:
-            ValueError: there is no such world or view, or nothing in it.
-            FileNotFoundError: there is no such file.
-        """
-        from tracer.worlds import WORLDS, builtin, load
-
-        if self.seed is None:
-            scene = load(self.world)
-        elif self.world == "builtin" or self.world in WORLDS:
-            scene = WORLDS.get(self.world, builtin)(seed=self.seed)
-        else:
-            raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
-        if scene.world.empty and not scene.instances:
-            raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
-        if not scene.views:
-            raise ValueError(f"world {self.world!r} has no views to look from")
-        if self.view is not None and self.view not in scene.views:
-            raise ValueError(f"no view {self.view!r} in world {self.world!r}; it has {', '.join(scene.views)}")
-        return scene
-
-    def notes(self) -> dict[str, Any]:
-        """What a frame depends on, as JSON values."""
-        keys = ("world", "view", "time", "fps", "samples", "seed")
-        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}}
-
-    def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
-        """G-buffer and light of one frame."""
-        from gbufrt.noise.noise import halton_jitter
-        from tracer.frames import render as trace_frame
-
-        view = scene.views[self.view or next(iter(scene.views))]
-
-        def camera(number: int) -> Any:
-            posed = view.camera(self.time + number / self.fps, size=self.size)
-            return posed.with_jitter(halton_jitter(number) if jitter else None).to(device)
-
-        more = {} if self.samples is None else {"light_samples": self.samples}
-        frame = trace_frame(
-            scene,
-            camera(index),
-            previous_camera=camera(index - 1),
-            time=self.time + index / self.fps,
-            previous_time=self.time + (index - 1) / self.fps,
-            index=index,
-            **more,
-        )
-        tick()
-        return frame
-
-
 def wants_jitter(runner: Runner) -> bool:
     """Whether a pass averages jittered frames into an anti-aliased one."""
     return any(type(stage).__name__ == "TAA" for _, stage in runner.pipeline.passes())
-
-
-def stem(index: int) -> str:
-    """File name of a frame without its ending."""
-    return f"frame_{index:04d}"
 
 
 def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -> list[int]:

@@ -1,0 +1,205 @@
+"""Flights: what is to be traced, how its frames are made in order, and the shots that workers make on their own."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gbufrt.commands.checks import check_world
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, at_least
+
+if TYPE_CHECKING:
+    from gbufrt.commands.progress import Tick
+    from gbufrt.commands.session import Recipe, Runner
+    from gbufrt.frame import Frame
+    from tracer.scene.scene import Scene
+
+LEAD_IN = 40
+"""Frames that a shot begins early. Pictures are then more than 50 dB from those of one run at every seam measured (the
+built-in worlds, presets low and high), and half a decibel less with every frame less: GI's running mean, the slowest
+history, goes over 33 frames. More runs over the first frame (--warmup) do not replace them."""
+LONGEST = 256  # frames of a shot: so much is lost with its worker
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What is to be traced."""
+
+    world: str
+    view: str | None
+    size: tuple[int, int]
+    frames: int
+    time: float
+    fps: float
+    samples: int | None
+    seed: int | None
+
+    def check(self) -> None:
+        """Check the values, as far as possible without loading the world.
+
+        Raises:
+            ValueError: a number that makes no sense; there is no such world or view.
+            FileNotFoundError: there is no such file.
+        """
+        at_least("--frames", self.frames, 1, MOST_FRAMES)
+        at_least("--time", self.time, 0.0)
+        at_least("--fps", self.fps, 1e-3)
+        if self.samples is not None:
+            at_least("--light-samples", self.samples, 1, MOST_COUNT)
+        check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
+
+    def load(self) -> Scene:
+        """The world.
+
+        Raises:
+            ValueError: there is no such world or view, or nothing in it.
+            FileNotFoundError: there is no such file.
+        """
+        from tracer.worlds import WORLDS, builtin, load
+
+        if self.seed is None:
+            scene = load(self.world)
+        elif self.world == "builtin" or self.world in WORLDS:
+            scene = WORLDS.get(self.world, builtin)(seed=self.seed)
+        else:
+            raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
+        if scene.world.empty and not scene.instances:
+            raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
+        if not scene.views:
+            raise ValueError(f"world {self.world!r} has no views to look from")
+        if self.view is not None and self.view not in scene.views:
+            raise ValueError(f"no view {self.view!r} in world {self.world!r}; it has {', '.join(scene.views)}")
+        return scene
+
+    def notes(self) -> dict[str, Any]:
+        """What a frame depends on, as JSON values."""
+        keys = ("world", "view", "time", "fps", "samples", "seed")
+        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}}
+
+    def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
+        """G-buffer and light of one frame."""
+        from gbufrt.noise.noise import halton_jitter
+        from tracer.frames import render as trace_frame
+
+        view = scene.views[self.view or next(iter(scene.views))]
+
+        def camera(number: int) -> Any:
+            posed = view.camera(self.time + number / self.fps, size=self.size)
+            return posed.with_jitter(halton_jitter(number) if jitter else None).to(device)
+
+        more = {} if self.samples is None else {"light_samples": self.samples}
+        frame = trace_frame(
+            scene,
+            camera(index),
+            previous_camera=camera(index - 1),
+            time=self.time + index / self.fps,
+            previous_time=self.time + (index - 1) / self.fps,
+            index=index,
+            **more,
+        )
+        tick()
+        return frame
+
+
+def stem(index: int) -> str:
+    """File name of a frame without its ending."""
+    return f"frame_{index:04d}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shot:
+    """Consecutive frames that are made in one go."""
+
+    begin: int
+    """The first frame that the passes see. Frames before the first wanted one are the lead-in: they fill histories."""
+    wanted: tuple[int, ...]
+    """The frames to write, ascending; at least one."""
+
+    @property
+    def frames(self) -> range:
+        """All frames, the lead-in included."""
+        return range(self.begin, self.wanted[-1] + 1)
+
+
+def cut(frames: int, missing: Sequence[int], *, workers: int, lead_in: int) -> list[Shot]:
+    """The shots that make the ``missing`` frames of a flight.
+
+    Shots are as many as there are workers, and take equally long: the first has no lead-in, and more frames for that.
+    There are fewer where a shot would be less than half its lead-in, as that would cost more than it brings. Which
+    frames belong to a shot, and where it begins, does not depend on what is missing: what is resumed fits.
+    """
+    most = (frames - lead_in) // max(lead_in // 2, 1)
+    count = min(max(min(workers, most), math.ceil(frames / LONGEST), 1), frames)
+    first = max(math.ceil((frames + (count - 1) * lead_in) / count), 1)
+    rest = range(first, frames)
+    bounds = [0, *(first + len(rest) * n // max(count - 1, 1) for n in range(count))]
+    shots, left = [], set(missing)
+    for start, end in zip(bounds, [*bounds[1:-1], frames], strict=False):
+        wanted = tuple(sorted(left & set(range(start, end))))
+        if wanted:
+            shots.append(Shot(begin=max(start - lead_in, 0), wanted=wanted))
+    return shots
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """A job, its world, and the pipeline that finishes its frames."""
+
+    job: Job
+    scene: Scene
+    recipe: Recipe
+    jitter: bool
+    notes: dict[str, Any]
+    """For the frames' headers."""
+    debug: bool
+
+    def make(
+        self,
+        shot: Shot,
+        runner: Runner,
+        *,
+        device: Any,
+        doing: Callable[[str], Tick] = lambda _: lambda: None,
+        known: Callable[[int], Frame] | None = None,
+        ready: Callable[[], None] = lambda: None,
+    ) -> Iterator[tuple[int, Frame]]:
+        """A shot's frames by number, in order and finished, the lead-in included.
+
+        Args:
+            shot: which frames.
+            runner: of the recipe, without history.
+            device: where to trace and run.
+            doing: told what is being done; what it returns is called after each step.
+            known: gives a frame that is not wanted, as it was before the passes; by default it is traced.
+            ready: called before the passes run.
+        """
+        wanted = frozenset(shot.wanted)
+        for index in shot.frames:
+            if known is not None and index not in wanted:
+                yield index, runner(known(index), doing(f"reading frame {index} again"))
+                continue
+            traced = self.job.trace(self.scene, index, device, self.jitter, doing(f"tracing frame {index}"))
+            ready()
+            yield index, runner(traced, doing(f"passes of frame {index}"))
+
+    def save(self, folder: Path, index: int, frame: Frame) -> None:
+        """Write a finished frame's files."""
+        from gbufrt.commands.session import save
+
+        save(folder, stem(index), frame, notes=self.notes, debug=self.debug)
+
+
+def shoot(flight: Flight, shot: Shot, folder: Path) -> Iterator[str]:
+    """Make a shot in a worker of `gbufrt.commands.cluster`, and say which frame is done after each."""
+    import torch
+
+    from gbufrt.commands.session import Runner
+
+    runner, wanted = Runner(flight.recipe.build(), flight.recipe.warmup), frozenset(shot.wanted)
+    for index, frame in flight.make(shot, runner, device=torch.device("cpu")):
+        if index in wanted:
+            flight.save(folder, index, frame)
+        yield f"frame {index}" if index in wanted else f"frame {index}, which leads in to frame {shot.wanted[0]}"
