@@ -8,9 +8,11 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gbufrt.commands.checks import COMPOSITES, PRESETS, SUBJECTS, check_folder, check_name, check_world
+from gbufrt.commands.cluster import check_cluster
 from gbufrt.commands.options import (
     MOST_COUNT,
     MOST_FRAMES,
+    ClusterOptions,
     Flag,
     Whole,
     Without,
@@ -39,6 +41,7 @@ def ablate(
     only: Names = (),
     cache: Path | None = None,
     resume: Flag = False,
+    spread: ClusterOptions | None = None,
 ) -> None:
     """Measure the passes against ray-traced truth, and write OUT/report.html, report.json, report.csv and front.svg.
 
@@ -46,6 +49,8 @@ def ablate(
     indirect light and reflections after static frames, and their error against time at several settings; denoising on a
     moving path, motion blur and depth of field; the whole frame with each pass left out. Truth is kept between runs. A
     variant that fails is reported in its row.
+
+    On a cluster (--cluster) the figures are the same, but milliseconds tell nothing: units run beside one another.
 
     Args:
         worlds: Built-in worlds or MagicaVoxel .vox files; by default the built-in one.
@@ -63,7 +68,7 @@ def ablate(
         sweep: Tunable to vary, as NAME=LOW:HIGH:COUNT (gtao.radius=0.25:2:5); may be repeated.
         only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise,
             front (error against time).
-        cache: Folder where truth is kept. [default: the user's cache]
+        cache: Folder where truth is kept; on a cluster, one that all machines share. [default: the user's cache]
         resume: Keep what is finished in OUT, as far as nothing it depends on has changed.
     """
     shape, settings, subjects = parse_size(size), parse_settings(set), parse_names(only)
@@ -76,6 +81,7 @@ def ablate(
     for world in worlds or ("builtin",):
         check_world(world, (*parse_names(views), *parse_names(paths)))
     check_folder(out)
+    check_cluster(spread or ClusterOptions())
 
     from gbufrt.commands.ablation import Plan
     from gbufrt.commands.ablation import ablate as measure
@@ -87,7 +93,8 @@ def ablate(
             out=out, worlds=worlds or ("builtin",), views=parse_names(views), paths=parse_names(paths),
             size=shape, frames=frames, samples=samples, recipe=recipe, variants=parse_names(variants),
             sweeps=parse_names(sweep), only=subjects, cache=cache, resume=resume,
-        )
+        ),
+        spread,
     )  # fmt: skip
     from gbufrt.commands.ablation.report import show
 

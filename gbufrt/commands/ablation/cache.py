@@ -6,9 +6,11 @@ import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 from zipfile import BadZipFile
 
@@ -16,7 +18,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt.files.output import atomic
 from gbufrt.frame import Frame
 
 SKIPPED = frozenset({"views", "pose", "name"})  # fields of a scene that do not change what is traced at a given time
@@ -74,7 +75,7 @@ class Cache:
             except (OSError, ValueError, EOFError, KeyError, BadZipFile):
                 path.unlink(missing_ok=True)
         made = {name: tensor.detach().cpu() for name, tensor in make().items()}
-        with atomic(path) as part, part.open("wb") as file:
+        with _apart(path) as part, part.open("wb") as file:
             np.savez(file, **{name: tensor.numpy() for name, tensor in made.items()})  # pyright: ignore[reportArgumentType]
         self.made += 1
         return made
@@ -88,10 +89,22 @@ class Cache:
             try:
                 return read_exr(path)
             except ValueError:
-                path.unlink()
-        write_exr(path, make())
+                path.unlink(missing_ok=True)
+        frame = make()
+        with _apart(path) as part:
+            write_exr(part, frame)
         self.made += 1
         return read_exr(path)
+
+
+@contextmanager
+def _apart(path: Path) -> Iterator[Path]:
+    """Where to write the file ``path``, in a folder of its own: two workers may make it at once, and the last stays."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(dir=path.parent, prefix=".") as folder:
+        part = Path(folder, path.name)
+        yield part
+        os.replace(part, path)
 
 
 def _feed(state: Any, value: Any) -> None:

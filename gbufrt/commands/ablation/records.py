@@ -35,6 +35,8 @@ class Record:
     error: str | None = None
     """Why there are no figures."""
     seconds: float = 0.0
+    beside: int = 1
+    """Units measured at the same time, on a cluster: with more than one, ``ms`` tells nothing."""
 
     @property
     def ms(self) -> float:

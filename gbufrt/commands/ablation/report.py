@@ -37,6 +37,7 @@ def write_page(out: Path, results: Results) -> Path:
         fronts=fronts(results.records),
         earned=earned(results.records), worth=worth(results.records), costs=costs(results.records),
         failures=results.failures, records=results.records, main=[m for m in MAIN if _any(results.records, m)],
+        beside=max((r.beside for r in results.records), default=1),
         took=str(timedelta(seconds=round(results.about["seconds"]))),
     )  # fmt: skip
     write_text(out / "report.html", text)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +13,42 @@ from torch import Tensor
 
 from gbufrt.commands.ablation.bars import Results, table
 from gbufrt.commands.ablation.cache import Cache, default_folder, digest, sources
-from gbufrt.commands.ablation.place import Place
+from gbufrt.commands.ablation.place import Place, Say
 from gbufrt.commands.ablation.plan import Plan
 from gbufrt.commands.ablation.records import Record, Store, to_csv
 from gbufrt.commands.ablation.report import write_front, write_page
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.variants import FULL, Variant
 from gbufrt.commands.checks import check_folder
+from gbufrt.commands.options import ClusterOptions
 from gbufrt.commands.progress import progress
 from gbufrt.files.output import write_text
 
 
-def ablate(plan: Plan) -> Results:
-    """Measure what the plan says, and write report.html, report.json, report.csv, and front.svg where it is measured.
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """One variant at one place, judged by one subject."""
+
+    world: str
+    variant: Variant
+    subject: str
+    view: str
+
+    def __str__(self) -> str:
+        return f"{self.variant.name}: {self.subject} of {self.view}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """Units of one view and subject, with their numbers. What they share of truth, no other share needs at length."""
+
+    units: list[tuple[int, Unit]]
+    full: dict[str, Tensor]
+    """Displayed composites of the full pipeline that are there already, by place."""
+
+
+def ablate(plan: Plan, spread: ClusterOptions | None = None) -> Results:
+    """Measure what the plan says, here or on a cluster; write report.html, report.json, report.csv, perhaps front.svg.
 
     A variant that fails is noted in its record; the others still run.
 
@@ -37,25 +60,65 @@ def ablate(plan: Plan) -> Results:
     plan.check()
     check_folder(plan.out)
     begun, cache = time.monotonic(), Cache(plan.cache or default_folder())
-    store = Store(folder=plan.out)
     scenes = {world: _load(world) for world in plan.worlds}
-    units = [(world, *unit) for world, scene in scenes.items() for unit in plan.units(scene, world)]
-    records, full = [], {}
-    with progress("ablate", len(units)) as doing:
-        for world, variant, subject, view in units:
-            place = Place(
-                scene=scenes[world], world=world, view=view, size=plan.size, samples=plan.samples, cache=cache,
-                time=_moment(subject), say=lambda text, name=variant.name: doing(f"{name}: {text}"),
-            )  # fmt: skip
-            tick = doing(f"{variant.name}: {subject} of {view}")
-            records.append(_unit(plan, store, place, variant, subject, full))
-            tick()
+    units = [
+        Unit(world=world, variant=variant, subject=subject, view=view)
+        for world, scene in scenes.items()
+        for variant, subject, view in plan.units(scene, world)
+    ]
+    run = Run(plan=plan, scenes=scenes, store=Store(folder=plan.out), cache=cache)
+    records = _on_workers(run, units, spread) if spread and spread.cluster else _one_by_one(run, units)
     about = {**_about(plan), "seconds": time.monotonic() - begun, "traced": cache.made}
     results = Results(records=records, rows=table(records), about=about)
     write_results(plan.out, results)
     write_page(plan.out, results)
     write_front(plan.out, records)
     return results
+
+
+def _one_by_one(run: Run, units: list[Unit]) -> list[Record]:
+    records = []
+    with progress("ablate", len(units)) as doing:
+        for unit in units:
+            tick = doing(str(unit))
+            records.append(run.find(unit) or run.measure(unit, lambda t, name=unit.variant.name: doing(f"{name}: {t}")))
+            tick()
+    return records
+
+
+def _on_workers(run: Run, units: list[Unit], spread: ClusterOptions) -> list[Record]:
+    from gbufrt.commands.cluster import open_cluster
+
+    records = {number: found for number, unit in enumerate(units) if (found := run.find(unit)) is not None}
+    shares: dict[Any, Share] = {}
+    for number, unit in enumerate(units):
+        if number not in records:
+            full = run.full if unit.subject == "frame" else {}
+            share = shares.setdefault((unit.world, unit.view, unit.subject), Share(units=[], full=full))
+            share.units.append((number, unit))
+    if shares:
+        plan = run.plan if run.plan.cache is None else replace(run.plan, cache=run.plan.cache.resolve())
+        with open_cluster(spread) as cluster, progress("ablate", len(units) - len(records)) as doing:
+            given = (plan, run.scenes, min(cluster.workers, len(shares)))
+            for number, record, made in cluster.run(measure, [*shares.values()], shared=given, out=plan.out):
+                records[number] = record
+                run.cache.made += made
+                doing(str(units[number]))()
+    return [records[number] for number in range(len(units))]
+
+
+def measure(given: tuple[Plan, dict[str, Any], int], share: Share, folder: Path) -> Iterator[tuple[int, Record, int]]:
+    """Measure a share in a worker of `gbufrt.commands.cluster`: a unit's number, its record, and files of truth made.
+
+    Truth is kept where the worker is: in ``--cache`` if all machines share its disk, else on each machine.
+    """
+    plan, scenes, beside = given
+    cache = Cache(plan.cache or default_folder())
+    run = Run(plan=plan, scenes=scenes, store=Store(folder=folder), cache=cache, full=dict(share.full), beside=beside)
+    for number, unit in share.units:
+        before = cache.made
+        record = run.measure(unit)
+        yield number, record, cache.made - before
 
 
 def write_results(out: Path, results: Results) -> None:
@@ -69,26 +132,56 @@ def write_results(out: Path, results: Results) -> None:
     write_text(out / "report.csv", to_csv(results.records))
 
 
-def _unit(plan: Plan, store: Store, place: Place, variant: Variant, subject: str, full: dict[str, Tensor]) -> Record:
-    """One record: read back, or measured, or holding the error."""
-    key = _key(plan, place, variant, subject)
-    record = Record(
-        world=place.world, view=place.view, subject=subject, variant=variant.name, group=variant.group,
-        axis=variant.axis,
-    )  # fmt: skip
-    found = store.find(key) if plan.resume else None
-    spot = f"{place.world}/{place.view}"
-    if found is None:
-        begun = time.monotonic()
+@dataclass(kw_only=True)
+class Run:
+    """What finds and measures units."""
+
+    plan: Plan
+    scenes: dict[str, Any]
+    store: Store
+    cache: Cache
+    full: dict[str, Tensor] = field(default_factory=dict)
+    """Displayed composites of the full pipeline, by place: what its variants change is told against them."""
+    beside: int = 1
+    """Units that are measured at the same time."""
+
+    def find(self, unit: Unit) -> Record | None:
+        """The record of a unit that is finished already, where the plan goes on after an earlier run."""
+        found = self.store.find(self._key(unit)) if self.plan.resume else None
+        return None if found is None else self._remembered(unit, found)
+
+    def measure(self, unit: Unit, say: Say = lambda _: None) -> Record:
+        """The record of a unit, measured and kept, or holding the error."""
+        record = Record(
+            world=unit.world, view=unit.view, subject=unit.subject, variant=unit.variant.name,
+            group=unit.variant.group, axis=unit.variant.axis, beside=self.beside,
+        )  # fmt: skip
+        begun, place = time.monotonic(), self._place(unit, say)
         try:
-            outcome = _judge(plan, place, variant, subject, full.get(spot))
+            outcome = _judge(self.plan, place, unit.variant, unit.subject, self.full.get(_spot(unit)))
         except Exception as error:  # an error in one variant must not end the others
             told = " ".join(str(error).split()) or "no reason given"
             return replace(record, error=f"{type(error).__name__}: {told}", seconds=time.monotonic() - begun)
-        found = store.keep(key, replace(record, seconds=time.monotonic() - begun), outcome)
-    if variant.name == FULL and subject == "frame" and "frame" in found.pictures:
-        full[spot] = _read_png(store.folder / found.pictures["frame"])
-    return found
+        kept = self.store.keep(self._key(unit), replace(record, seconds=time.monotonic() - begun), outcome)
+        return self._remembered(unit, kept)
+
+    def _remembered(self, unit: Unit, record: Record) -> Record:
+        if unit.variant.name == FULL and unit.subject == "frame" and "frame" in record.pictures:
+            self.full[_spot(unit)] = _read_png(self.store.folder / record.pictures["frame"])
+        return record
+
+    def _place(self, unit: Unit, say: Say = lambda _: None) -> Place:
+        return Place(
+            scene=self.scenes[unit.world], world=unit.world, view=unit.view, size=self.plan.size,
+            samples=self.plan.samples, cache=self.cache, time=_moment(unit.subject), say=say,
+        )  # fmt: skip
+
+    def _key(self, unit: Unit) -> str:
+        return _key(self.plan, self._place(unit), unit.variant, unit.subject)
+
+
+def _spot(unit: Unit) -> str:
+    return f"{unit.world}/{unit.view}"
 
 
 def _judge(plan: Plan, place: Place, variant: Variant, subject: str, full: Tensor | None) -> Outcome:

@@ -24,6 +24,13 @@ WRONG = (
     ("render --set radius --out out", "--set must be NAME=VALUE"),
     ("render --warmup -1 --out out", "--warmup must be 0 or more"),
     ("render --device tpu --out out", "--device must be cpu or cuda"),
+    ("render --workers 2 --out out", "--workers is for --cluster"),
+    ("render --cluster local --workers 0 --out out", "--workers must be 1 or more"),
+    ("render --cluster somewhere --out out", "--cluster must be local or HOST:PORT"),
+    ("render --cluster ray://host:10001 --out out", "--cluster must be local or HOST:PORT"),
+    ("render --cluster host:99999 --out out", "--cluster must be local or HOST:PORT"),
+    ("render --cluster local --device cuda --out out", "--cluster computes on CPUs: leave out --device cuda"),
+    ("render --cluster local --lead-in -1 --out out", "--lead-in must be 0 or more"),
     ("render --out file", "--out file must be a folder"),
     ("post --out out", "no files given"),
     ("post missing.exr --out out", "missing.exr does not exist"),
@@ -43,6 +50,8 @@ WRONG = (
     ("ablate terrain --out out --paths orbit", "no view 'orbit' in world 'terrain'; it has horizon"),
     ("ablate missing.vox --out out", "missing.vox does not exist"),
     ("ablate --out file", "--out file must be a folder"),
+    ("ablate --out out --cluster somewhere", "--cluster must be local or HOST:PORT"),
+    ("ablate --out out --workers 2", "--workers is for --cluster"),
     ("bench --size 4", "--size must be"),
     ("bench --repeats 0", "--repeats must be 1 or more"),
     ("bench --busy -1", "--busy must be 0 or more"),
@@ -58,7 +67,7 @@ for line in sys.argv[1:]:
     try:
         main(line.split())
     except SystemExit as done:
-        print(done.code, *sorted({'torch', 'numba'} & set(sys.modules)))
+        print(done.code, *sorted({'torch', 'numba', 'ray'} & set(sys.modules)))
 """
 
 

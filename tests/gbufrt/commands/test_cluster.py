@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
+import shutil
 import signal
 import socket
 import subprocess
@@ -17,7 +19,7 @@ import pytest
 import torch
 
 from gbufrt.commands.cli import main
-from gbufrt.commands.cluster import Cluster, check_cluster
+from gbufrt.commands.cluster import Cluster, check_cluster, open_cluster
 from gbufrt.commands.flight import cut
 from gbufrt.commands.options import ClusterOptions
 from gbufrt.files.exr import read_exr
@@ -56,6 +58,13 @@ def cluster() -> Iterator[str]:
             assert holder.stdout is not None
             yield holder.stdout.readline().strip()
             holder.stdin.close()
+
+
+@pytest.fixture
+def trusted(cluster: str, spread: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """The address of a cluster that has been found to answer: nothing asks again."""
+    monkeypatch.setattr("gbufrt.commands.cluster._probe", lambda address: None)
+    return cluster
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +107,26 @@ def test_two_workers_make_what_one_run_makes(single: Path, spread: Path):
         assert psnr(single, spread, index) > 50
 
 
+def test_resume_makes_what_is_missing_as_it_was(
+    trusted: str, spread: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    out = tmp_path / "out"
+    shutil.copytree(spread, out)
+    (out / "frame_0006.exr").unlink()
+    kept = {path: path.stat().st_mtime_ns for path in out.iterdir() if "0006" not in path.name}
+    steps: list[Any] = []
+    whole = Cluster.run
+    monkeypatch.setattr(Cluster, "run", lambda *a, **k: (steps.append(step) or step for step in whole(*a, **k)))
+    assert on(trusted, out, "--resume") == 0
+    assert contents(out) == contents(spread)
+    assert kept == {path: path.stat().st_mtime_ns for path in kept}
+    assert len(steps) == len(range(3, 7)), "the other shot is not made, nor what comes after"
+    assert "all 8 frames" not in capsys.readouterr().out
+    assert on("nowhere:0", out, "--resume") == 2
+    assert on(trusted, out, "--resume") == 0
+    assert "all 8 frames" in capsys.readouterr().out
+
+
 def workers_at_work() -> list[int]:
     """Worker processes that run a task, on this machine."""
     found = []
@@ -112,7 +141,7 @@ def workers_at_work() -> list[int]:
 
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="finds the worker in /proc")
 def test_a_lost_worker_costs_its_shot_alone(
-    cluster: str, spread: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    trusted: str, spread: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     steps: list[str] = []
     killed: list[int] = []
@@ -127,7 +156,93 @@ def test_a_lost_worker_costs_its_shot_alone(
             yield what
 
     monkeypatch.setattr(Cluster, "run", disturbed)
-    assert on(cluster, tmp_path / "out") == 0
+    assert on(trusted, tmp_path / "out") == 0
     assert killed
     assert len(steps) == len(set(steps)) == FRAMES + LEAD_IN, "no step comes twice, although it is made twice"
     assert contents(tmp_path / "out") == contents(spread)
+
+
+def test_an_ablation_finds_the_same(trusted: str, tmp_path: Path):
+    here, there = tmp_path / "here", tmp_path / "there"
+    small = ("--size", "24x16", "--frames", 2, "--samples", 1, "--preset", "low", "--only", "ao,frame")
+    command = ("ablate", "terrain", *small, "--variants", "without=ao,gtao.radius=-1", "--cache", tmp_path / "cache")
+    assert run(*command, "--out", there, "--cluster", trusted, "--workers", 2) == 0
+    assert run(*command, "--out", here) == 0
+    one, other = (json.loads((folder / "report.json").read_text()) for folder in (here, there))
+    assert one["table"] == other["table"]
+    assert (one["about"]["traced"], other["about"]["traced"] > 0) == (0, True), "truth is kept for the next run"
+    assert [record.pop("beside") for record in other["records"]] == [2] * len(one["records"])
+    assert any("radius" in (record["error"] or "") for record in other["records"]), "a failure is told"
+    for record in (*one["records"], *other["records"]):
+        assert record["passes"] or record["error"]
+        for timed in ("beside", "passes", "seconds"):
+            record.pop(timed, None)
+        record["figures"].pop("ms", None)
+    assert one["records"] == other["records"]
+    assert "no measure of speed" in (there / "report.html").read_text()
+    assert "no measure of speed" not in (here / "report.html").read_text()
+
+
+def fails(shared: str, task: int, folder: Path) -> Iterator[int]:
+    yield task
+    raise FileNotFoundError(f"{shared} does not exist")
+
+
+def test_an_error_in_a_worker_is_the_users(trusted: str, tmp_path: Path):
+    with open_cluster(ClusterOptions(cluster=trusted)) as opened:
+        steps = opened.run(fails, [7], shared="world.vox", out=tmp_path)
+        assert next(steps) == 7
+        with pytest.raises(FileNotFoundError, match=r"^world.vox does not exist$"):
+            next(steps)
+
+
+@pytest.mark.parametrize(
+    ("frames", "workers", "lead_in"), [(8, 2, 2), (240, 2, 40), (240, 64, 40), (5, 9, 0), (1, 4, 40)]
+)
+def test_shots_cover_a_flight_and_take_equally_long(frames: int, workers: int, lead_in: int):
+    shots = cut(frames, range(frames), workers=workers, lead_in=lead_in)
+    assert [index for shot in shots for index in shot.wanted] == list(range(frames))
+    assert [shot.begin for shot in shots] == [max(shot.wanted[0] - lead_in, 0) for shot in shots]
+    lengths = [len(shot.frames) for shot in shots]
+    assert max(lengths) - min(lengths) <= 2, "nobody waits for the last one"
+    assert all(len(shot.wanted) >= lead_in // 2 for shot in shots[1:])
+    assert len(shots) <= workers
+    some = cut(frames, [frames - 1], workers=workers, lead_in=lead_in)
+    assert [(shot.begin, shot.wanted) for shot in some] == [(shots[-1].begin, (frames - 1,))]
+
+
+def test_a_flight_of_many_frames_has_shots_that_may_be_lost():
+    assert max(len(shot.wanted) for shot in cut(5000, range(5000), workers=2, lead_in=40)) < 300
+
+
+def test_cores_are_shared_out(monkeypatch: pytest.MonkeyPatch):
+    both = Cluster(sizes=(8, 4))
+    assert [(both.workers, both.threads(tasks)) for tasks in (100, 4, 1)] == [(12, 1), (12, 3), (12, 4)]
+    assert (Cluster(sizes=(8, 4), each=3).workers, Cluster(sizes=(8, 4), each=3).threads(100)) == (3, 3)
+    assert (Cluster(sizes=(8,), most=2).workers, Cluster(sizes=(8,), most=2).threads(100)) == (2, 4)
+    assert (Cluster(sizes=(2,), each=16).workers, Cluster(sizes=(2,), each=16).threads(9)) == (1, 2)
+
+
+def test_what_does_not_answer_is_told():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+        with pytest.raises(ValueError, match=rf"nothing answers at --cluster 127.0.0.1:{port} .*ray start --head"):
+            check_cluster(ClusterOptions(cluster=f"127.0.0.1:{port}"))
+
+
+def test_what_answers_but_is_not_ray_is_told(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("gbufrt.commands.cluster.SECONDS_TO_CONNECT", 2.0)
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        options = ClusterOptions(cluster=f"127.0.0.1:{other.getsockname()[1]}")
+        check_cluster(options)
+        with pytest.raises(ValueError, match="is not Ray"), open_cluster(options):
+            pass
+
+
+def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("gbufrt.commands.cluster.find_spec", lambda name: None)
+    with pytest.raises(ValueError, match=r"pip install 'gbufrt\[cluster\]'"):
+        check_cluster(ClusterOptions(cluster="local"))
