@@ -31,6 +31,7 @@ RETRIES = 3  # of a task whose worker was lost
 AHEAD = 2  # steps of a task that may wait to be read: a worker stops there, so that results do not fill the memory
 SECONDS_TO_ANSWER = 5.0
 SECONDS_TO_CONNECT = 30.0
+START = "start Ray with `ray start --head` and give the address that it prints"
 LAST = (".exr", ".json")  # a frame's EXR and a unit's record say that the rest is there: they are written last
 PROBE = """
 import sys, ray
@@ -68,10 +69,7 @@ def check_cluster(options: ClusterOptions, *, device: str = "cpu") -> None:
             socket.create_connection((host.strip("[]"), int(port)), SECONDS_TO_ANSWER).close()
         except OSError as error:
             reason = error.strerror or str(error)
-            raise ValueError(f"nothing answers at --cluster {address} ({reason}); {_START}") from error
-
-
-_START = "start Ray with `ray start --head` and give the address that it prints"
+            raise ValueError(f"nothing answers at --cluster {address} ({reason}); {START}") from error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,7 +177,7 @@ def _probe(address: str) -> None:
             [sys.executable, "-c", PROBE, address], capture_output=True, text=True, timeout=SECONDS_TO_CONNECT
         )
     except subprocess.TimeoutExpired as error:
-        raise ValueError(f"what answers at --cluster {address} is not Ray; {_START}") from error
+        raise ValueError(f"what answers at --cluster {address} is not Ray; {START}") from error
     if done.returncode:
         said = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
         said = shorten(said, 300)

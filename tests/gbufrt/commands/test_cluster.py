@@ -29,6 +29,7 @@ FLIGHT = ("render", "terrain", "--size", "24x16", "--preset", "low", "--light-sa
 QUICK = ("ao.accumulate.blend=0.2", "gi.accumulate.blend=0.2", "reflection.accumulate.blend=0.2", "taa.blend=0.2")
 ADAPTED = ("exposure.speed_up=100", "exposure.speed_down=100")
 SHORT = [part for setting in (*QUICK, *ADAPTED) for part in ("--set", setting)]  # histories that end in four frames
+holders: list[int] = []  # processes that started the cluster of these tests
 HOLD = """
 import sys, ray
 ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
@@ -58,6 +59,7 @@ def cluster() -> Iterator[str]:
         with subprocess.Popen([sys.executable, "-c", HOLD], stdin=pipe, stdout=pipe, text=True) as holder:
             assert holder.stdin is not None
             assert holder.stdout is not None
+            holders.append(holder.pid)
             yield holder.stdout.readline().strip()
             holder.stdin.close()
 
@@ -129,16 +131,22 @@ def test_resume_makes_what_is_missing_as_it_was(
     assert "all 10 frames" in capsys.readouterr().out
 
 
-def workers_at_work() -> list[int]:
-    """Worker processes that run a task, on this machine."""
-    found = []
+def workers_at_work(ancestor: int) -> list[int]:
+    """Descendants of a process that are Ray workers which run a task."""
+    parents, busy = {}, []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            if b"ray::_steps" in (folder / "cmdline").read_bytes():
-                found.append(int(folder.name))
+            stat, command = (folder / "stat").read_text(), (folder / "cmdline").read_bytes()
         except OSError:  # it has just ended
             continue
-    return found
+        parents[int(folder.name)] = int(stat.rpartition(")")[2].split()[1])
+        if b"ray::_steps" in command:
+            busy.append(int(folder.name))
+
+    def descends(pid: int) -> bool:
+        return pid == ancestor or (pid in parents and descends(parents[pid]))
+
+    return [pid for pid in busy if descends(pid)]
 
 
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="finds the worker in /proc")
@@ -153,7 +161,7 @@ def test_a_lost_worker_costs_its_shot_alone(
         for what in whole(self, *arguments, **options):
             steps.append(what)
             if len(steps) == 3:  # workers are at most two steps ahead of what is read: a shot of seven goes on
-                killed.append(workers_at_work()[0])
+                killed.append(workers_at_work(holders[-1])[0])
                 os.kill(killed[0], signal.SIGKILL)
             yield what
 
