@@ -223,6 +223,7 @@ def test_shots_cover_a_flight_and_take_equally_long(frames: int, workers: int, l
 
 def test_a_flight_of_many_frames_has_shots_that_may_be_lost():
     assert max(len(shot.wanted) for shot in cut(5000, range(5000), workers=2, lead_in=40)) < 300
+    assert len(cut(5000, range(5000), workers=2, lead_in=1000)) == 2
 
 
 def test_cores_are_shared_out(monkeypatch: pytest.MonkeyPatch):
