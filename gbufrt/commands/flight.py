@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 LEAD_IN = 48
 """Frames that a shot begins early. The pictures after a seam are then 54 dB from those of one run where a camera flies
-fast (50 with 40 frames), and more elsewhere: GI's running mean, the slowest history, goes over 33 frames. More runs over
-the first frame (--warmup) do not replace them."""
+fast (50 with 40 frames), and further elsewhere: GI's running mean, the slowest history, goes over 33 frames. More runs
+over the first frame (--warmup) do not replace them."""
 LONGEST = 256  # frames of a shot: so much is lost with its worker. Longer only where the lead-in would be a quarter
 
 
