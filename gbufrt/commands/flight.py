@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from tracer.scene.scene import Scene
 
 LEAD_IN = 48
-"""Frames that a shot begins early. The pictures after a seam are then 54 dB from those of one run where a camera flies
-fast (50 with 40 frames), and further elsewhere: GI's running mean, the slowest history, goes over 33 frames. More runs
-over the first frame (--warmup) do not replace them."""
+"""Frames that a shot begins early. The pictures after a seam are then more than 52 dB from those of one run (more than
+49 with 40 frames): GI's running mean, the slowest history, goes over 33 frames. More runs over the first frame
+(--warmup) do not replace them."""
 LONGEST = 256  # frames of a shot: so much is lost with its worker. Longer only where the lead-in would be a quarter
 
 
