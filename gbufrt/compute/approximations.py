@@ -1,6 +1,8 @@
-"""Scalar functions for kernels, in float32 without calls, so that a loop over them becomes vector instructions."""
+"""Scalar functions for kernels, without calls, so that a loop over them becomes vector instructions."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -8,7 +10,8 @@ from gbufrt.compute.bodies import inlined
 
 LOG2_E = np.float32(1.4426950408889634)
 LOWEST, HIGHEST = np.float32(-126.0), np.float32(127.0)  # exponents of normal numbers
-HALF, ONE = np.float32(0.5), np.float32(1.0)
+ZERO, HALF, ONE, TINY = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(1e-20)
+QUARTER, HALF_TURN, FOLD = np.float32(math.pi / 2), np.float32(math.pi), np.float32(math.tan(math.pi / 8))
 MANTISSA_BITS, BIAS = np.int32(23), np.int32(127)
 ROOT_HALF_BITS = np.int32(0x3F3504F3)  # of the square root of 1/2
 
@@ -37,3 +40,22 @@ def log2(x):
     m = np.int32(bits - (exponent << MANTISSA_BITS)).view(np.float32) - ONE
     part = ((((((L7 * m + L6) * m + L5) * m + L4) * m + L3) * m + L2) * m + L1) * m + L0
     return np.float32(exponent) + m * part
+
+
+@inlined
+def atan2(y, x):
+    """The angle of (x, y), to 2e-7 of its value, in the precision of its arguments.
+
+    Source: S. L. Moshier, Cephes library, atanf: an odd polynomial up to the tangent of an eighth of pi; the addition
+    theorem reduces larger tangents to that range.
+    """
+    across, along = abs(y), abs(x)
+    small, large = min(across, along), max(across, along)
+    folds = small > FOLD * large
+    t = (small - large if folds else small) / max(small + large if folds else large, TINY)
+    z = t * t
+    value = ((np.float32(8.05374449538e-2) * z - np.float32(1.38776856032e-1)) * z + np.float32(1.99777106478e-1)) * z
+    angle = t + t * z * (value - np.float32(3.33329491539e-1)) + (HALF * QUARTER if folds else ZERO)
+    angle = QUARTER - angle if across > along else angle
+    angle = HALF_TURN - angle if x < ZERO else angle
+    return -angle if y < ZERO else angle

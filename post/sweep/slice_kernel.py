@@ -11,33 +11,13 @@ import math
 
 import numpy as np
 
+from gbufrt.compute.approximations import QUARTER, atan2
 from gbufrt.compute.kernel import inlined
 from post.sweep import constants
 from post.sweep.layout import Slice
 
 BIAS, FIRST, SNAP = np.float32(constants.BIAS), np.float32(constants.FIRST), np.float32(constants.SNAP)
 ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
-QUARTER, HALF_TURN = np.float32(math.pi / 2), np.float32(math.pi)
-FOLD = np.float32(math.tan(math.pi / 8))
-
-
-@inlined
-def atan2(y, x):
-    """The angle of (x, y), to 2e-7: a library's scalar form would take most of a sweep's time.
-
-    Source: S. L. Moshier, Cephes library, atanf: an odd polynomial up to the tangent of an eighth of pi; the addition
-    theorem reduces larger tangents to that range.
-    """
-    across, along = abs(y), abs(x)
-    small, large = min(across, along), max(across, along)
-    folds = small > FOLD * large
-    t = (small - large if folds else small) / max(small + large if folds else large, TINY)
-    z = t * t
-    value = ((np.float32(8.05374449538e-2) * z - np.float32(1.38776856032e-1)) * z + np.float32(1.99777106478e-1)) * z
-    angle = t + t * z * (value - np.float32(3.33329491539e-1)) + (HALF * QUARTER if folds else ZERO)
-    angle = QUARTER - angle if across > along else angle
-    angle = HALF_TURN - angle if x < ZERO else angle
-    return -angle if y < ZERO else angle
 
 
 @inlined

@@ -19,7 +19,7 @@ from tracer.traversal.kernel import triple
 
 TILE = 8  # pixels on a side
 UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
-FEW = 64  # so few lamps are candidates everywhere
+FEW = 16  # so few lamps are candidates everywhere
 MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 """So many lamps at most can each give a pixel more than the share that earns rays of their own."""
 

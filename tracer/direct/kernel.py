@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gbufrt.compute.approximations import atan2
 from gbufrt.compute.kernel import scalar
 from gbufrt.noise.noise import PLASTIC
 from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
@@ -54,7 +55,7 @@ def _edge(a, b, normal):
     """The angle between two corners times how much their plane leans toward the normal."""
     turn = cross(a, b)
     size = math.sqrt(dot(turn, turn))
-    return math.atan2(size, dot(a, b)) * dot(turn, normal) / max(size, 1e-20)
+    return atan2(size, dot(a, b)) * dot(turn, normal) / max(size, 1e-20)
 
 
 @scalar

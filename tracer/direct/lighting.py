@@ -33,7 +33,7 @@ def light(
 
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
     off: those that may give a pixel at most 1/128 of the light it could get are represented by up to eight of them,
-    drawn in proportion, and those below 1/32 get an eighth of the samples.
+    drawn in proportion, and those below 1/32 get a sixteenth of the samples.
 
     Args:
         scene: what is there, and its sun and sky.

@@ -24,7 +24,7 @@ from tracer.traversal.rays import transmission
 CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
 SHARE_ALONE = 1 / 128  # lamps that may give a pixel at most this share of its light are drawn
 DRAWS, DRAWS_PER_SHARE = 8, 24  # one ray for each 24th of the light that these give, at most eight
-SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets an eighth of the samples
+SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets a sixteenth of the samples
 
 Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
 """From two numbers in [0, 1) a pixel, ``(2, n)``: directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 
-from gbufrt.compute.approximations import exp2, log2
+from gbufrt.compute.approximations import atan2, exp2, log2
 
 
 def test_exp2() -> None:
@@ -23,3 +24,11 @@ def test_log2() -> None:
     got, want = np.array([log2(v) for v in near], dtype=np.float64), np.log2(near.astype(np.float64))
     assert np.abs(got / want - 1).max() < 3e-7
     assert log2(np.float32(1)) == 0
+
+
+def test_angles_are_those_of_the_library() -> None:
+    angle = torch.linspace(-3.14, 3.14, 2001)
+    for length in (1e-6, 1.0, 1e6):
+        x, y = (length * angle.cos()).numpy(), (length * angle.sin()).numpy()
+        found = torch.tensor([atan2(y[i], x[i]) for i in range(len(x))])
+        torch.testing.assert_close(found, angle, atol=5e-7, rtol=0)

@@ -79,16 +79,6 @@ def test_any_size(size: tuple[int, int]) -> None:
             torch.testing.assert_close(got, want, atol=1e-4, rtol=0)
 
 
-def test_angles_are_those_of_the_library() -> None:
-    from post.sweep.slice_kernel import atan2
-
-    angle = torch.linspace(-3.14, 3.14, 2001)
-    for length in (1e-6, 1.0, 1e6):
-        x, y = (length * angle.cos()).numpy(), (length * angle.sin()).numpy()
-        found = torch.tensor([atan2(y[i], x[i]) for i in range(len(x))])
-        torch.testing.assert_close(found, angle, atol=5e-7, rtol=0)
-
-
 def test_light_that_wants_a_gradient_gets_it() -> None:
     frame = boxes.frame(boxes.camera((9, 12)))
     light = frame.read("radiance").clone().requires_grad_()
