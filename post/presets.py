@@ -28,7 +28,7 @@ Preset = Literal["low", "medium", "high", "ultra"]
 GI_PHI = 1.0  # gentler than for one path a pixel: light in corners is small and bright
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
-AO_BLUR = 6.0  # pixels times ME1's directions: sigma of the denoiser, smaller with more directions
+AO_BLUR, WIDEST_AO_BLUR = 6.0, 1.0  # pixels times ME1's directions: sigma of the denoiser, smaller with more directions
 DIRECTIONS_PER_AO_SLICE = 2  # of ME1's AO: a slice covers both sides; more slices gain nothing after four frames
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
 GI_STEPS = 36  # taps on each side of a slice: two thirds as many would lose a twentieth of the light in the gaps
@@ -129,7 +129,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     )
     both = ("ao", "bent_normal")
     bounced = ("gi", "sky_visibility")
-    ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR / quality.ao_directions)
+    ao_blur = Bilateral(signal=both, radius=2, sigma=min(AO_BLUR / quality.ao_directions, WIDEST_AO_BLUR))
     return {
         "ao": Pipeline(estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)),
         "gi": Pipeline(
