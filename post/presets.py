@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
@@ -28,20 +27,24 @@ Preset = Literal["low", "medium", "high", "ultra"]
 GI_PHI = 1.0  # gentler than for one path a pixel: light in corners is small and bright
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
-AO_BLUR, WIDEST_AO_BLUR = 6.0, 1.0  # pixels times ME1's directions: sigma of the denoiser, smaller with more directions
+AO_BLUR = 0.75  # pixels: sigma of the denoiser; wider loses more than it gains, with few directions too
 DIRECTIONS_PER_AO_SLICE = 2  # of ME1's AO: a slice covers both sides; more slices gain nothing after four frames
+BEHIND_STEPS = 6
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
-GI_STEPS = 36  # taps on each side of a slice: two thirds as many would lose a twentieth of the light in the gaps
-RAYS_PER_GI_SLICE = 6  # of ME1's GI rays: a slice covers both sides with several taps each
 
 
 @dataclass(frozen=True, kw_only=True)
 class Quality:
-    """One row of ME1's table of presets; distances in metres."""
+    """One row of ME1's table of presets; distances in metres.
+
+    GI's slices, and the taps on each of their sides, are ours: ME1 sends 4, 8, 12 or 16 rays. With 24 taps for 36 the
+    light in the gaps is a twentieth darker.
+    """
 
     ao_directions: int
     ao_scales: int
-    gi_rays: int
+    gi_directions: int
+    gi_steps: int
     gi_bounces: int
     gi_distance: float
     reflection_samples: int
@@ -51,19 +54,19 @@ class Quality:
 
 QUALITIES: Mapping[str, Quality] = {
     "low": Quality(
-        ao_directions=4, ao_scales=1, gi_rays=4, gi_bounces=1, gi_distance=30,
+        ao_directions=4, ao_scales=1, gi_directions=3, gi_steps=12, gi_bounces=1, gi_distance=30,
         reflection_samples=2, reflection_steps=48, reflection_distance=40,
     ),
     "medium": Quality(
-        ao_directions=6, ao_scales=2, gi_rays=8, gi_bounces=2, gi_distance=50,
+        ao_directions=6, ao_scales=2, gi_directions=2, gi_steps=36, gi_bounces=2, gi_distance=50,
         reflection_samples=4, reflection_steps=64, reflection_distance=60,
     ),
     "high": Quality(
-        ao_directions=8, ao_scales=2, gi_rays=12, gi_bounces=2, gi_distance=70,
+        ao_directions=8, ao_scales=2, gi_directions=2, gi_steps=36, gi_bounces=2, gi_distance=70,
         reflection_samples=8, reflection_steps=96, reflection_distance=75,
     ),
     "ultra": Quality(
-        ao_directions=12, ao_scales=3, gi_rays=16, gi_bounces=3, gi_distance=100,
+        ao_directions=12, ao_scales=3, gi_directions=3, gi_steps=36, gi_bounces=3, gi_distance=100,
         reflection_samples=16, reflection_steps=128, reflection_distance=100,
     ),
 }  # fmt: skip
@@ -116,8 +119,8 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
         scales=quality.ao_scales,
     )
     gi = SSGI(
-        directions=math.ceil(quality.gi_rays / RAYS_PER_GI_SLICE),
-        steps=GI_STEPS,
+        directions=quality.gi_directions,
+        steps=quality.gi_steps,
         bounces=quality.gi_bounces,
         distance=None if physical else quality.gi_distance * metre,
         bounce_loss=1.0 if physical else 0.6,
@@ -129,7 +132,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     )
     both = ("ao", "bent_normal")
     bounced = ("gi", "sky_visibility")
-    ao_blur = Bilateral(signal=both, radius=2, sigma=min(AO_BLUR / quality.ao_directions, WIDEST_AO_BLUR))
+    ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR)
     return {
         "ao": Pipeline(estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)),
         "gi": Pipeline(
@@ -144,7 +147,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
         ),
         "behind": Pipeline(
             layer="behind",
-            gi=SSGI(directions=2, steps=GI_STEPS // 6, bounces=1, distance=gi.distance),
+            gi=SSGI(directions=2, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
             denoise=Atrous(signal=bounced),
         ),
     }
