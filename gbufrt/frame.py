@@ -132,7 +132,7 @@ class Frame:
 
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
-        keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "composite")}
+        keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "sky_visibility", "composite")}
         return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
 
 

@@ -120,7 +120,7 @@ def _sweep(
     for cut, band in slices.bands(at):
         sums = torch.zeros(8, *band.z.shape, dtype=band.z.dtype, device=band.z.device)
         for which in range(directions):
-            cos_psi, sin_psi, jitter, _ = slices.slice_noise(noise[:, cut], which, directions)
+            cos_psi, sin_psi, jitter, _ = slices.slice_noise(band, noise[:, cut], which, directions)
             sums = sums + _slice(around, band, cos_psi, sin_psi, jitter, reach, steps, parallel)
         rows.append(sums)
     return torch.cat(rows, dim=2)
@@ -189,7 +189,8 @@ def _arc_direction(side: Side, theta: Tensor) -> tuple[Tensor, Tensor]:
 class GTAO(Pass):
     """Ambient occlusion and bent normals. See `gtao`.
 
-    A ``thickness`` channel takes precedence over the tunable, and the tunable over a guess.
+    A ``thickness`` channel takes precedence over the tunable, and the tunable over a guess. A frame with none before it
+    is swept with ``fresh`` times as many directions.
     """
 
     reads = frozenset({"depth", "hit", "normal"})
@@ -201,6 +202,7 @@ class GTAO(Pass):
         *,
         radius: float = 0.5,
         directions: int = 4,
+        fresh: int = 1,
         steps: int = 12,
         scales: int = 1,
         method: Literal["bitmask", "horizon"] = "bitmask",
@@ -209,12 +211,13 @@ class GTAO(Pass):
         seed: int = 0,
     ) -> None:
         super().__init__()
-        self.radius, self.directions, self.steps, self.scales = radius, directions, steps, scales
+        self.radius, self.directions, self.fresh, self.steps, self.scales = radius, directions, fresh, steps, scales
         self.method, self.hidden, self.thickness, self.seed = method, hidden, thickness, seed
 
     def forward(self, frame: Frame) -> Frame:
         g = frame.gbuffer
         solid = None if self.method == "horizon" else known_thickness(g, self.thickness)
         tunables = {**self.tunables(), "thickness": solid}
+        tunables["directions"] = slices.slices_of(frame, self.directions, tunables.pop("fresh"))
         ao, bent_normal = gtao(g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)
         return frame.replace(ao=ao, bent_normal=bent_normal)

@@ -20,7 +20,7 @@ from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
 from post.sweep.thickness import planar_thickness
 
-SWEEP = ("directions", "steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged
+SWEEP = ("steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged
 
 
 def ssgi(
@@ -119,8 +119,8 @@ class SSGI(Pass):
     """Diffuse light from on-screen surfaces, and the visibility of the sky. See `ssgi` and `sent_light`.
 
     A frame with none before it is swept once for each of ``bounces``. The rest of the series is extrapolated from the
-    last two, so that a single picture is as bright as one with a history. Later frames are swept once and take further
-    bounces from the frame before.
+    last two, so that a single picture is as bright as one with a history; each of its sweeps takes ``fresh`` times as
+    many directions. Later frames are swept once and take further bounces from the frame before.
     """
 
     reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})
@@ -131,6 +131,7 @@ class SSGI(Pass):
         self,
         *,
         directions: int = 4,
+        fresh: int = 1,
         steps: int = 24,
         distance: float | None = None,
         thickness: float | None = None,
@@ -140,16 +141,17 @@ class SSGI(Pass):
         seed: int = 0,
     ) -> None:
         super().__init__()
-        self.directions, self.steps, self.distance, self.thickness = directions, steps, distance, thickness
+        self.directions, self.fresh, self.steps = directions, fresh, steps
+        self.distance, self.thickness = distance, thickness
         self.bounces, self.bounce_loss, self.resolution, self.seed = bounces, bounce_loss, resolution, seed
 
     def forward(self, frame: Frame) -> Frame:
         g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
-        thickness = known_thickness(g, self.thickness)
-        bounces = {"bounces": self.bounces, "bounce_loss": self.bounce_loss}
-        light = sent_light(frame, distance=self.distance, thickness=thickness, steps=self.steps, **bounces)
+        sweep |= {"directions": slices.slices_of(frame, self.directions, self.fresh), "index": frame.index}
+        sweep |= {"hit": g.hit, "thickness": known_thickness(g, self.thickness)}
+        once = {"distance": self.distance, "thickness": sweep["thickness"], "steps": self.steps}
+        light = sent_light(frame, **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
-        sweep |= {"hit": g.hit, "thickness": thickness, "index": frame.index}
         gather = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
         gi, sky, _ = gather(light=light)
         if self.bounces > 1 and bool((new := nothing_before(frame)).any()):

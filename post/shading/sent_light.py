@@ -11,7 +11,7 @@ from gbufrt import Frame
 from post.history.op import read_history
 from post.sweep.bitmask import bitmask_ao
 
-SKY_DIRECTIONS = 2  # slices for the sky visibility of senders: gathering averages their noise
+SKY_DIRECTIONS = 1  # slices for the sky visibility of senders: gathering averages their noise
 SKY_COARSER = 2  # factor by which they take fewer taps
 TYPICAL_REFLECTANCE = 0.3  # of a scene, to convert a number of bounces to a gain of endless feedback
 BRIGHTEST = 0.9  # greatest ratio of a bounce's light to that of the bounce before
@@ -35,8 +35,8 @@ def sent_light(
     """Light that each pixel sends to others: direct light, visible sky light, and earlier bounces.
 
     Emission counts only if the frame has not sampled its emitters as direct light. The sky light is scaled by the
-    pixel's sky visibility: from a coarse sweep over the whole picture, or from the frame's ``ao`` when light is
-    gathered within a ``distance``.
+    pixel's sky visibility: that of the previous frame, or where it did not show the surface that of a coarse sweep over
+    the whole picture; when light is gathered within a ``distance``, the frame's ``ao``.
 
     Args:
         frame: with radiance.
@@ -55,12 +55,21 @@ def sent_light(
     """
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
-    g, light = frame.gbuffer, gathered_radiance(frame)
+    g, light, previous = frame.gbuffer, gathered_radiance(frame), frame.previous
+    gi = previous.gi if bounces > 1 and previous is not None else None
+    sky = previous.sky_visibility if frame.ambient is not None and distance is None and previous is not None else None
+    known, valid = None, torch.zeros_like(g.hit)
+    kept = [signal for signal in (gi, sky) if signal is not None]
+    if previous is not None and kept:
+        found = read_history(g, previous.gbuffer, torch.cat(kept, dim=1), search=False)
+        known, valid = found.image, found.valid
     if frame.ambient is not None:
-        light = light + frame.ambient * _sky_share(frame, distance, thickness, steps)
-    previous = frame.previous
-    if bounces > 1 and previous is not None and previous.gi is not None:
-        light = light + bounce_loss * read_history(g, previous.gbuffer, previous.gi, search=False).image
+        share = _sky_share(frame, distance, thickness, steps, g.hit & ~valid if sky is not None else g.hit)
+        if sky is not None and known is not None:
+            share = torch.where(valid, known[:, -1:], share)
+        light = light + frame.ambient * share
+    if gi is not None and known is not None:
+        light = light + bounce_loss * known[:, :3]
     return torch.where(g.hit, light, 0.0)
 
 
@@ -145,11 +154,12 @@ def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int)
 
 
 def _sky_share(
-    frame: Frame, distance: float | Tensor | None, thickness: Tensor | float | None, steps: int
+    frame: Frame, distance: float | Tensor | None, thickness: Tensor | float | None, steps: int, where: Tensor
 ) -> Tensor | float:
+    """Visibility of the sky at the pixels ``where`` it is wanted; others may get any."""
     if distance is not None:
         return 1.0 if frame.ao is None else frame.ao
     g = frame.gbuffer
     coarse = max(steps // SKY_COARSER, 1)
-    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse}
+    sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse, "where": where}
     return bitmask_ao(g.depth, g.normal, g.camera, hit=g.hit, thickness=thickness, index=frame.index, **sweep)[0]

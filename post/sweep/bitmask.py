@@ -23,6 +23,7 @@ def bitmask_ao(
     camera: Camera,
     *,
     hit: Tensor | None = None,
+    where: Tensor | None = None,
     thickness: Tensor | float | None = None,
     radius: float | Tensor | None = 0.5,
     directions: int = 4,
@@ -45,6 +46,7 @@ def bitmask_ao(
         normal: ``(B, 3, H, W)`` world space, unit length.
         camera: of the picture.
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
+        where: ``(B, 1, H, W)`` bool: pixels whose visibility is wanted; others may get any. By default all that hit.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
             estimated, see `post.thickness_from_depth`.
         radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit:
@@ -89,6 +91,7 @@ def bitmask_ao(
     if compiled and soft:
         raise ValueError("soft edges have no compiled form; leave compiled at None or False")
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
-    every = sweep(around, at, hit, noise, radii, sky, **sizes, soft=soft, compiled=compiled)
+    asked = hit if where is None else hit & where
+    every = sweep(around, at, asked, noise, radii, sky, **sizes, soft=soft, compiled=compiled)
     found = [arcs.finish(at, camera, hit, sums, normal) for sums in every]
     return arcs.mean_of_scales(found, hit, normal)

@@ -10,13 +10,13 @@ from post.sweep.sweep_kernel import gather, occlude
 
 
 @scalar
-def _sweep_lanes(out, lanes, around, planes, turns, noise, used, gathers):
+def _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers):
     """Sweep the receivers at ``lanes.place``, of which the first ``used`` count; the other lanes repeat one of them."""
     lanes.place[used:] = lanes.place[0]
     fill_receivers(lanes, planes, around)
     lanes.sums[:] = 0
-    for which in range(turns.shape[0]):
-        fill_noise(lanes, turns, noise, which)
+    for which in range(directions):
+        fill_noise(lanes, around, noise, which, directions)
         if gathers:
             gather(lanes, around)
         else:
@@ -34,7 +34,7 @@ def _clear(out, sums, place):
 
 
 @scalar
-def _sweep_rows(out, lanes, around, planes, hit, turns, noise, first, every, gathers):
+def _sweep_rows(out, lanes, around, planes, hit, noise, directions, first, every, gathers):
     """Sweep every ``every``-th row of one picture, from row ``first``; receivers that hit nothing are left out.
 
     Not part of the driver: numba removes from a parallel function what it writes to an array in a tuple.
@@ -46,25 +46,26 @@ def _sweep_rows(out, lanes, around, planes, hit, turns, noise, first, every, gat
                 lanes.place[used] = y * width + x
                 used += 1
                 if used == LANES:
-                    _sweep_lanes(out, lanes, around, planes, turns, noise, used, gathers)
+                    _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers)
                     used = 0
             else:
                 _clear(out, lanes.sums.shape[0] // lanes.covered.shape[0], y * width + x)
     if used > 0:
-        _sweep_lanes(out, lanes, around, planes, turns, noise, used, gathers)
+        _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers)
 
 
 @driver
 def sweep_all(
-    out, picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, steps, limited, parallel, gathers, threads
-):
+    out, picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, directions, steps, limited, parallel,
+    gathers, threads,
+):  # fmt: skip
     tall, wide, pairs = picture.shape[1:]
     for thread in prange(threads):
         lanes = new_lanes(radii.shape[0], out.shape[0] // radii.shape[0], steps)
         for b in range(picture.shape[0]):
-            pixels = picture[b].reshape(tall * wide, pairs)
-            around = Around(pixels, wide, tall, rays[b, 4], rays[b], radii, limited, sky[b], terms, margin, parallel)
-            _sweep_rows(out[:, b], lanes, around, planes[:, b], hit[b], turns, noise, thread, threads, gathers)
+            pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
+            around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
+            _sweep_rows(out[:, b], lanes, around, planes[:, b], hit[b], noise, directions, thread, threads, gathers)
 
 
 @driver

@@ -17,6 +17,7 @@ from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import slices
 from post.sweep.layout import Receivers
+from post.sweep.slice_kernel import turn
 
 LANES = 256  # enough to spread the cost of a call and of reading what was just stored; all rows stay in a core's cache
 BELOW_ONE = np.float32(slices.BELOW_ONE)
@@ -26,23 +27,23 @@ PAIRS = 4  # of numbers in the largest pixel that taps read
 COLUMN, ROW, AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ, VX, VY, VZ, SCALE = range(0, 12 * LANES, LANES)
 SOLID, COS, SIN, JITTER, DITHER = range(12 * LANES, 17 * LANES, LANES)
 # a slice, and what both of its sides share:
-NX, NY, NZ, HX, HY, HZ, TX, TY, TZ, LEVEL, PLACE, COS_N, SIN_N, WEIGHT = range(17 * LANES, 31 * LANES, LANES)
-DX, DY, LENGTH, HALVED, RIGHT, LEFT, RIGHT_HIT, LEFT_HIT = range(31 * LANES, 39 * LANES, LANES)
+NX, NY, NZ, HX, HY, HZ, TX, TY, TZ, LEVEL, PLACE, COS_N, SIN_N = range(17 * LANES, 30 * LANES, LANES)
+DX, DY, LENGTH, HALVED, RIGHT, LEFT, RIGHT_HIT, LEFT_HIT = range(30 * LANES, 38 * LANES, LANES)
 # the side that is swept, and the tap before:
-REACH, WHOLE, BEFORE, BEFORE_RISE, BEFORE_RUN = range(39 * LANES, 44 * LANES, LANES)
-BEFORE_DISTANCE, BEFORE_Z, BEFORE_BACK_Z = range(44 * LANES, 47 * LANES, LANES)
+REACH, WHOLE, BEFORE, BEFORE_RISE, BEFORE_RUN = range(38 * LANES, 43 * LANES, LANES)
+BEFORE_DISTANCE, BEFORE_Z, BEFORE_BACK_Z = range(43 * LANES, 46 * LANES, LANES)
 # the tap:
-TAP_X, TAP_Y, RISE, RUN, DISTANCE, Z, BACK_Z = range(47 * LANES, 54 * LANES, LANES)
-FRONT, HIGH, LEAST, CROSSED = range(54 * LANES, 58 * LANES, LANES)
+TAP_X, TAP_Y, RISE, RUN, DISTANCE, Z, BACK_Z = range(46 * LANES, 53 * LANES, LANES)
+FRONT, HIGH, LEAST, CROSSED = range(53 * LANES, 57 * LANES, LANES)
 # what gathering adds, the plane of the tap before, whether the tap continues it, and light:
-PLANE_X, PLANE_Y, PLANE_Z, PLANE_NX, PLANE_NY, PLANE_NZ, PLANE_COSINE = range(58 * LANES, 65 * LANES, LANES)
-SAME, LIT, RED, GREEN, BLUE = range(65 * LANES, 70 * LANES, LANES)
+PLANE_X, PLANE_Y, PLANE_Z, PLANE_NX, PLANE_NY, PLANE_NZ, PLANE_COSINE = range(57 * LANES, 64 * LANES, LANES)
+SAME, LIT, RED, GREEN, BLUE = range(64 * LANES, 69 * LANES, LANES)
 # a group of sectors, and sums over the groups:
-GROUP_RISE, GROUP_RUN, GROUP_OPEN, WHOLE_RISE, WHOLE_RUN = range(70 * LANES, 75 * LANES, LANES)
-OPENED, OPEN_RISE, OPEN_RUN = range(75 * LANES, 78 * LANES, LANES)
-ROWS = 78
+GROUP_RISE, GROUP_RUN, GROUP_OPEN, WHOLE_RISE, WHOLE_RUN = range(69 * LANES, 74 * LANES, LANES)
+OPENED, OPEN_RISE, OPEN_RUN = range(74 * LANES, 77 * LANES, LANES)
+ROWS = 77
 
-Around = namedtuple("Around", "pixels width height aspect rays radii limited sky terms margin parallel")
+Around = namedtuple("Around", "pixels width height aspect rays radii limited sky terms turns margin parallel")
 """What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
 Lanes = namedtuple("Lanes", "rows parts index pairs pixel covered sums place")
 """Scratch of one thread: see `new_lanes`."""
@@ -96,7 +97,7 @@ def keep_slice(rows, cut, x):
     rows[HX + x], rows[HY + x], rows[HZ + x] = cut.hx, cut.hy, cut.hz
     rows[TX + x], rows[TY + x], rows[TZ + x] = cut.tx, cut.ty, cut.tz
     rows[LEVEL + x], rows[PLACE + x] = cut.level, cut.place
-    rows[COS_N + x], rows[SIN_N + x], rows[WEIGHT + x] = cut.cos_n, cut.sin_n, cut.weight
+    rows[COS_N + x], rows[SIN_N + x] = cut.cos_n, cut.sin_n
 
 
 @scalar
@@ -112,12 +113,13 @@ def fill_receivers(lanes, planes, around):
 
 
 @scalar
-def fill_noise(lanes, turns, noise, which):
+def fill_noise(lanes, around, noise, which, directions):
     """Read the noise of slice ``which`` for all lanes, see `slices.slice_noise`."""
     rows, shift, place = lanes.rows, np.float32(which * GOLDEN), lanes.place
     for x in range(LANES):
         k = place[x]
-        rows[COS + x], rows[SIN + x] = turns[which, 0, k], turns[which, 1, k]
+        share = (noise[0, k] + np.float32(which)) / np.float32(directions)
+        rows[COS + x], rows[SIN + x] = turn(receiver_of(rows, around.aspect, x), share, around.turns)
         rows[JITTER + x], rows[DITHER + x] = noise[1, k] + shift, noise[2, k] + shift
     for x in range(LANES):
         rows[JITTER + x] -= np.floor(rows[JITTER + x])

@@ -71,7 +71,7 @@ class Slice(NamedTuple):
     measure: Tensor
     """Cosine-weighted measure of the whole arc, cos n + n sin n."""
     weight: Tensor
-    """Share of this slice in the hemisphere: measure times the length of the projected normal."""
+    """1, because slices are drawn by what they hold of the hemisphere; it has the gradient of that over its value."""
     step_x: Tensor
     """Pixels that a world unit along the slice, across the ray, spans."""
     step_y: Tensor

@@ -9,11 +9,12 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
-from post.sweep import arcs, slices
+from post.sweep import arcs
 from post.sweep.constants import GROUPS, LIGHT, STRIDES, SUMS
 from post.sweep.layout import PaddedView, Receivers
 from post.sweep.open_sky import Sky
 from post.sweep.reference import bodies_reference, sweep_reference
+from post.sweep.turns import table
 
 
 @torch.library.custom_op("gbufrt::sweep", mutates_args=())
@@ -28,6 +29,7 @@ def sweep_cpu(
     sky: Tensor,
     terms: Tensor,
     margin: int,
+    directions: int,
     steps: int,
     parallel: bool,
     gathers: bool,
@@ -39,12 +41,13 @@ def sweep_cpu(
         rays: ``(B, 5)``: its origins and pitches, and the aspect of `slices.Receivers`.
         planes: ``(12, B, h, w)``: the other planes of the receivers.
         hit: ``(B, h, w)`` bool.
-        turns: ``(directions, 2, h, w)``: cosine and sine of the slices' angles, see `slices.slice_noise`.
+        turns: see `turns.table`.
         noise: ``(3, h, w)`` in [0, 1).
         radii: ``(R,)``, from the smallest to the largest.
         sky: ``(B, 5)``, see `open_sky.Sky`, or ``(B, 0)``.
         terms: see `arcs.direction_polynomials`.
         margin: of the scene, pixels.
+        directions: number of slices.
         steps: taps on each side of a slice.
         parallel: whether the camera is orthographic.
         gathers: whether light is gathered.
@@ -55,15 +58,15 @@ def sweep_cpu(
     (batch, *size), count = hit.shape, SUMS + LIGHT * gathers
     out = planes.new_empty((max(len(radii), 1) * count, batch, size[0] * size[1]), dtype=torch.float32)
     limits = radii if len(radii) else radii.new_tensor([torch.inf])
-    flat = planes.flatten(2), hit, turns.flatten(2), noise.flatten(1)
+    flat = planes.flatten(2), hit, turns, noise.flatten(1)
     inputs = [array(t) for t in (out, picture, rays, *flat, limits, sky, terms)]
     inputs[1] = inputs[1].view(np.int64)  # two numbers are read at once
-    sweep_all(*inputs, margin, steps, len(radii) > 0, parallel, gathers, threads())
+    sweep_all(*inputs, margin, directions, steps, len(radii) > 0, parallel, gathers, threads())
     return out.view(-1, count, batch, *size)
 
 
 @sweep_cpu.register_fake
-def _(picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, steps, parallel, gathers):
+def _(picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, directions, steps, parallel, gathers):
     return planes.new_empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]))
 
 
@@ -129,18 +132,18 @@ def _sweep_cpu(
 ) -> Tensor:
     batch, empty = at.z.shape[0], at.z.new_empty(at.z.shape[0], 0)
     rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, at.aspect)
-    turns = [part for which in range(directions) for part in slices.slice_turn(noise, which, directions)]
     return sweep_cpu(
         around.picture.movedim(1, -1),
         torch.cat([t.expand(batch, 1, 1).flatten(1) for t in rays], dim=1),
         torch.stack(at[:-1]),
         hit[:, 0],
-        torch.stack(turns).unflatten(0, (directions, 2)),
+        torch.from_numpy(table()),
         noise,
         torch.stack(radii) if radii else at.z.new_empty(0),
         empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
         torch.tensor(arcs.direction_polynomials(GROUPS), dtype=at.z.dtype),
         around.margin,
+        directions,
         steps,
         parallel,
         gathers,

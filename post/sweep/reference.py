@@ -33,7 +33,7 @@ def sweep_reference(
     for cut, band in slices.bands(at):
         sums = torch.zeros((), dtype=at.z.dtype, device=at.z.device)
         for which in range(directions):
-            random = slices.slice_noise(noise[:, cut], which, directions)
+            random = slices.slice_noise(band, noise[:, cut], which, directions)
             sums = sums + add_slice(around, band, *random, radii, sky, steps, parallel, soft)
         rows.append(sums)
     return torch.cat(rows, dim=3)

@@ -123,10 +123,9 @@ def add_slices(rows, sums, covered, around):
         _start_group(rows, around, group)
         _add_group(rows, covered, group)
     for x in range(LANES):
-        weight = rows[lane.WEIGHT + x]
-        sums[x] += weight
-        sums[LANES + x] += rows[lane.OPENED + x] / GROUPS * weight
-        rise, run = rows[lane.OPEN_RISE + x] / GROUPS * weight, rows[lane.OPEN_RUN + x] / GROUPS * weight
+        sums[x] += ONE
+        sums[LANES + x] += rows[lane.OPENED + x] / GROUPS
+        rise, run = rows[lane.OPEN_RISE + x] / GROUPS, rows[lane.OPEN_RUN + x] / GROUPS
         _add_direction(sums, 2 * LANES, rows, rise, run, x)
-        rise, run = rows[lane.WHOLE_RISE + x] / GROUPS * weight, rows[lane.WHOLE_RUN + x] / GROUPS * weight
+        rise, run = rows[lane.WHOLE_RISE + x] / GROUPS, rows[lane.WHOLE_RUN + x] / GROUPS
         _add_direction(sums, 5 * LANES, rows, rise, run, x)

@@ -17,15 +17,48 @@ from post.sweep import constants
 from post.sweep.layout import Slice
 
 BIAS, FIRST, SNAP = np.float32(constants.BIAS), np.float32(constants.FIRST), np.float32(constants.SNAP)
-ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-20)
+ZERO, HALF, ONE, TWO, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(1e-20)
+UPRIGHT = np.float32(constants.UPRIGHT)
+LAST_COSINE, LAST_SHARE = np.float32(constants.COSINES - 1), np.float32(constants.SHARES - 1)
+
+
+@inlined
+def tangents(at):
+    """See `turns.tangents`."""
+    length = ONE / math.sqrt(ONE - at.vx * at.vx)
+    ax, ay, az = (ONE - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
+    return (ax, ay, az), (at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax)
+
+
+@inlined
+def turn(at, share, table):
+    """See `turns.turn`."""
+    (ax, ay, az), (bx, by, bz) = tangents(at)
+    along, aside = at.nx * ax + at.ny * ay + at.nz * az, at.nx * bx + at.ny * by + at.nz * bz
+    length = math.sqrt(along * along + aside * aside)
+    tilted = length > UPRIGHT
+    along = along / max(length, UPRIGHT) if tilted else ONE
+    aside = aside / max(length, UPRIGHT) if tilted else ZERO
+    signed = TWO * share - ONE
+    row = min(max(at.nx * at.vx + at.ny * at.vy + at.nz * at.vz, ZERO), ONE) * LAST_COSINE
+    column = abs(signed) * LAST_SHARE
+    i, j = min(np.int64(row), constants.COSINES - 2), min(np.int64(column), constants.SHARES - 2)
+    down, right = row - np.float32(i), column - np.float32(j)
+    upper = table[i, j, 0] + (table[i, j + 1, 0] - table[i, j, 0]) * right
+    lower = table[i + 1, j, 0] + (table[i + 1, j + 1, 0] - table[i + 1, j, 0]) * right
+    cosine = upper + (lower - upper) * down
+    upper = table[i, j, 1] + (table[i, j + 1, 1] - table[i, j, 1]) * right
+    lower = table[i + 1, j, 1] + (table[i + 1, j + 1, 1] - table[i + 1, j, 1]) * right
+    sine = upper + (lower - upper) * down
+    scale = ONE / math.sqrt(cosine * cosine + sine * sine)
+    cosine, sine = cosine * scale, (sine if signed >= ZERO else -sine) * scale
+    return along * cosine - aside * sine, aside * cosine + along * sine
 
 
 @inlined
 def cut_slice(at, cos_psi, sin_psi):
     """See `slices.cut_slice`."""
-    length = ONE / math.sqrt(ONE - at.vx * at.vx)
-    ax, ay, az = (ONE - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
-    bx, by, bz = at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax
+    (ax, ay, az), (bx, by, bz) = tangents(at)
     tx, ty, tz = cos_psi * ax + sin_psi * bx, cos_psi * ay + sin_psi * by, cos_psi * az + sin_psi * bz
     slide = tz / at.vz
     across = at.nx * tx + at.ny * ty + at.nz * tz
@@ -53,7 +86,7 @@ def cut_slice(at, cos_psi, sin_psi):
         sin_n=sin_n,
         n=n,
         measure=measure,
-        weight=projected * measure,
+        weight=ONE,
         step_x=(tx - slide * at.vx) * at.scale,
         step_y=(ty - slide * at.vy) * at.scale * at.aspect,
     )

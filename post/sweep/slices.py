@@ -5,18 +5,17 @@ Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code 
 
 from __future__ import annotations
 
-import math
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt import CHANNELS, SIGNALS, Camera
+from gbufrt import CHANNELS, SIGNALS, Camera, Frame
 from gbufrt.channels import check_tensor
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import margin
 from post.sweep.constants import BIAS, FIRST
 from post.sweep.layout import PaddedView, Receivers, Slice
+from post.sweep.turns import tangents, turn
 
 BAND_PIXELS = 32768  # pixels of all planes that fit one core's cache; also torch's smallest share of work for a thread
 MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
@@ -101,25 +100,26 @@ def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
     return [(cut, Receivers(*(plane[:, cut] for plane in at[:-1]), aspect=at.aspect)) for cut in cuts]
 
 
-def slice_noise(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+def slices_of(frame: Frame, directions: int, fresh: int) -> int:
+    """``directions``, times ``fresh`` where no frame comes before: a single picture has no others to average with."""
+    alone = frame.previous is None or (frame.cut is not None and bool(frame.cut.any()))
+    return directions * fresh if alone else directions
+
+
+def slice_noise(at: Receivers, noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Cosine and sine of the angle of slice ``which`` about the ray, and two numbers in [0, 1) for steps and sectors.
 
     Args:
+        at: the receivers.
         noise: ``(3, h, w)`` in [0, 1).
         which: 0 to ``directions - 1``.
         directions: number of slices over half a turn.
     """
     return (
-        *slice_turn(noise, which, directions),
+        *turn(at, (noise[0] + which) / directions),
         (noise[1] + which * GOLDEN) % 1.0,
         (noise[2] + which * GOLDEN) % 1.0 * BELOW_ONE,
     )
-
-
-def slice_turn(noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor]:
-    """The first two of `slice_noise`."""
-    angle = (noise[0] + which) * (math.pi / directions)
-    return angle.cos(), angle.sin()
 
 
 def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int, power: float) -> Tensor:
@@ -128,10 +128,8 @@ def tap_pixels(reach: Tensor, which: int, jitter: Tensor, steps: int, power: flo
 
 
 def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
-    """The slices at angle psi about the rays: evenly spaced psi divide the hemisphere evenly, off axis too."""
-    length = (1 - at.vx * at.vx).rsqrt()  # first tangent: the view's x axis made perpendicular to the ray
-    ax, ay, az = (1 - at.vx * at.vx) * length, -at.vx * at.vy * length, -at.vx * at.vz * length
-    bx, by, bz = at.vy * az - at.vz * ay, at.vz * ax - at.vx * az, at.vx * ay - at.vy * ax
+    """The slices at angle psi about the rays, see `post.sweep.turns`."""
+    (ax, ay, az), (bx, by, bz) = tangents(at)
     tx, ty, tz = cos_psi * ax + sin_psi * bx, cos_psi * ay + sin_psi * by, cos_psi * az + sin_psi * bz
     slide = tz / at.vz  # along the ray back into the picture's plane
     across = at.nx * tx + at.ny * ty + at.nz * tz
@@ -140,6 +138,7 @@ def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
     cos_n, sin_n = toward / projected, across / projected
     n = torch.atan2(sin_n, cos_n)
     measure = cos_n + n * sin_n
+    held = projected * measure
     nx, ny, nz = at.nx / projected, at.ny / projected, at.nz / projected
     across_x, across_y = cos_n * tx - sin_n * at.vx, cos_n * ty - sin_n * at.vy
     across_z = cos_n * tz - sin_n * at.vz
@@ -159,7 +158,7 @@ def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
         sin_n=sin_n,
         n=n,
         measure=measure,
-        weight=projected * measure,
+        weight=held / held.detach(),
         step_x=(tx - slide * at.vx) * at.scale,
         step_y=(ty - slide * at.vy) * at.scale * at.aspect,
     )

@@ -190,4 +190,4 @@ def gather(lanes, around):
     add_slices(rows, lanes.sums, lanes.covered, around)
     for x in range(LANES):
         for c in range(LIGHT):
-            lanes.sums[(SUMS + c) * LANES + x] += rows[lane.RED + c * LANES + x] * rows[lane.WEIGHT + x]
+            lanes.sums[(SUMS + c) * LANES + x] += rows[lane.RED + c * LANES + x]

@@ -111,6 +111,17 @@ def test_senders_of_sky_light_see_only_part_of_the_sky() -> None:
     torch.testing.assert_close(sent_light(half, distance=5.0), frame.read("ambient") * 0.5)
 
 
+def test_senders_take_the_visibility_of_the_sky_from_the_frame_before() -> None:
+    frame = boxes.frame(boxes.camera(SIZE))
+    dark = frame.replace(radiance=torch.zeros_like(frame.read("radiance")))
+    before = dark.replace(sky_visibility=torch.full((1, 1, *SIZE), 0.25))
+    hit = frame.gbuffer.hit.expand(1, 3, *SIZE)
+    known = sent_light(dark.replace(previous=before.as_previous()))
+    torch.testing.assert_close(known[hit], 0.25 * frame.read("ambient")[hit])
+    elsewhere = before.replace(gbuffer=boxes.frame(boxes.camera(SIZE, dx=50.0)).gbuffer)  # shows none of this
+    torch.testing.assert_close(sent_light(dark.replace(previous=elsewhere.as_previous())), sent_light(dark))
+
+
 def facing_walls() -> Frame:
     """A wall and a floor of albedo 0.8, filling the picture: many bounces."""
     camera = Camera.look_at((0, 1.0, 1.0), (0, 0.7, -3), size=SIZE, far=100.0)

@@ -152,7 +152,7 @@ def test_gradients_match_finite_differences_and_are_not_zero() -> None:
 
     def run(depth: Tensor, thickness: Tensor, radius: Tensor) -> Tensor:
         sweep: dict[str, Any] = {"hit": g.hit, "thickness": thickness, "radius": radius}
-        return bitmask_ao(depth, g.normal, g.camera, directions=2, steps=3, **sweep)[0]
+        return bitmask_ao(depth, g.normal, g.camera, directions=4, steps=4, **sweep)[0]
 
     assert torch.autograd.gradcheck(run, (depth, thickness, radius), eps=1e-7, atol=1e-4, fast_mode=True)
     run(depth, thickness, radius).sum().backward()

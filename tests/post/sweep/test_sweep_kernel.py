@@ -16,6 +16,7 @@ from post.passes.ssgi import ssgi
 from post.sweep import slices
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies, bodies_cpu
+from post.sweep.turns import table
 
 SIZE = (54, 72)
 
@@ -93,11 +94,11 @@ def test_operator_is_registered_properly() -> None:
     g = boxes.frame(boxes.camera((6, 8))).gbuffer
     around = slices.scene(g.camera, g.depth, g.normal, g.hit, torch.ones_like(g.depth), light=g.normal)
     at, noise = torch.stack(slices.receivers(g.camera, g.depth, g.normal)[:-1]), torch.rand(3, 6, 8)
-    picture, turns, sky = around.picture.movedim(1, -1), torch.rand(2, 2, 6, 8), torch.ones(1, 5)
+    picture, turns, sky = around.picture.movedim(1, -1), torch.from_numpy(table()), torch.ones(1, 5)
     for gathers in (True, False):
         pixels = picture if gathers else picture[..., :2]
         arrays = pixels, torch.ones(1, 5), at, g.hit[:, 0], turns, noise, torch.ones(1), sky, torch.ones(9, 12)
-        given = (*arrays, around.margin, 4, False, gathers)
+        given = (*arrays, around.margin, 2, 4, False, gathers)
         torch.library.opcheck(sweep_ops.sweep_cpu, given, test_utils=("test_schema", "test_faketensor"))
 
 
