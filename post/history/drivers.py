@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numba import prange
 
-from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver
 from post.filters.constants import COARSE_POWER
 from post.filters.kernel import edge_of
-from post.history import read_kernel
 from post.history.accumulate_kernel import (
     age_row,
     alike_row,
@@ -21,8 +19,20 @@ from post.history.accumulate_kernel import (
     sample_row,
 )
 from post.history.constants import POOL
+from post.history.read_kernel import read_row
 
-read_each = Each(read_kernel.read)
+
+@driver
+def read_rows(out, image, now, before, shift, plane, normal, search, sharp, threads):
+    """See `post.history.op.read_history_cpu`."""
+    batch, _, height, width = image.shape
+    for thread in prange(threads):
+        columns, lines = np.empty(width, np.int32), np.empty(width, np.int32)
+        places, rows = np.empty((4, width), np.int64), np.empty((9, width), np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            given = (out[b], image[b], now[b], before[b], shift[b], np.float32(plane), np.float32(normal))
+            read_row(*given, search, sharp, columns, lines, places, rows, y)
 
 
 @driver

@@ -41,12 +41,13 @@ def read_history_cpu(
         search: see `read_history`.
         sharp: see `read_history`.
     """
-    from post.history.drivers import read_each
+    from gbufrt.compute.kernel import array, threads
+    from post.history.drivers import read_rows
 
     batch, channels, height, width = image.shape
-    out = image.new_zeros(batch, channels + 2, height, width)
-    pixels = (image.movedim(1, -1), now, before.movedim(1, -1), shift)  # one tap's channels lie side by side
-    read_each(batch * height * width, out, *pixels, plane, normal, search, sharp)
+    out = image.new_empty(batch, channels + 2, height, width)
+    pictures = (array(t) for t in (out, image, now, before, shift))
+    read_rows(*pictures, plane, normal, search, sharp, threads())
     return out
 
 

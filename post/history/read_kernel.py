@@ -1,4 +1,4 @@
-"""The compiled form of reading a history: one pixel of this frame as a scalar body.
+"""The compiled form of reading a history: rows of this frame as scalar bodies.
 
 Names and steps are those of `post.history.reproject` and `post.history.catmull_rom`, which are the definition.
 """
@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
@@ -18,31 +18,28 @@ HIT, OBJECT, POINT, FOOTPRINT = 3, 4, 5, 8
 
 
 @scalar
-def _same(now, before, b, y, x, row, column, plane, normal):
+def _same(now, before, y, x, row, column, plane, normal):
     """Whether a pixel of the previous frame shows the surface that this pixel expects."""
     if row < 0 or column < 0 or row >= before.shape[1] or column >= before.shape[2]:
         return False
-    tap = before[b, row, column]
-    if tap[HIT] != now[b, HIT, y, x] or tap[OBJECT] != now[b, OBJECT, y, x]:
+    if before[HIT, row, column] != now[HIT, y, x] or before[OBJECT, row, column] != now[OBJECT, y, x]:
         return False
-    if now[b, HIT, y, x] == ZERO:
+    if now[HIT, y, x] == ZERO:
         return True
     distance, cosine = ZERO, ZERO
     for c in range(3):
-        distance += now[b, c, y, x] * (tap[POINT + c] - now[b, POINT + c, y, x])
-        cosine += now[b, c, y, x] * tap[c]
-    return abs(distance) <= plane * now[b, FOOTPRINT, y, x] and cosine >= normal
+        distance += now[c, y, x] * (before[POINT + c, row, column] - now[POINT + c, y, x])
+        cosine += now[c, y, x] * before[c, row, column]
+    return abs(distance) <= plane * now[FOOTPRINT, y, x] and cosine >= normal
 
 
-@scalar
-def _add(out, image, b, y, x, row, column, weight):
-    """Add a weighted tap to a pixel."""
-    tap = image[b, min(max(row, 0), image.shape[1] - 1), min(max(column, 0), image.shape[2] - 1)]
-    for c in range(tap.shape[0]):
-        out[b, c, y, x] += weight * tap[c]
+@inlined
+def _tap(image, c, row, column):
+    """A number of the pixel, or of the nearest one of the picture."""
+    return image[c, min(max(row, 0), image.shape[1] - 1), min(max(column, 0), image.shape[2] - 1)]
 
 
-@scalar
+@inlined
 def _spline(f, which):
     """One of `catmull_rom_weights`."""
     square, cube = f * f, f * f * f
@@ -56,33 +53,36 @@ def _spline(f, which):
 
 
 @scalar
-def _add_sharp(out, image, now, before, b, y, x, top, left, fy, fx, plane, normal):
+def _add_sharp(out, image, now, before, y, x, top, left, fy, fx, plane, normal):
     """Read sixteen taps; outer ones that are not on the surface give their share to the nearest of the four.
 
     The result is held between the least and the greatest tap read, because negative weights may ring.
     """
-    used = 0
+    channels, used = image.shape[0], 0
+    for c in range(channels):
+        out[c, y, x] = ZERO
     for j in range(4):
         for i in range(4):
             weight, row, column = _spline(fy, j) * _spline(fx, i), j - 1, i - 1
+            if weight == ZERO:
+                continue
             inner = 0 <= row <= 1 and 0 <= column <= 1
-            if not inner and not _same(now, before, b, y, x, top + row, left + column, plane, normal):
+            if not inner and not _same(now, before, y, x, top + row, left + column, plane, normal):
                 row, column = min(max(row, 0), 1), min(max(column, 0), 1)
-            _add(out, image, b, y, x, top + row, left + column, weight)
-            if weight != ZERO:
-                used |= 1 << (4 * (row + 1) + column + 1)
-    for c in range(image.shape[3]):
+            for c in range(channels):
+                out[c, y, x] += weight * _tap(image, c, top + row, left + column)
+            used |= 1 << (4 * (row + 1) + column + 1)
+    for c in range(channels):
         low, high = np.float32(np.inf), np.float32(-np.inf)
         for k in range(16):
             if used & (1 << k):
-                row, column = top + k // 4 - 1, left + k % 4 - 1
-                value = image[b, min(max(row, 0), image.shape[1] - 1), min(max(column, 0), image.shape[2] - 1), c]
+                value = _tap(image, c, top + k // 4 - 1, left + k % 4 - 1)
                 low, high = min(low, value), max(high, value)
-        out[b, c, y, x] = min(max(out[b, c, y, x], low), high)
+        out[c, y, x] = min(max(out[c, y, x], low), high)
 
 
 @scalar
-def _nearest(now, before, b, y, x, row_at, column_at, plane, normal):
+def _nearest(now, before, y, x, row_at, column_at, plane, normal):
     """The nearest of the 3x3 pixels that shows the surface: whether there is one, its row and column."""
     near_row, near_column = math.floor(row_at + HALF), math.floor(column_at + HALF)
     found, best, best_row, best_column = False, np.float32(np.inf), np.int64(0), np.int64(0)
@@ -91,39 +91,106 @@ def _nearest(now, before, b, y, x, row_at, column_at, plane, normal):
             row, column = np.int64(near_row) + dy, np.int64(near_column) + dx
             across, down = np.float32(column) - column_at, np.float32(row) - row_at
             distance = across * across + down * down
-            if distance < best and _same(now, before, b, y, x, row, column, plane, normal):
+            if distance < best and _same(now, before, y, x, row, column, plane, normal):
                 found, best, best_row, best_column = True, distance, row, column
     return found, best_row, best_column
 
 
 @scalar
-def read(index, out, image, now, before, shift, plane, normal, search, sharp):
-    """Read a history at one pixel: its channels, then the support of the footprint, then 1 if there is any history."""
-    _, channels, height, width = out.shape
-    b, y, x = index // (height * width), index // width % height, index % width
-    column_at = np.float32(x) + min(max(shift[b, 0, y, x], -FARTHEST), FARTHEST)
-    row_at = np.float32(y) + min(max(shift[b, 1, y, x], -FARTHEST), FARTHEST)
-    left, top = np.int64(math.floor(column_at)), np.int64(math.floor(row_at))
-    fx, fy = column_at - np.float32(left), row_at - np.float32(top)
-    plane, normal = np.float32(plane), np.float32(normal)
-    total, used = ZERO, 0
-    for k in range(4):
-        if _same(now, before, b, y, x, top + k // 2, left + k % 2, plane, normal):
-            total += (fx if k % 2 else ONE - fx) * (fy if k // 2 else ONE - fy)
-            used |= 1 << k
+def _footprints(columns, lines, fine, weights, shift, y):
+    """Where each pixel of a row reads: the first pixel of its bilinear footprint, the place in it, and the shares."""
+    for x in range(columns.shape[0]):
+        column = np.float32(x) + min(max(shift[0, y, x], -FARTHEST), FARTHEST)
+        line = np.float32(y) + min(max(shift[1, y, x], -FARTHEST), FARTHEST)
+        left, top = math.floor(column), math.floor(line)
+        fx, fy = column - np.float32(left), line - np.float32(top)
+        columns[x], lines[x], fine[0, x], fine[1, x] = left, top, fx, fy
+        weights[0, x], weights[1, x] = (ONE - fx) * (ONE - fy), fx * (ONE - fy)
+        weights[2, x], weights[3, x] = (ONE - fx) * fy, fx * fy
+
+
+@scalar
+def _any(weights):
+    """Whether a tap has a share at any pixel of the row: where nothing moves, only the first has."""
+    most = ZERO
+    for x in range(weights.shape[0]):
+        most = max(most, weights[x])
+    return most > ZERO
+
+
+@scalar
+def _keep_same(weights, places, distance, cosine, now, before, columns, lines, dx, dy, plane, normal, y):
+    """Set to zero the shares of a tap that shows another surface; leave its place in the picture. See `_same`."""
+    channels, height, width = before.shape
+    there = before.reshape(channels, height * width)
+    hit, kind, hit_there, kind_there = now[HIT, y], now[OBJECT, y], there[HIT], there[OBJECT]
+    for x in range(width):
+        column, line = columns[x] + dx, lines[x] + dy
+        inside = (column >= 0) & (column < width) & (line >= 0) & (line < height)
+        places[x] = line * width + column if inside else 0
+        weights[x] = weights[x] if inside else ZERO
+    for x in range(width):
+        alike = (hit_there[places[x]] == hit[x]) & (kind_there[places[x]] == kind[x])
+        weights[x] = weights[x] if alike else ZERO
+        distance[x], cosine[x] = ZERO, ZERO
+    for c in range(3):
+        n, p, n_there, p_there = now[c, y], now[POINT + c, y], there[c], there[POINT + c]
+        for x in range(width):
+            distance[x] += n[x] * (p_there[places[x]] - p[x])
+            cosine[x] += n[x] * n_there[places[x]]
+    footprint = now[FOOTPRINT, y]
+    for x in range(width):
+        same = (abs(distance[x]) <= plane * footprint[x]) & (cosine[x] >= normal)
+        weights[x] = weights[x] if same | (hit[x] == ZERO) else ZERO
+
+
+@scalar
+def _add_taps(out, image, weights, places, y):
+    """Add one tap of every pixel of a row."""
+    channels, height, width = image.shape
+    there = image.reshape(channels, height * width)
     for c in range(channels):
-        out[b, c, y, x] = ZERO
-    if total > KEPT:
-        out[b, channels - 2, y, x], out[b, channels - 1, y, x] = total, ONE
-        if sharp and total > WHOLE:
-            _add_sharp(out, image, now, before, b, y, x, top, left, fy, fx, plane, normal)
-            return
+        row, picture = out[c, y], there[c]
+        for x in range(width):
+            row[x] += weights[x] * picture[places[x]] if weights[x] > ZERO else ZERO
+
+
+@scalar
+def read_row(out, image, now, before, shift, plane, normal, search, sharp, columns, lines, places, rows, y):
+    """Read a history at a row: its channels, then the support of the footprint, then 1 if there is any history.
+
+    Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
+    """
+    channels, width = image.shape[0], image.shape[2]
+    weights, fine, distance, cosine, total = rows[:4], rows[4:6], rows[6], rows[7], rows[8]
+    _footprints(columns, lines, fine, weights, shift, y)
+    total[:] = ZERO
+    for k in range(4):
+        if _any(weights[k]):
+            _keep_same(
+                weights[k], places[k], distance, cosine, now, before, columns, lines, k % 2, k // 2, plane, normal, y
+            )
+            for x in range(width):
+                total[x] += weights[k, x]
+    support, valid = out[channels, y], out[channels + 1, y]
+    for x in range(width):
+        kept = total[x] > KEPT
+        support[x], valid[x] = total[x] if kept else ZERO, ONE if kept else ZERO
         for k in range(4):
-            if used & (1 << k):
-                share = (fx if k % 2 else ONE - fx) * (fy if k // 2 else ONE - fy)
-                _add(out, image, b, y, x, top + k // 2, left + k % 2, share / total)
-    elif search:
-        found, row, column = _nearest(now, before, b, y, x, row_at, column_at, plane, normal)
-        if found:
-            out[b, channels - 1, y, x] = ONE
-            _add(out, image, b, y, x, row, column, ONE)
+            weights[k, x] = weights[k, x] / total[x] if kept else ZERO
+    for c in range(channels):
+        out[c, y] = ZERO
+    for k in range(4):
+        if _any(weights[k]):
+            _add_taps(out, image, weights[k], places[k], y)
+    for x in range(width):
+        fx, fy = fine[0, x], fine[1, x]
+        if search and valid[x] == ZERO:
+            column, line = np.float32(columns[x]) + fx, np.float32(lines[x]) + fy
+            found, row, near = _nearest(now, before, y, x, line, column, plane, normal)
+            if found:
+                valid[x] = ONE
+                for c in range(channels):
+                    out[c, y, x] = image[c, row, near]
+        elif sharp and total[x] > WHOLE and (fx > ZERO or fy > ZERO):
+            _add_sharp(out, image, now, before, y, x, np.int64(lines[x]), np.int64(columns[x]), fy, fx, plane, normal)

@@ -11,7 +11,7 @@ from gbufrt import Camera, GBuffer, History
 from gbufrt.sampling import gather
 from post.filters.edges import offsets
 from post.history.catmull_rom import catmull_rom_taps
-from post.history.constants import KEPT, WHOLE
+from post.history.constants import KEPT, STILL, WHOLE
 
 NORMAL, HIT, OBJECT, POINT, FOOTPRINT = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 8), slice(8, 9)
 
@@ -120,6 +120,8 @@ def correspondence(
     by_object = gbuffer.object_id is not None and previous.object_id is not None
     now = _expected(gbuffer, previous.camera, moved, moved_z, by_object)
     shift = torch.nan_to_num(moved if motion is None else motion).clamp(-1e6, 1e6)
+    whole = shift.detach().round()  # what stands still but for rounding is read from one pixel, not from four
+    shift = torch.where((shift.detach() - whole).abs() < STILL, shift + (whole - shift).detach(), shift)
     return now, _actual(previous, length, by_object), shift
 
 
