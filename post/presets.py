@@ -25,13 +25,12 @@ from post.passes.vignette import Vignette
 Preset = Literal["low", "medium", "high", "ultra"]
 
 GI_PHI = 2.0  # between those for one path a pixel and for none: what is left of noise after accumulation is little
-GI_ITERATIONS = 4  # a fifth gains nothing after accumulation
+GI_ITERATIONS = 3  # more gain nothing after accumulation
 GI_CLAMP = 3.0  # of one slice a frame: its noise passes two standard deviations often
 AO_RADIUS = 2.0  # metres
 EXPOSURE_KEY = 0.34
 AO_BLUR = 0.75  # pixels: sigma of the denoiser; wider loses more than it gains, with few directions too
-DIRECTIONS_PER_AO_SLICE = 4  # of ME1's AO: a slice covers both sides; more slices gain nothing after four frames
-FRESH = 2  # times as many slices in a frame with none before it
+AO_FRESH, GI_FRESH = 4, 2  # times as many slices in a frame with none before it
 BEHIND_STEPS = 6
 AO_STEPS = 16  # taps on each side of a direction, for all scales together
 
@@ -40,14 +39,14 @@ AO_STEPS = 16  # taps on each side of a direction, for all scales together
 class Quality:
     """One row of ME1's table of presets; distances in metres.
 
-    GI's slices, and the taps on each of their sides, are ours: ME1 sends 4, 8, 12 or 16 rays. With 24 taps for 36 the
-    light in the gaps is a twentieth darker. Slices are those of a frame with a history; others take `FRESH` times as
-    many.
+    Slices, and the taps on each of their sides, are ours: ME1 sweeps 4, 6, 8 or 12 directions for AO and sends 4, 8, 12
+    or 16 rays for GI. With a history one slice a frame is enough; a frame with none takes `AO_FRESH` and `GI_FRESH`
+    times as many. With 24 taps for 36 the light in the gaps is a twentieth darker.
     """
 
-    ao_directions: int
+    ao_slices: int
     ao_scales: int
-    gi_directions: int
+    gi_slices: int
     gi_steps: int
     gi_bounces: int
     gi_distance: float
@@ -58,19 +57,19 @@ class Quality:
 
 QUALITIES: Mapping[str, Quality] = {
     "low": Quality(
-        ao_directions=4, ao_scales=1, gi_directions=1, gi_steps=12, gi_bounces=1, gi_distance=30,
+        ao_slices=1, ao_scales=1, gi_slices=1, gi_steps=12, gi_bounces=1, gi_distance=30,
         reflection_samples=2, reflection_steps=48, reflection_distance=40,
     ),
     "medium": Quality(
-        ao_directions=6, ao_scales=2, gi_directions=1, gi_steps=36, gi_bounces=2, gi_distance=50,
+        ao_slices=1, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=50,
         reflection_samples=4, reflection_steps=64, reflection_distance=60,
     ),
     "high": Quality(
-        ao_directions=8, ao_scales=2, gi_directions=1, gi_steps=36, gi_bounces=2, gi_distance=70,
+        ao_slices=1, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=70,
         reflection_samples=8, reflection_steps=96, reflection_distance=75,
     ),
     "ultra": Quality(
-        ao_directions=12, ao_scales=3, gi_directions=2, gi_steps=36, gi_bounces=3, gi_distance=100,
+        ao_slices=2, ao_scales=3, gi_slices=2, gi_steps=36, gi_bounces=3, gi_distance=100,
         reflection_samples=16, reflection_steps=128, reflection_distance=100,
     ),
 }  # fmt: skip
@@ -121,14 +120,14 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     physical = composite == "physical"
     ao = GTAO(
         radius=AO_RADIUS * metre,
-        directions=quality.ao_directions // DIRECTIONS_PER_AO_SLICE,
-        fresh=FRESH,
+        directions=quality.ao_slices,
+        fresh=AO_FRESH,
         steps=AO_STEPS,
         scales=quality.ao_scales,
     )
     gi = SSGI(
-        directions=quality.gi_directions,
-        fresh=FRESH,
+        directions=quality.gi_slices,
+        fresh=GI_FRESH,
         steps=quality.gi_steps,
         bounces=quality.gi_bounces,
         distance=None if physical else quality.gi_distance * metre,
@@ -156,8 +155,8 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
         ),
         "behind": Pipeline(
             layer="behind",
-            gi=SSGI(directions=2, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
-            denoise=Atrous(signal=bounced, iterations=GI_ITERATIONS),
+            gi=SSGI(directions=1, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
+            denoise=Atrous(signal=bounced),
         ),
     }
 

@@ -64,9 +64,11 @@ def sent_light(
         found = read_history(g, previous.gbuffer, torch.cat(kept, dim=1), search=False)
         known, valid = found.image, found.valid
     if frame.ambient is not None:
-        share = _sky_share(frame, distance, thickness, steps, g.hit & ~valid if sky is not None else g.hit)
-        if sky is not None and known is not None:
-            share = torch.where(valid, known[:, -1:], share)
+        share = None if sky is None or known is None else known[:, -1:]
+        new = g.hit if share is None else g.hit & ~valid
+        if share is None or bool(new.any()):
+            swept = _sky_share(frame, distance, thickness, steps, new)
+            share = swept if share is None else torch.where(valid, share, swept)
         light = light + frame.ambient * share
     if gi is not None and known is not None:
         light = light + bounce_loss * known[:, :3]
