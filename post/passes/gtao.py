@@ -17,7 +17,8 @@ from post.sweep import arcs, slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import known_thickness
-from post.sweep.slices import PaddedView, Receivers, Slice
+from post.sweep.padding import scene
+from post.sweep.layout import PaddedView, Receivers, Slice
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
 REACH = 1.457  # radii: fading occluders up to here occlude about as much as all within the radius (XeGTAO)
@@ -102,7 +103,7 @@ def horizon_ao(
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device) * REACH
-    around = slices.scene(camera, depth, normal, hit, torch.ones_like(depth))
+    around = scene(camera, depth, normal, hit, torch.ones_like(depth))
     at = slices.receivers(camera, depth, normal)
     found, how = [], (directions, steps, camera.orthographic)
     for scale in range(scales):

@@ -18,6 +18,7 @@ from post.sweep import arcs, slices
 from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
+from post.sweep.padding import scene
 from post.sweep.thickness import planar_thickness
 
 SWEEP = ("steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged
@@ -90,7 +91,7 @@ def ssgi(
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     solid = planar_thickness(camera, depth, hit, thickness)
     sent = torch.where(hit, finite(light).to(depth.dtype), 0.0)
-    around = slices.scene(camera, depth, normal, hit, solid, light=sent)
+    around = scene(camera, depth, normal, hit, solid, light=sent, compiled=compiled)
     corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
     part = (..., slice(corner[0], None, resolution), slice(corner[1], None, resolution))
     at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)

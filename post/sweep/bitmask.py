@@ -14,6 +14,7 @@ from post.sweep import arcs, slices
 from post.sweep.chords import thickness_from_depth
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
+from post.sweep.padding import scene
 from post.sweep.thickness import planar_thickness
 
 
@@ -80,7 +81,7 @@ def bitmask_ao(
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     behind_back = 0.0 if reach is None else hidden * reach
     solid = planar_thickness(camera, depth, hit, thickness, behind_back)
-    around = slices.scene(camera, depth, normal, hit, solid)
+    around = scene(camera, depth, normal, hit, solid, compiled=compiled)
     at = slices.receivers(camera, depth, normal)
     if soft is None:
         soft = torch.is_grad_enabled() and any(

@@ -9,9 +9,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from post.sweep.constants import LEAST_FACING
 
 SHARE = 0.25  # of the picture's longer side; more makes no difference to occlusion within a few metres
-LEAST_FACING = 1e-3  # planes at more grazing angles than this are not continued
 
 
 def width(camera: Camera) -> int:

@@ -6,7 +6,6 @@ Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code 
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import CHANNELS, SIGNALS, Camera, Frame
@@ -14,7 +13,7 @@ from gbufrt.channels import check_tensor
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import margin
 from post.sweep.constants import BIAS, FIRST
-from post.sweep.layout import PaddedView, Receivers, Slice
+from post.sweep.layout import Receivers, Slice
 from post.sweep.turns import tangents, turn
 
 BAND_PIXELS = 32768  # pixels of all planes that fit one core's cache; also torch's smallest share of work for a thread
@@ -22,40 +21,6 @@ MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this 
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
 WITHIN = 1.5  # exponent of the taps' spread in a sweep that ends at a radius
 BEYOND = 2.5  # likewise in a sweep over the whole picture, where near surfaces count most
-
-
-def scene(
-    camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, *, light: Tensor | None = None
-) -> PaddedView:
-    """Continue and pad the pictures that taps read.
-
-    Args:
-        camera: of the picture.
-        depth: ``(B, 1, H, W)`` planar view z, world units.
-        normal: ``(B, 3, H, W)`` world space.
-        hit: ``(B, 1, H, W)`` bool.
-        reach: ``(B, 1, H, W)`` planar depth from front to back of visible surfaces, world units.
-        light: ``(B, 3, H, W)`` that pixels send, read together with their normals in view space; the margin sends
-            none.
-    """
-    m = margin.width(camera)
-    front, stands = margin.continued(camera, depth, hit, normal)
-    solid = torch.where(stands, margin.spread(reach, m), 0.0)
-    extra = []
-    if light is not None:
-        extra = [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
-    picture = torch.cat([front, solid, *extra], dim=1)
-    rays = camera.unproject(torch.ones_like(depth))
-    k = camera.intrinsics.to(depth.dtype)
-    pitch_x, pitch_y = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]
-    return PaddedView(
-        picture=F.pad(picture, (1, 1, 1, 1)),
-        origin_x=rays[:, 0, :1, :1] - pitch_x * (m + 1),
-        origin_y=rays[:, 1, :1, :1] - pitch_y * (m + 1),
-        pitch_x=pitch_x,
-        pitch_y=pitch_y,
-        margin=m,
-    )
 
 
 def receivers(

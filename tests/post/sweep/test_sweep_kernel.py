@@ -16,6 +16,7 @@ from post.passes.ssgi import ssgi
 from post.sweep import slices
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies, bodies_cpu
+from post.sweep.padding import scene
 from post.sweep.turns import table
 
 SIZE = (54, 72)
@@ -92,7 +93,7 @@ def test_operator_is_registered_properly() -> None:
     from post.sweep import op as sweep_ops
 
     g = boxes.frame(boxes.camera((6, 8))).gbuffer
-    around = slices.scene(g.camera, g.depth, g.normal, g.hit, torch.ones_like(g.depth), light=g.normal)
+    around = scene(g.camera, g.depth, g.normal, g.hit, torch.ones_like(g.depth), light=g.normal)
     at, noise = torch.stack(slices.receivers(g.camera, g.depth, g.normal)[:-1]), torch.rand(3, 6, 8)
     picture, turns, sky = around.picture.movedim(1, -1), torch.from_numpy(table()), torch.ones(1, 5)
     for gathers in (True, False):

@@ -1,0 +1,119 @@
+"""The picture that taps read: visible fronts, solids, light and normals, with a margin past the border.
+
+The torch code is in `post.sweep.margin`, the kernel in `post.sweep.padding_kernel`.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.compute.dispatch import Form, form_of
+from post.sweep import margin
+from post.sweep.layout import PaddedView
+
+
+def scene(
+    camera: Camera,
+    depth: Tensor,
+    normal: Tensor,
+    hit: Tensor,
+    reach: Tensor,
+    *,
+    light: Tensor | None = None,
+    compiled: bool | None = None,
+) -> PaddedView:
+    """Continue and pad the pictures that taps read.
+
+    Args:
+        camera: of the picture.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space.
+        hit: ``(B, 1, H, W)`` bool.
+        reach: ``(B, 1, H, W)`` planar depth from front to back of visible surfaces, world units.
+        light: ``(B, 3, H, W)`` that pixels send, read together with their normals in view space; the margin sends
+            none.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+    """
+    k = camera.intrinsics.to(depth.dtype)
+    pitch = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]
+    corner = torch.full_like(k[:, :2, :1, None], 0.5)
+    if camera.jitter is not None:
+        corner = corner + camera.jitter.to(corner)[..., None, None]
+    first = camera.unproject(torch.ones_like(corner[:, :1]), corner)
+    m = margin.width(camera)
+    given = (depth, normal, reach) if light is None else (depth, normal, reach, light)
+    if form_of(*given, camera.view_from_world, k, compiled=compiled) is Form.CPU:
+        lens = torch.cat([k[:, (0, 1), (0, 1)], first[:, :2].flatten(1)], dim=1)
+        pose = camera.view_from_world[:, :3, :3].to(depth.dtype)
+        empty = depth.new_empty(depth.shape[0], 0, *camera.size)
+        picture = padded_cpu(
+            *given[:3], hit, empty if light is None else light, lens, pose, m, float(camera.near), camera.orthographic
+        ).movedim(-1, 1)
+    else:
+        picture = _padded(camera, depth, normal, hit, reach, light, m)
+    return PaddedView(
+        picture=picture,
+        origin_x=first[:, 0] - pitch[0] * (m + 1),
+        origin_y=first[:, 1] - pitch[1] * (m + 1),
+        pitch_x=pitch[0],
+        pitch_y=pitch[1],
+        margin=m,
+    )
+
+
+def _padded(
+    camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, light: Tensor | None, m: int
+) -> Tensor:
+    """``(B, 2 or 8, H', W')``."""
+    front, stands = margin.continued(camera, depth, hit, normal)
+    planes = [front, torch.where(stands, margin.spread(reach, m), 0.0)]
+    if light is not None:
+        planes += [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
+    return F.pad(torch.cat(planes, dim=1), (1, 1, 1, 1))
+
+
+@torch.library.custom_op("gbufrt::padded", mutates_args=())
+def padded_cpu(
+    depth: Tensor,
+    normal: Tensor,
+    reach: Tensor,
+    hit: Tensor,
+    light: Tensor,
+    lens: Tensor,
+    pose: Tensor,
+    margin: int,
+    near: float,
+    parallel: bool,
+) -> Tensor:
+    """``(B, H', W', 2 or 8)``: the picture of `scene`, channels last.
+
+    Args:
+        depth: see `scene`, as ``normal``, ``reach`` and ``hit``.
+        normal: see ``depth``.
+        reach: see ``depth``.
+        hit: see ``depth``.
+        light: ``(B, 3 or 0, H, W)``.
+        lens: ``(B, 4)``: focal lengths in pixels, and the ray through the first pixel at depth 1.
+        pose: ``(B, 3, 3)``: from world to view.
+        margin: pixels.
+        near: least depth that a plane is continued at.
+        parallel: whether the camera is orthographic.
+    """
+    from gbufrt.compute.kernel import array, threads
+    from post.sweep.drivers import padded_rows
+
+    batch, _, height, width = depth.shape
+    wide = (height + 2 * (margin + 1), width + 2 * (margin + 1))
+    out = depth.new_empty(batch, *wide, 8 if light.shape[1] else 2)
+    planes = (array(t) for t in (out, depth[:, 0], normal, reach[:, 0], hit[:, 0], light, lens, pose))
+    padded_rows(*planes, margin, near, parallel, threads())
+    return out
+
+
+@padded_cpu.register_fake
+def _(depth, normal, reach, hit, light, lens, pose, margin, near, parallel):
+    batch, _, height, width = depth.shape
+    return depth.new_empty(batch, height + 2 * margin + 2, width + 2 * margin + 2, 8 if light.shape[1] else 2)
