@@ -155,7 +155,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
         ),
         "behind": Pipeline(
             layer="behind",
-            gi=SSGI(directions=1, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
+            gi=SSGI(directions=2, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
             denoise=Atrous(signal=bounced),
         ),
     }

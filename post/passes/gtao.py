@@ -17,8 +17,8 @@ from post.sweep import arcs, slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import known_thickness
-from post.sweep.padding import scene
 from post.sweep.layout import PaddedView, Receivers, Slice
+from post.sweep.padding import scene
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
 REACH = 1.457  # radii: fading occluders up to here occlude about as much as all within the radius (XeGTAO)

@@ -86,7 +86,7 @@ def cut_slice(at, cos_psi, sin_psi):
         sin_n=sin_n,
         n=n,
         measure=measure,
-        weight=ONE,
+        weight=ONE,  # pyright: ignore[reportArgumentType]
         step_x=(tx - slide * at.vx) * at.scale,
         step_y=(ty - slide * at.vy) * at.scale * at.aspect,
     )
