@@ -8,4 +8,7 @@ AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
 COARSE_POWER = 32.0  # of the cosine between normals, where neighbours are only told apart or averaged
 
+LUMA = (0.299, 0.587, 0.114)  # Rec. 601, of encoded colour
+STRIDES = (1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 4.0, 8.0)  # pixels a search step: fine near the pixel, then coarse
+
 DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)  # channels of `edges.Surface.guide`

@@ -7,6 +7,7 @@ from numba import prange
 
 from gbufrt.compute.kernel import driver
 from post.filters.constants import B3, HIT
+from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
 from post.filters.kernel import (
     add_moments,
     add_spread,
@@ -104,3 +105,18 @@ def bilateral_rows(
                     add_values(sums, used, values[b], tap, channels)
             for c in range(channels):
                 finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
+
+
+@driver
+def stairs_rows(out, luma, image, subpixel, edge_threshold, dark_threshold, threads):
+    batch, _, height, width = image.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            luma_row(luma[row // height], image[row // height], row % height)
+    for thread in prange(threads):
+        is_edge = np.empty(width, np.bool_)
+        limits = np.float32(edge_threshold), np.float32(dark_threshold)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            edge_row(is_edge, luma[b], y, *limits)
+            smooth_row(out[b], is_edge, image[b], luma[b], y, np.float32(subpixel))
