@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import boxes
 import pytest
 import torch
@@ -52,7 +54,7 @@ def test_forms_agree(case: str, subpixel: float) -> None:
 
 @pytest.mark.parametrize("name", TUNABLES)
 def test_every_tunable_reaches_the_kernel(name: str) -> None:
-    tunables = {**TUNABLES, name: 0.3}
+    tunables: dict[str, Any] = {**TUNABLES, name: 0.3}
     got, want = (smooth_stairs(CASES["odd"], **tunables, compiled=form) for form in (True, False))
     assert float(((got - want).abs().amax(dim=1) > 3e-5).float().mean()) <= 2e-4
     assert not torch.equal(got, smooth_stairs(CASES["odd"], **TUNABLES, compiled=True))

@@ -1,0 +1,1 @@
+"""The spread of light by a lens: layers of like blur, each spread by its own disc."""

@@ -1,0 +1,93 @@
+"""Layers of like blur as a torch operator: a kernel on the CPU, the torch reference elsewhere and for gradients."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.compute.dispatch import Form, form_of
+from post.lens.constants import EDGE, FINEST
+from post.lens.reference import border, bright_level, layers_reference, signed
+
+
+class Tables(NamedTuple):
+    """What the kernel knows of L layers, whose discs reach at most R pixels."""
+
+    reach: np.ndarray
+    """``(L,)``: how many pixels from its middle each disc reaches."""
+    weights: np.ndarray
+    """``(L, R + 1, R + 1)``: a quarter of each disc by row and column, 1 in its middle."""
+    inner: np.ndarray
+    """``(L, R + 1)``: the first column of each row whose weight is less than 1."""
+    outer: np.ndarray
+    """``(L, R + 1)``: the first column of each row whose weight is 0."""
+    ramps: np.ndarray
+    """``(L, 2, 5)``: see `post.lens.spread_kernel.Ramp`; for a layer, and for what lies clearly behind it."""
+
+
+@torch.library.custom_op("gbufrt::spread_layers", mutates_args=())
+def layers_cpu(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
+    """``(B, C, H, W)``. See `spread_layers`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.lens.drivers import layer_tiles
+
+    out = torch.empty_like(color, memory_format=torch.contiguous_format)
+    levels = color.contiguous().mean(dim=1, keepdim=True, dtype=torch.float64)  # whose sum no order of adding changes
+    level = bright_level(F.pad(levels, border(coc), mode="replicate")).flatten().to(color.dtype)
+    layer_tiles(array(out), array(color), array(coc[:, 0]), array(level), *tables(tuple(radii)), threads())
+    return out
+
+
+@layers_cpu.register_fake
+def _(color, coc, radii):
+    return torch.empty_like(color, memory_format=torch.contiguous_format)
+
+
+def spread_layers(color: Tensor, coc: Tensor, radii: list[float], *, compiled: bool | None = None) -> Tensor:
+    """Cut a picture into layers of like blur, spread each by its own disc, and lay them over one another.
+
+    Args:
+        color: ``(B, C, H, W)`` linear, finite.
+        coc: ``(B, 1, H, W)`` signed radius of each pixel's disc, pixels; negative in front of the focal plane.
+        radii: of the layers behind the focal plane, pixels, from 0 up, at least to the largest of ``coc``.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, C, H, W)``.
+    """
+    if form_of(color, coc, compiled=compiled) is Form.REFERENCE:
+        return layers_reference(color, coc, radii)
+    return layers_cpu(color, coc, radii)
+
+
+def layer_radii(largest: float, step: float) -> list[float]:
+    """Radii from 0 to the largest, pixels; the steps start at a quarter of a pixel and grow by the share ``step``."""
+    radii = [0.0]
+    while radii[-1] < largest:
+        radii.append(radii[-1] * (1 + step) + FINEST)
+    return radii
+
+
+@cache
+def tables(radii: tuple[float, ...]) -> Tables:
+    """See `Tables`; ``radii`` as in `spread_layers`, but for `cache` a tuple."""
+    at = np.array(signed(list(radii)))
+    reach = np.floor(np.abs(at) + EDGE).astype(np.int64)
+    away = np.arange(reach.max() + 1)
+    weights = (np.abs(at)[:, None, None] + EDGE - np.hypot(away[:, None], away)).clip(0, 1)
+    weights[at == 0] = away[:, None] + away == 0
+    square, quarters = at * np.abs(at), np.where(away > 0, 2, 1)
+    scale = 1 / (weights * quarters[:, None] * quarters).sum((1, 2))
+    ramps = np.empty((len(at), 2, 5))
+    edges = np.concatenate([[-np.inf], square, [np.inf, np.inf]])  # infinitely far from one, any slope gives all
+    slope = np.concatenate([[1.0], 1 / np.diff(square), [1.0, 1.0]])
+    for i in range(len(at)):
+        ramps[i, 0] = edges[i], slope[i], edges[i + 2], slope[i + 1], scale[i]
+        ramps[i, 1] = edges[i + 2], slope[i + 2], np.inf, 1.0, scale[i]
+    inner, outer = (weights == 1).sum(2), (weights > 0).sum(2)
+    return Tables(reach, weights.astype(np.float32), inner, outer, ramps.astype(np.float32))
