@@ -65,7 +65,7 @@ def test_batch_equals_loop(mode):
 
 def test_the_numbers_of_me1():
     rows = {name: me1(name, units_per_metre=2.0, composite="me1").all_tunables() for name in QUALITIES}
-    assert [rows[p]["ao.estimate.directions"] for p in rows] == [1, 1, 1, 2]
+    assert [rows[p]["ao.estimate.directions"] for p in rows] == [1, 1, 2, 3]
     assert [rows[p]["ao.estimate.scales"] for p in rows] == [1, 2, 2, 3]
     assert [rows[p]["gi.estimate.bounces"] for p in rows] == [1, 2, 2, 3]
     assert [rows[p]["gi.estimate.distance"] for p in rows] == [60, 100, 140, 200]
