@@ -12,3 +12,6 @@ KEPT = 1e-3  # of a bilinear footprint: less than this on the surface is no hist
 STILL = 1e-3  # pixels: motion so near to a whole number is one
 WHOLE = 0.999  # of the bilinear footprint: above this, all four pixels show the surface
 POOL = 3  # pixels to each side over which variance is pooled
+
+WINDOW = -4.0  # exp of this times squared pixels: a Blackman-Harris window narrowed until it nears a pixel's area
+BRIGHTEST = 1.0 - 1e-6  # of tone-mapped luminance

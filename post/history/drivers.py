@@ -20,6 +20,7 @@ from post.history.accumulate_kernel import (
 )
 from post.history.constants import POOL
 from post.history.read_kernel import read_row
+from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
 
 
 @driver
@@ -77,3 +78,30 @@ def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, thre
                 explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), True, y)
             age_row(out[b], rows[0], rows[1], state[b], longest[b], y)
             blend_row(out[b], sums, rows[0], sample[b], fast[b], state[b], lead, y)
+
+
+@driver
+def tone_rows(toned, color, threads):
+    batch, _, height, _ = color.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            tone_row(toned[row // height], color[row // height], row % height)
+
+
+@driver
+def anti_alias_rows(out, new, lengths, toned, weights, depth, motion, before, ages, longest, gamma, threads):
+    """Colours, and the history after this frame."""
+    batch, _, height, width = toned.shape
+    for thread in prange(threads):
+        current, old = np.empty((3, width), np.float32), np.empty((3, width), np.float32)
+        mean, extent = np.empty((3, width), np.float32), np.empty((3, width), np.float32)
+        sums, which = np.empty((6, width + 2), np.float32), np.empty(width, np.int32)
+        age, nearest = np.empty(width, np.float32), np.empty(width, np.float32)
+        for item in range(thread, batch * height, threads):
+            b, y = item // height, item % height
+            resample_row(current, sums[0], toned[b], weights[b], y)
+            nearest_row(which, nearest, depth[b], y)
+            fetch_row(old, age, which, motion[b], before[b], ages[b], y)
+            box_row(mean, extent, sums, toned[b], current, y, np.float32(gamma))
+            mix_row(new[b], lengths[b], current, old, age, mean, extent, np.float32(longest), y)
+            light_row(out[b], new[b], y)

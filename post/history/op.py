@@ -11,7 +11,9 @@ from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
 from post.history.antilag import accumulate_reference
+from post.history.constants import WINDOW
 from post.history.reproject import correspondence, find_taps
+from post.history.taa_reference import anti_alias_reference, longest
 
 
 class Reading(NamedTuple):
@@ -88,6 +90,46 @@ def accumulate_cpu(
 @accumulate_cpu.register_fake
 def _(signal, state, longest, guide, plane, perspective, lead, clamp, firefly):
     return state.new_empty(state.shape), signal.new_empty(signal.shape)
+
+
+@torch.library.custom_op("gbufrt::anti_alias", mutates_args=())
+def anti_alias_cpu(
+    color: Tensor,
+    weights: Tensor,
+    depth: Tensor,
+    motion: Tensor,
+    before: Tensor,
+    age: Tensor,
+    blend: float,
+    gamma: float,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """See `anti_alias`.
+
+    Args:
+        color: as in `anti_alias`, and so the rest but for ``weights``.
+        weights: ``(B, 2, 3)`` of the columns and rows around a pixel in its value at the pixel's centre.
+        depth: see ``color``.
+        motion: see ``color``.
+        before: see ``color``.
+        age: see ``color``.
+        blend: see ``color``.
+        gamma: see ``color``.
+    """
+    from gbufrt.compute.kernel import array, threads
+    from post.history.drivers import anti_alias_rows, tone_rows
+
+    toned, new, out = (torch.empty_like(color, memory_format=torch.contiguous_format) for _ in range(3))
+    length, wide = torch.empty_like(age, memory_format=torch.contiguous_format), threads()
+    tone_rows(array(toned), array(color), wide)
+    given = (array(weights), array(depth[:, 0]), array(motion), array(before), array(age[:, 0]))
+    anti_alias_rows(array(out), array(new), array(length[:, 0]), array(toned), *given, longest(blend), gamma, wide)
+    return out, new, length
+
+
+@anti_alias_cpu.register_fake
+def _(color, weights, depth, motion, before, age, blend, gamma):
+    out = torch.empty_like(color, memory_format=torch.contiguous_format)
+    return out, torch.empty_like(out), torch.empty_like(age, memory_format=torch.contiguous_format)
 
 
 def read_history(
@@ -170,3 +212,42 @@ def accumulate(
     if form_of(*planes, clamp, firefly, compiled=compiled) is Form.REFERENCE:
         return accumulate_reference(signal, state, longest, geometry, lead, clamp, firefly)
     return accumulate_cpu(*planes, geometry.perspective, lead, float(clamp), float(firefly))
+
+
+def anti_alias(
+    color: Tensor,
+    jitter: Tensor | None,
+    depth: Tensor,
+    motion: Tensor,
+    before: Tensor | None,
+    age: Tensor,
+    *,
+    blend: float,
+    gamma: float,
+    compiled: bool | None = None,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Average a jittered frame with its history; see `post.taa`.
+
+    Args:
+        color: ``(B, 3, H, W)`` linear radiance, finite.
+        jitter: ``(B, 2)`` pixels, or None: where this frame's samples lie beside the pixel centres.
+        depth: ``(B, 1, H, W)``, any unit in which a nearer surface has less, misses included.
+        motion: ``(B, 2, H, W)`` pixels, previous minus current.
+        before: ``(B, 3, H, W)`` the second result of the frame before; None at first.
+        age: ``(B, 1, H, W)`` the third result of the frame before; 0 where there is no history.
+        blend: see `post.taa`.
+        gamma: see `post.taa`.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance, the same tone-mapped, and ``(B, 1, H, W)`` its age in frames.
+    """
+    tunables = (blend, gamma)
+    if form_of(color, jitter, depth, motion, before, age, *tunables, compiled=compiled) is Form.REFERENCE:
+        return anti_alias_reference(color, jitter, depth, motion, before, age, *tunables)
+    steps = torch.arange(-1, 2, device=color.device)
+    window = (steps == 0) if jitter is None else torch.exp(WINDOW * (jitter[:, :, None] + steps) ** 2)
+    weights = window.to(color.dtype).expand(color.shape[0], 2, 3)
+    if before is None:
+        before, age = color, torch.zeros_like(age)
+    return anti_alias_cpu(color, weights, depth, motion, before, age, *map(float, tunables))

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from post.filters.op import smooth_stairs, stairs_cpu
 
-TUNABLES = {"subpixel": 0.5, "edge_threshold": 0.125, "dark_threshold": 0.03}
+TUNABLES: dict[str, Any] = {"subpixel": 0.5, "edge_threshold": 0.125, "dark_threshold": 0.03}
 
 
 def drawn(size: tuple[int, int], *, orthographic: bool = False) -> Tensor:
@@ -54,7 +54,7 @@ def test_forms_agree(case: str, subpixel: float) -> None:
 
 @pytest.mark.parametrize("name", TUNABLES)
 def test_every_tunable_reaches_the_kernel(name: str) -> None:
-    tunables: dict[str, Any] = {**TUNABLES, name: 0.3}
+    tunables = {**TUNABLES, name: 0.3}
     got, want = (smooth_stairs(CASES["odd"], **tunables, compiled=form) for form in (True, False))
     assert float(((got - want).abs().amax(dim=1) > 3e-5).float().mean()) <= 2e-4
     assert not torch.equal(got, smooth_stairs(CASES["odd"], **TUNABLES, compiled=True))

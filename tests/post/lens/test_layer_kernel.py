@@ -54,7 +54,7 @@ def test_forms_agree(case: str) -> None:
     assert float(coc.max()) > 2 or case == "near"
 
 
-@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (5, 7), (64, 65)])
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (5, 7), (64, 65), (192, 5)])
 @pytest.mark.parametrize("radius", [0.3, 6.0, 20.0])
 def test_any_size_and_discs_larger_than_the_picture(size: tuple[int, int], radius: float) -> None:
     color = torch.rand((1, 2, *size), generator=torch.Generator().manual_seed(2))

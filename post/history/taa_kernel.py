@@ -1,0 +1,190 @@
+"""The compiled form of temporal anti-aliasing: a row of pixels as a body.
+
+Names and steps are those of the torch reference in `post.history.taa_reference`, the definition. Only reading the
+history gathers; every other loop becomes vector instructions. The 3x3 windows are sums of three rows, then of three
+columns. Colours are tone-mapped.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gbufrt.compute.kernel import inlined, scalar
+from post.filters.signals import REC709
+from post.history import constants
+
+ZERO, QUARTER, HALF, ONE = np.float32(0), np.float32(0.25), np.float32(0.5), np.float32(1)
+THREE_HALVES, TWO, FIVE_HALVES, NINTH = np.float32(1.5), np.float32(2), np.float32(2.5), np.float32(1 / 9)
+TINY, LEAST, BRIGHTEST = np.float32(1e-12), np.float32(1e-6), np.float32(constants.BRIGHTEST)
+RED, GREEN, BLUE = (np.float32(share) for share in REC709)
+
+
+@inlined
+def _luminance(r, g, b):
+    return RED * r + GREEN * g + BLUE * b
+
+
+@inlined
+def _ycocg(r, g, b):
+    return QUARTER * r + HALF * g + QUARTER * b, HALF * (r - b), HALF * g - QUARTER * (r + b)
+
+
+@scalar
+def tone_row(toned, color, y):
+    """A row of colours over 1 + their luminance."""
+    red, green, blue = color[0, y], color[1, y], color[2, y]
+    new_red, new_green, new_blue = toned[0, y], toned[1, y], toned[2, y]
+    for x in range(red.shape[0]):
+        level = ONE + max(_luminance(red[x], green[x], blue[x]), ZERO)
+        new_red[x], new_green[x], new_blue[x] = red[x] / level, green[x] / level, blue[x] / level
+
+
+@scalar
+def resample_row(out, column, toned, weights, y):
+    """A row at pixel centres; ``weights`` are those of three columns and of three rows of the window."""
+    _, height, width = toned.shape
+    rows, (left, middle, right) = weights[1], weights[0]
+    total = ZERO
+    for dy in range(-1, 2):
+        total += rows[dy + 1] if 0 <= y + dy < height else ZERO
+    column[0], column[width + 1] = ZERO, ZERO
+    for c in range(3):
+        sums, new = column[1 : width + 1], out[c]
+        sums[:] = ZERO
+        for dy in range(-1, 2):
+            if 0 <= y + dy < height:
+                row, weight = toned[c, y + dy], rows[dy + 1]
+                for x in range(width):
+                    sums[x] += weight * row[x]
+        befores, afters = column[:width], column[2 : width + 2]
+        for x in range(width):
+            known = middle + (left if x > 0 else ZERO) + (right if x + 1 < width else ZERO)
+            new[x] = (left * befores[x] + middle * sums[x] + right * afters[x]) / (total * known)
+
+
+@scalar
+def box_row(mean, extent, sums, toned, current, y, gamma):
+    """Centre and half size, in YCoCg, of the box to which a row of the history is clipped."""
+    _, height, width = toned.shape
+    sums[:] = ZERO
+    s0, s1, s2 = sums[0, 1 : width + 1], sums[1, 1 : width + 1], sums[2, 1 : width + 1]
+    s3, s4, s5 = sums[3, 1 : width + 1], sums[4, 1 : width + 1], sums[5, 1 : width + 1]
+    for dy in range(-1, 2):
+        row = min(max(y + dy, 0), height - 1)
+        red, green, blue = toned[0, row], toned[1, row], toned[2, row]
+        for x in range(width):
+            luma, orange, green_shift = _ycocg(red[x], green[x], blue[x])
+            s0[x] += luma
+            s1[x] += orange
+            s2[x] += green_shift
+            s3[x] += luma * luma
+            s4[x] += orange * orange
+            s5[x] += green_shift * green_shift
+    red, green, blue = current[0], current[1], current[2]
+    for c in range(3):
+        for k in (c, c + 3):
+            sums[k, 0], sums[k, width + 1] = sums[k, 1], sums[k, width]
+        l0, m0, r0 = sums[c, :width], sums[c, 1 : width + 1], sums[c, 2 : width + 2]
+        l1, m1, r1 = sums[c + 3, :width], sums[c + 3, 1 : width + 1], sums[c + 3, 2 : width + 2]
+        center, size = mean[c], extent[c]
+        for x in range(width):
+            average = (l0[x] + m0[x] + r0[x]) * NINTH
+            square = (l1[x] + m1[x] + r1[x]) * NINTH
+            luma, orange, green_shift = _ycocg(red[x], green[x], blue[x])
+            own = luma if c == 0 else orange if c == 1 else green_shift
+            spread = math.sqrt(max(square - average * average, ZERO) + TINY)
+            center[x], size[x] = average, max(gamma * spread, abs(own - average))
+
+
+@scalar
+def nearest_row(which, nearest, depth, y):
+    """Which of the 3x3 pixels around each pixel of a row is nearest to the camera, counted in rows of three."""
+    height, width = depth.shape
+    nearest[:], which[:] = depth[y], 4
+    for k in range(9):
+        row, dx = y + k // 3 - 1, k % 3 - 1
+        if 0 <= row < height:
+            first, end, index = max(-dx, 0), width - max(dx, 0), np.int32(k)
+            there, best, found = depth[row, first + dx : end + dx], nearest[first:end], which[first:end]
+            for i in range(best.shape[0]):
+                closer = there[i] < best[i]
+                found[i], best[i] = index if closer else found[i], there[i] if closer else best[i]
+
+
+@inlined
+def _weights(f):
+    """Catmull-Rom weights of the taps at -1, 0, 1 and 2."""
+    return (
+        f * (-HALF + f * (ONE - HALF * f)),
+        ONE + f * f * (-FIVE_HALVES + THREE_HALVES * f),
+        f * (HALF + f * (TWO - THREE_HALVES * f)),
+        f * f * (-HALF + HALF * f),
+    )
+
+
+@scalar
+def fetch_row(old, age, which, motion, before, ages, y):
+    """The history where a row's nearest surfaces were, as `catmull_rom.catmull_rom` reads it, and its age or 0."""
+    _, height, width = before.shape
+    for x in range(age.shape[0]):
+        row, column = y + which[x] // 3 - 1, x + which[x] % 3 - 1
+        at_x = np.float32(x) + HALF + motion[0, row, column]
+        at_y = np.float32(y) + HALF + motion[1, row, column]
+        age[x] = ZERO
+        if at_x >= ZERO and at_x < np.float32(width) and at_y >= ZERO and at_y < np.float32(height):
+            age[x] = ages[np.int64(at_y), np.int64(at_x)]
+        if not age[x] > ZERO:
+            old[0, x], old[1, x], old[2, x] = ZERO, ZERO, ZERO
+            continue
+        left, top = math.floor(at_x - HALF), math.floor(at_y - HALF)
+        fx, fy = at_x - (np.float32(left) + HALF), at_y - (np.float32(top) + HALF)
+        x0, y0 = np.int64(left), np.int64(top)
+        if fx == ZERO and fy == ZERO:
+            old[0, x], old[1, x], old[2, x] = before[0, y0, x0], before[1, y0, x0], before[2, y0, x0]
+            continue
+        a, b, c, d = _weights(fx)
+        e, f, g, h = _weights(fy)
+        total = ONE / ((a + b + c + d) * (f + g) + (b + c) * (e + h))
+        xa, xb, xc, xd = max(x0 - 1, 0), max(x0, 0), min(x0 + 1, width - 1), min(x0 + 2, width - 1)
+        ye, yf, yg, yh = max(y0 - 1, 0), max(y0, 0), min(y0 + 1, height - 1), min(y0 + 2, height - 1)
+        for k in range(3):
+            plane = before[k]
+            outer = e * (b * plane[ye, xb] + c * plane[ye, xc]) + h * (b * plane[yh, xb] + c * plane[yh, xc])
+            upper = a * plane[yf, xa] + b * plane[yf, xb] + c * plane[yf, xc] + d * plane[yf, xd]
+            lower = a * plane[yg, xa] + b * plane[yg, xb] + c * plane[yg, xc] + d * plane[yg, xd]
+            old[k, x] = (outer + f * upper + g * lower) * total
+
+
+@scalar
+def mix_row(toned, lengths, current, old, age, mean, extent, longest, y):
+    """A row of the new history: the old one, clipped to its box, with this frame in it."""
+    luma, orange, green_shift = mean[0], mean[1], mean[2]
+    size0, size1, size2 = extent[0], extent[1], extent[2]
+    red, green, blue = current[0], current[1], current[2]
+    old_red, old_green, old_blue = old[0], old[1], old[2]
+    new_red, new_green, new_blue, length = toned[0, y], toned[1, y], toned[2, y], lengths[y]
+    for x in range(age.shape[0]):
+        a0, a1, a2 = _ycocg(old_red[x], old_green[x], old_blue[x])
+        a0, a1, a2 = a0 - luma[x], a1 - orange[x], a2 - green_shift[x]
+        outside = max(abs(a0) / max(size0[x], LEAST), abs(a1) / max(size1[x], LEAST))
+        outside = max(max(outside, abs(a2) / max(size2[x], LEAST)), ONE)
+        a0, a1, a2 = luma[x] + a0 / outside, orange[x] + a1 / outside, green_shift[x] + a2 / outside
+        r, g, b = a0 + a1 - a2, a0 + a2, a0 - a1 - a2
+        frames = min(age[x] + ONE, longest)
+        share, visible = ONE / frames, age[x] > ZERO
+        length[x] = frames
+        new_red[x] = r + (red[x] - r) * share if visible else red[x]
+        new_green[x] = g + (green[x] - g) * share if visible else green[x]
+        new_blue[x] = b + (blue[x] - b) * share if visible else blue[x]
+
+
+@scalar
+def light_row(out, toned, y):
+    """The inverse of `tone_row`."""
+    red, green, blue = toned[0, y], toned[1, y], toned[2, y]
+    new_red, new_green, new_blue = out[0, y], out[1, y], out[2, y]
+    for x in range(red.shape[0]):
+        level = ONE - min(max(_luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
+        new_red[x], new_green[x], new_blue[x] = red[x] / level, green[x] / level, blue[x] / level

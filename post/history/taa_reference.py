@@ -1,0 +1,91 @@
+"""Temporal anti-aliasing in torch: the definition of `post.history.op.anti_alias`, with its gradients."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.sampling import inside, pixel_centers, sample
+from post.filters.edges import offsets, padded, windows
+from post.filters.signals import luminance
+from post.history.catmull_rom import catmull_rom
+from post.history.constants import BRIGHTEST, WINDOW
+
+
+def anti_alias_reference(
+    color: Tensor,
+    jitter: Tensor | None,
+    depth: Tensor,
+    motion: Tensor,
+    before: Tensor | None,
+    age: Tensor,
+    blend: float,
+    gamma: float,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Arguments and results are those of `post.history.op.anti_alias`."""
+    toned = color / (1 + luminance(color).clamp_min(0.0))
+    current = _resampled(toned, jitter)
+    length = torch.ones_like(age)
+    if before is not None:
+        px = pixel_centers(color) + _dilated(motion, depth)
+        visible = inside(px, (color.shape[-2], color.shape[-1])) & (sample(age, px, mode="nearest") > 0)
+        age = torch.where(visible, sample(age, px, mode="nearest"), 0.0)
+        old = _clipped(catmull_rom(before, px), toned, current, gamma)
+        length = (age + 1).clamp_max(longest(blend))
+        current = torch.where(visible, old + (current - old) / length, current)
+    return current / (1 - luminance(current).clamp(0.0, BRIGHTEST)), current, length
+
+
+def longest(blend: float) -> float:
+    """Frames that a history may hold, from its largest share."""
+    return 1 / max(1 - blend, 1e-9)
+
+
+def _resampled(image: Tensor, jitter: Tensor | None) -> Tensor:
+    """The picture at pixel centres, from samples that lie beside them."""
+    if jitter is None:
+        return image
+    place = jitter.to(image.dtype)[:, :, None, None]
+    ones = windows(padded(torch.ones_like(image[:, :1]), 1), 1)
+    total, result = torch.zeros_like(image[:, :1]), torch.zeros_like(image)
+    for (dy, dx), tap, there in zip(offsets(1), windows(padded(image, 1), 1), ones, strict=True):
+        away = (place[:, 0:1] + dx) ** 2 + (place[:, 1:2] + dy) ** 2
+        weight = torch.exp(WINDOW * away) * there
+        total, result = total + weight, result + weight * tap
+    return result / total
+
+
+def _dilated(motion: Tensor, depth: Tensor) -> Tensor:
+    """Motion of the nearest surface among 3x3: an edge moves with the surface in front."""
+    height, width = depth.shape[-2:]
+    around = F.pad(depth, (1, 1, 1, 1), value=float("inf"))
+    moved = F.pad(motion, (1, 1, 1, 1))
+    nearest, result = depth, motion
+    for dy, dx in offsets(1):
+        y, x = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
+        closer = around[..., y, x] < nearest
+        nearest = torch.where(closer, around[..., y, x], nearest)
+        result = torch.where(closer, moved[..., y, x], result)
+    return result
+
+
+def _clipped(old: Tensor, toned: Tensor, current: Tensor, gamma: float) -> Tensor:
+    """Move the history toward the mean of the neighbourhood until it lies in its box in YCoCg."""
+    around = _ycocg(F.pad(toned, (1, 1, 1, 1), mode="replicate"))
+    mean = F.avg_pool2d(around, 3, stride=1)
+    spread = (F.avg_pool2d(around * around, 3, stride=1) - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
+    extent = torch.maximum(gamma * spread, (_ycocg(current) - mean).abs())
+    away = _ycocg(old) - mean
+    outside = (away.abs() / extent.clamp_min(1e-6)).amax(dim=1, keepdim=True).clamp_min(1.0)
+    return _rgb(mean + away / outside)
+
+
+def _ycocg(rgb: Tensor) -> Tensor:
+    r, g, b = rgb[:, 0:1], rgb[:, 1:2], rgb[:, 2:3]
+    return torch.cat([0.25 * r + 0.5 * g + 0.25 * b, 0.5 * (r - b), 0.5 * g - 0.25 * (r + b)], dim=1)
+
+
+def _rgb(ycocg: Tensor) -> Tensor:
+    y, co, cg = ycocg[:, 0:1], ycocg[:, 1:2], ycocg[:, 2:3]
+    return torch.cat([y + co - cg, y + cg, y - co - cg], dim=1)

@@ -1,0 +1,148 @@
+"""Compiled temporal anti-aliasing against its torch reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+from post.history.op import anti_alias, anti_alias_cpu
+
+BLEND, GAMMA = 0.93, 1.25
+FORMS = (True, False)
+
+
+def noise(size: tuple[int, int], channels: int, seed: int = 0) -> Tensor:
+    return torch.rand((1, channels, *size), generator=torch.Generator().manual_seed(seed))
+
+
+def inputs(size: tuple[int, int] = (127, 73), *, orthographic: bool = False, sky: bool = False) -> dict[str, Any]:
+    """A camera that moves, light with texture, and a history that shows another light and has holes."""
+    before = boxes.camera(size, orthographic=orthographic)
+    camera = boxes.camera(size, dx=0.35, orthographic=orthographic)
+    frame = boxes.frame(camera, previous=before, boxes=boxes.ROOM + 500 if sky else boxes.ROOM)
+    g = frame.gbuffer
+    color = frame.read("radiance") + 3 * noise(size, 3) ** 4
+    toned = color / (1 + color)
+    assert g.motion is not None
+    return {
+        "color": color,
+        "jitter": torch.tensor([[0.31, -0.22]]),
+        "depth": torch.where(g.hit, g.depth, 2 * camera.far),
+        "motion": g.motion + 0.2 * noise(size, 2, 1) + torch.tensor([1.3, -0.6]).view(1, 2, 1, 1),
+        "before": (toned * (0.6 + 0.8 * noise(size, 3, 2))).clamp_max(0.98),
+        "age": torch.floor(16 * noise(size, 1, 3)) * (noise(size, 1, 4) > 0.1),
+    }
+
+
+CASES = {
+    "moving": {},
+    "orthographic": {"orthographic": True},
+    "sky": {"sky": True},
+    **{f"{h}x{w}": {"size": (h, w)} for h, w in ((1, 1), (1, 9), (9, 1), (2, 3))},
+}
+
+
+def both(given: dict[str, Any], *, blend: float = BLEND, gamma: float = GAMMA) -> tuple[tuple[Tensor, ...], ...]:
+    got, want = (anti_alias(**given, blend=blend, gamma=gamma, compiled=form) for form in FORMS)
+    return got, want
+
+
+def assert_close(got: tuple[Tensor, ...], want: tuple[Tensor, ...]) -> None:
+    light, toned, length = want
+    assert torch.equal(got[2], length)
+    torch.testing.assert_close(got[1], toned, rtol=0, atol=2e-4)
+    torch.testing.assert_close(got[0] / (1 + got[0]), light / (1 + light), rtol=0, atol=2e-4)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_forms_agree(case: str) -> None:
+    given = inputs(**CASES[case])
+    got, want = both(given)
+    assert_close(got, want)
+    if min(want[0].shape[2:]) > 9:
+        fresh = (want[2] == 1).float().mean()
+        assert 0.05 < float(fresh) < 0.5, "some pixels have no history"
+        assert float((want[0] - given["color"]).abs().mean()) > 0.05
+
+
+@pytest.mark.parametrize("change", ["without history", "without jitter", "still", "blend", "gamma", "dark and bright"])
+def test_other_inputs(change: str) -> None:
+    given, tunables = inputs(), {"blend": BLEND, "gamma": GAMMA}
+    if change == "without history":
+        given["before"] = None
+    elif change == "without jitter":
+        given["jitter"] = None
+    elif change == "still":
+        given["motion"] = torch.zeros_like(given["motion"])
+    elif change == "dark and bright":
+        given["color"] = torch.cat([1e-3 * given["color"][..., :40], 1e4 * given["color"][..., 40:]], dim=-1)
+    else:
+        tunables[change] = 0.4
+    ordinary, (got, want) = both(inputs())[0], both(given, **tunables)
+    assert_close(got, want)
+    assert not torch.equal(got[0], ordinary[0])
+
+
+def test_the_nearest_surface_moves_an_edge() -> None:
+    """A near pixel in the middle moves; those around it move with it, and all others stay."""
+    given = inputs((15, 15))
+    given["depth"], given["motion"] = torch.full((1, 1, 15, 15), 9.0), torch.zeros(1, 2, 15, 15)
+    given["depth"][..., 7, 7], given["motion"][..., 7, 7] = 2.0, 3.25
+    got, want = both(given)
+    assert_close(got, want)
+    still = both(given | {"motion": torch.zeros(1, 2, 15, 15)})[0]
+    moved = (got[1] != still[1]).any(dim=1)[0]
+    assert bool(moved[6:9, 6:9].any())
+    moved[6:9, 6:9] = False
+    assert not moved.any()
+
+
+def test_motion_and_depth_that_are_not_finite() -> None:
+    given = inputs()
+    given["motion"][..., :9], given["motion"][..., 9:20] = torch.inf, torch.nan
+    given["motion"][..., 20:30] = -1e30
+    given["depth"][..., 40:60, 50:60] = torch.nan
+    got, want = both(given)
+    assert_close(got, want)
+    assert bool((got[2][..., :29] == 1).all())
+
+
+def test_batch_equals_loop() -> None:
+    one, other = inputs(), inputs(orthographic=True)
+    other["jitter"] = -one["jitter"]
+    together = anti_alias(**{n: torch.cat([one[n], other[n]]) for n in one}, blend=BLEND, gamma=GAMMA, compiled=True)
+    for i, given in enumerate((one, other)):
+        alone = anti_alias(**given, blend=BLEND, gamma=GAMMA, compiled=True)
+        assert all(torch.equal(a[i : i + 1], b) for a, b in zip(together, alone, strict=True))
+
+
+def test_threads_and_layout_do_not_matter() -> None:
+    given, count = inputs(), torch.get_num_threads()
+    kept = {name: tensor.clone() for name, tensor in given.items()}
+    want = anti_alias(**given, blend=BLEND, gamma=GAMMA, compiled=True)
+    try:
+        torch.set_num_threads(1)
+        strided = given | {n: given[n].contiguous(memory_format=torch.channels_last) for n in ("color", "before")}
+        got = anti_alias(**strided, blend=BLEND, gamma=GAMMA, compiled=True)
+    finally:
+        torch.set_num_threads(count)
+    assert all(torch.equal(a, b) for a, b in zip(got, want, strict=True))
+    assert all(torch.equal(given[name], tensor) for name, tensor in kept.items())
+
+
+@pytest.mark.parametrize("name", ["color", "motion", "before"])
+def test_gradients_choose_the_reference(name: str) -> None:
+    given = inputs((20, 30))
+    given[name].requires_grad_()
+    anti_alias(**given, blend=BLEND, gamma=GAMMA)[0].sum().backward()
+    assert float(given[name].grad.abs().max()) > 1e-3
+
+
+def test_operator_is_registered_properly() -> None:
+    given = inputs((7, 9))
+    operands = (given["color"], torch.rand(1, 2, 3), *(given[n] for n in ("depth", "motion", "before", "age")))
+    torch.library.opcheck(anti_alias_cpu, (*operands, BLEND, GAMMA), test_utils=("test_schema", "test_faketensor"))
