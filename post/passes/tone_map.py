@@ -2,35 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from gbufrt.compute.fusion import fusible
 from gbufrt.noise.noise import blue_noise
-from post.filters.signals import luminance
-
-Operator = Literal["agx", "aces", "pbr_neutral", "reinhard", "linear"]
-
-AGX_INSET = (
-    (0.842479062253094, 0.0784335999999992, 0.0792237451477643),
-    (0.0423282422610123, 0.878468636469772, 0.0791661274605434),
-    (0.0423756549057051, 0.0784336, 0.879142973793104),
-)
-AGX_MIN_EV, AGX_MAX_EV = -12.47393, 4.026069  # 10 stops below and 6.5 above middle grey, log2
-AGX_CURVE = (-0.00232, 0.1191, 0.4298, -6.868, 31.96, -40.14, 15.5)  # by rising power
-AGX_DISPLAY_GAMMA = 2.2
-
-ACES_INPUT = ((0.59719, 0.35458, 0.04823), (0.07600, 0.90834, 0.01566), (0.02840, 0.13383, 0.83777))
-ACES_OUTPUT = ((1.60475, -0.53108, -0.07367), (-0.10208, 1.10813, -0.00605), (-0.00327, -0.07276, 1.07602))
-
-NEUTRAL_START = 0.8 - 0.04  # startCompression
-NEUTRAL_DESATURATION = 0.15
-NEUTRAL_F90 = 0.04
-TINY = 1e-10
+from post.display.op import tone_curve
+from post.display.reference import OPERATORS, Operator
 
 
 def tone_map(
@@ -63,75 +42,12 @@ def tone_map(
     Source: AgX by Sobotka 2022 in the polynomial fit of Wrensch 2023; ACES fit by Hill (BakingLab); Khronos PBR
     Neutral Tone Mapper specification 2024; Reinhard et al. 2002, eq. 4.
     """
-    if operator not in _OPERATORS:
-        raise ValueError(f"operator must be one of {', '.join(_OPERATORS)}, got {operator!r}")
+    if operator not in OPERATORS:
+        raise ValueError(f"operator must be one of {', '.join(OPERATORS)}, got {operator!r}")
     for name, number in (("contrast", contrast), ("white", white)):
         if number <= 0:
             raise ValueError(f"{name} must be positive, got {number}")
-    return _tone_map(color, torch.as_tensor(exposure, dtype=color.dtype), operator, contrast, saturation, white)
-
-
-@fusible
-def _tone_map(
-    color: Tensor, exposure: Tensor, operator: Operator, contrast: float, saturation: float, white: float
-) -> Tensor:
-    light = (color * exposure.to(color)).clamp_min(0)
-    if operator == "agx":
-        return _agx(light, contrast, saturation)
-    if operator == "reinhard":
-        return _reinhard(light, white)
-    return _OPERATORS[operator](light)
-
-
-def _agx(light: Tensor, contrast: float, saturation: float) -> Tensor:
-    inset = _matrix(AGX_INSET, light)
-    stops = torch.einsum("ij,bjhw->bihw", inset, light).clamp_min(TINY).log2()
-    x = ((stops - AGX_MIN_EV) / (AGX_MAX_EV - AGX_MIN_EV)).clamp(0, 1)
-    curve = torch.zeros_like(x)
-    for coefficient in reversed(AGX_CURVE):
-        curve = curve * x + coefficient
-    graded = curve.clamp_min(TINY) ** contrast
-    grey = luminance(graded, 3)
-    graded = grey + saturation * (graded - grey)
-    shown = torch.einsum("ij,bjhw->bihw", torch.linalg.inv(inset), graded)
-    return shown.clamp(TINY, 1) ** AGX_DISPLAY_GAMMA
-
-
-def _aces(light: Tensor) -> Tensor:
-    v = torch.einsum("ij,bjhw->bihw", _matrix(ACES_INPUT, light), light)
-    v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
-    return torch.einsum("ij,bjhw->bihw", _matrix(ACES_OUTPUT, light), v).clamp(0, 1)
-
-
-def _pbr_neutral(light: Tensor) -> Tensor:
-    least = light.amin(1, keepdim=True)
-    offset = torch.where(least < 2 * NEUTRAL_F90, least - least.square() / (4 * NEUTRAL_F90), NEUTRAL_F90)
-    light = light - offset
-    peak = light.amax(1, keepdim=True)
-    d = 1 - NEUTRAL_START
-    over = peak.clamp_min(NEUTRAL_START)
-    shown = 1 - d * d / (over + d - NEUTRAL_START)
-    scaled = light * shown / over
-    fade = 1 - 1 / (NEUTRAL_DESATURATION * (over - shown) + 1)
-    return torch.where(peak < NEUTRAL_START, light, torch.lerp(scaled, shown.expand_as(scaled), fade)).clamp(0, 1)
-
-
-def _reinhard(light: Tensor, white: float) -> Tensor:
-    level = luminance(light, 3)
-    return (light * (1 + level / white**2) / (1 + level)).clamp(0, 1)
-
-
-def _linear(light: Tensor) -> Tensor:
-    return light.clamp(0, 1)
-
-
-_OPERATORS = {"agx": _agx, "aces": _aces, "pbr_neutral": _pbr_neutral, "reinhard": _reinhard, "linear": _linear}
-
-
-def _matrix(rows: tuple[tuple[float, ...], ...], like: Tensor) -> Tensor:
-    """Rows scaled to sum to one, so that the rounding of published digits does not tint grey."""
-    matrix = torch.tensor(rows, dtype=like.dtype, device=like.device)
-    return matrix / matrix.sum(1, keepdim=True)
+    return tone_curve(color, torch.as_tensor(exposure, dtype=color.dtype), operator, contrast, saturation, white)
 
 
 def display_encode(image: Tensor, *, dither: bool = False, index: int = 0, seed: int = 0) -> Tensor:

@@ -1,0 +1,68 @@
+"""The compiled form of the AgX tone curve: a row of pixels as a body.
+
+Names and steps are those of the torch reference in `post.display.reference`, the definition. Logarithms and powers are
+approximations that become vector instructions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gbufrt.compute.approximations import exp2, log2
+from gbufrt.compute.kernel import inlined, scalar
+from post.display import constants
+from post.filters.signals import REC709
+
+ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(constants.TINY)
+RED, GREEN, BLUE = (np.float32(share) for share in REC709)
+LEAST, RANGE = np.float32(constants.AGX_MIN_EV), np.float32(constants.AGX_MAX_EV - constants.AGX_MIN_EV)
+C0, C1, C2, C3, C4, C5, C6 = (np.float32(c) for c in constants.AGX_CURVE)
+GAMMA = np.float32(constants.AGX_DISPLAY_GAMMA)
+
+
+@inlined
+def _graded(light, contrast):
+    """One channel through the curve and its contrast."""
+    x = min(max((log2(max(light, TINY)) - LEAST) / RANGE, ZERO), ONE)
+    curve = (((((C6 * x + C5) * x + C4) * x + C3) * x + C2) * x + C1) * x + C0
+    return exp2(contrast * log2(max(curve, TINY)))
+
+
+@inlined
+def _shown(value):
+    """Display-linear light."""
+    return exp2(GAMMA * log2(min(max(value, TINY), ONE)))
+
+
+@inlined
+def _mixed(shares, red, green, blue):
+    """A row of a matrix times a colour."""
+    return shares[0] * red + shares[1] * green + shares[2] * blue
+
+
+@scalar
+def _row_of(matrix, i):
+    """A row as numbers: a loop that may write to what it reads is not vectorised."""
+    return matrix[i, 0], matrix[i, 1], matrix[i, 2]
+
+
+@scalar
+def agx_row(out, color, y, exposure, contrast, saturation, inset, outset):
+    """A row of AgX. ``outset`` is the inverse of ``inset``."""
+    in_red, in_green, in_blue = _row_of(inset, 0), _row_of(inset, 1), _row_of(inset, 2)
+    out_red, out_green, out_blue = _row_of(outset, 0), _row_of(outset, 1), _row_of(outset, 2)
+    reds, greens, blues = color[0, y], color[1, y], color[2, y]
+    new_reds, new_greens, new_blues = out[0, y], out[1, y], out[2, y]
+    for x in range(reds.shape[0]):
+        r, g, b = max(reds[x] * exposure, ZERO), max(greens[x] * exposure, ZERO), max(blues[x] * exposure, ZERO)
+        red, green = _graded(_mixed(in_red, r, g, b), contrast), _graded(_mixed(in_green, r, g, b), contrast)
+        blue = _graded(_mixed(in_blue, r, g, b), contrast)
+        grey = RED * red + GREEN * green + BLUE * blue
+        r, g, b = (
+            grey + saturation * (red - grey),
+            grey + saturation * (green - grey),
+            grey + saturation * (blue - grey),
+        )
+        new_reds[x] = _shown(_mixed(out_red, r, g, b))
+        new_greens[x] = _shown(_mixed(out_green, r, g, b))
+        new_blues[x] = _shown(_mixed(out_blue, r, g, b))

@@ -1,0 +1,90 @@
+"""Tone curves in torch: the definition of `post.display.op.tone_curve`, with its gradients."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from gbufrt.compute.fusion import fusible
+from post.display.constants import (
+    ACES_INPUT,
+    ACES_OUTPUT,
+    AGX_CURVE,
+    AGX_DISPLAY_GAMMA,
+    AGX_INSET,
+    AGX_MAX_EV,
+    AGX_MIN_EV,
+    NEUTRAL_DESATURATION,
+    NEUTRAL_F90,
+    NEUTRAL_START,
+    TINY,
+)
+from post.filters.signals import luminance
+
+Operator = Literal["agx", "aces", "pbr_neutral", "reinhard", "linear"]
+
+
+@fusible
+def tone_reference(
+    color: Tensor, exposure: Tensor, operator: Operator, contrast: float, saturation: float, white: float
+) -> Tensor:
+    """``(B, 3, H, W)``. Arguments and result are those of `post.tone_map`."""
+    light = (color * exposure.to(color)).clamp_min(0)
+    if operator == "agx":
+        return _agx(light, contrast, saturation)
+    if operator == "reinhard":
+        return _reinhard(light, white)
+    return OPERATORS[operator](light)
+
+
+def _agx(light: Tensor, contrast: float, saturation: float) -> Tensor:
+    inset = matrix(AGX_INSET, light)
+    stops = torch.einsum("ij,bjhw->bihw", inset, light).clamp_min(TINY).log2()
+    x = ((stops - AGX_MIN_EV) / (AGX_MAX_EV - AGX_MIN_EV)).clamp(0, 1)
+    curve = torch.zeros_like(x)
+    for coefficient in reversed(AGX_CURVE):
+        curve = curve * x + coefficient
+    graded = curve.clamp_min(TINY) ** contrast
+    grey = luminance(graded, 3)
+    graded = grey + saturation * (graded - grey)
+    shown = torch.einsum("ij,bjhw->bihw", torch.linalg.inv(inset), graded)
+    return shown.clamp(TINY, 1) ** AGX_DISPLAY_GAMMA
+
+
+def _aces(light: Tensor) -> Tensor:
+    v = torch.einsum("ij,bjhw->bihw", matrix(ACES_INPUT, light), light)
+    v = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081)
+    return torch.einsum("ij,bjhw->bihw", matrix(ACES_OUTPUT, light), v).clamp(0, 1)
+
+
+def _pbr_neutral(light: Tensor) -> Tensor:
+    least = light.amin(1, keepdim=True)
+    offset = torch.where(least < 2 * NEUTRAL_F90, least - least.square() / (4 * NEUTRAL_F90), NEUTRAL_F90)
+    light = light - offset
+    peak = light.amax(1, keepdim=True)
+    d = 1 - NEUTRAL_START
+    over = peak.clamp_min(NEUTRAL_START)
+    shown = 1 - d * d / (over + d - NEUTRAL_START)
+    scaled = light * shown / over
+    fade = 1 - 1 / (NEUTRAL_DESATURATION * (over - shown) + 1)
+    return torch.where(peak < NEUTRAL_START, light, torch.lerp(scaled, shown.expand_as(scaled), fade)).clamp(0, 1)
+
+
+def _reinhard(light: Tensor, white: float) -> Tensor:
+    level = luminance(light, 3)
+    return (light * (1 + level / white**2) / (1 + level)).clamp(0, 1)
+
+
+def _linear(light: Tensor) -> Tensor:
+    return light.clamp(0, 1)
+
+
+OPERATORS = {"agx": _agx, "aces": _aces, "pbr_neutral": _pbr_neutral, "reinhard": _reinhard, "linear": _linear}
+
+
+def matrix(rows: tuple[tuple[float, ...], ...], like: Tensor) -> Tensor:
+    """Rows scaled to sum to one, so that the rounding of published digits does not tint grey."""
+    matrix = torch.tensor(rows, dtype=like.dtype, device=like.device)
+    return matrix / matrix.sum(1, keepdim=True)
