@@ -103,18 +103,7 @@ def anti_alias_cpu(
     blend: float,
     gamma: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """See `anti_alias`.
-
-    Args:
-        color: as in `anti_alias`, and so the rest but for ``weights``.
-        weights: ``(B, 2, 3)`` of the columns and rows around a pixel in its value at the pixel's centre.
-        depth: see ``color``.
-        motion: see ``color``.
-        before: see ``color``.
-        age: see ``color``.
-        blend: see ``color``.
-        gamma: see ``color``.
-    """
+    """See `anti_alias`; ``weights`` ``(B, 2, 3)`` are shares of the columns and rows around a pixel in its value."""
     from gbufrt.compute.kernel import array, threads
     from post.history.drivers import anti_alias_rows, tone_rows
 
