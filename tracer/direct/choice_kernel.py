@@ -21,7 +21,7 @@ TILE = 8  # pixels on a side
 UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
 FEW = 16  # so few lamps are candidates everywhere
 MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
-"""So many lamps at most can each give a pixel more than the share that earns rays of their own."""
+"""So many lamps at most give a pixel more than the share that earns rays of their own; one more by rounding."""
 
 
 @scalar
@@ -56,22 +56,25 @@ def bound(sources, number, center, reach, low, high):
     above = reach
     for axis in range(3):
         above += max(way[axis] * low[axis], way[axis] * high[axis])
-    cosine = min(above / distance, 1.0)
+    far = math.sqrt(dot(way, way)) + reach  # behind the surface the highest cosine is that of the farthest point
+    cosine = min(above / (distance if above > 0 else far), 1.0)
     cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
     return shown * cosine / (distance * max(distance * distance, radius * radius / 4)) * lamps[number, MEAN]
 
 
 @scalar
 def extent(surface, start, width, tile):
-    """The middle lit pixel of a tile (-1 for none), and the ranges of its lit points and normals."""
+    """The lit pixel nearest a tile's centre (-1 for none), and the ranges of its lit points and normals."""
     points, normals, lit = surface
-    count, middle = 0, -1
+    nearest, middle = np.inf, -1
     low, high = np.full(6, np.inf), np.full(6, -np.inf)
     for y in range(tile[0], tile[1]):
-        for i in range(start + y * width + tile[2], start + y * width + tile[3]):
+        for x in range(tile[2], tile[3]):
+            i = start + y * width + x
             if lit[i]:
-                count += 1
-                middle = i if 2 * count <= (tile[1] - tile[0]) * (tile[3] - tile[2]) + 1 else middle
+                away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
+                if away < nearest:
+                    nearest, middle = away, i
                 for k in range(3):
                     low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
                     low[3 + k], high[3 + k] = min(low[3 + k], normals[i, k]), max(high[3 + k], normals[i, k])
@@ -116,7 +119,8 @@ def find_candidates(sources, few, point, normal, known, low, high, candidates, o
 def list_lamps(sources, candidates, point, normal, known, sent, power, marked):
     """List the candidates worth rays of their own; leave in ``power`` the importance of the rest.
 
-    Returned: the length of the list, the sum of ``power``, and how many of the rest are drawn.
+    A lamp for which ``marked`` has no room stays in the rest. Returned: the length of the list, the sum of ``power``,
+    and how many of the rest are drawn.
     """
     total = known + sent
     for k in range(len(candidates)):
@@ -124,7 +128,7 @@ def list_lamps(sources, candidates, point, normal, known, sent, power, marked):
         total += power[k]
     count, rest = 0, 0.0
     for k in range(len(candidates)):
-        if power[k] > SHARE_ALONE * total:
+        if power[k] > SHARE_ALONE * total and count < len(marked):
             marked[count] = 2 * candidates[k] + (1 if power[k] > SHARE_FINE * total else 0)
             count += 1
             power[k] = 0.0

@@ -2,7 +2,7 @@
 
 `tracer.lights.shadows.arriving` passes over the picture once for each source. Here each pixel lists its sources and
 samples them together, so that work grows with what reaches a pixel, not with the number of lamps. Both forms send the
-same rays.
+same rays where there are at most `FEW` lamps; where there are more, they draw the faint ones by other weights.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
 
 CHUNK = 64  # pixels handed out at a time
-BAND = 1 << 17  # pixels whose samples are in memory together
+BAND = 1 << 17  # pixels whose samples are in memory together, and fewer
+LONG = 32  # where their lists may have more entries than that
 
 
 @driver
@@ -101,7 +102,7 @@ class Direct(reference.Direct):
         size, lit = self.surface.size, self.surface.lit
         arrived = torch.zeros(3, lit.numel())
         if self.scene.sun is not None:
-            for start, rows, pixels in self._bands():
+            for start, rows, pixels in self._bands(1):
                 alone = lit[start : start + pixels].int()
                 offsets = np.concatenate([[0], array(alone.cumsum(0))])
                 marked = np.full(offsets[-1], 2 * len(self.lamps) + 1, np.int32)
@@ -109,28 +110,42 @@ class Direct(reference.Direct):
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, none)
         if len(self.lamps):
             known, dice = arrived.mean(dim=0), noise[2].flatten()
-            for start, rows, pixels in self._bands():
+            for start, rows, pixels in self._bands(self._longest):
                 lists, counts, rest = self.lists(known, dice, start, pixels)
                 offsets = np.concatenate([[0], counts.cumsum()])
                 marked = lists[np.arange(lists.shape[1]) < counts[:, None]]
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, rest)
         return arrived.view(3, *size)
 
-    def _bands(self) -> Iterator[tuple[int, tuple[int, int], int]]:
-        """First pixel and number of pixels of each band, and those of its rows that are finished with it."""
+    def _bands(self, longest: int) -> Iterator[tuple[int, tuple[int, int], int]]:
+        """First pixel of each band, those of its rows that are finished with it, and its number of pixels.
+
+        Lists of its pixels have at most ``longest`` entries.
+        """
         height, width = self.surface.size
-        tall = max(BAND // width, 2 * REACH)
+        tall = max(BAND * LONG // (max(longest, LONG) * width), 2 * REACH)
         for top in range(0, height, tall):
             first, last = max(top - REACH, 0), min(top + tall + REACH, height)
             yield first * width, (top - first, min(top + tall, height) - first), (last - first) * width
 
     def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int) -> tuple[np.ndarray, np.ndarray, Any]:
-        lists = np.empty((pixels, min(len(self.lamps), MOST_ALONE)), np.int32)
+        """Which lamps matter to ``pixels`` pixels P from ``start`` on; ``known`` and ``dice`` as in `choices`.
+
+        Returns:
+            ``(P, M)`` int32, lists as in `tracer.direct.pixel_kernel`; their lengths ``(P,)`` int64; the numbers
+            ``(P, D)`` int32 of lamps drawn from the rest, with the inverse ``(P, D)`` float32 of how often each is.
+        """
+        lists = np.empty((pixels, self._longest), np.int32)
         counts, chosen = np.empty(pixels, np.int64), np.zeros((pixels, DRAWS), np.int32)
         scale = np.empty(chosen.shape, np.float32)
         given = array(known), array(dice), start, self.surface.size[1], FEW
         list_all(self._sources, self._surface, *given, lists, counts, chosen, scale, threads())
         return lists, counts, (chosen, scale)
+
+    @property
+    def _longest(self) -> int:
+        """Entries of the longest list of a pixel."""
+        return min(len(self.lamps), MOST_ALONE)
 
     def _sample(
         self,

@@ -16,7 +16,7 @@ from tracer.scene.scene import MASK_SHADOW
 from tracer.traversal.kernel import transmitted, triple
 
 CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
-"""Columns of `Shining.rectangles`; the facing is as long as the area, the offset its product with the corner."""
+"""Columns of `Sources.rectangles`; the facing is as long as the area, the offset its product with the corner."""
 CENTER, RADIUS, MEAN = 0, 3, 4
 """Columns of `Sources.lamps`; the mean of the radiance."""
 

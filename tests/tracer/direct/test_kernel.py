@@ -120,13 +120,50 @@ def test_bands_leave_no_seam(monkeypatch: pytest.MonkeyPatch):
     assert torch.equal(compiled.arriving(noise, 16), whole)
 
 
+def test_a_list_holds_no_more_lamps_than_it_has_room_for():
+    """Of 128 lamps that are alike, rounding lets each give more than a 128th of the light."""
+    sources = drivers.sources_of(forms(polished_scene(1))[0].lamps, None)
+    point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
+    number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward) > 0)
+    sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward)
+    alike, power = np.full(128, number, np.int32), np.empty(128)
+    row = np.full(128, -1, np.int32)
+    given = sources, alike, point, toward, 0.0, 0.0, power
+    assert choice_kernel.list_lamps(*given, row)[0] == 128, "rounding has to matter for what follows"
+    count, rest, _ = choice_kernel.list_lamps(*given, row[: choice_kernel.MOST_ALONE])
+    assert count == choice_kernel.MOST_ALONE == 127
+    assert rest == power[-1] > 0, "it may still be drawn"
+
+
+def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
+    width, lit, zeros = 12, np.zeros(120, bool), np.zeros((120, 3))
+    tile, surface = (1, 9, 2, 10), (zeros, zeros, lit)
+    assert choice_kernel.extent(surface, 0, width, tile)[0] == -1
+    for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
+        lit[y * width + x] = True
+        assert choice_kernel.extent(surface, 0, width, tile)[0] == y * width + x
+
+
+def test_long_lists_make_low_bands():
+    compiled = forms(polished_scene(1))[1]
+    compiled = replace(compiled, surface=replace(compiled.surface, size=(1080, 1920)))
+    tall = [max(rows[1] - rows[0] for _, rows, _ in compiled._bands(longest)) for longest in (1, 32, 127)]
+    assert tall == [68, 68, 17]
+
+
 def test_no_lamp_sends_more_than_its_bound():
     g = torch.Generator().manual_seed(4)
     sources = drivers.sources_of(forms(polished_scene(1))[0].lamps, None)
-    tight = 0
-    for _ in range(40):
+    tight = behind = 0
+    for case in range(120):
         center, reach = (torch.rand(3, generator=g) * 24 - 12).double().numpy(), float(torch.rand((), generator=g)) * 4
         facing = F.normalize(torch.randn(1, 3, generator=g) + 0.4 * torch.randn(20, 3, generator=g), dim=1).double()
+        if case >= 40:  # near a lamp, on a surface that faces away from it
+            way = F.normalize(torch.randn(1, 3, generator=g), dim=1).double()
+            lamp = sources.lamps[case % len(sources.lamps)]
+            away = lamp[choice_kernel.RADIUS] * (0.6 + reach / 4)
+            center, reach = lamp[:3] + way[0].numpy() * away, float(away) * 0.5
+            facing = F.normalize(way + 0.01 * torch.randn(20, 3, generator=g).double(), dim=1)
         low, high = tuple(facing.amin(0).tolist()), tuple(facing.amax(0).tolist())
         offsets = F.normalize(torch.randn(20, 3, generator=g), dim=1).double().numpy() * reach
         for number in range(len(sources.lamps)):
@@ -137,7 +174,9 @@ def test_no_lamp_sends_more_than_its_bound():
             ]
             assert max(sent) <= most * (1 + 1e-9)
             tight += max(sent) > 0.2 * most > 0
-    assert tight > 100
+            behind += case >= 40 and max(sent) > 0.2 * most > 0
+    assert tight - behind > 100
+    assert behind > 100
 
 
 def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
