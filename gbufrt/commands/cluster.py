@@ -8,31 +8,34 @@ travels with the value, as the machine that reads the results may share no disk 
 from __future__ import annotations
 
 import os
+import secrets
+import shutil
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any
 
+from gbufrt import __version__
 from gbufrt.commands.busy import cores
 from gbufrt.commands.options import ClusterOptions, at_least
+from gbufrt.commands.steps import Failure, Work, not_installed, steps
 from gbufrt.files.output import atomic
 
-Work = Callable[[Any, Any, Path], Iterator[Any]]
 MOST_WORKERS = 65536
 RETRIES = 3  # of a task whose worker was lost
 AHEAD = 2  # steps of a task that may wait to be read: a worker stops there, so that results do not fill the memory
 SECONDS_TO_ANSWER = 5.0
 SECONDS_TO_CONNECT = 30.0
+SECONDS_TO_END = 5.0
 START = "start Ray with `ray start --head` and give the address that it prints"
-LAST = (".exr", ".json")  # a frame's EXR and a unit's record say that the rest is there: they are written last
 PROBE = """
 import sys, ray
 try:
@@ -44,16 +47,17 @@ except Exception as error:
 """
 
 
-def check_cluster(options: ClusterOptions, *, device: str = "cpu") -> None:
-    """Check the options, and whether anything answers at the address; imports neither torch nor Ray.
+def check_cluster(options: ClusterOptions, *, device: str = "cpu", lead_in: int | None = None) -> None:
+    """Check the options and what fits them, and whether anything answers at the address; imports neither torch nor Ray.
 
     Raises:
         ValueError: they make no sense together, Ray is not installed, or nothing answers.
     """
     address = options.cluster
     if address is None:
-        if options.workers is not None:
-            raise ValueError("--workers is for --cluster; give --cluster local, or leave --workers out")
+        for name, value in (("--workers", options.workers), ("--lead-in", lead_in)):
+            if value is not None:
+                raise ValueError(f"{name} is for --cluster; give --cluster local, or leave {name} out")
         return
     if options.workers is not None:
         at_least("--workers", options.workers, 1, MOST_WORKERS)
@@ -67,8 +71,8 @@ def check_cluster(options: ClusterOptions, *, device: str = "cpu") -> None:
     if address != "local":
         try:
             socket.create_connection((host.strip("[]"), int(port)), SECONDS_TO_ANSWER).close()
-        except OSError as error:
-            reason = error.strerror or str(error)
+        except (OSError, UnicodeError) as error:  # UnicodeError: a name that can be no host's, such as a..b
+            reason = getattr(error, "strerror", None) or str(error)
             raise ValueError(f"nothing answers at --cluster {address} ({reason}); {START}") from error
 
 
@@ -79,7 +83,7 @@ class Cluster:
     Args:
         sizes: cores of each machine.
         each: threads that every worker is to have, or None for an equal share of the cores.
-        most: workers that there may be, or None for what the cores allow.
+        most: workers that there may be, where the cores allow as many; None for no limit.
     """
 
     sizes: tuple[int, ...]
@@ -89,12 +93,15 @@ class Cluster:
     @property
     def workers(self) -> int:
         """How many tasks may run at once."""
-        return self.most or max(sum(size // (self.each or 1) for size in self.sizes), 1)
+        room = sum(size // (self.each or 1) for size in self.sizes)
+        return max(min(self.most or room, room), 1)
 
     def threads(self, tasks: int) -> int:
-        """How many threads each worker has for so many tasks."""
-        wanted = self.each or sum(self.sizes) // max(min(self.workers, tasks), 1)
-        return max(min(wanted, *self.sizes), 1)  # a task that fits no machine would wait for ever
+        """How many threads each worker has for so many tasks: as many as let all run at once, and fit a machine."""
+        at_once = min(self.workers, tasks)
+        sizes = range(max(self.sizes), 1, -1)
+        most = next((n for n in sizes if sum(size // n for size in self.sizes) >= at_once), 1)
+        return min(self.each or most, most)
 
     def run(self, work: Work, tasks: Sequence[Any], *, shared: Any, out: Path) -> Iterator[Any]:
         """Run every task, and yield the values of all as they come, once their files are under ``out``.
@@ -109,36 +116,40 @@ class Cluster:
             out: folder to write to.
 
         Raises:
-            ChildProcessError: the workers of one task were lost again and again.
+            ChildProcessError: the workers of one task were lost again and again, or Ray failed.
         """
         import ray
 
         # The world goes through the object store: a .vox file or a seed would have to be there, and be the same, on
         # every machine, and unpickling the built-in world takes a hundredth of the time that building it does.
         given, threads = ray.put(shared), self.threads(len(tasks))
-        remote = ray.remote(_steps).options(
+        prefix = f"gbufrt-{os.getpid()}-{secrets.token_hex(4)}-"
+        remote = ray.remote(steps).options(
             num_cpus=threads, num_returns="streaming", max_retries=RETRIES,
             _generator_backpressure_num_objects=AHEAD,
         )  # fmt: skip
         waiting = iter(tasks)
 
         def begun(count: int) -> list[Any]:
-            return [remote.remote(work, given, task, threads) for task in islice(waiting, count)]
+            return [remote.remote(work, given, task, threads, prefix, __version__) for task in islice(waiting, count)]
 
         running: list[Any] = begun(self.workers)
-        while running:
-            done, running = ray.wait(running, num_returns=1)
-            ready: Any = done[0]  # a generator whose next step is there
-            step = next(ready, None)
-            if step is None:
-                running += begun(1)
-                continue
-            running.append(ready)  # behind the others, so that all advance
-            value, files = _read(step)
-            for name, data in files.items():
-                with atomic(out / name) as part:
-                    part.write_bytes(data)
-            yield value
+        try:
+            while running:
+                done, running = ray.wait(running, num_returns=1)
+                ready: Any = done[0]  # a generator whose next step is there
+                step = next(ready, None)
+                if step is None:
+                    running += begun(1)
+                    continue
+                running.append(ready)  # behind the others, so that all advance
+                value, files = _read(step)
+                for name, data in files.items():
+                    with atomic(out / name) as part:
+                        part.write_bytes(data)
+                yield value
+        finally:
+            _end(running, prefix)
 
 
 @contextmanager
@@ -185,30 +196,48 @@ def _probe(address: str) -> None:
 
 
 def _read(step: Any) -> tuple[Any, dict[str, bytes]]:
-    """Value and files of a step, or the exception of its task as it was raised."""
+    """Value and files of a step; raises the exception of its task."""
     import ray
-    from ray.exceptions import RayError, RayTaskError
+    from ray.exceptions import (
+        LocalRayletDiedError,
+        NodeDiedError,
+        ObjectLostError,
+        OutOfMemoryError,
+        RayError,
+        RayTaskError,
+        WorkerCrashedError,
+    )
 
     try:
-        return ray.get(step)
-    except RayTaskError as error:
-        if isinstance(error.cause, ImportError):
-            raise ValueError(f"gbufrt must be installed on all machines of the cluster: {error.cause}") from error
-        raise error.cause from None
+        value, files = ray.get(step)
+    except RayTaskError as error:  # before or after its work, whose own exceptions are values
+        if not_installed(error.cause):
+            raise ValueError(not_installed(error.cause)) from error
+        raise ChildProcessError(f"a worker failed: {type(error.cause).__name__}: {error.cause}") from error
     except RayError as error:
-        said = (str(error).strip().splitlines() or [type(error).__name__])[0]
-        raise ChildProcessError(f"lost {RETRIES + 1} workers over one task ({said}); --resume goes on") from error
+        said = (str(error).strip().splitlines() or ["no reason given"])[0]
+        if isinstance(
+            error, (WorkerCrashedError, NodeDiedError, LocalRayletDiedError, OutOfMemoryError, ObjectLostError)
+        ):
+            raise ChildProcessError(f"lost {RETRIES + 1} workers over one task ({said}); --resume goes on") from error
+        raise ChildProcessError(f"Ray failed: {type(error).__name__}: {said}") from error
+    if isinstance(value, Failure):
+        raise value.exception()
+    return value, files
 
 
-def _steps(work: Work, shared: Any, task: Any, threads: int) -> Iterator[tuple[Any, dict[str, bytes]]]:
-    """Values and files of work, in a worker process."""
-    import torch
+def _end(running: Sequence[Any], prefix: str) -> None:
+    """End the workers of a run that was cut short, and remove folders of killed workers, which cannot do so themselves.
 
-    torch.set_num_threads(threads)  # kernels take no more: see gbufrt.compute.threads
-    with TemporaryDirectory(prefix="gbufrt-") as name:
-        folder = Path(name)
-        for value in work(shared, task, folder):
-            files = sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda p: p.suffix in LAST)
-            yield value, {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
-            for path in files:
-                path.unlink()
+    Only those on this machine: on others they stay.
+    """
+    import ray
+
+    try:
+        for generator in running:
+            ray.cancel(generator, force=True)
+        if running:
+            ray.wait([g.completed() for g in running], num_returns=len(running), timeout=SECONDS_TO_END)
+    finally:
+        for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
+            shutil.rmtree(folder, ignore_errors=True)

@@ -128,12 +128,14 @@ def cut(frames: int, missing: Sequence[int], *, workers: int, lead_in: int) -> l
     """The shots that make the ``missing`` frames of a flight.
 
     Shots are as many as there are workers, and take equally long: the first has no lead-in, and more frames for that.
-    There are fewer where a shot would be less than half its lead-in, as that would cost more than it brings. Which
-    frames belong to a shot, and where it begins, does not depend on what is missing: what is resumed fits.
+    Where they would be longer than `LONGEST`, each worker makes several, all as many. There are fewer where a shot
+    would be less than half its lead-in, as that would cost more than it brings. Which frames belong to a shot, and
+    where it begins, does not depend on what is missing: frames resumed with as many workers and as long a lead-in are
+    what they would have been. For that, finished frames of a shot are made again up to its last missing one.
     """
     worth = (frames - lead_in) // max(lead_in // 2, 1)
-    needed = math.ceil(frames / max(LONGEST, 4 * lead_in))
-    count = min(max(min(workers, worth), needed, 1), frames)
+    rounds = math.ceil(frames / (max(LONGEST, 4 * lead_in) * workers))
+    count = min(max(min(workers, worth), 1) if rounds == 1 else rounds * workers, frames)
     first = math.ceil((frames + (count - 1) * lead_in) / count)
     starts = [0, *(first + (frames - first) * n // (count - 1) for n in range(count - 1))]
     shots, left = [], set(missing)

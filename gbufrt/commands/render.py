@@ -29,7 +29,7 @@ def render(
     light_samples: Whole | None = None,
     seed: Annotated[Whole | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
     resume: Flag = False,
-    lead_in: Whole = LEAD_IN,
+    lead_in: Whole | None = None,
     options: PassOptions | None = None,
     spread: ClusterOptions | None = None,
 ) -> None:
@@ -47,9 +47,10 @@ def render(
         time: Seconds into the scene at the first frame.
         fps: Frames a second of the scene's time.
         light_samples: Shadow rays to each light per pixel; more is smoother and slower.
-        resume: Go on after the last finished frame in OUT; finished frames are read again to restore the history.
+        resume: Make the frames that OUT lacks. Finished frames before them are read again to restore the history. On a
+            cluster those of the same shot are traced again instead, and where shots begin depends on --workers.
         lead_in: With --cluster each worker makes a shot of consecutive frames, and begins so many frames early to fill
-            histories; with fewer, seams show.
+            histories; with fewer, seams show. [default: 48]
     """
     options, spread = options or PassOptions(), spread or ClusterOptions()
     job = Job(
@@ -63,10 +64,11 @@ def render(
         seed=seed,
     )
     job.check()
-    at_least("--lead-in", lead_in, 0, MOST_FRAMES)
+    if lead_in is not None:
+        at_least("--lead-in", lead_in, 0, MOST_FRAMES)
     check_options(options)
     check_folder(out)
-    check_cluster(spread, device=options.device)
+    check_cluster(spread, device=options.device, lead_in=lead_in)
 
     from gbufrt.commands.ahead import compile_ahead
     from gbufrt.commands.session import Recipe, Runner, open_device
@@ -77,7 +79,9 @@ def render(
     kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = job.load().to(device)
     jitter = frames > 1 and wants_jitter(runner)
-    notes = {"render": job.notes(), "pipeline": recipe.to_notes()}
+    early = LEAD_IN if lead_in is None else lead_in
+    shots = {} if spread.cluster is None else {"shots": {"lead_in": early}}
+    notes = {"render": job.notes(), "pipeline": recipe.to_notes(), **shots}
     missing = unfinished(out, frames, notes, jitter=jitter) if resume else list(range(frames))
     if not missing:
         print(f"all {frames} frames are in {out} already")
@@ -87,7 +91,7 @@ def render(
         _in_one_go(flight, missing, runner, out, device, kernels_are_ready)
     else:
         kernels_are_ready()  # workers would compile them all at once
-        _in_shots(flight, missing, out, spread, lead_in)
+        _in_shots(flight, missing, out, spread, early)
     _tell(out, missing, recipe.warmup)
 
 
@@ -158,7 +162,7 @@ def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -
         except (FileNotFoundError, ValueError):  # not there, or damaged since: make it again
             missing.append(index)
             continue
-        _check_fits(path, found, notes)
+        _check_fits(path, {"shots": notes.get("shots"), **found}, notes)  # what was made in one go fits any lead-in
         if (frame.gbuffer.camera.jitter is not None) != jitter:
             what = "a still, without the jitter of a sequence" if jitter else "part of a jittered sequence, not a still"
             raise ValueError(f"cannot resume: {path} is {what}; use another --out")

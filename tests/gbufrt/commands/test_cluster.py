@@ -10,6 +10,8 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
+import time
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
@@ -129,6 +131,15 @@ def test_resume_makes_what_is_missing_as_it_was(
     assert on("nowhere:0", out, "--resume") == 2
     assert on(trusted, out, "--resume") == 0
     assert "all 10 frames" in capsys.readouterr().out
+    (out / "frame_0008.exr").unlink()
+    where = ("--cluster", trusted, "--workers", 2, "--lead-in", LEAD_IN + 1)
+    assert run(*FLIGHT, *SHORT, "--frames", FRAMES, *where, "--out", out, "--resume") == 2
+    assert "has lead_in 4, not 5" in capsys.readouterr().err
+
+
+def left_behind() -> list[Path]:
+    """Temporary folders of the runs that this process began."""
+    return list(Path(tempfile.gettempdir()).glob(f"gbufrt-{os.getpid()}-*"))
 
 
 def workers_at_work(ancestor: int) -> list[int]:
@@ -140,7 +151,7 @@ def workers_at_work(ancestor: int) -> list[int]:
         except OSError:  # it has just ended
             continue
         parents[int(folder.name)] = int(stat.rpartition(")")[2].split()[1])
-        if b"ray::_steps" in command:
+        if b"ray::steps" in command:
             busy.append(int(folder.name))
 
     def descends(pid: int) -> bool:
@@ -168,6 +179,7 @@ def test_a_lost_worker_costs_its_shot_alone(
     monkeypatch.setattr(Cluster, "run", disturbed)
     assert on(trusted, tmp_path / "out") == 0
     assert killed
+    assert not left_behind(), "the killed worker's folder is removed"
     assert len(steps) == len(set(steps)) == FRAMES + LEAD_IN, "no step comes twice, although it is made twice"
     assert contents(tmp_path / "out") == contents(spread)
 
@@ -206,6 +218,79 @@ def test_an_error_in_a_worker_is_the_users(trusted: str, tmp_path: Path):
             next(steps)
 
 
+def waits(shared: None, task: int, folder: Path) -> Iterator[int]:
+    yield task
+    (folder / "half.exr").write_bytes(b"half")
+    time.sleep(60.0)
+
+
+def test_a_run_that_is_cut_short_leaves_nothing(trusted: str, tmp_path: Path):
+    with open_cluster(ClusterOptions(cluster=trusted)) as opened:
+        steps: Any = opened.run(waits, [1, 2], shared=None, out=tmp_path)
+        next(steps)
+        assert left_behind()
+        begun = time.monotonic()
+        steps.close()
+        assert not left_behind()
+        assert time.monotonic() - begun < 10, "nobody waits for the workers"
+
+
+class TwoError(Exception):
+    def __init__(self, one: int, other: int) -> None:
+        super().__init__(f"{one} and {other}")
+
+
+class HolderError(ValueError):
+    def __init__(self) -> None:
+        super().__init__("holds what cannot be sent")
+        self.held = lambda: None
+
+
+def raises(shared: None, task: str, folder: Path) -> Iterator[int]:
+    yield 1
+    if task == "import":
+        raise ModuleNotFoundError("no module named 'other'", name="other")
+    if task == "own":
+        raise ModuleNotFoundError("no module named 'tracer.new'", name="tracer.new")
+    raise {"two": TwoError(1, 2), "holder": HolderError(), "key": KeyError("depth")}[task]
+
+
+def test_every_error_in_a_worker_is_told_as_what_it_is(trusted: str, tmp_path: Path):
+    told = {
+        "two": (RuntimeError, "TwoError: 1 and 2"),
+        "holder": (ValueError, "HolderError: holds what cannot be sent"),
+        "key": (RuntimeError, "KeyError: 'depth'"),
+        "import": (RuntimeError, "ModuleNotFoundError: no module named 'other'"),
+        "own": (ValueError, "gbufrt must be installed on all machines of the cluster: no module named 'tracer.new'"),
+    }
+    with open_cluster(ClusterOptions(cluster=trusted)) as opened:
+        for task, (kind, message) in told.items():
+            steps = opened.run(raises, [task], shared=None, out=tmp_path)
+            next(steps)
+            with pytest.raises(kind) as error:
+                next(steps)
+            assert str(error.value) == message
+            assert "in raises" in str(error.value.__cause__)
+
+
+def test_another_version_on_a_machine_is_told(trusted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("gbufrt.commands.cluster.__version__", "0.0.1")
+    with open_cluster(ClusterOptions(cluster=trusted)) as opened, pytest.raises(ValueError, match=r"not 0\.0\.1"):
+        list(opened.run(raises, ["key"], shared=None, out=tmp_path))
+
+
+def ends(shared: None, task: int, folder: Path) -> Iterator[int]:
+    yield task
+    os._exit(1)
+
+
+def test_a_worker_that_is_lost_again_and_again_is_told(trusted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("gbufrt.commands.cluster.RETRIES", 0)
+    lost = pytest.raises(ChildProcessError, match=r"^lost 1 workers over one task")
+    with open_cluster(ClusterOptions(cluster=trusted)) as opened, lost:
+        list(opened.run(ends, [1], shared=None, out=tmp_path))
+
+
 @pytest.mark.parametrize(
     ("frames", "workers", "lead_in"), [(8, 2, 2), (240, 2, 40), (240, 64, 40), (5, 9, 0), (1, 4, 40)]
 )
@@ -226,9 +311,20 @@ def test_a_flight_of_many_frames_has_shots_that_may_be_lost():
     assert len(cut(5000, range(5000), workers=2, lead_in=1000)) == 2
 
 
+@pytest.mark.parametrize(("frames", "workers"), [(512, 2), (513, 2), (1025, 4), (2049, 8), (5000, 2)])
+def test_a_long_flight_takes_little_longer_than_one_shot_a_worker(frames: int, workers: int):
+    shots = cut(frames, range(frames), workers=workers, lead_in=48)
+    lanes = [0] * workers
+    for shot in shots:
+        lanes[lanes.index(min(lanes))] += len(shot.frames)
+    assert max(lanes) < 1.2 * (frames + (workers - 1) * 48) / workers
+
+
 def test_cores_are_shared_out(monkeypatch: pytest.MonkeyPatch):
     both = Cluster(sizes=(8, 4))
-    assert [(both.workers, both.threads(tasks)) for tasks in (100, 4, 1)] == [(12, 1), (12, 3), (12, 4)]
+    assert [(both.workers, both.threads(tasks)) for tasks in (100, 4, 1)] == [(12, 1), (12, 2), (12, 8)]
+    assert Cluster(sizes=(64, 2)).threads(4) == 16, "the small machine is left out"
+    assert Cluster(sizes=(2,), most=8).workers == 2, "no more than the cores allow"
     assert (Cluster(sizes=(8, 4), each=3).workers, Cluster(sizes=(8, 4), each=3).threads(100)) == (3, 3)
     assert (Cluster(sizes=(8,), most=2).workers, Cluster(sizes=(8,), most=2).threads(100)) == (2, 4)
     assert (Cluster(sizes=(2,), each=16).workers, Cluster(sizes=(2,), each=16).threads(9)) == (1, 2)
@@ -240,6 +336,11 @@ def test_what_does_not_answer_is_told():
         port = free.getsockname()[1]
         with pytest.raises(ValueError, match=rf"nothing answers at --cluster 127.0.0.1:{port} .*ray start --head"):
             check_cluster(ClusterOptions(cluster=f"127.0.0.1:{port}"))
+
+
+def test_a_host_that_cannot_be_one_is_told():
+    with pytest.raises(ValueError, match=r"nothing answers at --cluster a\.\.b:6379"):
+        check_cluster(ClusterOptions(cluster="a..b:6379"))
 
 
 def test_what_answers_but_is_not_ray_is_told(monkeypatch: pytest.MonkeyPatch):
