@@ -50,7 +50,8 @@ def ablate(
     moving path, motion blur and depth of field; the whole frame with each pass left out. Truth is kept between runs. A
     variant that fails is reported in its row.
 
-    On a cluster (--cluster) the figures are the same, but milliseconds tell nothing: units run beside one another.
+    On a cluster (--cluster) units run beside one another: milliseconds, and error against time, tell nothing. All other
+    figures are the same.
 
     Args:
         worlds: Built-in worlds or MagicaVoxel .vox files; by default the built-in one.

@@ -110,7 +110,7 @@ class Row:
     bound: float
     better: str
     reached: bool | None
-    """None where it was not measured."""
+    """None where it was not measured, or is made of times that tell nothing."""
     views: Mapping[str, float]
     trivial: Mapping[str, float | None]
     """Scores in the worst view."""
@@ -153,10 +153,13 @@ def _row(bar: Bar, records: Sequence[Record]) -> Row:
     note = UNTOUCHED.get(bar.subject, "") if value is not None else failed or "not measured in this run"
     if value is None and bar.key.endswith("oidn") and own and not failed:
         note = "OIDN is not installed: pip install 'gbufrt[denoise]'"
+    reached = None if value is None else value <= bar.bound if bar.better == "lower" else value >= bar.bound
+    crowded = bar.key.endswith(".behind") and any(record.beside > 1 for record in views.values())
+    note = "timed beside other units: no measure of speed" if crowded else note
     return Row(
         name=bar.name, what=bar.what, value=value, view=worst, bound=bar.bound, better=bar.better,
-        reached=None if value is None else (value <= bar.bound if bar.better == "lower" else value >= bar.bound),
-        views=scores, trivial={label: figures.get(key) for label, key in bar.trivial.items()},
+        reached=None if crowded else reached, views=scores,
+        trivial={label: figures.get(key) for label, key in bar.trivial.items()},
         limit=None if bar.limit is None else figures.get(bar.limit), note=note,
     )  # fmt: skip
 

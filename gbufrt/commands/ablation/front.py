@@ -5,6 +5,7 @@ Every setting answers the same question: radius and scales of AO are those of th
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -65,23 +66,32 @@ class Setting:
     error: float
 
     @property
+    def known(self) -> bool:
+        """Whether its error and its time could be measured: a coarse clock may find no time at all."""
+        return math.isfinite(self.error) and self.ms > 0
+
+    @property
     def preset(self) -> bool:
         """Whether a preset has it."""
         return any(name in PRESETS for name in self.name.split(JOINT))
 
 
 def front(settings: Sequence[Setting]) -> list[Setting]:
-    """The settings that no other beats in time without a larger error, fastest first."""
+    """The known settings that no other beats in time without a larger error, fastest first."""
     found: list[Setting] = []
-    for setting in sorted(settings, key=lambda s: (s.ms, s.error)):
+    for setting in sorted((s for s in settings if s.known), key=lambda s: (s.ms, s.error)):
         if not found or setting.error < found[-1].error:
             found.append(setting)
     return found
 
 
 def behind(settings: Sequence[Setting]) -> float:
-    """The most times longer that a preset takes than the fastest setting whose error is no larger; NaN without any."""
-    shares = [s.ms / min(other.ms for other in settings if other.error <= s.error) for s in settings if s.preset]
+    """The most times longer that a preset takes than the fastest setting whose error is no larger; NaN without any.
+
+    Settings that are not known do not count.
+    """
+    known = [s for s in settings if s.known]
+    shares = [s.ms / min(other.ms for other in known if other.error <= s.error) for s in known if s.preset]
     return max(shares, default=float("nan"))
 
 
@@ -98,7 +108,7 @@ def settings_of(figures: Mapping[str, float], signal: str) -> list[Setting]:
 def measure(place: Place, recipe: Recipe) -> Outcome:
     """Time and error of each setting of each effect that the recipe has, and how far presets are behind the front.
 
-    The other effects are those of the recipe, as they are after `FRAMES` frames.
+    GI and reflections read the AO of the recipe as it is after `FRAMES` frames; other effects are left out.
     """
     result, frame, full = Outcome(), place.still(), one_bounce(recipe.build())
     known, _ = _run({"full": only(full, SIGNALS[:2])}, frame)["full"]

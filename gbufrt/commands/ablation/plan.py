@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 from gbufrt.commands.ablation.subjects import SIGNALS
 from gbufrt.commands.ablation.variants import FULL, Variant, parse_variants
+from gbufrt.commands.checks import SUBJECTS
 from gbufrt.commands.options import at_least
 from gbufrt.commands.session import Recipe
 
 if TYPE_CHECKING:
     from tracer.scene.scene import Scene
 
-SUBJECTS = (*SIGNALS, "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 STILL = ("frame", "taa", "depth_of_field", "front")
 ONE_VIEW = ("taa", "front")
 VIEWS: Mapping[str, tuple[str, ...]] = {  # of the built-in world; each subject where there is something to judge

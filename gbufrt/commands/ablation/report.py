@@ -97,16 +97,24 @@ def costs(records: Sequence[Record]) -> list[tuple[str, float, float]]:
 
 
 def fronts(records: Sequence[Record], width: int = WIDTH) -> dict[str, str]:
-    """Error against time of each effect's settings, by title: presets named, the front joined."""
-    figures = next((r.figures for r in records if r.subject == "front" and r.figures), {})
-    found = {effect: settings_of(figures, effect.signal) for effect in EFFECTS}
-    return {effect.title: _front_chart(effect, settings, width) for effect, settings in found.items() if settings}
+    """Error against time of each effect's settings, by title: presets named, the front joined.
+
+    Where there are several places, each has charts of its own, with the place in their titles.
+    """
+    own = [r for r in records if r.subject == "front" and r.figures]
+    charts = {}
+    for record in own:
+        for effect in EFFECTS:
+            title = effect.title if len(own) == 1 else f"{effect.title}, {record.world}: {record.view}"
+            charts[title] = _front_chart(effect, settings_of(record.figures, effect.signal), width)
+    return {title: chart for title, chart in charts.items() if chart}
 
 
 def write_front(out: Path, records: Sequence[Record]) -> Path | None:
-    """``front.svg``, the charts of `fronts` on one sheet; None where there are none."""
+    """``front.svg``, the charts of `fronts` on one sheet; None where there are none, and that of a run before goes."""
     charts = fronts(records, NARROW)
     if not charts:
+        (out / "front.svg").unlink(missing_ok=True)
         return None
     write_text(out / "front.svg", sheet(charts))
     return out / "front.svg"

@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from gbufrt.commands.checks import PRESETS
 from gbufrt.commands.options import parse_settings
 from gbufrt.commands.session import Recipe
 from gbufrt.passes import Stage
@@ -20,7 +21,6 @@ from gbufrt.pipeline import Pipeline
 
 FULL = "full"
 GROUPS = ("passes", "presets", "methods")
-PRESETS = ("low", "medium", "high", "ultra")
 BRANCHES = ("ao", "gi", "reflection", "motion_blur", "depth_of_field", "taa")
 METHODS = ("method", "weights")  # tunables that choose a method
 RIVALS = {"SSGI": "MarchGI"}  # passes that estimate the same signal by another method

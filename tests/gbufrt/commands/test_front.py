@@ -17,6 +17,7 @@ from gbufrt.commands.ablation.cache import Cache
 from gbufrt.commands.ablation.front import EFFECTS, Setting
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.records import Record
+from gbufrt.commands.ablation.report import fronts, write_front
 from gbufrt.commands.session import Recipe
 
 
@@ -42,6 +43,36 @@ def test_a_preset_behind_the_front_is_found():
     assert front.behind([FAST, setting("medium, high", 20, 0.3)]) == pytest.approx(2.0), "presets that are alike"
     assert math.isnan(front.behind([FAST, SLOW])), "no preset, nothing to say"
     assert not any(s.preset for s in (FAST, setting("lower", 1, 1)))
+
+
+def test_settings_without_an_error_or_a_time_do_not_count():
+    nothing = setting("low", 1, math.nan)
+    assert math.isnan(front.behind([nothing, setting("high", 2, math.nan)]))
+    assert front.behind([nothing, setting("1x8", 0, 0.05), SLOW, HIGH]) == pytest.approx(1.5)
+    assert front.front([nothing, SLOW, setting("1x8", 0, 0.05)]) == [SLOW]
+
+
+def test_beside_other_units_the_bar_tells_nothing():
+    record = Record(
+        world="builtin", view="village", subject="front", variant="full", beside=2, figures={"front.gi.behind": 9.0}
+    )
+    row = next(row for row in table([record]) if row.what.startswith("most times") and row.name == "GI")
+    assert (row.reached, row.value, row.note) == (None, 9.0, "timed beside other units: no measure of speed")
+
+
+def test_each_of_several_places_has_a_chart():
+    figures = {f"front.ao.{name}.{key}": 1.0 for name in ("low", "1x8") for key in ("ms", "error")}
+    records = [
+        Record(world=world, view="still", subject="front", variant="full", figures=figures) for world in ("a", "b")
+    ]
+    assert list(fronts(records)) == ["Ambient occlusion, a: still", "Ambient occlusion, b: still"]
+    assert list(fronts(records[:1])) == ["Ambient occlusion"]
+
+
+def test_a_front_of_a_run_before_goes(tmp_path: Path):
+    (tmp_path / "front.svg").write_text("old")
+    assert write_front(tmp_path, []) is None
+    assert not (tmp_path / "front.svg").exists()
 
 
 @pytest.mark.parametrize(("ms", "reached"), [(43.0, True), (45.0, False)])
