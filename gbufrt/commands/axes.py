@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 FEW = 8.0  # times the least value that the most must be for ticks at 1, 2 and 5, rather than at even steps
 MOST_TICKS = 8  # where they crowd at one end
+ALIKE = 1e-6  # times the largest value: values that differ by less count as one
 WIDE = 300.0  # the same for ticks at powers of ten alone
 
 
@@ -54,10 +55,11 @@ def short(value: float) -> str:
 def _span(values: Sequence[float], count: int = 5) -> tuple[float, float, list[float]]:
     """Round axis limits around the values, and round ticks between them, about ``count``."""
     low, high = min(values), max(values)
-    if high - low < 1e-9:
-        low, high = low - max(abs(low), 1.0) * 0.1, high + max(abs(high), 1.0) * 0.1
+    largest = max(abs(low), abs(high))
+    if high - low <= ALIKE * largest:
+        low, high = low - 0.1 * (largest or 1.0), high + 0.1 * (largest or 1.0)
     raw = (high - low) / count
     power = 10.0 ** math.floor(math.log10(raw))
-    step = next(m * power for m in (1, 2, 2.5, 5, 10) if m * power >= raw)
+    step = next(m * power for m in (1, 2, 2.5, 5, 10) if m * power >= raw * (1 - ALIKE))
     first, last = math.floor(low / step + 1e-9), math.ceil(high / step - 1e-9)
-    return first * step, last * step, [round(i * step, 10) for i in range(first, last + 1)]
+    return first * step, last * step, [float(f"{i * step:.10g}") for i in range(first, last + 1)]

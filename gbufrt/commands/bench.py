@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from gbufrt.commands.busy import beside, cores, fair_slowdown
-from gbufrt.commands.checks import PRESETS, check_name
+from gbufrt.commands.checks import PRESETS, check_file, check_name
 from gbufrt.commands.options import MOST_COUNT, Flag, Whole, at_least, check_device, parse_names, parse_size
 
 TRACE_SIZE = (480, 854)
@@ -61,15 +61,17 @@ def bench(
         check_name("--presets", name, PRESETS)
     if chart is not None:
         _check_chart(chart, scaling)
+    if json is not None:
+        check_file("--json", json)
 
     from gbufrt.commands.progress import progress
-    from gbufrt.commands.scaling import AXES, chart_of, show_series
+    from gbufrt.commands.scaling import axes_of, chart_of, show_series
     from gbufrt.commands.session import open_device
     from gbufrt.files.output import write_text
 
     open_device(device)
     figures: dict[str, Any] = {"machine": machine(), "size": [shape[1], shape[0]], "device": device, "presets": {}}
-    axes = AXES if scaling else {}
+    axes = axes_of(device) if scaling else {}
     with progress("bench", 1 + len(names) + peers + len(axes)) as doing, tempfile.TemporaryDirectory() as folder:
         tick = doing("tracing")
         figures["rays"] = time_rays(repeats, device)
@@ -94,10 +96,10 @@ def bench(
     if found:
         show_series(found)
         figures["scaling"] = {axis: [one.to_json() for one in series] for axis, series in found.items()}
+    if json is not None:  # first: it holds all that the chart draws
+        write_text(json, jsonlib.dumps(figures, indent=2) + "\n")
     if chart is not None:
         write_text(chart, chart_of(found))
-    if json is not None:
-        write_text(json, jsonlib.dumps(figures, indent=2) + "\n")
 
 
 def machine() -> str:
@@ -212,8 +214,9 @@ def _in_own_process(*arguments: Any) -> dict[str, Any]:
 def _check_chart(chart: Path, scaling: bool) -> None:
     if not scaling:
         raise ValueError("--chart draws what --scaling measures; add --scaling")
-    if chart.suffix.lower() != ".svg" or chart.is_dir():
+    if chart.suffix.lower() != ".svg":
         raise ValueError(f"--chart must be a file that ends in .svg, got {str(chart)!r}")
+    check_file("--chart", chart)
 
 
 def _wait(device: str) -> None:

@@ -19,7 +19,7 @@ NARROW, NARROW_MARGIN = 460, 90  # charts that stand side by side
 LIFT = 7  # pixels that names stand above points which a falling line joins
 LABEL, NEAR = 13, 9  # pixels between labels that would overlap, and between a label and another point
 LETTER = 6.5  # pixels, mean width of one in a label
-MOST_TICKS = 7  # places of a series that each get a tick
+OWN_TICKS = 7  # so many places of a series at most each get a tick
 GROUPS = ("full", "passes", "presets", "methods", "sweep", "own")
 HUES = ("mark", "other", "third", "bad", "good")
 COLOURS = """
@@ -106,10 +106,10 @@ def scatter(
     log: str = "",
     width: int = WIDTH,
 ) -> str:
-    """Points with their names. Empty without points.
+    """Points with their names, as far as the axes can hold them. Empty without points.
 
     Args:
-        points: what to draw.
+        points: what to draw; those that are not finite, or not positive on a logarithmic axis, are left out.
         x_label: under the axis.
         y_label: beside the axis.
         line: join all points from left to right.
@@ -117,7 +117,9 @@ def scatter(
         log: the axes that are logarithmic: ``""``, ``"x"``, ``"y"`` or ``"xy"``.
         width: of the chart, pixels.
     """
-    points = [p for p in points if math.isfinite(p.x) and math.isfinite(p.y)]
+    points, front = (
+        [p for p in some if _fits(p.x, log="x" in log) and _fits(p.y, log="y" in log)] for some in (points, front)
+    )
     if not points:
         return ""
     x, y = Axis.of([p.x for p in points], log="x" in log), Axis.of([p.y for p in points], log="y" in log)
@@ -138,7 +140,7 @@ def lines(
     width: int = WIDTH,
     hues: Mapping[str, str] = MappingProxyType({}),
 ) -> str:
-    """Lines through positive points, each named at its right end, on logarithmic axes. Empty without points.
+    """Lines through finite positive points, each named at its right end, on logarithmic axes. Empty without points.
 
     Args:
         series: points by the name of their line.
@@ -147,12 +149,13 @@ def lines(
         width: of the chart, pixels.
         hues: names of lines to members of `HUES`; by default in turn.
     """
-    series = {name: sorted(points) for name, points in series.items() if points}
+    fitting = {name: sorted(p for p in points if all(_fits(n, log=True) for n in p)) for name, points in series.items()}
+    series = {name: points for name, points in fitting.items() if points}
     if not series:
         return ""
     xs, ys = zip(*(point for points in series.values() for point in points), strict=True)
     x, y = Axis.of(xs, log=True), Axis.of(ys, log=True)
-    if len(set(xs)) <= MOST_TICKS:
+    if len(set(xs)) <= OWN_TICKS:
         x = Axis(low=x.low, high=x.high, ticks=sorted(set(xs)), log=True)
     plane = Plane(x=x, y=y, width=width, margin=round(20 + LETTER * max(map(len, series))))
     parts, ends = plane.axes(x_label, y_label), []
@@ -164,10 +167,8 @@ def lines(
             title = f"<title>{escape(name)}: {at:.6g}, {value:.4g}</title>"
             parts.append(f'<circle class="{hue}" cx="{px:.1f}" cy="{py:.1f}" r="3.5">{title}</circle>')
         ends.append((places[-1], name, hue))
-    taken: list[float] = []
-    for (px, py), name, hue in sorted(ends, key=lambda end: end[0][1]):
-        height = max(py, taken[-1] + LABEL + 1) if taken else py
-        taken.append(height)
+    ends.sort(key=lambda end: end[0][1])
+    for ((px, _), name, hue), height in zip(ends, _apart([py for (_, py), _, _ in ends]), strict=True):
         parts.append(f'<text class="name {hue}" x="{px + 9:.1f}" y="{height + 4:.1f}">{escape(name)}</text>')
     return _svg(width, HEIGHT, parts, f"{y_label} against {x_label}")
 
@@ -221,6 +222,23 @@ def dots(rows: Sequence[tuple[str, Mapping[str, float]]], *, label: str) -> str:
     middle = (LEFT + WIDTH - RIGHT) / 2
     parts.append(f'<text class="axis" x="{middle}" y="{height - 6}" text-anchor="middle">{escape(label)}</text>')
     return _svg(WIDTH, height, parts, label)
+
+
+def _fits(value: float, *, log: bool) -> bool:
+    """Whether an axis has a place for a value."""
+    return math.isfinite(value) and (value > 0 or not log)
+
+
+def _apart(heights: Sequence[float]) -> list[float]:
+    """Ascending heights of labels moved so that none overlap: down, and up again as far as they pass the end."""
+    found: list[float] = []
+    for height in heights:
+        found.append(max(height, found[-1] + LABEL + 1) if found else height)
+    lowest: float = END
+    for n in reversed(range(len(found))):
+        found[n] = min(found[n], lowest)
+        lowest = found[n] - LABEL - 1
+    return found
 
 
 def _polyline(places: Sequence[tuple[float, float]], hue: str = "") -> str:

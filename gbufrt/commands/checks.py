@@ -1,6 +1,6 @@
 """Checks of arguments before torch is loaded, which takes seconds. Does not import torch.
 
-The names here repeat those that worlds, presets and subjects define; a test keeps them equal.
+The names of worlds, views, presets and composites repeat those that heavier modules define; a test keeps them equal.
 """
 
 from __future__ import annotations
@@ -63,9 +63,20 @@ def check_folder(path: Path) -> Path:
     Raises:
         ValueError: a file is in the way.
     """
-    for folder in (path, *path.parents):
-        if folder.exists():
-            if not folder.is_dir():
-                raise ValueError(f"--out {path} must be a folder, but {folder} is a file; choose another name")
-            break
+    if (found := _in_the_way(path)) is not None:
+        raise ValueError(f"--out {path} must be a folder, but {found} is a file; choose another name")
     return path
+
+
+def check_file(option: str, path: Path) -> None:
+    """Raise ValueError unless a file can be written to a path; nothing is made yet."""
+    if path.is_dir():
+        raise ValueError(f"{option} must be a file, but {path} is a folder; choose another name")
+    if (found := _in_the_way(path.parent)) is not None:
+        raise ValueError(f"{option} {path} needs a folder, but {found} is a file; choose another name")
+
+
+def _in_the_way(path: Path) -> Path | None:
+    """The file where a folder is wanted."""
+    there = next((folder for folder in (path, *path.parents) if folder.exists()), None)
+    return None if there is None or there.is_dir() else there

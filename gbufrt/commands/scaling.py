@@ -157,6 +157,11 @@ AXES: Mapping[str, Callable[[int, str], list[Series]]] = {
 """What time is measured against, by its name."""
 
 
+def axes_of(device: str) -> dict[str, Callable[[int, str], list[Series]]]:
+    """Those of `AXES` that say something about a device: threads are the CPU's."""
+    return {name: measure for name, measure in AXES.items() if device == "cpu" or measure is not by_threads}
+
+
 def timed(run: Callable[[], Any], repeats: int, device: str) -> float:
     """Median milliseconds of ``repeats`` runs; one before them does not count."""
     seconds = []

@@ -30,6 +30,7 @@ WRONG = (
     ("render --cluster ray://host:10001 --out out", "--cluster must be local or HOST:PORT"),
     ("render --cluster host:99999 --out out", "--cluster must be local or HOST:PORT"),
     ("render --cluster local --device cuda --out out", "--cluster computes on CPUs: leave out --device cuda"),
+    ("render --lead-in 8 --out out", "--lead-in is for --cluster; give --cluster local, or leave --lead-in out"),
     ("render --cluster local --lead-in -1 --out out", "--lead-in must be 0 or more"),
     ("render --out file", "--out file must be a folder"),
     ("post --out out", "no files given"),
@@ -58,6 +59,9 @@ WRONG = (
     ("bench --presets huge", "--presets must be low, medium, high or ultra"),
     ("bench --chart chart.svg", "--chart draws what --scaling measures"),
     ("bench --scaling --chart chart.png", "--chart must be a file that ends in .svg, got 'chart.png'"),
+    ("bench --scaling --chart file/chart.svg", "--chart file/chart.svg needs a folder, but file is a file"),
+    ("bench --json file/deep/found.json", "--json file/deep/found.json needs a folder, but file is a file"),
+    ("bench --json .", "--json must be a file, but . is a folder"),
     ("bench --device tpu", "--device must be cpu or cuda"),
 )
 CODE = """
@@ -87,7 +91,7 @@ def test_wrong_arguments_are_answered_before_torch_is_loaded(tmp_path: Path):
 
 
 def test_names_are_those_of_the_code():
-    from gbufrt.commands.ablation.plan import SUBJECTS
+    from gbufrt.commands.ablation.subjects import SIGNALS
     from post.passes.composite import Mode
     from post.presets import Preset
     from tracer.worlds import WORLDS, terrain
@@ -95,7 +99,7 @@ def test_names_are_those_of_the_code():
 
     assert get_args(Preset) == checks.PRESETS
     assert get_args(Mode) == checks.COMPOSITES
-    assert SUBJECTS == checks.SUBJECTS
+    assert checks.SUBJECTS[: len(SIGNALS)] == SIGNALS
     assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
     assert tuple(views()) == checks.WORLDS["builtin"] == checks.WORLDS["valley"]
     assert tuple(terrain((16, 16, 16)).views) == checks.WORLDS["terrain"]

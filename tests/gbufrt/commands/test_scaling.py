@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 import xml.etree.ElementTree as ElementTree
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +13,8 @@ import pytest
 import torch
 
 from gbufrt.commands import bench, scaling
-from gbufrt.commands.charts import NARROW, lines, sheet
+from gbufrt.commands.axes import Axis
+from gbufrt.commands.charts import END, NARROW, Point, lines, scatter, sheet
 from gbufrt.commands.cli import main
 from gbufrt.commands.scaling import Series
 from tracer.worlds import terrain
@@ -111,6 +114,52 @@ def test_what_is_timed_has_one_colour_on_all_charts():
             hues.setdefault((node.text or "").partition(":")[0], set()).add(kind[1])
     assert all(len(some) == 1 for some in hues.values())
     assert len(set.union(*hues.values())) == 3
+
+
+def test_threads_are_measured_on_the_cpu_alone():
+    assert list(scaling.axes_of("cpu")) == list(scaling.AXES)
+    assert set(scaling.AXES) - set(scaling.axes_of("cuda")) == {"threads"}
+
+
+def test_the_figures_are_there_although_the_chart_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.setattr(scaling, "AXES", {})
+    monkeypatch.setattr(bench, "_in_own_process", lambda *a: {"passes_ms": {}, "total_ms": 1.0, "peak_mb": 1.0})
+    monkeypatch.setattr(bench, "time_rays", lambda *a: {"ms": 10.0, "mrays_per_s": 41.0})
+    monkeypatch.setattr(bench, "make_frame", lambda *a: tmp_path)
+    monkeypatch.setattr(scaling, "chart_of", lambda found: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        bench.bench(scaling=True, chart=tmp_path / "chart.svg", json=tmp_path / "figures.json")
+    assert json.loads((tmp_path / "figures.json").read_text())["rays"]["ms"] == 10.0
+
+
+def test_logarithmic_axes_leave_out_what_they_cannot_hold():
+    points = [Point(x=x, y=1.0, label=str(x)) for x in (0.0, -1.0, 1.0, 2.0, math.nan)]
+    chart = scatter(points, x_label="x", y_label="y", front=points, log="x")
+    assert chart.count("<circle") == 2
+    assert scatter(points[:2], x_label="x", y_label="y", log="x") == ""
+    assert scatter(points, x_label="x", y_label="y").count("<circle") == 4
+    drawn = lines(
+        {"a": [(0.0, 1.0), (1.0, 0.0), (1.0, 2.0), (2.0, math.inf)], "b": [(1.0, 0.0)]}, x_label="", y_label=""
+    )
+    assert drawn.count("<circle") == 1
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_ticks_are_as_round_at_any_scale(scale: float):
+    axis = Axis.of([2.0 * scale, 3.0 * scale])
+    assert axis.ticks == pytest.approx([n * scale / 5 for n in range(10, 16)], rel=1e-9, abs=0.0)
+    assert len(Axis.of([2.0 * scale, 3.0 * scale], log=True).ticks) >= 2
+    same = Axis.of([scale, scale])
+    assert 0.7 * scale < same.low < scale < same.high < 1.3 * scale
+    assert Axis.of([0.0, 0.0]).low < 0 < Axis.of([0.0, 0.0]).high
+
+
+def test_labels_of_lines_at_the_bottom_stay_on_the_chart():
+    series = {f"{n}": [(1.0, 1.0), (2.0, 1.0 + n * 1e-3)] for n in range(12)}
+    chart = lines({**series, "top": [(1.0, 1.0), (2.0, 100.0)]}, x_label="n", y_label="ms")
+    heights = sorted(float(y) for y in re.findall(r'class="name[^"]*" x="[\d.]+" y="([\d.]+)"', chart))
+    assert heights[-1] <= END + 4
+    assert min(b - a for a, b in pairwise(heights)) >= 13
 
 
 def test_labels_of_lines_do_not_overlap_and_stay_on_the_chart():
