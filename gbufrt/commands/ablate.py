@@ -7,8 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import COMPOSITES, PRESETS, SUBJECTS, check_folder, check_name, check_world
-from gbufrt.commands.cluster import check_cluster
+from gbufrt.commands.checks import COMPOSITES, PRESETS, SUBJECTS, check_cluster, check_folder, check_name, check_world
 from gbufrt.commands.options import (
     MOST_COUNT,
     MOST_FRAMES,

@@ -5,10 +5,12 @@ The names of worlds, views, presets and composites repeat those that heavier mod
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterable, Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
-from gbufrt.commands.options import MOST_WARMUP, PassOptions, at_least, check_device, parse_settings
+from gbufrt.commands.options import MOST_WARMUP, ClusterOptions, PassOptions, at_least, check_device, parse_settings
 
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
@@ -16,6 +18,9 @@ VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mil
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
 SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
+MOST_WORKERS = 65536
+SECONDS_TO_ANSWER = 5.0
+START = "start Ray with `ray start --head` and give the address that it prints"
 
 
 def check_options(options: PassOptions) -> None:
@@ -80,3 +85,32 @@ def _in_the_way(path: Path) -> Path | None:
     """The file where a folder is wanted."""
     there = next((folder for folder in (path, *path.parents) if folder.exists()), None)
     return None if there is None or there.is_dir() else there
+
+
+def check_cluster(options: ClusterOptions, *, device: str = "cpu", lead_in: int | None = None) -> None:
+    """Check the options and what fits them, and whether anything answers at the address; imports neither torch nor Ray.
+
+    Raises:
+        ValueError: they make no sense together, Ray is not installed, or nothing answers.
+    """
+    address = options.cluster
+    if address is None:
+        for name, value in (("--workers", options.workers), ("--lead-in", lead_in)):
+            if value is not None:
+                raise ValueError(f"{name} is for --cluster; give --cluster local, or leave {name} out")
+        return
+    if options.workers is not None:
+        at_least("--workers", options.workers, 1, MOST_WORKERS)
+    host, _, port = address.rpartition(":")
+    if address != "local" and not (host and "/" not in host and port.isdecimal() and 0 < int(port[:6]) < 65536):
+        raise ValueError(f"--cluster must be local or HOST:PORT, such as 192.168.1.5:6379, got {address!r}")
+    if device != "cpu":
+        raise ValueError(f"--cluster computes on CPUs: leave out --device {device}")
+    if find_spec("ray") is None:
+        raise ValueError("--cluster needs Ray: pip install 'gbufrt[cluster]'")
+    if address != "local":
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), SECONDS_TO_ANSWER).close()
+        except (OSError, UnicodeError) as error:  # UnicodeError: a name that can be no host's, such as a..b
+            reason = getattr(error, "strerror", None) or str(error)
+            raise ValueError(f"nothing answers at --cluster {address} ({reason}); {START}") from error

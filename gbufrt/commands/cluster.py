@@ -14,28 +14,31 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+import traceback
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from itertools import islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from textwrap import shorten
 from typing import Any
 
 from gbufrt import __version__
 from gbufrt.commands.busy import cores
-from gbufrt.commands.options import ClusterOptions, at_least
-from gbufrt.commands.steps import Failure, Work, not_installed, steps
+from gbufrt.commands.checks import START
+from gbufrt.commands.options import ClusterOptions
 from gbufrt.files.output import atomic
 
-MOST_WORKERS = 65536
+Work = Callable[[Any, Any, Path], Iterator[Any]]
 RETRIES = 3  # of a task whose worker was lost
 AHEAD = 2  # steps of a task that may wait to be read: a worker stops there, so that results do not fill the memory
-SECONDS_TO_ANSWER = 5.0
 SECONDS_TO_CONNECT = 30.0
 SECONDS_TO_END = 5.0
-START = "start Ray with `ray start --head` and give the address that it prints"
+LAST = (".exr", ".json")  # a frame's EXR and a unit's record say that the rest is there: they are written last
+OWN = ("gbufrt", "tracer", "post")
+TOLD = (FileNotFoundError, OSError, ValueError, TypeError, MemoryError, OverflowError, RuntimeError)
+"""Exceptions that are raised again as what they are, the special before the general; others become RuntimeError."""
 PROBE = """
 import sys, ray
 try:
@@ -47,33 +50,36 @@ except Exception as error:
 """
 
 
-def check_cluster(options: ClusterOptions, *, device: str = "cpu", lead_in: int | None = None) -> None:
-    """Check the options and what fits them, and whether anything answers at the address; imports neither torch nor Ray.
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """An exception of work as plain values: some cannot be pickled, or not be made again from what pickle keeps."""
 
-    Raises:
-        ValueError: they make no sense together, Ray is not installed, or nothing answers.
-    """
-    address = options.cluster
-    if address is None:
-        for name, value in (("--workers", options.workers), ("--lead-in", lead_in)):
-            if value is not None:
-                raise ValueError(f"{name} is for --cluster; give --cluster local, or leave {name} out")
-        return
-    if options.workers is not None:
-        at_least("--workers", options.workers, 1, MOST_WORKERS)
-    host, _, port = address.rpartition(":")
-    if address != "local" and not (host and "/" not in host and port.isdecimal() and 0 < int(port[:6]) < 65536):
-        raise ValueError(f"--cluster must be local or HOST:PORT, such as 192.168.1.5:6379, got {address!r}")
-    if device != "cpu":
-        raise ValueError(f"--cluster computes on CPUs: leave out --device {device}")
-    if find_spec("ray") is None:
-        raise ValueError("--cluster needs Ray: pip install 'gbufrt[cluster]'")
-    if address != "local":
-        try:
-            socket.create_connection((host.strip("[]"), int(port)), SECONDS_TO_ANSWER).close()
-        except (OSError, UnicodeError) as error:  # UnicodeError: a name that can be no host's, such as a..b
-            reason = getattr(error, "strerror", None) or str(error)
-            raise ValueError(f"nothing answers at --cluster {address} ({reason}); {START}") from error
+    kind: type[Exception]
+    message: str
+    trace: str
+
+    @staticmethod
+    def of(error: Exception) -> Failure:
+        """The values of an exception that is being handled."""
+        trace = traceback.format_exc()
+        if _not_installed(error):
+            return Failure(kind=ValueError, message=_not_installed(error), trace=trace)
+        kind = next((kind for kind in TOLD if isinstance(error, kind)), RuntimeError)
+        message = str(error) if type(error) is kind else f"{type(error).__name__}: {error}"
+        return Failure(kind=kind, message=message, trace=trace)
+
+    def exception(self) -> Exception:
+        """The exception, caused by the worker's traceback."""
+        error = self.kind(self.message)
+        error.__cause__ = ChildProcessError(f"in the worker:\n{self.trace}")
+        return error
+
+
+def _not_installed(error: object) -> str:
+    """What to say where a machine lacks gbufrt; empty for any other error."""
+    if isinstance(error, ImportError) and (error.name or "").partition(".")[0] in OWN:
+        return f"gbufrt must be installed on all machines of the cluster: {error}"
+    return ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +130,7 @@ class Cluster:
         # every machine, and unpickling the built-in world takes a hundredth of the time that building it does.
         given, threads = ray.put(shared), self.threads(len(tasks))
         prefix = f"gbufrt-{os.getpid()}-{secrets.token_hex(4)}-"
-        remote = ray.remote(steps).options(
+        remote = ray.remote(_steps).options(
             num_cpus=threads, num_returns="streaming", max_retries=RETRIES,
             _generator_backpressure_num_objects=AHEAD,
         )  # fmt: skip
@@ -198,27 +204,18 @@ def _probe(address: str) -> None:
 def _read(step: Any) -> tuple[Any, dict[str, bytes]]:
     """Value and files of a step; raises the exception of its task."""
     import ray
-    from ray.exceptions import (
-        LocalRayletDiedError,
-        NodeDiedError,
-        ObjectLostError,
-        OutOfMemoryError,
-        RayError,
-        RayTaskError,
-        WorkerCrashedError,
-    )
+    from ray import exceptions as e
 
+    lost = (e.WorkerCrashedError, e.NodeDiedError, e.LocalRayletDiedError, e.OutOfMemoryError, e.ObjectLostError)
     try:
         value, files = ray.get(step)
-    except RayTaskError as error:  # before or after its work, whose own exceptions are values
-        if not_installed(error.cause):
-            raise ValueError(not_installed(error.cause)) from error
+    except e.RayTaskError as error:  # before or after its work, whose own exceptions are values
+        if _not_installed(error.cause):
+            raise ValueError(_not_installed(error.cause)) from error
         raise ChildProcessError(f"a worker failed: {type(error.cause).__name__}: {error.cause}") from error
-    except RayError as error:
+    except e.RayError as error:
         said = (str(error).strip().splitlines() or ["no reason given"])[0]
-        if isinstance(
-            error, (WorkerCrashedError, NodeDiedError, LocalRayletDiedError, OutOfMemoryError, ObjectLostError)
-        ):
+        if isinstance(error, lost):
             raise ChildProcessError(f"lost {RETRIES + 1} workers over one task ({said}); --resume goes on") from error
         raise ChildProcessError(f"Ray failed: {type(error).__name__}: {said}") from error
     if isinstance(value, Failure):
@@ -241,3 +238,25 @@ def _end(running: Sequence[Any], prefix: str) -> None:
     finally:
         for folder in Path(tempfile.gettempdir()).glob(f"{prefix}*"):
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def _steps(
+    work: Work, shared: Any, task: Any, threads: int, prefix: str, version: str
+) -> Iterator[tuple[Any, dict[str, bytes]]]:
+    """Values and files of work, and at last a `Failure` if it fails; its temporary folder begins with ``prefix``."""
+    try:
+        if version != __version__:
+            here = f"{socket.gethostname()} has {__version__}, not {version}"
+            raise ValueError(f"all machines of the cluster need the same gbufrt: {here}")
+        import torch
+
+        torch.set_num_threads(threads)  # kernels take no more: see gbufrt.compute.threads
+        with TemporaryDirectory(prefix=prefix) as name:
+            folder = Path(name)
+            for value in work(shared, task, folder):
+                files = sorted((path for path in folder.rglob("*") if path.is_file()), key=lambda p: p.suffix in LAST)
+                yield value, {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
+                for path in files:
+                    path.unlink()
+    except Exception as error:
+        yield Failure.of(error), {}

@@ -88,6 +88,7 @@ def sound(frame: Frame, path: Path, *, strict: bool = False) -> Frame:
     try:
         if strict:
             frame.validate()
+            return frame
         frame, report = mended(frame)
     except ValueError as error:
         hint = " (--strict mends nothing)" if strict else ""

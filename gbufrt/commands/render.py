@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import check_folder, check_options
-from gbufrt.commands.cluster import check_cluster
+from gbufrt.commands.checks import check_cluster, check_folder, check_options
 from gbufrt.commands.flight import LEAD_IN, Flight, Job, Shot, cut, shoot, stem
 from gbufrt.commands.options import MOST_FRAMES, ClusterOptions, Flag, PassOptions, Whole, at_least, parse_size
 

@@ -20,8 +20,9 @@ from typing import Any
 import pytest
 import torch
 
+from gbufrt.commands.checks import check_cluster
 from gbufrt.commands.cli import main
-from gbufrt.commands.cluster import Cluster, check_cluster, open_cluster
+from gbufrt.commands.cluster import Cluster, open_cluster
 from gbufrt.commands.flight import cut
 from gbufrt.commands.options import ClusterOptions
 from gbufrt.files.exr import read_exr
@@ -151,7 +152,7 @@ def workers_at_work(ancestor: int) -> list[int]:
         except OSError:  # it has just ended
             continue
         parents[int(folder.name)] = int(stat.rpartition(")")[2].split()[1])
-        if b"ray::steps" in command:
+        if b"ray::_steps" in command:
             busy.append(int(folder.name))
 
     def descends(pid: int) -> bool:
@@ -355,6 +356,6 @@ def test_what_answers_but_is_not_ray_is_told(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("gbufrt.commands.cluster.find_spec", lambda name: None)
+    monkeypatch.setattr("gbufrt.commands.checks.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'gbufrt\[cluster\]'"):
         check_cluster(ClusterOptions(cluster="local"))
