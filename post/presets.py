@@ -39,10 +39,10 @@ AO_STEPS = 16  # taps on each side of a direction, for all scales together
 class Quality:
     """One row of ME1's table of presets; distances in metres.
 
-    Slices, and the taps on each of their sides, are ours: ME1 sweeps 4, 6, 8 or 12 directions for AO and sends 4, 8, 12
-    or 16 rays for GI. With a history few are enough, but of one alone bent normals lie in its plane: their error is half
-    again as large as of two. A frame without a history takes `FRESH` times as many. With 24 taps for 36 the light in the
-    gaps is a twentieth darker.
+    Slices, and the taps on each of their sides, are ours: ME1 sweeps 4, 6, 8 or 12 directions for AO and sends 4, 8,
+    12 or 16 rays for GI. With a history few are enough, but of one alone bent normals lie in its plane: their error is
+    half again as large as of two. A frame without a history takes `FRESH` times as many. With 24 taps for 36 the light
+    in the gaps is a twentieth darker.
     """
 
     ao_slices: int

@@ -13,12 +13,13 @@ from gbufrt.camera import Camera
 from gbufrt.compute.fusion import fusible
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
+from post.margin.op import scene
+from post.margin.view import PaddedView
 from post.sweep import arcs, slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import known_thickness
-from post.sweep.layout import PaddedView, Receivers, Slice
-from post.sweep.padding import scene
+from post.sweep.layout import Receivers, Slice
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
 REACH = 1.457  # radii: fading occluders up to here occlude about as much as all within the radius (XeGTAO)

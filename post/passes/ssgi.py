@@ -13,12 +13,12 @@ from gbufrt.camera import Camera
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
 from post.filters.upsample import upsample
+from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import arcs, slices
 from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
-from post.sweep.padding import scene
 from post.sweep.thickness import planar_thickness
 
 SWEEP = ("steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged

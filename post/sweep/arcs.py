@@ -15,8 +15,9 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.sampling import gather
+from post.margin.view import PaddedView
 from post.sweep.constants import SNAP
-from post.sweep.layout import PaddedView, Receivers, Side, Slice, Tap
+from post.sweep.layout import Receivers, Side, Slice, Tap
 
 
 def sides(around: PaddedView, at: Receivers, cut: Slice) -> tuple[Side, Side]:

@@ -10,11 +10,11 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
+from post.margin.op import scene
 from post.sweep import arcs, slices
 from post.sweep.chords import thickness_from_depth
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
-from post.sweep.padding import scene
 from post.sweep.thickness import planar_thickness
 
 
@@ -40,7 +40,7 @@ def bitmask_ao(
 
     Every tap covers the sectors between the front and the back of its surface. Successive taps whose depth ranges
     overlap are one body without a gap. A body that crosses the radius covers sectors up to the crossing. Surfaces cut
-    by the picture's border continue beyond it, see `post.sweep.margin`.
+    by the picture's border continue beyond it, see `post.margin`.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z, world units.

@@ -19,8 +19,6 @@ FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
 SUMS = 8  # of each receiver, see `arcs.finish`
 LIGHT = 3  # channels of light that follow where it is gathered
 
-LEAST_FACING = 1e-3  # planes at more grazing angles than this are not continued past the border
-
 COSINES, SHARES = 33, 65  # size of `turns.table`: the shares it gives are right to 2e-4 (RMS)
 UPRIGHT = 1e-6  # length of a normal's part across the ray below which all slices hold the same
 

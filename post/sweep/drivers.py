@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import prange
 
 from gbufrt.compute.kernel import driver, scalar
 from post.sweep.lane_kernel import LANES, Around, fill_noise, fill_receivers, new_lanes
-from post.sweep.padding_kernel import padded_row
 from post.sweep.sweep_kernel import gather, occlude
 
 
@@ -68,17 +66,6 @@ def sweep_all(
             pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
             around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
             _sweep_rows(out[:, b], lanes, around, planes[:, b], hit[b], noise, directions, thread, threads, gathers)
-
-
-@driver
-def padded_rows(out, depth, normal, reach, hit, light, lens, pose, margin, near, parallel, threads):
-    """See `post.sweep.padding.padded_cpu`."""
-    batch, tall = out.shape[:2]
-    for thread in prange(threads):
-        for row in range(thread, batch * tall, threads):
-            b, y = row // tall, row % tall
-            given = (depth[b], normal[b], reach[b], hit[b], light[b], lens[b], pose[b])
-            padded_row(out[b, y], *given, margin, np.float32(near), parallel, y)
 
 
 @driver

@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from gbufrt.sampling import gather
+from post.margin.view import PaddedView
 from post.sweep import arcs
 from post.sweep.constants import EDGE
-from post.sweep.layout import PaddedView, Receivers, Side, Tap
+from post.sweep.layout import Receivers, Side, Tap
 
 FADE = 0.1  # of the radius, to either side, over which detached occluders fade
 

@@ -9,9 +9,10 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from post.margin.view import PaddedView
 from post.sweep import arcs
 from post.sweep.constants import GROUPS, LIGHT, STRIDES, SUMS
-from post.sweep.layout import PaddedView, Receivers
+from post.sweep.layout import Receivers
 from post.sweep.open_sky import Sky
 from post.sweep.reference import bodies_reference, sweep_reference
 from post.sweep.turns import table

@@ -9,9 +9,10 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.sampling import gather
+from post.margin.view import PaddedView
 from post.sweep import arcs
 from post.sweep.constants import FREE
-from post.sweep.layout import PaddedView, Receivers, Side, Slice
+from post.sweep.layout import Receivers, Side, Slice
 
 WALL = 0.25  # weight of walls at the border, above the horizon, as evidence of a roof; a ceiling's is 1
 CEILING = 0.5  # cosine with straight down above which a surface is a ceiling

@@ -7,9 +7,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.fusion import fusible
+from post.margin.view import PaddedView
 from post.sweep import arcs, slices
 from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE, STRIDES
-from post.sweep.layout import PaddedView, Receivers, Side, Slice, Tap
+from post.sweep.layout import Receivers, Side, Slice, Tap
 from post.sweep.occluders import blocked, overlap, own_solid, start
 from post.sweep.open_sky import Sky, leaves_hit, open_share
 from post.sweep.sectors import cover, no_cover, share, slice_sums

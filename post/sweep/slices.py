@@ -11,7 +11,7 @@ from torch import Tensor
 from gbufrt import CHANNELS, SIGNALS, Camera, Frame
 from gbufrt.channels import check_tensor
 from gbufrt.noise.noise import GOLDEN
-from post.sweep import margin
+from post.margin import reference as margin
 from post.sweep.constants import BIAS, FIRST
 from post.sweep.layout import Receivers, Slice
 from post.sweep.turns import tangents, turn

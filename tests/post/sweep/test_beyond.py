@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from post.sweep import margin
+from post.margin import reference as margin
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.open_sky import sky_beyond
 from post.sweep.thickness import planar_thickness

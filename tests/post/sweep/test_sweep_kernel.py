@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame
+from post.margin.op import scene
 from post.passes.ssgi import ssgi
 from post.sweep import slices
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies, bodies_cpu
-from post.sweep.padding import scene
 from post.sweep.turns import table
 
 SIZE = (54, 72)

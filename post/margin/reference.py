@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from post.sweep.constants import LEAST_FACING
+from post.margin.constants import LEAST_FACING
 
 SHARE = 0.25  # of the picture's longer side; more makes no difference to occlusion within a few metres
 
@@ -64,3 +64,14 @@ def empty(picture: Tensor, margin: int) -> Tensor:
 def spread(picture: Tensor, margin: int) -> Tensor:
     """A ``(B, C, H, W)`` picture with its border pixels repeated ``margin`` times."""
     return F.pad(picture, (margin, margin, margin, margin), mode="replicate")
+
+
+def padded(
+    camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, light: Tensor | None, m: int
+) -> Tensor:
+    """``(B, 2 or 8, H', W')``: the picture of `post.margin.op.scene`."""
+    front, stands = continued(camera, depth, hit, normal)
+    planes = [front, torch.where(stands, spread(reach, m), 0.0)]
+    if light is not None:
+        planes += [empty(light, m), spread(camera.rotate_to_view(normal), m)]
+    return F.pad(torch.cat(planes, dim=1), (1, 1, 1, 1))

@@ -1,6 +1,6 @@
-"""The compiled form of `post.sweep.padding.scene`: rows of the padded picture.
+"""The compiled form of `post.margin.op.scene`: rows of the padded picture.
 
-Names and steps are those of `post.sweep.margin`, which is the definition.
+Names and steps are those of `post.margin.reference`, which is the definition.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
-from post.sweep import constants
+from post.margin import constants
 
 ZERO, ONE = np.float32(0), np.float32(1)
 LEAST_FACING = np.float32(constants.LEAST_FACING)

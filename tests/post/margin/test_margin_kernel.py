@@ -1,4 +1,4 @@
-"""The padded picture: the kernel against the torch code of `post.sweep.margin`."""
+"""The padded picture: the kernel against the torch code of `post.margin`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Camera
-from post.sweep.padding import padded_cpu, scene
+from post.margin.op import padded_cpu, scene
 
 
 @pytest.mark.parametrize("case", ["plain", "moved", "orthographic", "jittered"])

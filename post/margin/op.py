@@ -1,18 +1,17 @@
 """The picture that taps read: visible fronts, solids, light and normals, with a margin past the border.
 
-The torch code is in `post.sweep.margin`, the kernel in `post.sweep.padding_kernel`.
+The torch code is in `post.margin.reference`, the kernel in `post.margin.kernel`.
 """
 
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
-from post.sweep import margin
-from post.sweep.layout import PaddedView
+from post.margin.reference import padded, width
+from post.margin.view import PaddedView
 
 
 def scene(
@@ -43,7 +42,7 @@ def scene(
     if camera.jitter is not None:
         corner = corner + camera.jitter.to(corner)[..., None, None]
     first = camera.unproject(torch.ones_like(corner[:, :1]), corner)
-    m = margin.width(camera)
+    m = width(camera)
     given = (depth, normal, reach) if light is None else (depth, normal, reach, light)
     if form_of(*given, camera.view_from_world, k, compiled=compiled) is Form.CPU:
         lens = torch.cat([k[:, (0, 1), (0, 1)], first[:, :2].flatten(1)], dim=1)
@@ -53,7 +52,7 @@ def scene(
             *given[:3], hit, empty if light is None else light, lens, pose, m, float(camera.near), camera.orthographic
         ).movedim(-1, 1)
     else:
-        picture = _padded(camera, depth, normal, hit, reach, light, m)
+        picture = padded(camera, depth, normal, hit, reach, light, m)
     return PaddedView(
         picture=picture,
         origin_x=first[:, 0] - pitch[0] * (m + 1),
@@ -62,17 +61,6 @@ def scene(
         pitch_y=pitch[1],
         margin=m,
     )
-
-
-def _padded(
-    camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, light: Tensor | None, m: int
-) -> Tensor:
-    """``(B, 2 or 8, H', W')``."""
-    front, stands = margin.continued(camera, depth, hit, normal)
-    planes = [front, torch.where(stands, margin.spread(reach, m), 0.0)]
-    if light is not None:
-        planes += [margin.empty(light, m), margin.spread(camera.rotate_to_view(normal), m)]
-    return F.pad(torch.cat(planes, dim=1), (1, 1, 1, 1))
 
 
 @torch.library.custom_op("gbufrt::padded", mutates_args=())
@@ -103,11 +91,10 @@ def padded_cpu(
         parallel: whether the camera is orthographic.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.sweep.drivers import padded_rows
+    from post.margin.drivers import padded_rows
 
-    batch, _, height, width = depth.shape
-    wide = (height + 2 * (margin + 1), width + 2 * (margin + 1))
-    out = depth.new_empty(batch, *wide, 8 if light.shape[1] else 2)
+    tall, wide = (n + 2 * (margin + 1) for n in depth.shape[-2:])
+    out = depth.new_empty(depth.shape[0], tall, wide, 8 if light.shape[1] else 2)
     planes = (array(t) for t in (out, depth[:, 0], normal, reach[:, 0], hit[:, 0], light, lens, pose))
     padded_rows(*planes, margin, near, parallel, threads())
     return out
@@ -115,5 +102,5 @@ def padded_cpu(
 
 @padded_cpu.register_fake
 def _(depth, normal, reach, hit, light, lens, pose, margin, near, parallel):
-    batch, _, height, width = depth.shape
-    return depth.new_empty(batch, height + 2 * margin + 2, width + 2 * margin + 2, 8 if light.shape[1] else 2)
+    tall, wide = (n + 2 * (margin + 1) for n in depth.shape[-2:])
+    return depth.new_empty(depth.shape[0], tall, wide, 8 if light.shape[1] else 2)

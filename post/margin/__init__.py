@@ -1,0 +1,1 @@
+"""The picture that sweeps read: what lies past its border, continued."""
