@@ -10,7 +10,8 @@ from gbufrt.compute.bodies import inlined
 
 LOG2_E = np.float32(1.4426950408889634)
 LOWEST, HIGHEST = np.float32(-126.0), np.float32(127.0)  # exponents of normal numbers
-ZERO, HALF, ONE, TINY = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(1e-20)
+ZERO, HALF, ONE, FOUR = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(4.0)
+TINY = np.float32(1e-20)
 QUARTER, HALF_TURN, FOLD = np.float32(math.pi / 2), np.float32(math.pi), np.float32(math.tan(math.pi / 8))
 MANTISSA_BITS, BIAS = np.int32(23), np.int32(127)
 ROOT_HALF_BITS = np.int32(0x3F3504F3)  # of the square root of 1/2
@@ -59,3 +60,20 @@ def atan2(y, x):
     angle = QUARTER - angle if across > along else angle
     angle = HALF_TURN - angle if x < ZERO else angle
     return -angle if y < ZERO else angle
+
+
+@inlined
+def cos_sin(turns):
+    """The cosine and sine of a number of whole turns, to 2e-7.
+
+    Source: S. L. Moshier, Cephes library, sinf and cosf: polynomials up to an eighth of a turn.
+    """
+    quarters = np.floor(FOUR * turns + HALF)
+    angle, which = (FOUR * turns - quarters) * QUARTER, np.int32(quarters)
+    z = angle * angle
+    sine = ((np.float32(-1.9515295891e-4) * z + np.float32(8.3321608736e-3)) * z - np.float32(1.6666654611e-1)) * z
+    sine = sine * angle + angle
+    cosine = (np.float32(2.443315711809948e-5) * z - np.float32(1.388731625493765e-3)) * z
+    cosine = (cosine + np.float32(4.166664568298827e-2)) * z * z - HALF * z + ONE
+    cosine, sine = (sine, cosine) if which & 1 else (cosine, sine)
+    return (-cosine if (which + 1) & 2 else cosine), (-sine if which & 2 else sine)

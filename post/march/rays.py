@@ -155,13 +155,9 @@ def march_rays(
     """
     if steps < 1 or not distance > 0:
         raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")
-    k = camera.intrinsics.double()
-    lens = torch.stack([k[:, 0, 0], k[:, 1, 1], k[:, 0, 2], k[:, 1, 2]], dim=1)
-    if camera.jitter is not None:  # positions in the picture that was sampled, as camera.project(jittered=True) gives
-        lens[:, 2:] -= camera.jitter.double()
     out = march(
         *hierarchy,
-        lens,
+        lens_of(camera),
         origins.float(),
         directions.float(),
         float(camera.near),
@@ -172,3 +168,12 @@ def march_rays(
     ).to(origins.dtype)
     status = out[:, 4:5]
     return Hits(out[:, :2], status == HIT, status == BLOCKED, status == SPENT, out[:, 2:3], out[:, 3:4])
+
+
+def lens_of(camera: Camera) -> Tensor:
+    """``(B, 4)`` float64: focal lengths and principal point, pixels, in the picture that was sampled."""
+    k = camera.intrinsics.double()
+    lens = torch.stack([k[:, 0, 0], k[:, 1, 1], k[:, 0, 2], k[:, 1, 2]], dim=1)
+    if camera.jitter is not None:  # positions as camera.project(jittered=True) gives them
+        lens[:, 2:] -= camera.jitter.double()
+    return lens

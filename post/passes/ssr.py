@@ -2,30 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
-from gbufrt.environment import lookup_environment
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
-from gbufrt.sampling import gather, pixel_centers, sample
-from gbufrt.specular import DIELECTRIC_F0, MIRROR_ROUGHNESS
-from post.filters.signals import luminance
-from post.march.attached import attach_hits
-from post.march.rays import Hits, depth_hierarchy, march_rays
+from gbufrt.specular import DIELECTRIC_F0
+from post.march.rays import depth_hierarchy
 from post.shading.ggx import specular_f0
-from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
+from post.shading.op import reflect
+from post.shading.reference import Method, Picture
 from post.shading.sent_light import outgoing_light
 
-Method = Literal["ggx", "cone"]
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
-BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
-HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
-FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
-GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 
 
 def ssr(
@@ -103,98 +93,25 @@ def ssr(
     f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
     far = camera.far if distance is None else distance
     flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
-    surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
-    with torch.no_grad():
-        rays = torch.where(roughness < MIRROR_ROUGHNESS, 1.0, float(samples))
-    trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
-    total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
+    picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, environment, visibility, bent_normal)
+    noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)
+    shifts = _shifts(index, samples, method)
+    options = {"steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
+    found = reflect(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
+    return found[:, :3], found[:, 3:4], found[:, 4:]
+
+
+def _shifts(index: int, samples: int, method: Method) -> list[tuple[float, float]]:
+    """By how much each sample shifts the noise: a low-discrepancy sequence over samples and frames."""
+    shifts = []
     for i in range(samples):
-        taken = (surface.hit & (i < rays)).to(depth)
-        lobe = LOBES[method](surface, _points(depth, index, i, samples, method, seed), taken)
-        reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
-        marching = lobe.direction * (flies * trust > 0)
-        hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=far)
-        hits = attach_hits(hits, depth, flat, surface.points, marching, camera)
-        confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
-        world = camera.rotate_to_world(lobe.direction)
-        sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
-        incoming = _incoming(light, environment, hits, confidence, world, sky)
-        incoming = incoming * _firefly_factor(incoming, light, hit, roughness, hits.blocked)
-        if reuse:
-            incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
-        total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
-        shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
-        way, ends = way + hits.distance * (ended := hits.hit | hits.blocked), ends + ended
-    distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
-    return total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances
-
-
-LOBES = {"ggx": ggx_ray, "cone": cone_ray}
-
-
-def _points(depth: Tensor, index: int, i: int, samples: int, method: Method, seed: int) -> Tensor:
-    """``(1, 2, H, W)`` sample points: a low-discrepancy sequence over samples and frames, shifted by blue noise."""
-    noise = blue_noise(*depth.shape[-2:], dims=2, seed=seed, device=depth.device).to(depth)
-    place = index * samples + i + 1  # each dimension advances by its own step: one step for both would trace a diagonal
-    pair = (place / PLASTIC % 1.0, place / PLASTIC**2 % 1.0)
-    if method == "cone":
-        pair = ((i / samples + place / PLASTIC) % 1.0, (radical_inverse(2, i) + index / PLASTIC**2) % 1.0)
-    return ((noise + noise.new_tensor(pair)[:, None, None]) % 1.0)[None]
-
-
-def _border_fade(px: Tensor, camera: Camera) -> Tensor:
-    """1 inside the picture, falling to 0 at its border."""
-    x, y, width = px[:, 0:1], px[:, 1:2], max(BORDER * camera.height, 1.0)
-    to_edge = torch.minimum(torch.minimum(x, camera.width - x), torch.minimum(y, camera.height - y))
-    return (to_edge / width).clamp(0.0, 1.0)
-
-
-def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None, bent: Tensor | None) -> Tensor:
-    """Visibility of the sky to a ray without a hit.
-
-    The ray takes the visibility of the surface it was last in front of, or 1 if that was the sky itself: its end is as
-    open as that surface, whatever surrounds its origin. Only a ray that leaves the picture over nothing more open than
-    its origin, or is hidden from its beginning, tells no more than the origin does. Then the open part of the origin's
-    hemisphere is taken for a cone around the bent normal: cosine-weighted visibility v leaves open a half angle whose
-    sine is sqrt(v) (Jimenez et al. 2016, section 5).
-    """
-    if visibility is None:
-        return torch.ones_like(hits.distance)
-    share = visibility
-    if bent is not None:
-        edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
-        soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
-        ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
-        share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
-    last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
-    went = ((hits.px - pixel_centers(hits.distance)).abs() > 0.5).any(1, keepdim=True)
-    return torch.where(hits.spent & went | (last > visibility), last, share)
-
-
-def _incoming(
-    light: Tensor, environment: Tensor | None, hits: Hits, confidence: Tensor, world: Tensor, sky: Tensor
-) -> Tensor:
-    """Radiance of each ray: light from the screen as far as it is trusted, else the environment."""
-    visible = sample(light, hits.px)
-    guessed = torch.where(hits.blocked, HIDDEN_SHARE * visible, 0.0)
-    if environment is not None:
-        guessed = guessed + sky * lookup_environment(environment, world)
-    return guessed + (visible - guessed) * confidence
-
-
-def _firefly_factor(incoming: Tensor, light: Tensor, hit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
-    """At most 1: limits guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
-    mean = (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
-    limit = mean * torch.where(guessed, GUESSED, FIREFLY / roughness.clamp_min(1e-3))
-    return (limit / luminance(incoming).clamp_min(1e-9)).clamp_max(1.0)
-
-
-def _ends(surface: Surface, lobe: Lobe, hits: Hits) -> Tensor:
-    """Where rays ended: points and 1, or directions and 0."""
-    found = (hits.hit | hits.blocked).to(hits.distance)
-    reach = torch.where(found > 0, hits.distance, 1.0)
-    return torch.cat([lobe.direction * reach + surface.points * found, found], dim=1)
+        place = index * samples + i + 1  # each dimension has its own step: one step for both would trace a diagonal
+        if method == "cone":
+            shifts.append(((i / samples + place / PLASTIC) % 1.0, (radical_inverse(2, i) + index / PLASTIC**2) % 1.0))
+        else:
+            shifts.append((place / PLASTIC % 1.0, place / PLASTIC**2 % 1.0))
+    return shifts
 
 
 class SSR(Pass):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from gbufrt.compute.approximations import atan2, exp2, log2
+from gbufrt.compute.approximations import atan2, cos_sin, exp2, log2
 
 
 def test_exp2() -> None:
@@ -32,3 +32,10 @@ def test_angles_are_those_of_the_library() -> None:
         x, y = (length * angle.cos()).numpy(), (length * angle.sin()).numpy()
         found = torch.tensor([atan2(y[i], x[i]) for i in range(len(x))])
         torch.testing.assert_close(found, angle, atol=5e-7, rtol=0)
+
+
+def test_cosine_and_sine_are_those_of_the_library() -> None:
+    turns = np.concatenate([np.linspace(-1, 2, 4001), np.arange(-8, 17) / 8]).astype(np.float32)
+    got = np.array([cos_sin(t) for t in turns], dtype=np.float64)
+    angle = 2 * np.pi * turns.astype(np.float64)
+    assert np.abs(got - np.stack([np.cos(angle), np.sin(angle)], axis=1)).max() < 2e-7

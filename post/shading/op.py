@@ -1,0 +1,155 @@
+"""Reflections as a torch operator: a kernel on the CPU, the torch reference elsewhere and for gradients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.compute.dispatch import Form, form_of
+from post.march.rays import Hierarchy, lens_of
+from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
+
+
+@torch.library.custom_op("gbufrt::reflect", mutates_args=())
+def reflect_cpu(
+    planes: Tensor,
+    pyramid: Tensor,
+    table: Tensor,
+    lens: Tensor,
+    near: float,
+    orthographic: bool,
+    rotation: Tensor,
+    hit: Tensor,
+    depth: Tensor,
+    normal: Tensor,
+    normal_geo: Tensor,
+    roughness: Tensor,
+    f0: Tensor,
+    lit: Tensor,
+    sky: Tensor,
+    bent_normal: Tensor,
+    limit: Tensor,
+    noise: Tensor,
+    shifts: Tensor,
+    steps: int,
+    distance: float,
+    far: float,
+    roughness_cutoff: float,
+    border: float,
+) -> Tensor:
+    """``(B, 5, H, W)``, see `reflect`; channels of `Picture` as they are there, empty where there are none.
+
+    Args:
+        planes: of a `Hierarchy`, as ``pyramid`` and ``table``.
+        pyramid: see ``planes``.
+        table: see ``planes``.
+        lens: see `lens_of`.
+        near: of the camera, as ``far``.
+        orthographic: of the camera.
+        rotation: ``(B, 3, 3)`` from view space to world space.
+        hit: see `Picture`.
+        depth: see `Picture`.
+        normal: see `Picture`.
+        normal_geo: see `Picture`.
+        roughness: see `Picture`.
+        f0: see `Picture`.
+        lit: ``(B, H, W, 4)``: the light that pixels send, and the visibility of the sky there.
+        sky: ``(B, h, w, 3)`` or ``(1, h, w, 3)``, lat-long.
+        bent_normal: see `Picture`.
+        limit: ``(B,)``: see `brightest`.
+        noise: see `reflect`.
+        shifts: ``(samples, 2)``: see `reflect`.
+        steps: see `reflect`, as the rest.
+        distance: likewise.
+        far: likewise.
+        roughness_cutoff: likewise.
+        border: see `border_width`.
+    """
+    from post.shading.drivers import reflect_each
+
+    batch, _, height, width = depth.shape
+    out = depth.new_empty(batch, 5, height, width)
+    view = (planes, pyramid, table, lens, near, orthographic, rotation)
+    channels = (hit, depth, normal, normal_geo, roughness, f0, lit, sky, bent_normal, limit)
+    rays = (noise, shifts, steps, distance, far, roughness_cutoff, border)
+    reflect_each(batch * height * width, out, *view, *channels, *rays)
+    return out
+
+
+@reflect_cpu.register_fake
+def _(planes, pyramid, table, lens, near, orthographic, rotation, hit, depth, *rest):
+    return depth.new_empty(depth.shape[0], 5, *depth.shape[2:])
+
+
+def reflect(
+    picture: Picture,
+    hierarchy: Hierarchy,
+    camera: Camera,
+    noise: Tensor,
+    shifts: Sequence[tuple[float, float]],
+    *,
+    steps: int,
+    distance: float,
+    roughness_cutoff: float = 1.0,
+    reuse: int = 0,
+    method: Method = "ggx",
+    compiled: bool | None = None,
+) -> Tensor:
+    """Follow each pixel's rays, and average what they bring.
+
+    Args:
+        picture: what reflects and what is reflected.
+        hierarchy: of its depth.
+        camera: of the picture.
+        noise: ``(2, H, W)`` in [0, 1).
+        shifts: of the noise, for each ray of a pixel; a mirror takes the first alone.
+        steps: see `post.ssr`, as the rest.
+        distance: how far rays go, world units.
+        roughness_cutoff: see `post.ssr`.
+        reuse: see `post.ssr`; neighbours' rays are reused by the reference alone.
+        method: see `post.ssr`; the kernel knows GGX alone.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 5, H, W)``: reflection, its confidence, and the distance to what is reflected.
+
+    Raises:
+        ValueError: a kernel is requested where there is none.
+    """
+    options = {"steps": steps, "distance": distance, "roughness_cutoff": roughness_cutoff}
+    if compiled and (reuse or method != "ggx"):
+        raise ValueError(f"compiled must be None or False for reuse={reuse}, method={method!r}: there is no kernel")
+    plain = not reuse and method == "ggx"
+    form = form_of(*picture, hierarchy.planes, noise, roughness_cutoff, compiled=compiled if plain else False)
+    if form is Form.REFERENCE:
+        return reflect_reference(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
+    depth, light, environment, visibility = picture.depth, picture.light, picture.environment, picture.visibility
+    known = torch.ones_like(depth) if visibility is None else torch.where(picture.hit, visibility, 1.0)
+    none = depth.new_empty(0, 3, *camera.size)
+    return reflect_cpu(
+        *hierarchy,
+        lens_of(camera).float(),
+        float(camera.near),
+        camera.orthographic,
+        camera.world_from_view[:, :3, :3].to(depth).contiguous(),
+        picture.hit,
+        depth,
+        picture.normal,
+        none if picture.normal_geo is None else picture.normal_geo,
+        picture.roughness,
+        picture.f0,
+        torch.cat([light, known], dim=1).movedim(1, -1),
+        depth.new_zeros(1, 1, 1, 3) if environment is None else environment.movedim(1, -1),
+        none if visibility is None or picture.bent_normal is None else picture.bent_normal,
+        brightest(light, picture.hit).flatten(),
+        noise,
+        noise.new_tensor(shifts),
+        int(steps),
+        float(distance),
+        float(camera.far),
+        float(roughness_cutoff),
+        border_width(camera),
+    )

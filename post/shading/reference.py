@@ -1,0 +1,143 @@
+"""Reflections in torch, a sample after another: the definition of `post.shading.op.reflect`, with its gradients."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.environment import lookup_environment
+from gbufrt.sampling import gather, pixel_centers, sample
+from gbufrt.specular import MIRROR_ROUGHNESS
+from post.filters.signals import luminance
+from post.march.attached import attach_hits
+from post.march.rays import Hierarchy, Hits, march_rays
+from post.shading.constants import BORDER, FIREFLY, GUESSED, HIDDEN_SHARE
+from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
+
+Method = Literal["ggx", "cone"]
+LOBES = {"ggx": ggx_ray, "cone": cone_ray}
+
+
+class Picture(NamedTuple):
+    """What the camera sees that reflects, and what it reflects; see `post.ssr` for the fields."""
+
+    depth: Tensor
+    hit: Tensor
+    normal: Tensor
+    normal_geo: Tensor | None
+    roughness: Tensor
+    f0: Tensor
+    light: Tensor
+    environment: Tensor | None
+    visibility: Tensor | None
+    bent_normal: Tensor | None
+
+
+def reflect_reference(
+    picture: Picture,
+    hierarchy: Hierarchy,
+    camera: Camera,
+    noise: Tensor,
+    shifts: Sequence[tuple[float, float]],
+    *,
+    steps: int,
+    distance: float,
+    roughness_cutoff: float = 1.0,
+    reuse: int = 0,
+    method: Method = "ggx",
+) -> Tensor:
+    """``(B, 5, H, W)``. Arguments and result are those of `post.shading.op.reflect`."""
+    depth, hit, normal, normal_geo, roughness, f0, light, environment, visibility, bent_normal = picture
+    flat, limit = normal if normal_geo is None else normal_geo, brightest(light, hit)
+    surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
+    with torch.no_grad():
+        rays = torch.where(roughness < MIRROR_ROUGHNESS, 1.0, float(len(shifts)))
+    trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
+    total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
+    for i, shift in enumerate(shifts):
+        taken = (surface.hit & (i < rays)).to(depth)
+        u = ((noise + noise.new_tensor(shift)[:, None, None]) % 1.0)[None]
+        lobe = LOBES[method](surface, u, taken)
+        reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
+        marching = lobe.direction * (flies * trust > 0)
+        hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=distance)
+        hits = attach_hits(hits, depth, flat, surface.points, marching, camera)
+        confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
+        world = camera.rotate_to_world(lobe.direction)
+        sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
+        incoming = _incoming(light, environment, hits, confidence, world, sky)
+        incoming = incoming * _firefly_factor(incoming, limit, roughness, hits.blocked)
+        if reuse:
+            incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
+        total = total + (f0 * reflected[:, 0:1] + reflected[:, 1:2]) * incoming
+        shares, known, rated = shares + reflected[:, 2:], known + confidence, rated + flies
+        way, ends = way + hits.distance * (ended := hits.hit | hits.blocked), ends + ended
+    distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
+    return torch.cat([total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances], dim=1)
+
+
+def brightest(light: Tensor, hit: Tensor) -> Tensor:
+    """``(B, 1, 1, 1)`` mean luminance of what was hit, of which limits of samples are multiples."""
+    return (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
+
+
+def border_width(camera: Camera) -> float:
+    """Pixels from the picture's border over which hits fade."""
+    return max(BORDER * camera.height, 1.0)
+
+
+def _border_fade(px: Tensor, camera: Camera) -> Tensor:
+    """1 inside the picture, falling to 0 at its border."""
+    x, y = px[:, 0:1], px[:, 1:2]
+    to_edge = torch.minimum(torch.minimum(x, camera.width - x), torch.minimum(y, camera.height - y))
+    return (to_edge / border_width(camera)).clamp(0.0, 1.0)
+
+
+def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None, bent: Tensor | None) -> Tensor:
+    """Visibility of the sky to a ray without a hit.
+
+    The ray takes the visibility of the surface it was last in front of, or 1 if that was the sky itself: its end is as
+    open as that surface, whatever surrounds its origin. Only a ray that leaves the picture over nothing more open than
+    its origin, or is hidden from its beginning, tells no more than the origin does. Then the open part of the origin's
+    hemisphere is taken for a cone around the bent normal: cosine-weighted visibility v leaves open a half angle whose
+    sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    """
+    if visibility is None:
+        return torch.ones_like(hits.distance)
+    share = visibility
+    if bent is not None:
+        edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
+        soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
+        ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
+        share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
+    last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
+    went = ((hits.px - pixel_centers(hits.distance)).abs() > 0.5).any(1, keepdim=True)
+    return torch.where(hits.spent & went | (last > visibility), last, share)
+
+
+def _incoming(
+    light: Tensor, environment: Tensor | None, hits: Hits, confidence: Tensor, world: Tensor, sky: Tensor
+) -> Tensor:
+    """Radiance of each ray: light from the screen as far as it is trusted, else the environment."""
+    visible = sample(light, hits.px)
+    guessed = torch.where(hits.blocked, HIDDEN_SHARE * visible, 0.0)
+    if environment is not None:
+        guessed = guessed + sky * lookup_environment(environment, world)
+    return guessed + (visible - guessed) * confidence
+
+
+def _firefly_factor(incoming: Tensor, limit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:
+    """At most 1: limits guesses and samples of rough surfaces to a multiple of the frame's mean; mirrors keep all."""
+    limit = limit * torch.where(guessed, GUESSED, FIREFLY / roughness.clamp_min(1e-3))
+    return (limit / luminance(incoming).clamp_min(1e-9)).clamp_max(1.0)
+
+
+def _ends(surface: Surface, lobe: Lobe, hits: Hits) -> Tensor:
+    """Where rays ended: points and 1, or directions and 0."""
+    found = (hits.hit | hits.blocked).to(hits.distance)
+    reach = torch.where(found > 0, hits.distance, 1.0)
+    return torch.cat([lobe.direction * reach + surface.points * found, found], dim=1)
