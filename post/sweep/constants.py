@@ -20,6 +20,6 @@ SUMS = 8  # of each receiver, see `arcs.finish`
 LIGHT = 3  # channels of light that follow where it is gathered
 
 COSINES, SHARES = 33, 65  # size of `turns.table`: the shares it gives are right to 2e-4 (RMS)
-UPRIGHT = 1e-6  # length of a normal's part across the ray below which all slices hold the same
+UPRIGHT = 1e-3  # length of a normal's part across the ray below which all slices hold the same
 
 STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around

@@ -55,7 +55,7 @@ class Slice(NamedTuple):
     measure: Tensor
     """Cosine-weighted measure of the whole arc, cos n + n sin n."""
     weight: Tensor
-    """1, because slices are drawn by what they hold of the hemisphere; it has the gradient of that over its value."""
+    """1: slices are drawn by what they hold of the hemisphere, see `post.sweep.turns`."""
     step_x: Tensor
     """Pixels that a world unit along the slice, across the ray, spans."""
     step_y: Tensor

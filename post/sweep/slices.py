@@ -103,7 +103,6 @@ def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
     cos_n, sin_n = toward / projected, across / projected
     n = torch.atan2(sin_n, cos_n)
     measure = cos_n + n * sin_n
-    held = projected * measure
     nx, ny, nz = at.nx / projected, at.ny / projected, at.nz / projected
     across_x, across_y = cos_n * tx - sin_n * at.vx, cos_n * ty - sin_n * at.vy
     across_z = cos_n * tz - sin_n * at.vz
@@ -123,7 +122,7 @@ def cut_slice(at: Receivers, cos_psi: Tensor, sin_psi: Tensor) -> Slice:
         sin_n=sin_n,
         n=n,
         measure=measure,
-        weight=held / held.detach(),
+        weight=torch.ones_like(measure),
         step_x=(tx - slide * at.vx) * at.scale,
         step_y=(ty - slide * at.vy) * at.scale * at.aspect,
     )

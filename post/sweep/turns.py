@@ -30,31 +30,30 @@ FINE = 4097  # angles at which F is computed to invert it
 def turn(at: Receivers, share: Tensor) -> tuple[Tensor, Tensor]:
     """Cosine and sine of the angle from the first of `tangents` to the slice below which lies ``share`` of all.
 
-    Neither has a gradient: it is in the weights of the slices, see `slices.cut_slice`.
+    The gradient in the normal is that of these slices, which turn with it.
 
     Args:
         at: the receivers.
         share: ``(h, w)`` in [0, 1].
     """
-    with torch.no_grad():
-        (ax, ay, az), (bx, by, bz) = tangents(at)
-        along, aside = at.nx * ax + at.ny * ay + at.nz * az, at.nx * bx + at.ny * by + at.nz * bz
-        length = (along * along + aside * aside).sqrt()
-        tilted = length > UPRIGHT
-        along = torch.where(tilted, along / length.clamp_min(UPRIGHT), 1.0)
-        aside = torch.where(tilted, aside / length.clamp_min(UPRIGHT), 0.0)
-        signed = 2 * share - 1
-        row = (at.nx * at.vx + at.ny * at.vy + at.nz * at.vz).clamp(0, 1) * (COSINES - 1)
-        column = (signed.abs() * (SHARES - 1)).expand_as(row)
-        i, j = row.floor().clamp_max(COSINES - 2).long(), column.floor().clamp_max(SHARES - 2).long()
-        down, right = (row - i)[..., None], (column - j)[..., None]
-        known = torch.from_numpy(table()).to(row)
-        upper = known[i, j] + (known[i, j + 1] - known[i, j]) * right
-        lower = known[i + 1, j] + (known[i + 1, j + 1] - known[i + 1, j]) * right
-        cosine, sine = (upper + (lower - upper) * down).unbind(-1)
-        scale = (cosine * cosine + sine * sine).rsqrt()
-        cosine, sine = cosine * scale, sine * scale * signed.sign()
-        return along * cosine - aside * sine, aside * cosine + along * sine
+    (ax, ay, az), (bx, by, bz) = tangents(at)
+    along, aside = at.nx * ax + at.ny * ay + at.nz * az, at.nx * bx + at.ny * by + at.nz * bz
+    length = (along * along + aside * aside).clamp_min(UPRIGHT**2).sqrt()
+    tilted = length > UPRIGHT
+    along = torch.where(tilted, along / length, 1.0)
+    aside = torch.where(tilted, aside / length, 0.0)
+    signed = 2 * share - 1
+    row = (at.nx * at.vx + at.ny * at.vy + at.nz * at.vz).clamp(0, 1) * (COSINES - 1)
+    column = (signed.abs() * (SHARES - 1)).expand_as(row)
+    i, j = row.floor().clamp_max(COSINES - 2).long(), column.floor().clamp_max(SHARES - 2).long()
+    down, right = (row - i)[..., None], (column - j)[..., None]
+    known = torch.from_numpy(table()).to(row)
+    upper = known[i, j] + (known[i, j + 1] - known[i, j]) * right
+    lower = known[i + 1, j] + (known[i + 1, j + 1] - known[i + 1, j]) * right
+    cosine, sine = (upper + (lower - upper) * down).unbind(-1)
+    scale = (cosine * cosine + sine * sine).rsqrt()
+    cosine, sine = cosine * scale, sine * scale * signed.sign()
+    return along * cosine - aside * sine, aside * cosine + along * sine
 
 
 def tangents(at: Receivers) -> tuple[tuple[Tensor, Tensor, Tensor], tuple[Tensor, Tensor, Tensor]]:

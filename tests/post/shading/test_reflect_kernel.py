@@ -68,7 +68,7 @@ CAMERAS = {
 
 
 def both_forms(*arguments, **changes) -> tuple[Tensor, Tensor]:
-    got, want = (reflect(*arguments, SHIFTS, **(OPTIONS | changes), compiled=form) for form in (True, False))
+    got, want = (reflect(*arguments, SHIFTS, **(OPTIONS | changes), compiled=form) for form in (True, False))  # pyright: ignore[reportCallIssue]
     return got, want
 
 
@@ -137,7 +137,7 @@ def test_a_pixel_that_is_not_finite_stays_alone() -> None:
     whole, _ = both_forms(picture, *rest)
     roughness, bent = picture.roughness.clone(), picture.normal.clone()
     roughness[..., 50, 40], bent[..., 50, 60] = torch.nan, torch.nan
-    got = reflect(picture._replace(roughness=roughness, normal=bent), *rest, SHIFTS, **OPTIONS, compiled=True)
+    got = reflect(picture._replace(roughness=roughness, normal=bent), *rest, SHIFTS, **OPTIONS, compiled=True)  # pyright: ignore[reportCallIssue]
     same = (got == whole).all(dim=1)
     assert int((~same).sum()) <= 2
 
@@ -146,9 +146,9 @@ def test_choice_of_form() -> None:
     picture, *rest = scene(boxes.camera((12, 16)))
     for changes in ({"reuse": 1}, {"method": "cone"}):
         with pytest.raises(ValueError, match="no kernel"):
-            reflect(picture, *rest, SHIFTS, **OPTIONS, **changes, compiled=True)
+            reflect(picture, *rest, SHIFTS, **OPTIONS, **changes, compiled=True)  # pyright: ignore[reportCallIssue]
     lit = picture.light.clone().requires_grad_()
-    reflect(picture._replace(light=lit), *rest, SHIFTS, **OPTIONS).sum().backward()
+    reflect(picture._replace(light=lit), *rest, SHIFTS, **OPTIONS).sum().backward()  # pyright: ignore[reportCallIssue]
     assert lit.grad is not None
     assert float(lit.grad.abs().sum()) > 0
 
@@ -159,7 +159,7 @@ def test_number_of_threads_changes_nothing() -> None:
         found = []
         for count in (1, 2):
             torch.set_num_threads(count)
-            found.append(reflect(*arguments, SHIFTS, **OPTIONS, compiled=True))
+            found.append(reflect(*arguments, SHIFTS, **OPTIONS, compiled=True))  # pyright: ignore[reportCallIssue]
     finally:
         torch.set_num_threads(before)
     assert torch.equal(*found)

@@ -56,14 +56,3 @@ def test_one_slice_is_unbiased():
     many = torch.stack([ao(index, 16) for index in range(16)]).mean(0)
     assert float((one - many)[g.hit].abs().mean()) < 5e-3
     assert abs(float((one - many)[g.hit].mean())) < 5e-4
-
-
-def test_weights_are_one_and_have_a_gradient():
-    """What a slice holds changes with the normal."""
-    at = receivers(40.0)
-    nx = at.nx.clone().requires_grad_()
-    cut = slices.cut_slice(at._replace(nx=nx), *turn(at, torch.tensor([[0.3]])))
-    assert float(cut.weight.detach()) == 1.0
-    cut.weight.sum().backward()
-    assert nx.grad is not None
-    assert float(nx.grad.abs()) > 1e-3
