@@ -117,10 +117,10 @@ def _traverse(planes, pyramid, table, line, steps):
             break
         sideways = leave_x < leave_y
         if sideways:
-            ix = ((cx + 1) << level) if right else (cx << level) - 1
+            ix = ((cx + right) << level) + right - 1
             iy = min(max(np.int64(line.y + share * line.dy), cy << level), ((cy + 1) << level) - 1)
         else:
-            iy = ((cy + 1) << level) if down else (cy << level) - 1
+            iy = ((cy + down) << level) + down - 1
             ix = min(max(np.int64(line.x + share * line.dx), cx << level), ((cx + 1) << level) - 1)
         if ix < 0 or ix >= width or iy < 0 or iy >= height:
             break
