@@ -153,8 +153,7 @@ def march_rays(
     Raises:
         ValueError: steps or distance is not positive, or a kernel is requested on a device that has none.
     """
-    if steps < 1 or not distance > 0:
-        raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")
+    check_reach(steps, distance)
     out = march(
         *hierarchy,
         lens_of(camera),
@@ -168,6 +167,12 @@ def march_rays(
     ).to(origins.dtype)
     status = out[:, 4:5]
     return Hits(out[:, :2], status == HIT, status == BLOCKED, status == SPENT, out[:, 2:3], out[:, 3:4])
+
+
+def check_reach(steps: int, distance: float) -> None:
+    """Raise a ValueError unless rays take a step and go somewhere."""
+    if steps < 1 or not distance > 0:
+        raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")
 
 
 def lens_of(camera: Camera) -> Tensor:

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
-from post.march.rays import Hierarchy, lens_of
+from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
 
 
@@ -105,7 +105,7 @@ def reflect(
         hierarchy: of its depth.
         camera: of the picture.
         noise: ``(2, H, W)`` in [0, 1).
-        shifts: of the noise, for each ray of a pixel; a mirror takes the first alone.
+        shifts: of the noise, for each ray of a pixel; a pixel that takes fewer rays takes the first ones.
         steps: see `post.ssr`, as the rest.
         distance: how far rays go, world units.
         roughness_cutoff: see `post.ssr`.
@@ -117,8 +117,9 @@ def reflect(
         ``(B, 5, H, W)``: reflection, its confidence, and the distance to what is reflected.
 
     Raises:
-        ValueError: a kernel is requested where there is none.
+        ValueError: steps or distance is not positive, or a kernel is requested where there is none.
     """
+    check_reach(steps, distance)
     options = {"steps": steps, "distance": distance, "roughness_cutoff": roughness_cutoff}
     if compiled and (reuse or method != "ggx"):
         raise ValueError(f"compiled must be None or False for reuse={reuse}, method={method!r}: there is no kernel")
@@ -126,24 +127,26 @@ def reflect(
     form = form_of(*picture, hierarchy.planes, noise, roughness_cutoff, compiled=compiled if plain else False)
     if form is Form.REFERENCE:
         return reflect_reference(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
-    depth, light, environment, visibility = picture.depth, picture.light, picture.environment, picture.visibility
+    depth, environment, visibility = picture.depth, picture.environment, picture.visibility
+    light = _full(picture.light, 3, depth)
     known = torch.ones_like(depth) if visibility is None else torch.where(picture.hit, visibility, 1.0)
     none = depth.new_empty(0, 3, *camera.size)
+    bent_normal = None if visibility is None else picture.bent_normal
     return reflect_cpu(
         *hierarchy,
         lens_of(camera).float(),
         float(camera.near),
         camera.orthographic,
         camera.world_from_view[:, :3, :3].to(depth).contiguous(),
-        picture.hit,
+        _full(picture.hit, 1, depth),
         depth,
-        picture.normal,
-        none if picture.normal_geo is None else picture.normal_geo,
-        picture.roughness,
-        picture.f0,
+        _full(picture.normal, 3, depth),
+        none if picture.normal_geo is None else _full(picture.normal_geo, 3, depth),
+        _full(picture.roughness, 1, depth),
+        _full(picture.f0, 3, depth),
         torch.cat([light, known], dim=1).movedim(1, -1),
         depth.new_zeros(1, 1, 1, 3) if environment is None else environment.movedim(1, -1),
-        none if visibility is None or picture.bent_normal is None else picture.bent_normal,
+        none if bent_normal is None else _full(bent_normal, 3, depth),
         brightest(light, picture.hit).flatten(),
         noise,
         noise.new_tensor(shifts),
@@ -153,3 +156,8 @@ def reflect(
         float(roughness_cutoff),
         border_width(camera),
     )
+
+
+def _full(channel: Tensor, channels: int, depth: Tensor) -> Tensor:
+    """A channel at the size of the picture, which the kernel reads without asking."""
+    return channel.expand(depth.shape[0], channels, *depth.shape[2:])
