@@ -66,7 +66,7 @@ def ssr(
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         index: frame number, for the noise.
-        samples: rays a pixel; one for a mirror.
+        samples: rays a pixel; one for a mirror, fewer where little light is reflected, see `rays_of`.
         steps: see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
         roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.

@@ -42,6 +42,14 @@ def unit(a):
 
 
 @inlined
+def grazing(cosine):
+    """Schlick's (1 - cosine)^5 for a cosine in [0, 1]."""
+    left = ONE - cosine
+    squared = left * left
+    return squared * squared * left
+
+
+@inlined
 def _smith_lambda(cosine, alpha):
     square = min(max(cosine * cosine, GRAZING), ONE)
     return HALF * (math.sqrt(ONE + alpha * alpha * (ONE - square) / square) - ONE)

@@ -11,7 +11,8 @@ from torch import Tensor
 from gbufrt import Camera
 from gbufrt.directions import length, tangent_frame
 from gbufrt.sampling import shifted
-from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, smith_lambda
+from gbufrt.specular import MIRROR_ROUGHNESS, ggx_distribution, masking_ratio, sample_visible_normal, smith_lambda
+from post.shading.constants import FULL_SHARE
 from post.shading.ggx import grazing, reflection_pdf
 
 CONE_DEGREES = 45.0  # half angle of ME1's cone at roughness 1
@@ -112,6 +113,27 @@ def _above(surface: Surface, lobe: Lobe) -> Lobe:
     flies = (lobe.taken > 0) & (dot(lobe.direction, surface.geometric) > 1e-4) & (lobe.weight > 0)
     weight, share = torch.where(flies, lobe.weight, 0.0), lobe.share * lobe.taken
     return lobe._replace(direction=torch.where(flies, lobe.direction, 0.0), weight=weight, share=share)
+
+
+@torch.no_grad()
+def rays_of(surface: Surface, f0: Tensor, roughness: Tensor, samples: int) -> Tensor:
+    """``(B, 1, H, W)`` how many rays a pixel takes: one for a mirror, fewer where little light is reflected.
+
+    The noise of a pixel is in proportion to the share of light that it reflects, so that rays bring less where that is
+    small. The number depends on the surface alone: means stay as they are.
+
+    Args:
+        surface: the reflecting pixels.
+        f0: ``(B, 3, H, W)`` reflectance at normal incidence.
+        roughness: ``(B, 1, H, W)`` perceptual.
+        samples: where `FULL_SHARE` or more is reflected.
+
+    Source: Lagarde 2011 (Schlick's approximation for rough surfaces).
+    """
+    highest = f0.amax(1, keepdim=True)
+    share = highest + (torch.maximum(1 - roughness, highest) - highest) * grazing(dot(surface.eye, surface.normal))
+    rays = (samples * (share / FULL_SHARE).clamp_max(1.0)).ceil().clamp_min(1.0)
+    return torch.where(roughness < MIRROR_ROUGHNESS, 1.0, rays)
 
 
 def throughput(lobe: Lobe) -> Tensor:

@@ -11,12 +11,11 @@ from torch import Tensor
 from gbufrt import Camera
 from gbufrt.environment import lookup_environment
 from gbufrt.sampling import gather, pixel_centers, sample
-from gbufrt.specular import MIRROR_ROUGHNESS
 from post.filters.signals import luminance
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
 from post.shading.constants import BORDER, FIREFLY, GUESSED, HIDDEN_SHARE
-from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, reuse_neighbors, surface_of, throughput
+from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, rays_of, reuse_neighbors, surface_of, throughput
 
 Method = Literal["ggx", "cone"]
 LOBES = {"ggx": ggx_ray, "cone": cone_ray}
@@ -54,8 +53,7 @@ def reflect_reference(
     depth, hit, normal, normal_geo, roughness, f0, light, environment, visibility, bent_normal = picture
     flat, limit = normal if normal_geo is None else normal_geo, brightest(light, hit)
     surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
-    with torch.no_grad():
-        rays = torch.where(roughness < MIRROR_ROUGHNESS, 1.0, float(len(shifts)))
+    rays = rays_of(surface, f0, roughness, len(shifts))
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i, shift in enumerate(shifts):

@@ -16,7 +16,7 @@ from post.filters.signals import REC709
 from post.march.constants import BLOCKED, HIT, SPENT
 from post.march.kernel import trace
 from post.shading import constants
-from post.shading.lobe_kernel import dot, mirror, reflected, scaled
+from post.shading.lobe_kernel import dot, grazing, mirror, reflected, scaled
 
 ZERO, HALF, ONE, TWO, THREE = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
 SMOOTH, SMOOTHEST, DARK = np.float32(MIRROR_ROUGHNESS), np.float32(1e-3), np.float32(1e-9)
@@ -24,6 +24,7 @@ FIREFLY, GUESSED = np.float32(constants.FIREFLY), np.float32(constants.GUESSED)
 HIDDEN_SHARE, RED, GREEN, BLUE = np.float32(constants.HIDDEN_SHARE), *(np.float32(share) for share in REC709)
 STEEP, SOFTEST, SOFTNESS, CLOSED = np.float32(10), np.float32(1e-3), np.float32(0.3), np.float32(20)
 POLE = np.float32(1e-12)
+FULL_SHARE = np.float32(constants.FULL_SHARE)
 
 
 @inlined
@@ -136,6 +137,16 @@ def _firefly_factor(incoming, limit, rough, blocked):
     return min(limit / max(luminance, DARK), ONE)
 
 
+@inlined
+def _rays(f0, cosine, rough, samples):
+    """How many rays a pixel takes; see `post.shading.lobes.rays_of`."""
+    if rough < SMOOTH:
+        return 1
+    highest = max(f0[0], max(f0[1], f0[2]))
+    share = highest + (max(ONE - rough, highest) - highest) * grazing(min(max(cosine, ZERO), ONE))
+    return max(np.int64(np.ceil(np.float32(samples) * min(share / FULL_SHARE, ONE))), 1)
+
+
 @scalar
 def reflect(
     i, out, planes, pyramid, table, lens, near, orthographic, rotation, hit, depth, normal, geometric, roughness, f0,
@@ -159,7 +170,8 @@ def reflect(
     has_bent = bent.shape[0] > 0
     toward = _vector(bent, b, y, x) if has_bent else facing
     trust = min(max((cutoff - rough) * STEEP + ONE, ZERO), ONE) if cutoff < ONE else ONE
-    rays = 1 if rough < SMOOTH else shifts.shape[0]
+    f0_here = _vector(f0, b, y, x)
+    rays = _rays(f0_here, at.eye[2], rough, shifts.shape[0])
     red, green, blue, known, rated, travelled, ends = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
     for s in range(rays):
         u, v = noise[0, y, x] + shifts[s, 0], noise[1, y, x] + shifts[s, 1]
@@ -173,11 +185,10 @@ def reflect(
         world = _turned(turn, ray.direction)
         light = _incoming(lit[b], sky[b if sky.shape[0] > 1 else 0], end, confidence, x, y, toward, has_bent, world)
         light = scaled(light, ray.weight * _firefly_factor(light, limit[b], rough, end.status == BLOCKED))
-        edge = ONE - ray.cosine
-        edge = edge * edge * edge * edge * edge
-        red += (f0[b, 0, y, x] * (ONE - edge) + edge) * light[0]
-        green += (f0[b, 1, y, x] * (ONE - edge) + edge) * light[1]
-        blue += (f0[b, 2, y, x] * (ONE - edge) + edge) * light[2]
+        edge = grazing(ray.cosine)
+        red += (f0_here[0] * (ONE - edge) + edge) * light[0]
+        green += (f0_here[1] * (ONE - edge) + edge) * light[1]
+        blue += (f0_here[2] * (ONE - edge) + edge) * light[2]
         known, rated = known + confidence, rated + ONE
         if found:
             travelled, ends = travelled + end.distance, ends + ONE

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import boxes
 import pytest
 import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from post.march.rays import Hierarchy, depth_hierarchy, lens_of
+from post.march.rays import depth_hierarchy, lens_of
+from post.shading import lobes
 from post.shading.op import reflect, reflect_cpu
 from post.shading.reference import Picture
 
@@ -34,7 +37,7 @@ def two(size: tuple[int, int]) -> Camera:
     )
 
 
-def scene(camera: Camera, *, world: Tensor = boxes.ROOM) -> tuple[Picture, Hierarchy, Camera, Tensor]:
+def scene(camera: Camera, *, world: Tensor = boxes.ROOM) -> tuple[Any, ...]:
     """Boxes of every roughness, mirrors among them, whose normals are a little bent, lit by smooth random colours."""
     g = boxes.frame(camera, boxes=world).gbuffer
     size, batch = camera.size, camera.batch
@@ -68,7 +71,7 @@ CAMERAS = {
 
 
 def both_forms(*arguments, **changes) -> tuple[Tensor, Tensor]:
-    got, want = (reflect(*arguments, SHIFTS, **(OPTIONS | changes), compiled=form) for form in (True, False))  # pyright: ignore[reportCallIssue]
+    got, want = (reflect(*arguments, shifts=SHIFTS, **(OPTIONS | changes), compiled=form) for form in (True, False))
     return got, want
 
 
@@ -109,6 +112,24 @@ def test_kernel_equals_reference_with_other_options(changes: dict[str, float]) -
     assert not torch.allclose(got, both_forms(*arguments)[0])
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+def test_fewer_rays_where_little_is_reflected_keep_the_mean(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture, hierarchy, camera, _ = scene(boxes.camera((40, 56)))
+    rough = 0 * picture.roughness + 0.6
+    picture = picture._replace(f0=0 * picture.f0 + 0.04, roughness=rough, normal=picture.normal)
+
+    def runs(form: bool) -> Tensor:
+        found = [reflect(picture, hierarchy, camera, noise(2, camera.size, i)[0], SHIFTS, **OPTIONS, compiled=form)
+                 for i in range(40)]  # fmt: skip
+        return torch.stack(found)[:, :, :3]
+
+    few = runs(compiled)
+    monkeypatch.setattr(lobes, "FULL_SHARE", 1e-6)
+    every = runs(False)
+    assert float(few.mean() / every.mean()) == pytest.approx(1, abs=0.01)
+    assert float(few.std(0).mean() / every.std(0).mean()) > 1.2
+
+
 def test_limits_hold_fireflies() -> None:
     picture, *rest = scene(CAMERAS["perspective"])
     light = picture.light.clone()
@@ -137,7 +158,7 @@ def test_a_pixel_that_is_not_finite_stays_alone() -> None:
     whole, _ = both_forms(picture, *rest)
     roughness, bent = picture.roughness.clone(), picture.normal.clone()
     roughness[..., 50, 40], bent[..., 50, 60] = torch.nan, torch.nan
-    got = reflect(picture._replace(roughness=roughness, normal=bent), *rest, SHIFTS, **OPTIONS, compiled=True)  # pyright: ignore[reportCallIssue]
+    got = reflect(picture._replace(roughness=roughness, normal=bent), *rest, shifts=SHIFTS, **OPTIONS, compiled=True)
     same = (got == whole).all(dim=1)
     assert int((~same).sum()) <= 2
 
@@ -146,9 +167,9 @@ def test_choice_of_form() -> None:
     picture, *rest = scene(boxes.camera((12, 16)))
     for changes in ({"reuse": 1}, {"method": "cone"}):
         with pytest.raises(ValueError, match="no kernel"):
-            reflect(picture, *rest, SHIFTS, **OPTIONS, **changes, compiled=True)  # pyright: ignore[reportCallIssue]
+            reflect(picture, *rest, shifts=SHIFTS, **OPTIONS, **changes, compiled=True)
     lit = picture.light.clone().requires_grad_()
-    reflect(picture._replace(light=lit), *rest, SHIFTS, **OPTIONS).sum().backward()  # pyright: ignore[reportCallIssue]
+    reflect(picture._replace(light=lit), *rest, shifts=SHIFTS, **OPTIONS).sum().backward()
     assert lit.grad is not None
     assert float(lit.grad.abs().sum()) > 0
 
@@ -159,7 +180,7 @@ def test_number_of_threads_changes_nothing() -> None:
         found = []
         for count in (1, 2):
             torch.set_num_threads(count)
-            found.append(reflect(*arguments, SHIFTS, **OPTIONS, compiled=True))  # pyright: ignore[reportCallIssue]
+            found.append(reflect(*arguments, shifts=SHIFTS, **OPTIONS, compiled=True))
     finally:
         torch.set_num_threads(before)
     assert torch.equal(*found)
