@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import nullcontext
+from itertools import groupby
 from typing import Any, Literal
 
 from torch import nn
@@ -16,6 +17,7 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.passes import Pass, Stage, TemporalPass
+from gbufrt.reduction import Reduction
 
 
 class Pipeline(TemporalPass):
@@ -24,6 +26,8 @@ class Pipeline(TemporalPass):
     Args:
         given: signals that incoming frames already hold, beyond G-buffer channels and light.
         layer: ``"behind"`` runs the stages on ``frame.behind``, where there is one, instead of on the frame.
+        reduction: runs the stages on a smaller frame, such as `post.Reduced`. Pipelines that follow one another with
+            equal reductions share the smaller frame.
         stages: passes, temporal passes or pipelines by name; None leaves a stage out.
 
     Raises:
@@ -32,13 +36,19 @@ class Pipeline(TemporalPass):
     """
 
     def __init__(
-        self, *, given: Iterable[str] = (), layer: Literal["behind"] | None = None, **stages: Stage | None
+        self,
+        *,
+        given: Iterable[str] = (),
+        layer: Literal["behind"] | None = None,
+        reduction: Reduction | None = None,
+        **stages: Stage | None,
     ) -> None:
         super().__init__()
         if layer not in (None, "behind"):
             raise ValueError(f'layer must be "behind" or None, got {layer!r}')
         self.given = frozenset(given)
         self.layer: Literal["behind"] | None = layer
+        self.reduction = reduction
         self.fused = False
         self.stages = nn.ModuleDict()
         for name, stage in stages.items():
@@ -62,9 +72,12 @@ class Pipeline(TemporalPass):
                 reads.add(signal)
             optional |= stage.optional - have
             have |= stage.writes
+        self._written = frozenset().union(*(stage.writes for _, stage in self._stages()))
+        if self.reduction is not None:
+            self._written = self.reduction.restored(self._written)
         if self.layer is None:  # stages on another layer do not read or write this frame's signals
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
-            self.writes = frozenset().union(*(stage.writes for _, stage in self._stages()))
+            self.writes = self._written
 
     def __call__(
         self, frame: Frame, state: PipelineState | None = None, *, keep_graph: bool = False
@@ -85,31 +98,9 @@ class Pipeline(TemporalPass):
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
         with fused_kernels() if self.fused else nullcontext():
-            frame, after = self._run(frame, state)
-        after = PipelineState(stages=after.stages, previous=frame.as_previous())
-        return frame.replace(previous=None), after if keep_graph else after.detach()
-
-    def _run(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
-        if self.layer == "behind":
-            if frame.behind is None:
-                return frame, PipelineState()
-            behind, after = self._run_stages(frame.behind, state)
-            return frame.replace(behind=behind), after
-        return self._run_stages(frame, state)
-
-    def _run_stages(self, frame: Frame, state: PipelineState | None) -> tuple[Frame, PipelineState]:
-        before = {} if state is None else state.stages
-        after: dict[str, Any] = {}
-        for name, stage in self._stages():
-            if isinstance(stage, Pipeline):
-                frame, after[name] = stage._run(frame, before.get(name))
-            elif isinstance(stage, TemporalPass):
-                stage.check(frame)
-                frame, after[name] = stage(frame, before.get(name))
-            elif isinstance(stage, Pass):
-                stage.check(frame)
-                frame = stage(frame)
-        return frame, PipelineState(stages=after)
+            frame, after = _run([("", self)], frame, {"": state})
+        state = PipelineState(stages=after[""].stages, previous=frame.as_previous())
+        return frame.replace(previous=None), state if keep_graph else state.detach()
 
     def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:
         """Run over consecutive frames, threading the state; ``keep_graph`` as in `forward`."""
@@ -233,9 +224,46 @@ class Pipeline(TemporalPass):
         return self._rebuilt(stages)
 
     def _rebuilt(self, stages: Mapping[str, Any]) -> Pipeline:
-        result = Pipeline(given=self.given, layer=self.layer, **stages)
+        result = Pipeline(given=self.given, layer=self.layer, reduction=self.reduction, **stages)
         result.fused = self.fused
         return result
+
+
+def _run(stages: Iterable[tuple[str, Stage]], frame: Frame, before: Mapping[str, Any]) -> tuple[Frame, dict[str, Any]]:
+    """Run stages in order, each on the frame it asks for; neighbours that ask for the same one share it.
+
+    Returns:
+        The frame, and the states of those stages that have one, by name.
+    """
+    after: dict[str, Any] = {}
+    for (layer, reduction), group in groupby(stages, key=_place):
+        own, together = frame if layer is None else frame.behind, list(group)
+        if own is None:
+            after |= {name: PipelineState() for name, _ in together}
+            continue
+        seen = own if reduction is None else reduction.reduce(own)
+        for name, stage in together:
+            seen, kept = _run_one(stage, seen, before.get(name))
+            after |= {} if kept is None else {name: kept}
+        if reduction is not None:
+            written = (stage._written for _, stage in together if isinstance(stage, Pipeline))
+            seen = reduction.restore(own, seen, frozenset().union(*written))
+        frame = seen if layer is None else frame.replace(behind=seen)
+    return frame, after
+
+
+def _run_one(stage: Stage, frame: Frame, before: Any) -> tuple[Frame, Any]:
+    if isinstance(stage, Pipeline):
+        frame, after = _run(stage._stages(), frame, {} if before is None else before.stages)
+        return frame, PipelineState(stages=after)
+    stage.check(frame)
+    return stage(frame, before) if isinstance(stage, TemporalPass) else (stage(frame), None)
+
+
+def _place(named: tuple[str, Stage]) -> tuple[Literal["behind"] | None, Reduction | None]:
+    """The layer and the reduction that a stage runs on."""
+    stage = named[1]
+    return (stage.layer, stage.reduction) if isinstance(stage, Pipeline) else (None, None)
 
 
 def _pipeline(name: str, stage: Any) -> Pipeline:

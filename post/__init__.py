@@ -28,6 +28,7 @@ from post.presets import me1
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import thickness_from_depth
+from post.upsampling.reduced import Reduced
 
 __all__ = [
     "FXAA",
@@ -45,6 +46,7 @@ __all__ = [
     "Exposure",
     "MarchGI",
     "MotionBlur",
+    "Reduced",
     "Temporal",
     "ToneMap",
     "Vignette",

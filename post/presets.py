@@ -21,6 +21,7 @@ from post.passes.taa import TAA
 from post.passes.temporal import Temporal
 from post.passes.tone_map import DisplayEncode, ToneMap
 from post.passes.vignette import Vignette
+from post.upsampling.reduced import Reduced
 
 Preset = Literal["low", "medium", "high", "ultra"]
 
@@ -45,6 +46,8 @@ class Quality:
     in the gaps is a twentieth darker.
     """
 
+    reduced: tuple[str, ...]
+    """Branches that run at half resolution: a quarter of the pixels, and of the time."""
     ao_slices: int
     ao_scales: int
     gi_slices: int
@@ -58,18 +61,22 @@ class Quality:
 
 QUALITIES: Mapping[str, Quality] = {
     "low": Quality(
+        reduced=("ao", "gi", "reflection", "behind"),
         ao_slices=1, ao_scales=1, gi_slices=1, gi_steps=12, gi_bounces=1, gi_distance=30,
         reflection_samples=2, reflection_steps=48, reflection_distance=40,
     ),
     "medium": Quality(
+        reduced=("gi", "behind"),
         ao_slices=1, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=50,
         reflection_samples=4, reflection_steps=64, reflection_distance=60,
     ),
     "high": Quality(
+        reduced=(),
         ao_slices=2, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=70,
         reflection_samples=8, reflection_steps=96, reflection_distance=75,
     ),
     "ultra": Quality(
+        reduced=(),
         ao_slices=3, ao_scales=3, gi_slices=2, gi_steps=36, gi_bounces=3, gi_distance=100,
         reflection_samples=16, reflection_steps=128, reflection_distance=100,
     ),
@@ -142,20 +149,26 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     both = ("ao", "bent_normal")
     bounced = ("gi", "sky_visibility")
     ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR)
+    at = {name: Reduced() for name in quality.reduced}
     return {
-        "ao": Pipeline(estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)),
+        "ao": Pipeline(
+            reduction=at.get("ao"), estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)
+        ),
         "gi": Pipeline(
+            reduction=at.get("gi"),
             estimate=gi,
             accumulate=Temporal(signal=bounced, blend=0.97, clamp=GI_CLAMP),
             denoise=Atrous(signal=bounced, phi_color=GI_PHI, iterations=GI_ITERATIONS),
         ),
         "reflection": Pipeline(
+            reduction=at.get("reflection"),
             estimate=reflection,
             denoise=Bilateral(signal="reflection"),
             accumulate=Temporal(signal="reflection", blend=0.95),
         ),
         "behind": Pipeline(
             layer="behind",
+            reduction=at.get("behind"),
             gi=SSGI(directions=2, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
             denoise=Atrous(signal=bounced),
         ),

@@ -1,1 +1,1 @@
-"""What filters share: edges, signals, upsampling."""
+"""What filters share: edges, signals, moments."""

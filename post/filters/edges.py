@@ -93,8 +93,8 @@ def edge_weight(
     center: Tensor,
     tap: Tensor,
     plane: Tensor,
-    dx: int,
-    dy: int,
+    dx: int | Tensor,
+    dy: int | Tensor,
     *,
     perspective: bool,
     depth_sensitivity: float,
@@ -109,7 +109,7 @@ def edge_weight(
         center: ``(B, K, H, W)`` guide of the centre.
         tap: the same, of the tap.
         plane: `Surface.plane`, scaled to the tap spacing.
-        dx, dy: place of the tap in tap spacings.
+        dx, dy: place of the tap in tap spacings; tensors ``(H, W)`` where it differs.
         perspective: `Surface.perspective`.
         depth_sensitivity: s, per pixel footprint.
         normal_power: exponent of the cosine.

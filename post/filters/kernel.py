@@ -68,14 +68,14 @@ def plane_row(plane, y, first, end):
 
 
 @inlined
-def edge_exponent(i, here, plane, there, dx, dy, edge):
-    """`edges.edge_weight` of pixel i as an exponent of 2, without whether the tap hit anything."""
+def edge_exponent(i, here, plane, j, there, dx, dy, edge):
+    """`edges.edge_weight` of pixel i and its tap j as an exponent of 2, without whether the tap hit anything."""
     slope = plane.x[i] * dx + plane.y[i] * dy
-    factor = there.depth[i] if edge.perspective else ONE
-    distance = plane.along[i] * (there.depth[i] - here.depth[i]) + slope * factor
-    cosine = here.nx[i] * there.nx[i] + here.ny[i] * there.ny[i] + here.nz[i] * there.nz[i]
+    factor = there.depth[j] if edge.perspective else ONE
+    distance = plane.along[i] * (there.depth[j] - here.depth[i]) + slope * factor
+    cosine = here.nx[i] * there.nx[j] + here.ny[i] * there.ny[j] + here.nz[i] * there.nz[j]
     alike = edge.power * log2(min(max(cosine, TINY), ONE)) if cosine > ZERO else edge.away
-    rougher = abs(here.roughness[i] - there.roughness[i]) * edge.roughness
+    rougher = abs(here.roughness[i] - there.roughness[j]) * edge.roughness
     return alike - edge.sensitivity * abs(distance) * plane.scale[i] - rougher
 
 
@@ -96,7 +96,7 @@ def edge_weights(weights, guide, plane, y, tap, edge):
     here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
     planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
     for i in range(weights.shape[0]):
-        weights[i] = there.hit[i] * exp2(edge_exponent(i, here, planes, there, dx, dy, edge))
+        weights[i] = there.hit[i] * exp2(edge_exponent(i, here, planes, i, there, dx, dy, edge))
 
 
 @scalar
@@ -155,7 +155,7 @@ def wavelet_weights(weights, guide, plane, values, tolerance, reach, y, tap, sha
     square = LOG2_E * (dx * dx + dy * dy)
     for i in range(weights.shape[0]):
         away = abs(other[i] - mine[i]) * steps[i] + limits[i] * square
-        weights[i] = share * there.hit[i] * exp2(edge_exponent(i, here, planes, there, dx, dy, edge) - away)
+        weights[i] = share * there.hit[i] * exp2(edge_exponent(i, here, planes, i, there, dx, dy, edge) - away)
 
 
 @scalar
@@ -207,7 +207,7 @@ def bilateral_weights(weights, guide, plane, values, tolerance, falloff, y, tap,
     for i in range(weights.shape[0]):
         away = (other[i] - mine[i]) / limits[i]
         unlike = LOG2_E * max(away * away - ONE, ZERO)
-        exponent = edge_exponent(i, here, planes, there, dx, dy, edge) + narrow[i] * square - unlike
+        exponent = edge_exponent(i, here, planes, i, there, dx, dy, edge) + narrow[i] * square - unlike
         weights[i] = there.hit[i] * exp2(exponent)
 
 

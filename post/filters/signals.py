@@ -54,7 +54,7 @@ def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> 
     """Those of the named signals that the frame has, in one ``(B, C, H, W)``; it must have the first."""
     present = [frame.read(names[0])] + [tensor for name in names[1:] if (tensor := frame.get(name)) is not None]
     if demodulate and present[0].shape[1] == 3:
-        present[0] = present[0] / _divisor(frame)
+        present[0] = present[0] / guarded_albedo(frame)
     return torch.cat(present, dim=1) if len(present) > 1 else present[0]
 
 
@@ -68,7 +68,7 @@ def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate
         signal = stacked[:, start : start + before.shape[1]]
         start += before.shape[1]
         if demodulate and name == names[0] and before.shape[1] == 3:
-            signal = signal * _divisor(frame)
+            signal = signal * guarded_albedo(frame)
         if name in UNIT_VECTORS:
             length = length_of(signal)
             signal = torch.where(length > 1e-6, signal / length.clamp_min(1e-6), before)
@@ -87,8 +87,11 @@ def guides(frame: Frame, names: tuple[str, ...]) -> Guides:
     }
 
 
-def _divisor(frame: Frame) -> Tensor:
-    """Albedo, guarded; multiplying back is exact for any guard. Sky and frames without albedo divide by one."""
+def guarded_albedo(frame: Frame) -> Tensor:
+    """What diffuse light is divided by: multiplying back is exact for any guard.
+
+    Sky and frames without albedo divide by one.
+    """
     albedo = frame.gbuffer.albedo
     if albedo is None:
         return torch.ones_like(frame.gbuffer.depth)

@@ -12,7 +12,7 @@ from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
-from post.filters.upsample import upsample
+from post.filters.edges import surface
 from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import arcs, slices
@@ -20,6 +20,7 @@ from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
 from post.sweep.thickness import planar_thickness
+from post.upsampling.op import upsample
 
 SWEEP = ("steps", "distance", "resolution", "seed")  # tunables passed to the function unchanged
 
@@ -105,7 +106,7 @@ def ssgi(
     visibility, bent = arcs.finish(at, camera, hit[part], sums[:8], normal[part])
     found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
     if resolution == 2:
-        found = upsample(found, depth, normal, camera, hit=hit, stride=2, offset=corner)
+        found = upsample(found, surface(depth, normal, hit, camera), stride=2, offset=corner, compiled=compiled)
         bent = torch.nn.functional.normalize(found[:, 4:], dim=1)
         found = torch.cat([found[:, :4], bent], dim=1)
     gathered, visibility, bent = found.split([3, 1, 3], dim=1)

@@ -13,7 +13,6 @@ from cornell import cornell
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
-from post.filters.upsample import upsample
 from post.passes.ssgi import SSGI, ssgi
 from post.shading.sent_light import sent_light
 
@@ -165,14 +164,6 @@ def test_half_resolution_keeps_light_on_its_surface() -> None:
     assert float((half_sky - full_sky).abs().mean()) < 0.03
     length = bent.norm(dim=1, keepdim=True)[frame.gbuffer.hit]
     torch.testing.assert_close(length, torch.ones_like(length))
-
-
-def test_upsampling_returns_what_each_object_holds() -> None:
-    g = boxes.frame(boxes.camera((48, 64))).gbuffer
-    assert g.material_id is not None
-    value = g.material_id.float()
-    found = upsample(value[..., ::2, ::2], g.depth, g.normal, g.camera, hit=g.hit)
-    assert float(((found - value).abs() > 0.05).float().mean()) < 0.03
 
 
 @pytest.mark.parametrize("resolution", [1, 2])

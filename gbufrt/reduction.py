@@ -1,0 +1,71 @@
+"""Reduction: stages that run on a smaller frame, and the frame of every second pixel, or every third."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.frame import SIGNALS, Frame
+from gbufrt.gbuffer import GBuffer
+
+
+class Reduction(ABC):
+    """How a `Pipeline` runs stages on a smaller frame: what they see of a frame, and what the frame gets of theirs."""
+
+    @abstractmethod
+    def reduce(self, frame: Frame) -> Frame:
+        """The smaller frame, with its ``previous`` reduced in the same way."""
+
+    @abstractmethod
+    def restored(self, written: frozenset[str]) -> frozenset[str]:
+        """Which of the signals that stages write come back to the whole frame."""
+
+    @abstractmethod
+    def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
+        """``frame`` with the named signals of the smaller one, where it has them, brought to its own size."""
+
+
+def every_nth_camera(camera: Camera, stride: int) -> Camera:
+    """The camera of every ``stride``-th pixel both ways, from the top left one on.
+
+    The middle of a pixel of the smaller picture is that of the pixel it stands for, so the picture's position p in
+    pixels becomes (p - 1/2) / stride + 1/2.
+    """
+    intrinsics = camera.intrinsics.clone()
+    intrinsics[:, :2] = intrinsics[:, :2] / stride
+    intrinsics[:, :2, 2] = intrinsics[:, :2, 2] + (0.5 - 0.5 / stride)
+    return Camera(
+        intrinsics=intrinsics,
+        world_from_view=camera.world_from_view,
+        size=(-(-camera.height // stride), -(-camera.width // stride)),
+        near=camera.near,
+        far=camera.far,
+        orthographic=camera.orthographic,
+        jitter=None if camera.jitter is None else camera.jitter / stride,
+    )
+
+
+def every_nth(frame: Frame, stride: int) -> Frame:
+    """The frame of every ``stride``-th pixel both ways, from the top left one on; see `every_nth_camera`.
+
+    Motion shrinks with the picture. ``behind`` and ``previous`` are reduced alike.
+    """
+    size = frame.gbuffer.camera.size
+
+    def thinned(tensor: Tensor) -> Tensor:
+        return tensor[..., ::stride, ::stride].contiguous() if tensor.shape[-2:] == size else tensor
+
+    signals = {n: thinned(t) for n, row in SIGNALS.items() if row.full_size and (t := getattr(frame, n)) is not None}
+    layers = {n: every_nth(layer, stride) for n in ("behind", "previous") if (layer := getattr(frame, n)) is not None}
+    extra = {name: thinned(tensor) for name, tensor in frame.extra.items()}
+    return frame.replace(gbuffer=_every_nth_gbuffer(frame.gbuffer, stride), extra=extra, **signals, **layers)
+
+
+def _every_nth_gbuffer(g: GBuffer, stride: int) -> GBuffer:
+    channels = {name: getattr(g, name)[..., ::stride, ::stride].contiguous() for name in g.present}
+    if "motion" in channels:
+        channels["motion"] = channels["motion"] / stride
+    before = None if g.previous_camera is None else every_nth_camera(g.previous_camera, stride)
+    return GBuffer(camera=every_nth_camera(g.camera, stride), previous_camera=before, **channels)

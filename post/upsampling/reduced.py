@@ -1,0 +1,55 @@
+"""Stages at half resolution or less: they see every second pixel, and the rest is interpolated along surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+
+from gbufrt import SIGNALS, Frame
+from gbufrt.directions import length
+from gbufrt.reduction import Reduction, every_nth
+from post.filters.edges import surface
+from post.filters.signals import UNIT_VECTORS, guarded_albedo
+from post.upsampling.op import upsample
+
+
+@dataclass(frozen=True)
+class Reduced(Reduction):
+    """Every ``stride``-th pixel both ways; signals come back by `upsample`, ``gi`` without its albedo.
+
+    Of what the stages write, signals that `gbufrt.Frame` has fields for come back, and those named in ``extra``.
+
+    Raises:
+        ValueError: the stride is not positive.
+    """
+
+    stride: int = 2
+    extra: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.stride < 1:
+            raise ValueError(f"stride must be at least 1, got {self.stride}")
+
+    def reduce(self, frame: Frame) -> Frame:
+        return every_nth(frame, self.stride)
+
+    def restored(self, written: frozenset[str]) -> frozenset[str]:
+        return frozenset(name for name in written if name in SIGNALS or name in self.extra)
+
+    def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
+        g, present = frame.gbuffer, [name for name in sorted(names) if reduced.get(name) is not None]
+        low = [reduced.read(name) / guarded_albedo(reduced) if name == "gi" else reduced.read(name) for name in present]
+        sizes = [signal.shape[1] for signal in low]
+        clear = [
+            SIGNALS[n].clear if n in SIGNALS else 0.0
+            for n, size in zip(present, sizes, strict=True)
+            for _ in range(size)
+        ]
+        geometry = surface(g.depth, g.normal, g.hit, g.camera)
+        found = upsample(torch.cat(low, dim=1), geometry, stride=self.stride, clear=clear)
+        for name, signal in zip(present, found.split(sizes, dim=1), strict=True):
+            signal = signal * guarded_albedo(frame) if name == "gi" else signal
+            signal = signal / length(signal).clamp_min(1e-6) if name in UNIT_VECTORS else signal
+            frame = frame.write(name, signal)
+        return frame
