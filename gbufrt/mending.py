@@ -6,11 +6,14 @@ batch). A pixel whose depth or normal is not finite cannot be mended; passes tre
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+from torch.utils.weak import WeakTensorKeyDictionary
 
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
@@ -18,6 +21,7 @@ from gbufrt.validation import all_finite, check_finite, pixels
 
 SURFACE = ("depth", "normal", "normal_geo")  # without these a pixel shows no surface
 WHOLE = ("motion", "bent_normal")  # vectors: one component means nothing without the others
+_known: ContextVar[WeakTensorKeyDictionary | None] = ContextVar("finite tensors", default=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +102,7 @@ def contained(frame: Frame, names: Iterable[str]) -> Frame:
 
     Light, signals and materials are made `finite`, with the clear value for NaN. Where depth or normal is not finite,
     the pixel becomes a miss. ``behind`` and ``previous`` are treated alike. If all is finite, the frame itself is
-    returned; that costs one sum over each channel.
+    returned; that costs one sum over each channel, and nothing where `remembering` knows it.
     """
     names = tuple(names)
     if _clean(frame, names):
@@ -115,12 +119,27 @@ def contained(frame: Frame, names: Iterable[str]) -> Frame:
     return frame
 
 
+@contextmanager
+def remembering() -> Iterator[None]:
+    """Inside, `contained` looks at each tensor once. Nothing may write into tensors until the end."""
+    token = _known.set(WeakTensorKeyDictionary())
+    try:
+        yield
+    finally:
+        _known.reset(token)
+
+
 def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
     """Whether all sums are finite: one test for all, so that a GPU synchronizes once."""
+    known = _known.get()
     layers = [layer for layer in (frame, frame.behind, frame.previous) if layer is not None]
     every = [tensor for layer in layers for name in names if (tensor := layer.get(name)) is not None]
-    sums = [tensor.detach().sum() for tensor in every if tensor.is_floating_point()]
-    return not sums or bool(torch.isfinite(torch.stack([total.double() for total in sums])).all())
+    every = [tensor for tensor in every if tensor.is_floating_point() and (known is None or tensor not in known)]
+    sums = [tensor.detach().sum() for tensor in every]
+    clean = not sums or bool(torch.isfinite(torch.stack([total.double() for total in sums])).all())
+    if clean and known is not None:
+        known.update(dict.fromkeys(every, True))
+    return clean
 
 
 def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:

@@ -16,6 +16,7 @@ from gbufrt.compute.fusion import fused_kernels
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
+from gbufrt.mending import remembering
 from gbufrt.passes import Pass, Stage, TemporalPass
 from gbufrt.reduction import Reduction
 
@@ -97,7 +98,7 @@ class Pipeline(TemporalPass):
             state = state.reset(frame.cut)
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
-        with fused_kernels() if self.fused else nullcontext():
+        with remembering(), fused_kernels() if self.fused else nullcontext():
             frame, after = _run([("", self)], frame, {"": state})
         state = PipelineState(stages=after[""].stages, previous=frame.as_previous())
         return frame.replace(previous=None), state if keep_graph else state.detach()

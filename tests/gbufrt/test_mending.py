@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
-from gbufrt.mending import Mended, contained, finite, held, mended
+from gbufrt.mending import Mended, contained, finite, held, mended, remembering
 
 
 def put(tensor: Tensor, *values: float) -> Tensor:
@@ -112,3 +112,21 @@ def test_materials_and_signals_take_their_clear_values():
         assert layer.read("motion")[0, :, 40, 50].tolist() == [0.0, 0.0], "both components, or neither"
         assert torch.equal(layer.gbuffer.hit, frame.gbuffer.hit)
     assert contained(bad, ("depth", "radiance")) is bad, "what a pass does not read is not its concern"
+
+
+def test_what_is_known_is_not_looked_at_again(monkeypatch: pytest.MonkeyPatch):
+    frame, looked = boxes.frame(), []
+    whole = Tensor.sum
+    monkeypatch.setattr(
+        Tensor, "sum", lambda tensor, *args, **kwargs: looked.append(1) or whole(tensor, *args, **kwargs)
+    )
+    with remembering():
+        contained(frame, ("depth", "radiance"))
+        assert len(looked) == 2
+        contained(frame, ("depth", "radiance", "normal"))
+        assert len(looked) == 3
+        bad = frame.replace(radiance=put(frame.read("radiance"), torch.nan))
+        assert bool(torch.isfinite(contained(bad, ("depth", "radiance")).read("radiance")).all())
+    looked.clear()
+    contained(frame, ("depth", "radiance"))
+    assert len(looked) == 2, "nothing is known outside"
