@@ -40,18 +40,24 @@ def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
         hit: ``(B, 1, H, W)`` bool.
         normal: ``(B, 3, H, W)`` world space.
     """
-    ray = -camera.rotate_to_world(camera.to_eye(camera.unproject(torch.ones_like(normal[:, :1]))))
+    hit, normal, px = (_border(t) for t in (hit, normal, camera.pixel_centers(dtype=normal.dtype)))
+    ray = -camera.rotate_to_world(camera.to_eye(camera.unproject(torch.ones_like(normal[:, :1]), px)))
     weight = ray[:, 1:2].clamp_min(0) ** 2
-    border = torch.ones_like(hit)
-    border[..., 1:-1, 1:-1] = False
     tall = normal[:, 1:2].abs() < CEILING
     closed = ((normal[:, 1:2] < -CEILING) + WALL * tall) * hit
-    total = [(weight * border * part).sum((2, 3)) for part in (~hit, closed)]
-    little = LITTLE * border.sum((2, 3))
+    total = [(weight * part).sum((2, 3)) for part in (~hit, closed)]
+    little = LITTLE * hit.shape[-1]
     share = (total[0] + little) / (total[0] + total[1] + little)
     trust = (total[0] + total[1]) / (total[0] + total[1] + little)
     up = camera.rotate_to_view(torch.zeros_like(ray).index_fill(1, torch.tensor(1, device=ray.device), 1.0))
     return Sky(share[..., None], trust[..., None], *up[:, :, :1, :1].unbind(1))
+
+
+def _border(picture: Tensor) -> Tensor:
+    """``(B, C, 1, P)``: the pixels along the border of ``(B, C, H, W)``, each once."""
+    first, last, middle = picture[..., :1, :], picture[..., 1:, :][..., -1:, :], picture[..., 1:-1, :]
+    lines = (first, last, middle[..., :1], middle[..., 1:][..., -1:])
+    return torch.cat([line.flatten(2) for line in lines], dim=2)[:, :, None]
 
 
 def leaves_hit(around: PaddedView, at: Receivers, side: Side) -> Tensor:
