@@ -19,7 +19,7 @@ from post.sweep import arcs, slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import known_thickness
-from post.sweep.layout import Receivers, Slice
+from post.sweep.layout import Receivers, Receiving, Slice
 
 FALLOFF = 0.615  # share of the reach over which occluders fade (XeGTAO)
 REACH = 1.457  # radii: fading occluders up to here occlude about as much as all within the radius (XeGTAO)
@@ -105,12 +105,13 @@ def horizon_ao(
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device) * REACH
     around = scene(camera, depth, normal, hit, torch.ones_like(depth))
-    at = slices.receivers(camera, depth, normal)
+    pixels = Receiving(camera, depth, normal, hit)
+    at = slices.receivers(pixels)
     found, how = [], (directions, steps, camera.orthographic)
     for scale in range(scales):
         places = {"index": index, "dims": 3, "seed": seed * scales + scale, "device": depth.device}
         sums = _sweep(around, at, blue_noise(*camera.size, **places).to(depth), reach * 2**scale, *how)
-        found.append(arcs.finish(at, camera, hit, sums, normal))
+        found.append(arcs.finish(at, pixels, sums))
     return arcs.mean_of_scales(found, hit, normal)
 
 

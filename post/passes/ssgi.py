@@ -15,8 +15,9 @@ from gbufrt.noise.noise import blue_noise
 from post.filters.edges import surface
 from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
-from post.sweep import arcs, slices
+from post.sweep import slices
 from post.sweep.chords import known_thickness, thickness_from_depth
+from post.sweep.layout import Receiving
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
 from post.sweep.thickness import planar_thickness
@@ -94,22 +95,18 @@ def ssgi(
     sent = torch.where(hit, finite(light).to(depth.dtype), 0.0)
     around = scene(camera, depth, normal, hit, solid, light=sent, compiled=compiled)
     corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
-    part = (..., slice(corner[0], None, resolution), slice(corner[1], None, resolution))
-    at = slices.receivers(camera, depth, normal, stride=resolution, offset=corner)
-    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)[part]
+    pixels = Receiving(camera, depth, normal, hit, resolution, corner)
+    noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     sky = sky_beyond(camera, hit, normal) if distance is None else None
     radii = () if distance is None else (torch.as_tensor(distance).to(depth),)
-    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
-    soft = torch.is_grad_enabled() and any(t.requires_grad for t in (at.z, solid, *radii))
-    asked = hit[part] | (resolution == 2)  # upsampling may read the sky where a surface has nothing else beside it
-    sums = sweep(around, at, asked, noise, radii, sky, **sizes, gathers=True, soft=soft, compiled=compiled)[0]
-    visibility, bent = arcs.finish(at, camera, hit[part], sums[:8], normal[part])
-    found = torch.cat([(sums[8:] / sums[0]).movedim(0, 1), visibility, bent], dim=1)
+    soft = torch.is_grad_enabled() and any(t.requires_grad for t in (depth, solid, *radii))
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "soft": soft, "compiled": compiled}
+    found = sweep(around, pixels, pixels.of(noise), radii, sky, **sizes, gathers=True)[0]
     if resolution == 2:
         found = upsample(found, surface(depth, normal, hit, camera), stride=2, offset=corner, compiled=compiled)
-        bent = torch.nn.functional.normalize(found[:, 4:], dim=1)
-        found = torch.cat([found[:, :4], bent], dim=1)
-    gathered, visibility, bent = found.split([3, 1, 3], dim=1)
+        bent = torch.nn.functional.normalize(found[:, 1:4], dim=1)
+        found = torch.cat([found[:, :1], bent, found[:, 4:]], dim=1)
+    visibility, bent, gathered = found.split([1, 3, 3], dim=1)
     return (
         torch.where(hit, albedo * gathered, 0.0),
         torch.where(hit, visibility, 1.0),

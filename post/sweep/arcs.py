@@ -13,11 +13,10 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from gbufrt.camera import Camera
 from gbufrt.sampling import gather
 from post.margin.view import PaddedView
-from post.sweep.constants import SNAP
-from post.sweep.layout import Receivers, Side, Slice, Tap
+from post.sweep.constants import SNAP, VANISHED
+from post.sweep.layout import Receivers, Receiving, Side, Slice, Tap
 
 
 def sides(around: PaddedView, at: Receivers, cut: Slice) -> tuple[Side, Side]:
@@ -95,7 +94,7 @@ def step(value: Tensor) -> Tensor:
     return (value.detach() * 1e30).clamp(0, 1)
 
 
-def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+def finish(at: Receivers, pixels: Receiving, sums: Tensor) -> tuple[Tensor, Tensor]:
     """Visibility and bent normal from sums over slices.
 
     The mean open direction is corrected by the error of the same slices over the whole hemisphere, whose mean direction
@@ -103,20 +102,19 @@ def finish(at: Receivers, camera: Camera, hit: Tensor, sums: Tensor, normal: Ten
 
     Args:
         at: all receivers.
-        camera: of the picture.
-        hit: ``(B, 1, h, w)`` bool.
+        pixels: the same.
         sums: ``(8, B, h, w)``: weight, open weight, open direction (3), whole direction (3), view space.
-        normal: ``(B, 3, h, w)`` world space.
 
     Returns:
         visibility ``(B, 1, h, w)``, 1 where nothing was hit, and bent normal ``(B, 3, h, w)``, world space, unit
         length, 0 where nothing was hit.
     """
+    hit, normal = pixels.of(pixels.hit), pixels.of(pixels.normal)
     share = (sums[1] / sums[0]).clamp(0, 1)
     known = torch.stack([at.nx, at.ny, at.nz]) * (2 / 3)
-    bent = camera.rotate_to_world((sums[2:5] / sums[0] + share * (known - sums[5:8] / sums[0])).movedim(0, 1))
+    bent = pixels.camera.rotate_to_world((sums[2:5] / sums[0] + share * (known - sums[5:8] / sums[0])).movedim(0, 1))
     length2 = (bent * bent).sum(1, keepdim=True)
-    bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
+    bent = torch.where(length2 > VANISHED, bent * length2.clamp_min(VANISHED).rsqrt(), normal)
     return torch.where(hit, share[:, None], 1.0), torch.where(hit, bent, 0.0)
 
 
@@ -127,7 +125,7 @@ def mean_of_scales(found: list[tuple[Tensor, Tensor]], hit: Tensor, normal: Tens
     visibility = torch.stack([share for share, _ in found]).mean(0)
     bent = torch.stack([share * direction for share, direction in found]).mean(0)
     length2 = (bent * bent).sum(1, keepdim=True)
-    bent = torch.where(length2 > 1e-6, bent * length2.clamp_min(1e-6).rsqrt(), normal)
+    bent = torch.where(length2 > VANISHED, bent * length2.clamp_min(VANISHED).rsqrt(), normal)
     return visibility, torch.where(hit, bent, 0.0)
 
 

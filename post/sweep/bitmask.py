@@ -13,6 +13,7 @@ from gbufrt.noise.noise import blue_noise
 from post.margin.op import scene
 from post.sweep import arcs, slices
 from post.sweep.chords import thickness_from_depth
+from post.sweep.layout import Receiving
 from post.sweep.op import sweep
 from post.sweep.open_sky import sky_beyond
 from post.sweep.thickness import planar_thickness
@@ -82,17 +83,15 @@ def bitmask_ao(
     behind_back = 0.0 if reach is None else hidden * reach
     solid = planar_thickness(camera, depth, hit, thickness, behind_back)
     around = scene(camera, depth, normal, hit, solid, compiled=compiled)
-    at = slices.receivers(camera, depth, normal)
     if soft is None:
         soft = torch.is_grad_enabled() and any(
-            t is not None and t.requires_grad for t in (around.picture, at.nx, reach)
+            t is not None and t.requires_grad for t in (around.picture, depth, normal, reach)
         )
     sky = None if radii else sky_beyond(camera, hit, normal)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     if compiled and soft:
         raise ValueError("soft edges have no compiled form; leave compiled at None or False")
-    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": camera.orthographic}
-    asked = hit if where is None else hit & where
-    every = sweep(around, at, asked, noise, radii, sky, **sizes, soft=soft, compiled=compiled)
-    found = [arcs.finish(at, camera, hit, sums, normal) for sums in every]
-    return arcs.mean_of_scales(found, hit, normal)
+    pixels = Receiving(camera, depth, normal, hit if where is None else hit & where)
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "soft": soft, "compiled": compiled}
+    every = sweep(around, pixels, noise, radii, sky, **sizes)
+    return arcs.mean_of_scales([(found[:, :1], found[:, 1:]) for found in every], hit, normal)

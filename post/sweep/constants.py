@@ -18,6 +18,9 @@ FIRST_BITS = sum(1 << (PER_GROUP * g) for g in range(GROUPS))
 
 SUMS = 8  # of each receiver, see `arcs.finish`
 LIGHT = 3  # channels of light that follow where it is gathered
+FOUND = 4  # of each receiver: visibility and bent normal
+VANISHED = 1e-6  # square of the length below which a mean direction has none
+MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 
 COSINES, SHARES = 33, 65  # size of `turns.table`: the shares it gives are right to 2e-4 (RMS)
 UPRIGHT = 1e-3  # length of a normal's part across the ray below which all slices hold the same

@@ -5,15 +5,16 @@ from __future__ import annotations
 from numba import prange
 
 from gbufrt.compute.kernel import driver, scalar
-from post.sweep.lane_kernel import LANES, Around, fill_noise, fill_receivers, new_lanes
+from post.sweep.constants import LIGHT, SUMS
+from post.sweep.lane_kernel import LANES, Around, Grid, fill_noise, fill_receivers, finish, new_lanes
 from post.sweep.sweep_kernel import gather, occlude
 
 
 @scalar
-def _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers):
+def _sweep_lanes(out, lanes, around, grid, noise, directions, used, gathers):
     """Sweep the receivers at ``lanes.place``, of which the first ``used`` count; the other lanes repeat one of them."""
     lanes.place[used:] = lanes.place[0]
-    fill_receivers(lanes, planes, around)
+    fill_receivers(lanes, around, grid)
     lanes.sums[:] = 0
     for which in range(directions):
         fill_noise(lanes, around, noise, which, directions)
@@ -21,20 +22,25 @@ def _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers):
             gather(lanes, around)
         else:
             occlude(lanes, around)
-    for k in range(out.shape[0]):
-        for x in range(used):
-            out[k, lanes.place[x]] = lanes.sums[k * LANES + x]
+    radii = around.radii.shape[0]
+    each, found = lanes.sums.shape[0] // radii, out.shape[0] // radii
+    for s in range(radii):
+        sums = lanes.sums[s * each : (s + 1) * each]
+        finish(lanes, sums, grid)
+        for k in range(found):
+            for x in range(used):
+                out[s * found + k, lanes.place[x]] = sums[k * LANES + x]
 
 
 @scalar
-def _clear(out, sums, place):
-    """Sums of a receiver that hit nothing: zero, but a weight of 1, so that they can be divided by it."""
+def _clear(out, found, place):
+    """What is known of a receiver that hit nothing: it sees the sky."""
     out[:, place] = 0
-    out[::sums, place] = 1
+    out[::found, place] = 1
 
 
 @scalar
-def _sweep_rows(out, lanes, around, planes, hit, noise, directions, first, every, gathers):
+def _sweep_rows(out, lanes, around, grid, hit, noise, directions, first, every, gathers):
     """Sweep every ``every``-th row of one picture, from row ``first``; receivers that hit nothing are left out.
 
     Not part of the driver: numba removes from a parallel function what it writes to an array in a tuple.
@@ -46,26 +52,27 @@ def _sweep_rows(out, lanes, around, planes, hit, noise, directions, first, every
                 lanes.place[used] = y * width + x
                 used += 1
                 if used == LANES:
-                    _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers)
+                    _sweep_lanes(out, lanes, around, grid, noise, directions, used, gathers)
                     used = 0
             else:
-                _clear(out, lanes.sums.shape[0] // lanes.covered.shape[0], y * width + x)
+                _clear(out, out.shape[0] // around.radii.shape[0], y * width + x)
     if used > 0:
-        _sweep_lanes(out, lanes, around, planes, noise, directions, used, gathers)
+        _sweep_lanes(out, lanes, around, grid, noise, directions, used, gathers)
 
 
 @driver
 def sweep_all(
-    out, picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, directions, steps, limited, parallel,
-    gathers, threads,
+    out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, margin, stride, row, column,
+    directions, steps, limited, parallel, gathers, threads,
 ):  # fmt: skip
     tall, wide, pairs = picture.shape[1:]
     for thread in prange(threads):
-        lanes = new_lanes(radii.shape[0], out.shape[0] // radii.shape[0], steps)
+        lanes = new_lanes(radii.shape[0], SUMS + LIGHT if gathers else SUMS, steps)
         for b in range(picture.shape[0]):
             pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
             around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
-            _sweep_rows(out[:, b], lanes, around, planes[:, b], hit[b], noise, directions, thread, threads, gathers)
+            grid = Grid(depth[b], normal[b], lens[b], pose[b], hit.shape[2], stride, row, column)
+            _sweep_rows(out[:, b], lanes, around, grid, hit[b], noise, directions, thread, threads, gathers)
 
 
 @driver

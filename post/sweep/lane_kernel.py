@@ -9,18 +9,22 @@ that reads pixels stays scalar in any case, and so is kept apart and does nothin
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 
 import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.noise.noise import GOLDEN
-from post.sweep import slices
+from post.sweep import constants, slices
+from post.sweep.constants import FOUND, SUMS
 from post.sweep.layout import Receivers
 from post.sweep.slice_kernel import turn
 
 LANES = 256  # enough to spread the cost of a call and of reading what was just stored; all rows stay in a core's cache
 BELOW_ONE = np.float32(slices.BELOW_ONE)
+ZERO, HALF, ONE, TWO_THIRDS, NEAREST = (np.float32(number) for number in (0, 0.5, 1, 2 / 3, 1e-9))
+MIN_FACING, VANISHED = np.float32(constants.MIN_FACING), np.float32(constants.VANISHED)
 PAIRS = 4  # of numbers in the largest pixel that taps read
 
 # Each name below is where a row begins. Receivers, and the noise of a slice:
@@ -45,6 +49,8 @@ ROWS = 77
 
 Around = namedtuple("Around", "pixels width height aspect rays radii limited sky terms turns margin parallel")
 """What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
+Grid = namedtuple("Grid", "depth normal lens pose columns stride row column")
+"""A picture's surfaces, its camera, and which pixels receive: ``columns`` a row, every ``stride``-th from the first."""
 Lanes = namedtuple("Lanes", "rows parts index pairs pixel covered sums place")
 """Scratch of one thread: see `new_lanes`."""
 
@@ -101,15 +107,64 @@ def keep_slice(rows, cut, x):
 
 
 @scalar
-def fill_receivers(lanes, planes, around):
-    """Read the receivers of all lanes, and how far the solids reach back there."""
-    rows, place = lanes.rows, lanes.place
+def fill_receivers(lanes, around, grid):
+    """Make the receivers of all lanes, see `slices.receivers`, and how far the solids reach back there."""
+    rows, place, edge = lanes.rows, lanes.place, np.int64(around.margin + 1)
     for x in range(LANES):
-        for k in range(planes.shape[0]):
-            rows[k * LANES + x] = planes[k, place[x]]
-        own = np.int64(rows[ROW + x]) * around.width + np.int64(rows[COLUMN + x])
-        lanes.pairs[x] = around.pixels[own, 0]
+        line = place[x] // grid.columns * grid.stride + grid.row
+        column = place[x] % grid.columns * grid.stride + grid.column
+        rows[ROW + x], rows[COLUMN + x] = np.float32(line + edge), np.float32(column + edge)
+        rows[AT_Z + x] = grid.depth[line, column]
+        rows[AT_NX + x], rows[AT_NY + x] = grid.normal[0, line, column], grid.normal[1, line, column]
+        rows[AT_NZ + x] = grid.normal[2, line, column]
+        lanes.pairs[x] = around.pixels[(line + edge) * around.width + column + edge, 0]
+    lens, edge_px = grid.lens, np.float32(edge)
+    focal_x, focal_y, center_x, center_y, jitter_x, jitter_y = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
+    xx, xy, xz = grid.pose[0, 0], grid.pose[0, 1], grid.pose[0, 2]
+    yx, yy, yz = grid.pose[1, 0], grid.pose[1, 1], grid.pose[1, 2]
+    zx, zy, zz = grid.pose[2, 0], grid.pose[2, 1], grid.pose[2, 2]
+    for x in range(LANES):
+        ray_x = (rows[COLUMN + x] - edge_px + HALF + jitter_x - center_x) / focal_x
+        ray_y = (rows[ROW + x] - edge_px + HALF + jitter_y - center_y) / focal_y
+        z, spread = rows[AT_Z + x], ONE if around.parallel else rows[AT_Z + x]
+        rows[AT_X + x], rows[AT_Y + x] = ray_x * spread, ray_y * spread
+        near = ZERO if around.parallel else ONE / math.sqrt(ray_x * ray_x + ray_y * ray_y + ONE)
+        vx, vy, vz = -ray_x * near, -ray_y * near, -ONE if around.parallel else -near
+        a, b, c = rows[AT_NX + x], rows[AT_NY + x], rows[AT_NZ + x]
+        nx, ny, nz = xx * a + xy * b + xz * c, yx * a + yy * b + yz * c, zx * a + zy * b + zz * c
+        lift = max(MIN_FACING - (nx * vx + ny * vy + nz * vz), ZERO)
+        nx, ny, nz = nx + vx * lift, ny + vy * lift, nz + vz * lift
+        scale = ONE / math.sqrt(nx * nx + ny * ny + nz * nz)
+        rows[AT_NX + x], rows[AT_NY + x], rows[AT_NZ + x] = nx * scale, ny * scale, nz * scale
+        rows[VX + x], rows[VY + x], rows[VZ + x] = vx, vy, vz
+        rows[SCALE + x] = focal_x if around.parallel else focal_x / max(z, NEAREST)
         rows[SOLID + x] = lanes.pixel[2 * x + 1]
+
+
+@scalar
+def finish(lanes, sums, grid):
+    """Turn the sums of one radius into visibility and bent normal, see `arcs.finish`; of light, into its mean."""
+    rows, light = lanes.rows, sums.shape[0] // LANES - SUMS
+    pose, place = grid.pose, lanes.place
+    for x in range(LANES):
+        scale = ONE / sums[x]
+        share = min(max(sums[LANES + x] * scale, ZERO), ONE)
+        known = TWO_THIRDS * share
+        a = (sums[2 * LANES + x] - share * sums[5 * LANES + x]) * scale + known * rows[AT_NX + x]
+        b = (sums[3 * LANES + x] - share * sums[6 * LANES + x]) * scale + known * rows[AT_NY + x]
+        c = (sums[4 * LANES + x] - share * sums[7 * LANES + x]) * scale + known * rows[AT_NZ + x]
+        square = a * a + b * b + c * c
+        shorten = ONE / math.sqrt(max(square, VANISHED))
+        sums[x] = share
+        for k in range(3):
+            sums[(1 + k) * LANES + x] = (pose[0, k] * a + pose[1, k] * b + pose[2, k] * c) * shorten
+        if square <= VANISHED:
+            line = place[x] // grid.columns * grid.stride + grid.row
+            column = place[x] % grid.columns * grid.stride + grid.column
+            for k in range(3):
+                sums[(1 + k) * LANES + x] = grid.normal[k, line, column]
+        for k in range(light):
+            sums[(FOUND + k) * LANES + x] = sums[(SUMS + k) * LANES + x] * scale
 
 
 @scalar

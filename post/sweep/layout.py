@@ -6,6 +6,27 @@ from typing import NamedTuple
 
 from torch import Tensor
 
+from gbufrt.camera import Camera
+
+
+class Receiving(NamedTuple):
+    """Which pixels receive: every ``stride``-th of a picture both ways, where ``hit``."""
+
+    camera: Camera
+    depth: Tensor
+    """``(B, 1, H, W)`` planar view z of the picture, world units."""
+    normal: Tensor
+    """``(B, 3, H, W)`` world space; zero where nothing was hit."""
+    hit: Tensor
+    """``(B, 1, H, W)`` bool."""
+    stride: int = 1
+    offset: tuple[int, int] = (0, 0)
+    """First row and column."""
+
+    def of(self, picture: Tensor) -> Tensor:
+        """Those pixels of ``(..., H, W)``."""
+        return picture[..., self.offset[0] :: self.stride, self.offset[1] :: self.stride]
+
 
 class Receivers(NamedTuple):
     """The receiving pixels. All planes ``(B, h, w)`` unless said otherwise, view space."""

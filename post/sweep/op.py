@@ -11,10 +11,11 @@ from torch import Tensor
 from gbufrt.compute.dispatch import Form, form_of
 from post.margin.view import PaddedView
 from post.sweep import arcs
-from post.sweep.constants import GROUPS, LIGHT, STRIDES, SUMS
-from post.sweep.layout import Receivers
+from post.sweep.constants import FOUND, GROUPS, LIGHT, STRIDES, SUMS
+from post.sweep.layout import Receiving
 from post.sweep.open_sky import Sky
 from post.sweep.reference import bodies_reference, sweep_reference
+from post.sweep.slices import receivers
 from post.sweep.turns import table
 
 
@@ -22,7 +23,10 @@ from post.sweep.turns import table
 def sweep_cpu(
     picture: Tensor,
     rays: Tensor,
-    planes: Tensor,
+    depth: Tensor,
+    normal: Tensor,
+    lens: Tensor,
+    pose: Tensor,
     hit: Tensor,
     turns: Tensor,
     noise: Tensor,
@@ -30,17 +34,22 @@ def sweep_cpu(
     sky: Tensor,
     terms: Tensor,
     margin: int,
+    stride: int,
+    offset: list[int],
     directions: int,
     steps: int,
     parallel: bool,
     gathers: bool,
 ) -> Tensor:
-    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`; 11 with gathered light.
+    """``(radii or 1, 4, B, h, w)``: visibility and bent normals; 7 with gathered light.
 
     Args:
         picture: ``(B, H', W', C)``: that of `slices.PaddedView`, channels last.
         rays: ``(B, 5)``: its origins and pitches, and the aspect of `slices.Receivers`.
-        planes: ``(12, B, h, w)``: the other planes of the receivers.
+        depth: ``(B, H, W)``.
+        normal: ``(B, 3, H, W)`` world space.
+        lens: ``(B, 6)``: focal lengths, principal point and jitter, pixels.
+        pose: ``(B, 3, 3)``: rotation to view space.
         hit: ``(B, h, w)`` bool.
         turns: see `turns.table`.
         noise: ``(3, h, w)`` in [0, 1).
@@ -48,6 +57,8 @@ def sweep_cpu(
         sky: ``(B, 5)``, see `open_sky.Sky`, or ``(B, 0)``.
         terms: see `arcs.direction_polynomials`.
         margin: of the scene, pixels.
+        stride: of `Receiving`, as ``offset``.
+        offset: first row and column.
         directions: number of slices.
         steps: taps on each side of a slice.
         parallel: whether the camera is orthographic.
@@ -56,99 +67,118 @@ def sweep_cpu(
     from gbufrt.compute.kernel import array, threads
     from post.sweep.drivers import sweep_all
 
-    (batch, *size), count = hit.shape, SUMS + LIGHT * gathers
-    out = planes.new_empty((max(len(radii), 1) * count, batch, size[0] * size[1]), dtype=torch.float32)
+    (batch, *size), count = hit.shape, FOUND + LIGHT * gathers
+    out = depth.new_empty((max(len(radii), 1) * count, batch, size[0] * size[1]))
     limits = radii if len(radii) else radii.new_tensor([torch.inf])
-    flat = planes.flatten(2), hit, turns, noise.flatten(1)
-    inputs = [array(t) for t in (out, picture, rays, *flat, limits, sky, terms)]
+    given = (out, picture, rays, depth, normal, lens, pose, hit, turns, noise.flatten(1), limits, sky, terms)
+    inputs = [array(t) for t in given]
     inputs[1] = inputs[1].view(np.int64)  # two numbers are read at once
-    sweep_all(*inputs, margin, directions, steps, len(radii) > 0, parallel, gathers, threads())
+    sweep_all(*inputs, margin, stride, *offset, directions, steps, len(radii) > 0, parallel, gathers, threads())
     return out.view(-1, count, batch, *size)
 
 
 @sweep_cpu.register_fake
-def _(picture, rays, planes, hit, turns, noise, radii, sky, terms, margin, directions, steps, parallel, gathers):
-    return planes.new_empty((max(len(radii), 1), SUMS + LIGHT * gathers, *planes.shape[1:]))
+def _(
+    picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, margin, stride, offset, directions,
+    steps, parallel, gathers,
+):  # fmt: skip
+    return depth.new_empty((max(len(radii), 1), FOUND + LIGHT * gathers, *hit.shape))
 
 
 def sweep(
     around: PaddedView,
-    at: Receivers,
-    hit: Tensor,
+    pixels: Receiving,
     noise: Tensor,
     radii: tuple[Tensor, ...],
     sky: Sky | None,
     *,
     directions: int,
     steps: int,
-    parallel: bool,
     gathers: bool = False,
     soft: bool = False,
     compiled: bool | None = None,
 ) -> Tensor:
-    """``(radii or 1, 8, B, h, w)``: the sums of `arcs.finish`; 11 where light is gathered, its three channels last.
+    """``(radii or 1, B, 4, h, w)``: visibility and bent normals, see `arcs.finish`; 7 with the mean gathered light.
 
     Where gathered light alone wants a gradient, the numbers are the kernel's and the gradient is the reference's.
 
     Args:
         around: what taps read.
-        at: the receivers.
-        hit: ``(B, 1, h, w)`` bool: where False, the kernel sweeps nothing and the sums are those of a black hemisphere.
+        pixels: the receivers; where they hit nothing, the kernel sweeps nothing and gathers nothing.
         noise: ``(3, h, w)`` in [0, 1).
         radii: from the smallest to the largest; none for no limit. At most one where light is gathered.
         sky: beyond the border, or None if all that is not covered is open.
         directions: number of slices.
         steps: taps on each side of a slice.
-        parallel: whether the camera is orthographic.
         gathers: whether light is gathered.
         soft: fractional coverage of edge sectors, which has no kernel; otherwise edges are dithered.
         compiled: see `gbufrt.compute.dispatch.form_of`.
     """
-    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "parallel": parallel, "gathers": gathers}
+    sizes: dict[str, Any] = {"directions": directions, "steps": steps, "gathers": gathers}
     lit = gathers and not soft and torch.is_grad_enabled() and around.picture.requires_grad
     with torch.set_grad_enabled(torch.is_grad_enabled() and not lit):
-        form = form_of(around.picture, around.origin_x, at.x, at.nx, *radii, compiled=compiled, fuses=True)
+        inputs = (around.picture, around.origin_x, pixels.depth, pixels.normal, *radii)
+        form = form_of(*inputs, compiled=compiled, fuses=True)
     if form is Form.REFERENCE:
-        return sweep_reference(around, at, noise, radii, sky, **sizes, soft=soft)
+        return _by_reference(around, pixels, noise, radii, sky, **sizes, soft=soft)
     with torch.no_grad():
-        found = _sweep_cpu(around, at, hit, noise, radii, sky, **sizes)
+        found = _by_kernel(around, pixels, noise, radii, sky, **sizes)
     if lit:
-        sums = sweep_reference(around, at, noise, radii, sky, **sizes, soft=soft)
-        return sums + (found - sums).detach()
+        known = _by_reference(around, pixels, noise, radii, sky, **sizes, soft=soft)
+        return known + (found - known).detach()
     return found
 
 
-def _sweep_cpu(
+def _by_reference(
+    around: PaddedView, pixels: Receiving, noise: Tensor, radii: tuple[Tensor, ...], sky: Sky | None, **sizes: Any
+) -> Tensor:
+    at = receivers(pixels)
+    found = []
+    for sums in sweep_reference(around, at, noise, radii, sky, **sizes, parallel=pixels.camera.orthographic):
+        light = torch.where(pixels.of(pixels.hit), (sums[SUMS:] / sums[0]).movedim(0, 1), 0.0)
+        found.append(torch.cat([*arcs.finish(at, pixels, sums[:SUMS]), light], dim=1))
+    return torch.stack(found)
+
+
+def _by_kernel(
     around: PaddedView,
-    at: Receivers,
-    hit: Tensor,
+    pixels: Receiving,
     noise: Tensor,
     radii: tuple[Tensor, ...],
     sky: Sky | None,
     *,
     directions: int,
     steps: int,
-    parallel: bool,
     gathers: bool,
 ) -> Tensor:
-    batch, empty = at.z.shape[0], at.z.new_empty(at.z.shape[0], 0)
-    rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, at.aspect)
-    return sweep_cpu(
+    camera, depth = pixels.camera, pixels.depth
+    batch, empty = depth.shape[0], depth.new_empty(depth.shape[0], 0)
+    k = camera.intrinsics.to(depth.dtype)
+    jitter = torch.zeros_like(k[:, 0, :2]) if camera.jitter is None else camera.jitter.to(depth.dtype)
+    aspect = (k[:, 1, 1] / k[:, 0, 0])[:, None, None]
+    rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, aspect)
+    found = sweep_cpu(
         around.picture.movedim(1, -1),
         torch.cat([t.expand(batch, 1, 1).flatten(1) for t in rays], dim=1),
-        torch.stack(at[:-1]),
-        hit[:, 0],
+        depth[:, 0],
+        pixels.normal,
+        torch.cat([k[:, (0, 1), (0, 1)], k[:, :2, 2], jitter], dim=1),
+        camera.view_from_world[:, :3, :3].to(depth.dtype),
+        pixels.of(pixels.hit)[:, 0],
         torch.from_numpy(table()),
         noise,
-        torch.stack(radii) if radii else at.z.new_empty(0),
+        torch.stack(radii) if radii else depth.new_empty(0),
         empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
-        torch.tensor(arcs.direction_polynomials(GROUPS), dtype=at.z.dtype),
+        torch.tensor(arcs.direction_polynomials(GROUPS), dtype=depth.dtype),
         around.margin,
+        pixels.stride,
+        list(pixels.offset),
         directions,
         steps,
-        parallel,
+        camera.orthographic,
         gathers,
     )
+    return found.movedim(2, 1)
 
 
 @torch.library.custom_op("gbufrt::bodies", mutates_args=())

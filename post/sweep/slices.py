@@ -12,32 +12,22 @@ from gbufrt import CHANNELS, SIGNALS, Camera, Frame
 from gbufrt.channels import check_tensor
 from gbufrt.noise.noise import GOLDEN
 from post.margin import reference as margin
-from post.sweep.constants import BIAS, FIRST
-from post.sweep.layout import Receivers, Slice
+from post.sweep.constants import BIAS, FIRST, MIN_FACING
+from post.sweep.layout import Receivers, Receiving, Slice
 from post.sweep.turns import tangents, turn
 
 BAND_PIXELS = 32768  # pixels of all planes that fit one core's cache; also torch's smallest share of work for a thread
-MIN_FACING = 1e-3  # normals that tip past the silhouette are bent back to this cosine with the view
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
 WITHIN = 1.5  # exponent of the taps' spread in a sweep that ends at a radius
 BEYOND = 2.5  # likewise in a sweep over the whole picture, where near surfaces count most
 
 
-def receivers(
-    camera: Camera, depth: Tensor, normal: Tensor, *, stride: int = 1, offset: tuple[int, int] = (0, 0)
-) -> Receivers:
-    """The pixels ``offset (y, x)``, ``offset + stride``... of the picture, with normals bent to face the eye.
-
-    Args:
-        camera: of the picture.
-        depth: ``(B, 1, H, W)`` planar view z, world units.
-        normal: ``(B, 3, H, W)`` world space; zero where nothing was hit.
-        stride: in pixels, both ways.
-        offset: first row and column.
-    """
+def receivers(pixels: Receiving) -> Receivers:
+    """The receivers of a picture, with normals bent to face the eye."""
+    camera, depth = pixels.camera, pixels.depth
     point = camera.unproject(depth)
     view = camera.to_eye(camera.unproject(torch.ones_like(depth)))
-    n = camera.rotate_to_view(normal)
+    n = camera.rotate_to_view(pixels.normal)
     facing = (n * view).sum(1, keepdim=True)
     n = n + view * (MIN_FACING - facing).clamp_min(0)
     n = n * (n * n).sum(1, keepdim=True).rsqrt()
@@ -46,8 +36,7 @@ def receivers(
     first = margin.width(camera) + 1
     column = torch.arange(camera.width, dtype=depth.dtype, device=depth.device).add(first).expand_as(depth)
     row = torch.arange(camera.height, dtype=depth.dtype, device=depth.device)[:, None].add(first).expand_as(depth)
-    planes = torch.cat([column, row, point, n, view, scale.detach()], dim=1)
-    planes = planes[:, :, offset[0] :: stride, offset[1] :: stride].contiguous()
+    planes = pixels.of(torch.cat([column, row, point, n, view, scale.detach()], dim=1)).contiguous()
     return Receivers(*planes.unbind(1), aspect=(k[:, 1, 1] / k[:, 0, 0])[:, None, None])
 
 

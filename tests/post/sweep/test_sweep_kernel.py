@@ -14,7 +14,6 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from post.margin.op import scene
 from post.passes.ssgi import ssgi
-from post.sweep import slices
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies, bodies_cpu
 from post.sweep.turns import table
@@ -94,12 +93,12 @@ def test_operator_is_registered_properly() -> None:
 
     g = boxes.frame(boxes.camera((6, 8))).gbuffer
     around = scene(g.camera, g.depth, g.normal, g.hit, torch.ones_like(g.depth), light=g.normal)
-    at, noise = torch.stack(slices.receivers(g.camera, g.depth, g.normal)[:-1]), torch.rand(3, 6, 8)
+    surfaces, noise = (g.depth[:, 0], g.normal, torch.ones(1, 6), torch.eye(3)[None], g.hit[:, 0]), torch.rand(3, 6, 8)
     picture, turns, sky = around.picture.movedim(1, -1), torch.from_numpy(table()), torch.ones(1, 5)
     for gathers in (True, False):
         pixels = picture if gathers else picture[..., :2]
-        arrays = pixels, torch.ones(1, 5), at, g.hit[:, 0], turns, noise, torch.ones(1), sky, torch.ones(9, 12)
-        given = (*arrays, around.margin, 2, 4, False, gathers)
+        arrays = pixels, torch.ones(1, 5), *surfaces, turns, noise, torch.ones(1), sky, torch.ones(9, 12)
+        given = (*arrays, around.margin, 1, [0, 0], 2, 4, False, gathers)
         torch.library.opcheck(sweep_ops.sweep_cpu, given, test_utils=("test_schema", "test_faketensor"))
 
 

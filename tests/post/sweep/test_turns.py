@@ -12,6 +12,7 @@ import torch
 from gbufrt import Camera
 from post.sweep import slices
 from post.sweep.bitmask import bitmask_ao
+from post.sweep.layout import Receiving
 from post.sweep.turns import tangents, turn
 
 
@@ -20,7 +21,8 @@ def receivers(degrees: float) -> Any:
     camera = Camera.look_at((0.0, 0.0, 3.0), (0.0, 0.0, 0.0), size=(1, 1))
     angle = math.radians(degrees)
     normal = torch.tensor([math.sin(angle) * 0.8, math.sin(angle) * 0.6, math.cos(angle)]).view(1, 3, 1, 1)
-    return slices.receivers(camera, torch.full((1, 1, 1, 1), 3.0), normal)
+    depth = torch.full((1, 1, 1, 1), 3.0)
+    return slices.receivers(Receiving(camera, depth, normal, depth > 0))
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0, 80.0, 89.0])
