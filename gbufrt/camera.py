@@ -178,6 +178,13 @@ class Camera:
         return self.world_from_view[:, :3, 2]
 
     @property
+    def lens(self) -> Tensor:
+        """``(B, 6)``: focal lengths, principal point and jitter, each in x and y, pixels."""
+        k = self.intrinsics
+        jitter = torch.zeros_like(k[:, 0, :2]) if self.jitter is None else self.jitter.to(k)
+        return torch.cat([k[:, (0, 1), (0, 1)], k[:, :2, 2], jitter], dim=1)
+
+    @property
     def view_from_world(self) -> Tensor:
         """``(B, 4, 4)`` inverse of ``world_from_view``, which is rigid."""
         rotation = self.world_from_view[:, :3, :3].transpose(1, 2)

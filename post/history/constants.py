@@ -10,6 +10,7 @@ SAME = 0.3  # edge weight above which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
 KEPT = 1e-3  # of a bilinear footprint: less than this on the surface is no history
 STILL = 1e-3  # pixels: motion so near to a whole number is one
+FARTHEST = 1e6  # pixels: motion beyond it is as good as this
 WHOLE = 0.999  # of the bilinear footprint: above this, all four pixels show the surface
 POOL = 3  # pixels to each side over which variance is pooled
 

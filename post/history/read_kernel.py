@@ -13,7 +13,7 @@ from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
-KEPT, WHOLE, FARTHEST = np.float32(constants.KEPT), np.float32(constants.WHOLE), np.float32(1e6)
+KEPT, WHOLE, FARTHEST = np.float32(constants.KEPT), np.float32(constants.WHOLE), np.float32(constants.FARTHEST)
 HIT, OBJECT, POINT, FOOTPRINT = 3, 4, 5, 8
 
 

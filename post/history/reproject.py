@@ -11,7 +11,7 @@ from gbufrt import Camera, GBuffer, History
 from gbufrt.sampling import gather
 from post.filters.edges import offsets
 from post.history.catmull_rom import catmull_rom_taps
-from post.history.constants import KEPT, STILL, WHOLE
+from post.history.constants import FARTHEST, KEPT, STILL, WHOLE
 
 NORMAL, HIT, OBJECT, POINT, FOOTPRINT = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 8), slice(8, 9)
 
@@ -111,18 +111,23 @@ def correspondence(
     Raises:
         ValueError: the frames differ in batch or size.
     """
+    check_alike(gbuffer, previous)
+    moved, moved_z = motion_of(gbuffer, previous.camera)
+    by_object = gbuffer.object_id is not None and previous.object_id is not None
+    now = _expected(gbuffer, previous.camera, moved, moved_z, by_object)
+    shift = torch.nan_to_num(moved if motion is None else motion).clamp(-FARTHEST, FARTHEST)
+    whole = shift.detach().round()  # what stands still but for rounding is read from one pixel, not from four
+    shift = torch.where((shift.detach() - whole).abs() < STILL, shift + (whole - shift).detach(), shift)
+    return now, _actual(previous, length, by_object), shift
+
+
+def check_alike(gbuffer: GBuffer, previous: GBuffer) -> None:
+    """Raise ValueError unless two frames have one batch and size."""
     if (gbuffer.batch, gbuffer.camera.size) != (previous.batch, previous.camera.size):
         raise ValueError(
             f"the history must have the frame's batch {gbuffer.batch} and size {gbuffer.camera.size}, got "
             f"batch {previous.batch} and size {previous.camera.size}; start with state=None after a change"
         )
-    moved, moved_z = motion_of(gbuffer, previous.camera)
-    by_object = gbuffer.object_id is not None and previous.object_id is not None
-    now = _expected(gbuffer, previous.camera, moved, moved_z, by_object)
-    shift = torch.nan_to_num(moved if motion is None else motion).clamp(-1e6, 1e6)
-    whole = shift.detach().round()  # what stands still but for rounding is read from one pixel, not from four
-    shift = torch.where((shift.detach() - whole).abs() < STILL, shift + (whole - shift).detach(), shift)
-    return now, _actual(previous, length, by_object), shift
 
 
 def motion_of(gbuffer: GBuffer, previous: Camera) -> tuple[Tensor, Tensor]:

@@ -48,7 +48,7 @@ def sweep_cpu(
         rays: ``(B, 5)``: its origins and pitches, and the aspect of `slices.Receivers`.
         depth: ``(B, H, W)``.
         normal: ``(B, 3, H, W)`` world space.
-        lens: ``(B, 6)``: focal lengths, principal point and jitter, pixels.
+        lens: ``(B, 6)``, see `Camera.lens`.
         pose: ``(B, 3, 3)``: rotation to view space.
         hit: ``(B, h, w)`` bool.
         turns: see `turns.table`.
@@ -153,16 +153,15 @@ def _by_kernel(
 ) -> Tensor:
     camera, depth = pixels.camera, pixels.depth
     batch, empty = depth.shape[0], depth.new_empty(depth.shape[0], 0)
-    k = camera.intrinsics.to(depth.dtype)
-    jitter = torch.zeros_like(k[:, 0, :2]) if camera.jitter is None else camera.jitter.to(depth.dtype)
-    aspect = (k[:, 1, 1] / k[:, 0, 0])[:, None, None]
+    lens = camera.lens.to(depth.dtype)
+    aspect = (lens[:, 1] / lens[:, 0])[:, None, None]
     rays = (around.origin_x, around.origin_y, around.pitch_x, around.pitch_y, aspect)
     found = sweep_cpu(
         around.picture.movedim(1, -1),
         torch.cat([t.expand(batch, 1, 1).flatten(1) for t in rays], dim=1),
         depth[:, 0],
         pixels.normal,
-        torch.cat([k[:, (0, 1), (0, 1)], k[:, :2, 2], jitter], dim=1),
+        lens,
         camera.view_from_world[:, :3, :3].to(depth.dtype),
         pixels.of(pixels.hit)[:, 0],
         torch.from_numpy(table()),

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from post.filters.edges import surface
+from post.history.look import correspondence_cpu, look_for
 from post.history.op import accumulate, accumulate_cpu, read_history, read_history_cpu
 from post.history.reproject import correspondence
 
@@ -47,6 +48,23 @@ def test_read_history_far_outside_and_without_motion() -> None:
     torch.testing.assert_close(got.image, want.image)
     assert torch.equal(got.valid, want.valid)
     assert not want.valid[..., :20].any()
+
+
+@pytest.mark.parametrize("case", ["perspective", "orthographic", "jittered", "nothing but depth", "another view"])
+def test_what_is_looked_for(case: str) -> None:
+    orthographic = case == "orthographic"
+    camera, before = (boxes.camera(SIZE, dx=dx, orthographic=orthographic) for dx in (0.35, 0.0))
+    if case == "jittered":
+        camera, before = camera.with_jitter((0.3, -0.4)), before.with_jitter((-0.2, 0.1))
+    now, then = boxes.frame(camera, previous=before).gbuffer, boxes.frame(before).gbuffer
+    bare = {"normal_geo": None, "motion": None, "motion_z": None, "object_id": None}
+    now = now.replace(**bare) if case == "nothing but depth" else now
+    length = (noise(1) > 0.1).float() if case == "another view" else None
+    motion = 9 * noise(2).round(decimals=1) - 4 if case == "another view" else None
+    got, want = (look_for(now, then, length, motion, compiled=form) for form in FORMS)
+    for a, b in zip(got, want, strict=True):
+        torch.testing.assert_close(a, b, rtol=2e-5, atol=2e-5)
+    assert bool((want[1][:, 3] < 0).any()) == (case == "another view"), "where there is no history nothing matches"
 
 
 def state_of(lead: int, signal: Tensor) -> Tensor:
@@ -91,5 +109,8 @@ def test_operators_are_registered_properly() -> None:
     geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), noise(4)
     look = correspondence(g, g)
     torch.library.opcheck(read_history_cpu, (signal, *look, 2.0, 0.9, True, False), test_utils=checks)
+    one, none, lenses = noise(1), torch.empty(1, 1, 0, 0), torch.ones(1, 2, 6)
+    look = ([one, noise(3), g.hit, none, noise(2), one, noise(2)], [one, noise(3), g.hit, none], none, lenses)
+    torch.library.opcheck(correspondence_cpu, (*look, torch.eye(3)[None], False), test_utils=checks)
     given = (signal, state_of(3, signal), noise(1), geometry.guide, geometry.plane, True, 3, 2.0, 6.0)
     torch.library.opcheck(accumulate_cpu, given, test_utils=checks)
