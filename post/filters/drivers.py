@@ -20,10 +20,21 @@ from post.filters.kernel import (
     finish_row,
     hit_span,
     noise_row,
+    surface_row,
     tap_at,
     wavelet_steps,
     wavelet_weights,
 )
+
+
+@driver
+def surface_rows(guide, plane, depth, normal, hit, roughness, lens, pose, parallel, threads):
+    batch, height, _ = depth.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            channels = depth[b], normal[b], hit[b], roughness[b]
+            surface_row(guide[b], plane[b], *channels, lens[b], pose[b], parallel, y)
 
 
 @driver

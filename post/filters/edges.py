@@ -41,18 +41,8 @@ class Surface:
         return self.plane * factors[None, :, None, None]
 
 
-def surface(depth: Tensor, normal: Tensor, hit: Tensor, camera: Camera, roughness: Tensor | None = None) -> Surface:
-    """Prepare a G-buffer for `edge_weight`; shapes and spaces as in `gbufrt.GBuffer`.
-
-    Raises:
-        ValueError: sizes disagree with the camera's.
-    """
-    for name, tensor in (("depth", depth), ("normal", normal), ("hit", hit)):
-        if tensor.shape[0] != camera.batch or tensor.shape[-2:] != camera.size:
-            raise ValueError(
-                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
-                f"got {tuple(tensor.shape)}"
-            )
+def surface_reference(depth: Tensor, normal: Tensor, hit: Tensor, camera: Camera, roughness: Tensor | None) -> Surface:
+    """The definition of `post.filters.surfaces.surface`, in torch."""
     dtype = depth.dtype
     facing = camera.rotate_to_view(normal.to(dtype))
     focal = camera.intrinsics.to(dtype)[:, (0, 1), (0, 1)][..., None, None]

@@ -19,6 +19,7 @@ from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 
 ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
 TINY, LEAST, NEVER = np.float32(1e-30), np.float32(1e-6), np.float32(-1e4)
+HALF, NEAREST = np.float32(0.5), np.float32(1e-9)
 NOISELESS, THIRD = np.float32(1e-12), np.float32(1 / 3)
 FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
 ROUGHNESS_FALLOFF = LOG2_E / np.float32(constants.ROUGHNESS_SCALE)
@@ -31,6 +32,30 @@ Edge = namedtuple("Edge", "perspective sensitivity power away roughness")
 """How geometry counts: sensitivities in powers of 2; ``away``: exponent of normals more than a right angle apart."""
 Tap = namedtuple("Tap", "y first end dx dy")
 """Where a tap's row lies, and which pixels of the centre's row it serves: ``dx``, ``dy`` are pixels."""
+
+
+@scalar
+def surface_row(guide, plane, depth, normal, hit, roughness, lens, pose, parallel, y):
+    """A row of `edges.surface_reference`; ``lens`` is `Camera.lens`."""
+    z, there, known = depth[y], hit[y], guide[HIT, y]
+    nx, ny, nz = normal[0, y], normal[1, y], normal[2, y]
+    guide[DEPTH, y], guide[NX, y], guide[NY, y], guide[NZ, y] = z, nx, ny, nz
+    for k in range(roughness.shape[0]):
+        guide[ROUGHNESS + k, y] = roughness[k, y]
+    xx, xy, xz = pose[0, 0], pose[0, 1], pose[0, 2]
+    yx, yy, yz = pose[1, 0], pose[1, 1], pose[1, 2]
+    zx, zy, zz = pose[2, 0], pose[2, 1], pose[2, 2]
+    focal_x, focal_y, center_x, jitter_x = lens[0], lens[1], lens[2], lens[4]
+    along, slope_x, slope_y, scale = plane[0, y], plane[1, y], plane[2, y], plane[3, y]
+    ray_y = (np.float32(y) + HALF + lens[5] - lens[3]) / focal_y
+    for x in range(z.shape[0]):
+        ray_x = (np.float32(x) + HALF + jitter_x - center_x) / focal_x
+        a, b = xx * nx[x] + xy * ny[x] + xz * nz[x], yx * nx[x] + yy * ny[x] + yz * nz[x]
+        c = zx * nx[x] + zy * ny[x] + zz * nz[x]
+        along[x] = c if parallel else a * ray_x + b * ray_y + c
+        slope_x[x], slope_y[x] = a / focal_x, b / focal_y
+        scale[x] = focal_y if parallel else focal_y / max(z[x], NEAREST)
+        known[x] = ONE if there[x] else ZERO
 
 
 @scalar

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.specular import BROAD_ROUGHNESS
-from post.filters.edges import surface
 from post.filters.op import spatial_moments, wavelet
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
+from post.filters.surfaces import surface
 
 REACH = 16.0  # pixels: widest blur of a reflection
 

@@ -7,10 +7,11 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.specular import BROAD_ROUGHNESS
-from post.filters.edges import MIN_MEAN, surface
+from post.filters.edges import MIN_MEAN
 from post.filters.op import joint_bilateral, spatial_moments
 from post.filters.reference import noise_of_mean
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
+from post.filters.surfaces import surface
 
 MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 NARROWEST = 0.4  # of sigma, where there is no noise

@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
-from post.filters.edges import surface
 from post.filters.signals import MIN_ALBEDO
+from post.filters.surfaces import surface
 from post.history.antilag import into_shadow
 from post.history.reproject import history_for
 from post.passes.atrous import atrous

@@ -12,7 +12,7 @@ from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
-from post.filters.edges import surface
+from post.filters.surfaces import surface
 from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light
 from post.sweep import slices

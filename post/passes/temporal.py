@@ -11,9 +11,9 @@ from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
-from post.filters.edges import surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
+from post.filters.surfaces import surface
 from post.history.antilag import pooled, sample_variance
 from post.history.constants import YOUNG
 from post.history.op import accumulate, read_history

@@ -9,8 +9,8 @@ import torch
 from gbufrt import SIGNALS, Frame
 from gbufrt.directions import length
 from gbufrt.reduction import Reduction, every_nth
-from post.filters.edges import surface
 from post.filters.signals import UNIT_VECTORS, guarded_albedo
+from post.filters.surfaces import surface
 from post.upsampling.op import upsample
 
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.filters.edges import Surface, surface
+from post.filters.edges import Surface
 from post.filters.op import (
     bilateral_cpu,
     joint_bilateral,
@@ -17,6 +17,7 @@ from post.filters.op import (
     wavelet,
     wavelet_cpu,
 )
+from post.filters.surfaces import surface, surface_cpu
 
 SIZE = (37, 53)
 PHI = {"phi_color": 1.0, "phi_depth": 1.0, "phi_normal": 128.0}
@@ -124,3 +125,17 @@ def test_operators_are_registered_properly() -> None:
         (bilateral_cpu, (noise(4), *planes, noise(1), noise(1), 2, True, 1.0, 32.0)),
     ):
         torch.library.opcheck(operator, given, test_utils=checks)
+
+
+@pytest.mark.parametrize("case", ["perspective", "orthographic", "jittered", "one pixel"])
+@pytest.mark.parametrize("rough", [False, True])
+def test_surface(case: str, rough: bool) -> None:
+    camera = boxes.camera((1, 1) if case == "one pixel" else (45, 61), orthographic=case == "orthographic")
+    g = boxes.frame(camera.with_jitter((0.3, -0.4)) if case == "jittered" else camera).gbuffer
+    given = (g.depth, g.normal, g.hit, g.camera, g.roughness if rough else None)
+    got, want = (surface(*given, compiled=form) for form in (True, False))
+    assert torch.equal(got.guide, want.guide)
+    torch.testing.assert_close(got.plane, want.plane, rtol=1e-5, atol=1e-6)
+    assert got.perspective == want.perspective == (case != "orthographic")
+    channels = (g.depth, g.normal, g.hit, g.depth[:, :0], g.camera.lens, torch.eye(3)[None], False)
+    torch.library.opcheck(surface_cpu, channels, test_utils=("test_schema", "test_faketensor"))

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.filters.edges import surface
+from post.filters.surfaces import surface
 from post.history.look import correspondence_cpu, look_for
 from post.history.op import accumulate, accumulate_cpu, read_history, read_history_cpu
 from post.history.reproject import correspondence

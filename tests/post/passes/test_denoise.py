@@ -10,7 +10,7 @@ import torch
 
 from gbufrt import Frame
 from post import Denoise, denoise
-from post.filters.edges import surface
+from post.filters.surfaces import surface
 from post.history.antilag import into_shadow
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence, find_taps

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from post.filters.edges import Surface, surface
+from post.filters.edges import Surface
+from post.filters.surfaces import surface
 from post.upsampling.op import upsample, upsample_cpu
 
 

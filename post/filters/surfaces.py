@@ -1,0 +1,81 @@
+"""A G-buffer prepared for filters, as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.compute.dispatch import Form, form_of
+from post.filters.constants import ROUGHNESS
+from post.filters.edges import Surface, surface_reference
+
+PLANES = 4  # of `Surface.plane`
+
+
+def surface(
+    depth: Tensor,
+    normal: Tensor,
+    hit: Tensor,
+    camera: Camera,
+    roughness: Tensor | None = None,
+    *,
+    compiled: bool | None = None,
+) -> Surface:
+    """Prepare a G-buffer for `edges.edge_weight`; shapes and spaces as in `gbufrt.GBuffer`.
+
+    Args:
+        depth: planar view z.
+        normal: world space.
+        hit: bool.
+        camera: of the picture.
+        roughness: if filters are to tell surfaces apart by it.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Raises:
+        ValueError: sizes disagree with the camera's.
+    """
+    for name, tensor in (("depth", depth), ("normal", normal), ("hit", hit)):
+        if tensor.shape[0] != camera.batch or tensor.shape[-2:] != camera.size:
+            raise ValueError(
+                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
+                f"got {tuple(tensor.shape)}"
+            )
+    pose, lens = camera.view_from_world[:, :3, :3].to(depth), camera.lens.to(depth)
+    if form_of(depth, normal, roughness, pose, lens, compiled=compiled) is not Form.CPU:
+        return surface_reference(depth, normal, hit, camera, roughness)
+    rough = depth[:, :0] if roughness is None else roughness
+    guide, plane = surface_cpu(depth, normal, hit, rough, lens, pose, camera.orthographic)
+    return Surface(guide, plane, not camera.orthographic)
+
+
+@torch.library.custom_op("gbufrt::surface", mutates_args=())
+def surface_cpu(
+    depth: Tensor, normal: Tensor, hit: Tensor, roughness: Tensor, lens: Tensor, pose: Tensor, parallel: bool
+) -> tuple[Tensor, Tensor]:
+    """``guide`` and ``plane`` of `Surface`.
+
+    Args:
+        depth: ``(B, 1, H, W)``.
+        normal: ``(B, 3, H, W)``.
+        hit: ``(B, 1, H, W)`` bool.
+        roughness: ``(B, 1 or 0, H, W)``.
+        lens: ``(B, 6)``, see `Camera.lens`.
+        pose: ``(B, 3, 3)``: rotation to view space.
+        parallel: whether the camera is orthographic.
+    """
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import surface_rows
+
+    batch, _, *size = depth.shape
+    guide = depth.new_empty(batch, ROUGHNESS + roughness.shape[1], *size)
+    plane = depth.new_empty(batch, PLANES, *size)
+    channels = (array(depth[:, 0]), array(normal), array(hit[:, 0]), array(roughness))
+    surface_rows(array(guide), array(plane), *channels, array(lens), array(pose), parallel, threads())
+    return guide, plane
+
+
+@surface_cpu.register_fake
+def _(depth, normal, hit, roughness, lens, pose, parallel):
+    batch, _, *size = depth.shape
+    return depth.new_empty(batch, ROUGHNESS + roughness.shape[1], *size), depth.new_empty(batch, PLANES, *size)
