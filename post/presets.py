@@ -66,7 +66,7 @@ QUALITIES: Mapping[str, Quality] = {
         reflection_samples=2, reflection_steps=48, reflection_distance=40,
     ),
     "medium": Quality(
-        reduced=("gi", "behind"),
+        reduced=("ao", "gi", "behind"),
         ao_slices=1, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=50,
         reflection_samples=4, reflection_steps=64, reflection_distance=60,
     ),
