@@ -10,17 +10,16 @@ import json
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Recipe
-    from gbufrt.frame import Frame
     from gbufrt.pipeline import Pipeline
 
 COMPILED = ("GTAO", "SSGI")
 """Passes that run `post.sweep.op`, which takes the longest to compile."""
-SIDE = 16  # pixels of the frame that the kernels are compiled for; they fit any size
 
 
 def compile_ahead(recipe: Recipe, pipeline: Pipeline, device: str) -> Callable[[], None]:
@@ -36,7 +35,7 @@ def compile_ahead(recipe: Recipe, pipeline: Pipeline, device: str) -> Callable[[
     swept = any(type(stage).__name__ in COMPILED for _, stage in pipeline.passes())
     if device != "cpu" or cores() < 2 or not swept:
         return lambda: None
-    from gbufrt.compute.cache import tell
+    from gbufrt.compute.cache import Compilation, tell
     from post.sweep.drivers import sweep_all
 
     if not sweep_all.missing:
@@ -47,36 +46,19 @@ def compile_ahead(recipe: Recipe, pipeline: Pipeline, device: str) -> Callable[[
 
     def wait() -> None:
         if process.poll() is None:
-            tell(True)
+            begun = time.perf_counter()
+            tell(Compilation(sweep_all.name))
             process.wait()
-            tell(False)
+            tell(Compilation(sweep_all.name, time.perf_counter() - begun))
 
     return wait
 
 
-def small_frame() -> Frame:
-    """A wall in front of the camera, with all that passes read from a frame of the tracer."""
-    import torch
-
-    from gbufrt import Camera, Frame, GBuffer
-
-    camera = Camera.look_at((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), size=(SIDE, SIDE), fov_y=50.0, far=100.0)
-    one = torch.ones(1, 1, SIDE, SIDE)
-    color, zero = one.expand(1, 3, SIDE, SIDE) * 0.5, torch.zeros(1, 3, SIDE, SIDE)
-    gbuffer = GBuffer(
-        camera=camera, previous_camera=camera, depth=5 * one, hit=one > 0, thickness=one, albedo=color, emission=zero,
-        normal=torch.tensor([0.0, 0.0, 1.0]).view(1, 3, 1, 1) + zero, motion=zero[:, :2], motion_z=zero[:, :1],
-        roughness=0.3 * one, metallic=zero[:, :1],
-    )  # fmt: skip
-    return Frame(gbuffer=gbuffer, radiance=color, ambient=color, environment=torch.ones(1, 3, 8, 16))
-
-
 def main(notes: str) -> None:
-    """Run a pipeline twice over a small frame, so that its kernels are compiled and kept."""
-    from gbufrt.commands.session import Recipe, Runner
+    """Compile the kernels of a pipeline, and keep them."""
+    from gbufrt.commands.session import Recipe
 
-    recipe = Recipe.of_notes({"pipeline": json.loads(notes)})
-    Runner(recipe.build(), 1)(small_frame())  # the first frame has no history to read
+    Recipe.of_notes({"pipeline": json.loads(notes)}).build().compile()
 
 
 if __name__ == "__main__":

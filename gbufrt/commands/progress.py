@@ -7,10 +7,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import timedelta
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gbufrt.compute.cache import Compilation
 
 Tick = Callable[[], None]
 LOG_SECONDS = 10.0
-COMPILING = "compiling kernels (once on this machine)"
 
 
 @contextmanager
@@ -29,7 +32,7 @@ def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
         TimeRemainingColumn,
     )
 
-    from gbufrt.compute.cache import watch
+    from gbufrt.compute.cache import COMPILING, watch
 
     console = Console(stderr=True)
     if not console.is_terminal:
@@ -46,19 +49,21 @@ def progress(title: str, steps: int) -> Iterator[Callable[[str], Tick]]:
             bar.update(task, description=now)
             return lambda: bar.advance(task)
 
-        def compiling(begins: bool) -> None:
-            bar.update(task, description=f"{title}: {COMPILING}" if begins else now)
+        def compiling(compilation: Compilation) -> None:
+            bar.update(task, description=f"{title}: {COMPILING}" if compilation.seconds is None else now)
 
         with watch(compiling):
             yield doing
 
 
-def _log_compiling(title: str) -> Callable[[bool], None]:
+def _log_compiling(title: str) -> Callable[[Compilation], None]:
+    from gbufrt.compute.cache import COMPILING
+
     told = False
 
-    def compiling(begins: bool) -> None:
+    def compiling(_: Compilation) -> None:
         nonlocal told
-        if begins and not told:
+        if not told:
             told = True
             print(f"{title}: {COMPILING}", file=sys.stderr, flush=True)
 

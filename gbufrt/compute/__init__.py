@@ -1,1 +1,1 @@
-"""Compilation of scalar bodies into operators, and fusion of tensor code."""
+"""Compilation of scalar bodies into operators, and which of their forms runs."""

@@ -15,11 +15,12 @@ import pickle
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakSet
 
 import numba
@@ -27,7 +28,17 @@ from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
 DAMAGED = (OSError, EOFError, pickle.UnpicklingError)
-Watcher = Callable[[bool], None]
+COMPILING = "compiling kernels (once on this machine)"
+
+
+class Compilation(NamedTuple):
+    """What those who `watch` are told: the compilation of a kernel begins or, with its seconds, has ended."""
+
+    kernel: str
+    seconds: float | None = None
+
+
+Watcher = Callable[[Compilation], None]
 
 _drivers: WeakSet[Any] = WeakSet()
 _watchers: list[Watcher] = []
@@ -55,12 +66,33 @@ def kept(dispatcher: Any) -> Any:
 
 @contextmanager
 def watch(watcher: Watcher) -> Iterator[None]:
-    """Call ``watcher(True)`` when a driver begins to be compiled, and ``watcher(False)`` when it is done."""
+    """Call the watcher when a driver begins to be compiled, and when it is done."""
     _watchers.append(watcher)
     try:
         yield
     finally:
         _watchers.remove(watcher)
+
+
+@contextmanager
+def reported() -> Iterator[dict[str, float]]:
+    """Say on stderr which drivers are compiled; the dictionary that it yields fills with the seconds of each."""
+    seconds: dict[str, float] = {}
+    told = False
+
+    def watcher(compilation: Compilation) -> None:
+        nonlocal told
+        if not told:
+            told = True
+            _say(COMPILING)
+        if compilation.seconds is not None:
+            seconds[compilation.kernel] = seconds.get(compilation.kernel, 0.0) + compilation.seconds
+
+    with watch(watcher):
+        yield seconds
+    if seconds:
+        each = ", ".join(f"{kernel} {t:.1f} s" for kernel, t in sorted(seconds.items(), key=lambda row: -row[1]))
+        _say(f"{len(seconds)} compiled in {sum(seconds.values()):.0f} s: {each}")
 
 
 def missing(dispatcher: Any) -> bool:
@@ -69,10 +101,10 @@ def missing(dispatcher: Any) -> bool:
     return isinstance(files, _Files) and files.empty()
 
 
-def tell(begins: bool) -> None:
-    """Tell those who `watch` that compilation begins, or has ended."""
+def tell(compilation: Compilation) -> None:
+    """Tell those who `watch`."""
     for watcher in tuple(_watchers):
-        watcher(begins)
+        watcher(compilation)
 
 
 class _Files(IndexDataCacheFile):
@@ -141,19 +173,34 @@ def _private(folder: Path) -> bool:
 
 
 def _tell(what: str) -> None:
-    sys.stderr.write(f"gbufrt: {what}; to keep them, set NUMBA_CACHE_DIR to a writable folder that stays\n")
+    _say(f"{what}; to keep them, set NUMBA_CACHE_DIR to a writable folder that stays")
+
+
+def _say(what: str) -> None:
+    sys.stderr.write(f"gbufrt: {what}\n")
 
 
 class _Listener(event.Listener):
     """Tells the watchers when drivers are compiled, but not the functions that drivers call."""
 
+    def __init__(self) -> None:
+        self.begun: dict[Any, float] = {}
+
     def on_start(self, event: Any) -> None:
-        if event.data["dispatcher"] in _drivers:
-            tell(True)
+        dispatcher = event.data["dispatcher"]
+        if dispatcher in _drivers:
+            self.begun[dispatcher] = time.perf_counter()
+            tell(Compilation(_name(dispatcher)))
 
     def on_end(self, event: Any) -> None:
-        if event.data["dispatcher"] in _drivers:
-            tell(False)
+        dispatcher = event.data["dispatcher"]
+        if dispatcher in _drivers:
+            tell(Compilation(_name(dispatcher), time.perf_counter() - self.begun.pop(dispatcher)))
+
+
+def _name(dispatcher: Any) -> str:
+    """The name of a driver, without the hash that `gbufrt.compute.bodies.Target` puts behind it."""
+    return str(dispatcher.py_func.__qualname__).partition("-")[0]
 
 
 @cache

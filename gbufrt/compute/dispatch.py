@@ -9,8 +9,6 @@ from importlib.util import find_spec
 import torch
 from torch import Tensor
 
-from gbufrt.compute.fusion import fusing
-
 
 class Form(Enum):
     """How an operation may run."""
@@ -20,9 +18,7 @@ class Form(Enum):
     CUDA = "CUDA kernel"
 
 
-def form_of(
-    *inputs: Tensor | float | None, compiled: bool | None = None, cuda: bool = False, fuses: bool = False
-) -> Form:
+def form_of(*inputs: Tensor | float | None, compiled: bool | None = None, cuda: bool = False) -> Form:
     """The form of an operation that runs for these inputs.
 
     Kernels take float32 (and integers) on one device and give no gradients.
@@ -32,7 +28,6 @@ def form_of(
         compiled: the user's choice: True for a kernel even if gradients are lost, False for the reference; by default
             a kernel wherever one fits.
         cuda: whether the operation has a CUDA form. It runs where numba-cuda is installed and finds a GPU.
-        fuses: whether the reference is `gbufrt.compute.fusion.fusible`; then it runs inside `fused_kernels`.
 
     Returns:
         The form.
@@ -51,7 +46,7 @@ def form_of(
             )
         return kernel
     wants_gradient = torch.is_grad_enabled() and any(t.requires_grad for t in given)
-    if compiled is False or wants_gradient or (fuses and fusing()):
+    if compiled is False or wants_gradient:
         return Form.REFERENCE
     return kernel
 

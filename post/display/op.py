@@ -51,7 +51,7 @@ def tone_curve(
     Returns:
         ``(B, 3, H, W)`` display-linear in [0, 1].
     """
-    form = form_of(color, exposure, contrast, saturation, compiled=compiled, fuses=True)
+    form = form_of(color, exposure, contrast, saturation, compiled=compiled)
     if form is Form.REFERENCE or operator != "agx" or exposure.numel() not in (1, color.shape[0]):
         return tone_reference(color, exposure, operator, contrast, saturation, white)
     return agx_cpu(color, exposure.flatten().expand(color.shape[0]), float(contrast), float(saturation))

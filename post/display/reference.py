@@ -7,7 +7,6 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from gbufrt.compute.fusion import fusible
 from post.display.constants import (
     ACES_INPUT,
     ACES_OUTPUT,
@@ -26,7 +25,6 @@ from post.filters.signals import luminance
 Operator = Literal["agx", "aces", "pbr_neutral", "reinhard", "linear"]
 
 
-@fusible
 def tone_reference(
     color: Tensor, exposure: Tensor, operator: Operator, contrast: float, saturation: float, white: float
 ) -> Tensor:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from gbufrt.compute.fusion import fusible
 from post.filters.constants import AT_EDGES, B3, COARSE_POWER, FLOOR
 from post.filters.edges import Surface, blurred, edge_weight, offsets, padded, windows
 
@@ -18,7 +17,6 @@ def moments_reference(light: Tensor, geometry: Surface, radius: int, depth_sensi
     return _moments(planes, guide, geometry.plane, radius, geometry.perspective, depth_sensitivity)
 
 
-@fusible
 def _moments(
     light: Tensor, guide: Tensor, plane: Tensor, radius: int, perspective: bool, depth_sensitivity: float
 ) -> Tensor:
@@ -60,7 +58,6 @@ def wavelet_reference(
     return torch.where(geometry.hit, filtered, values)
 
 
-@fusible
 def _wavelet(
     values: Sequence[Tensor],
     surroundings: Sequence[Tensor],
@@ -106,7 +103,7 @@ def bilateral_reference(
     width = width * (AT_EDGES + (1 - AT_EDGES) * _open_share(geometry.guide, geometry.plane, *edge))
     falloff, signal, local = -0.5 / (width * width), values[:, :-1], values[:, -1:]
     planes, guide, sums = padded(values, radius), padded(geometry.guide, radius), torch.zeros_like(values)
-    for dy in range(-radius, radius + 1):  # one compiled row serves all rows, and compiles in a tenth of the time
+    for dy in range(-radius, radius + 1):
         rows = slice(radius + dy, radius + dy + values.shape[-2])
         sums = _add_row(
             sums, planes[..., rows, :], guide[..., rows, :], local, geometry.guide, geometry.scaled(1, dy),
@@ -115,7 +112,6 @@ def bilateral_reference(
     return torch.where(geometry.hit, sums[:, :-1] / sums[:, -1:].clamp_min(1e-6), signal)
 
 
-@fusible
 def _add_row(
     sums: Tensor,
     values: Tensor,

@@ -10,7 +10,6 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
-from gbufrt.compute.fusion import fusible
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from post.margin.op import scene
@@ -129,7 +128,6 @@ def _sweep(
     return torch.cat(rows, dim=2)
 
 
-@fusible
 def _slice(
     around: PaddedView,
     at: Receivers,

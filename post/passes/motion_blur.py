@@ -9,7 +9,6 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from gbufrt.compute.fusion import fusible
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
@@ -118,11 +117,10 @@ def _reconstruct(
     return total / weight
 
 
-@fusible
 def _moment(
     color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float
 ) -> tuple[Tensor, Tensor]:
-    """A pixel's weighted colour at one moment, and the weight. All moments in one kernel take minutes to compile."""
+    """A pixel's weighted colour at one moment, and the weight."""
     a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
     b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
     a_front = _in_front(a_depth, b_depth, softness)
@@ -160,7 +158,6 @@ def _similarity(color: Tensor, path: Tensor, times: list[Tensor]) -> Tensor:
     return total / weight
 
 
-@fusible
 def _similar_moment(
     color: Tensor, px: Tensor, path: Tensor, time: Tensor, total: Tensor, weight: Tensor
 ) -> tuple[Tensor, Tensor]:

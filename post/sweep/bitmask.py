@@ -61,8 +61,8 @@ def bitmask_ao(
             where gradients are wanted. Otherwise edges are dithered.
         index: frame number, for the noise.
         seed: another seed, another noise.
-        compiled: whether to use the kernel; by default for float32 on the CPU, where edges are dithered, no gradient is
-            wanted and fusion is off.
+        compiled: whether to use the kernel; by default for float32 on the CPU, where edges are dithered and no gradient
+            is wanted.
 
     Returns:
         ao ``(B, 1, H, W)``, 1 open (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit

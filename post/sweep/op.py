@@ -118,7 +118,7 @@ def sweep(
     lit = gathers and not soft and torch.is_grad_enabled() and around.picture.requires_grad
     with torch.set_grad_enabled(torch.is_grad_enabled() and not lit):
         inputs = (around.picture, around.origin_x, pixels.depth, pixels.normal, *radii)
-        form = form_of(*inputs, compiled=compiled, fuses=True)
+        form = form_of(*inputs, compiled=compiled)
     if form is Form.REFERENCE:
         return _by_reference(around, pixels, noise, radii, sky, **sizes, soft=soft)
     with torch.no_grad():

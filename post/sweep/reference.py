@@ -6,7 +6,6 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.compute.fusion import fusible
 from post.margin.view import PaddedView
 from post.sweep import arcs, slices
 from post.sweep.constants import ALIKE, FLATNESS, GROUPS, LEDGE, STRIDES
@@ -40,7 +39,6 @@ def sweep_reference(
     return torch.cat(rows, dim=3)
 
 
-@fusible
 def _occlude(
     around: PaddedView,
     at: Receivers,
@@ -73,7 +71,6 @@ def _occlude(
     return torch.stack([slice_sums(cut, sectors, openness) for sectors in covered])
 
 
-@fusible
 def _gather(
     around: PaddedView,
     at: Receivers,

@@ -230,21 +230,3 @@ def test_stages_must_be_passes():
     with pytest.raises(TypeError, match="must be a Pass"):
         Pipeline(x=torch.nn.Identity())  # pyright: ignore[reportArgumentType]
     assert Pipeline(x=None, y=Fill()).writes == {"ao"}
-
-
-def test_compile_falls_back_to_eager(monkeypatch):
-    from gbufrt.compute.fusion import fused_kernels, fusible
-
-    def broken(function, **_):
-        def fail(*_):
-            raise RuntimeError("no compiler here")
-
-        return fail
-
-    monkeypatch.setattr(torch, "compile", broken)
-    double = fusible(lambda x: x * 2)
-    with fused_kernels(), pytest.warns(UserWarning, match="no compiler here"):
-        assert double(3) == 6
-    with fused_kernels():
-        assert double(4) == 8
-    assert double(5) == 10

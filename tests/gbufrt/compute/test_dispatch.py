@@ -7,7 +7,6 @@ import torch
 
 from gbufrt.compute import dispatch
 from gbufrt.compute.dispatch import Form, form_of
-from gbufrt.compute.fusion import fused_kernels
 
 
 def test_a_kernel_runs_for_float32_on_the_cpu_where_no_gradient_is_wanted() -> None:
@@ -20,15 +19,6 @@ def test_a_kernel_runs_for_float32_on_the_cpu_where_no_gradient_is_wanted() -> N
     assert form_of(plane.to("meta")) is Form.REFERENCE
     with torch.no_grad():
         assert form_of(plane, leaf) is Form.CPU
-
-
-def test_only_a_reference_that_fuses_runs_inside_fused_kernels() -> None:
-    plane = torch.zeros(2)
-    assert form_of(plane, fuses=True) is Form.CPU
-    with fused_kernels():
-        assert form_of(plane, fuses=True) is Form.REFERENCE
-        assert form_of(plane, fuses=True, compiled=True) is Form.CPU
-        assert form_of(plane) is Form.CPU
 
 
 def test_a_wish_is_followed_or_refused() -> None:
