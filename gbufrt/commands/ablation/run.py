@@ -237,7 +237,7 @@ def _read_png(path: Path) -> Tensor:
 
 def _about(plan: Plan) -> dict[str, Any]:
     from gbufrt import __version__
-    from gbufrt.commands.bench import machine
+    from gbufrt.commands.benchmark.process import machine
 
     return {
         "version": __version__,

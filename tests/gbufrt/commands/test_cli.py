@@ -153,11 +153,13 @@ def test_bare_frames_hold_no_results():
 
 
 def test_bench_measures(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]):
-    from gbufrt.commands import bench
+    from gbufrt.commands.benchmark import frames, process, rays
 
-    monkeypatch.setattr(bench, "_in_own_process", lambda *a: bench.time_passes(*a))
-    monkeypatch.setattr(bench, "time_rays", lambda *a: {"ms": 10.0, "mrays_per_s": 41.0})
-    monkeypatch.setattr(bench, "make_frame", lambda folder, size, device: stored(folder, size))
+    monkeypatch.setattr(process, "in_own_process", lambda run, *a: run(*a))
+    monkeypatch.setattr(rays, "time_rays", lambda *a: {"ms": 10.0, "mrays_per_s": 41.0})
+    monkeypatch.setattr(
+        frames, "make_frame", lambda path, size, device: write_exr(path, boxes.frame(boxes.camera(size)))
+    )
     assert run("bench", "--presets", "low,high", *SMALL, "--repeats", "2", "--json", "deep/figures.json") == 0
     figures = json.loads(Path("deep/figures.json").read_text())
     assert list(figures["presets"]) == ["low", "high"]
@@ -170,12 +172,9 @@ def test_bench_measures(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     shown = capfd.readouterr().out
     assert "41.00 Mrays/s" in shown
     assert figures["machine"].split(",")[0] in " ".join(shown.split())
+    assert "bars" not in shown
+    assert "bars" not in figures
     assert run("bench", "--presets", "huge") == 2
-
-
-def stored(folder: Path, size: tuple[int, int]) -> Path:
-    write_exr(folder / "frame.exr", boxes.frame(boxes.camera(size)))
-    return folder / "frame.exr"
 
 
 def test_help_needs_no_torch():

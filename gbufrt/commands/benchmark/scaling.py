@@ -10,12 +10,12 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle
 from statistics import fmean, median
 from typing import TYPE_CHECKING, Any
 
 import torch
 
+from gbufrt.commands.benchmark.process import timed, wait
 from gbufrt.commands.busy import cores
 from gbufrt.commands.profile import around_passes
 from gbufrt.frame import Frame
@@ -162,18 +162,6 @@ def axes_of(device: str) -> dict[str, Callable[[int, str], list[Series]]]:
     return {name: measure for name, measure in AXES.items() if device == "cpu" or measure is not by_threads}
 
 
-def timed(run: Callable[[], Any], repeats: int, device: str) -> float:
-    """Median milliseconds of ``repeats`` runs; one before them does not count."""
-    seconds = []
-    for _ in range(repeats + 1):
-        begun = time.perf_counter()
-        run()
-        if device != "cpu":
-            torch.cuda.synchronize(device)
-        seconds.append(time.perf_counter() - begun)
-    return median(seconds[1:]) * 1e3
-
-
 def time_frames(frame: Frame, repeats: int, device: str) -> dict[str, float]:
     """Median milliseconds of all passes of the preset, and of each branch, over frames with a history."""
     from post.presets import me1
@@ -181,8 +169,7 @@ def time_frames(frame: Frame, repeats: int, device: str) -> dict[str, float]:
     pipeline, state, spent = me1(PRESET), None, defaultdict(float)
 
     def now(_: str) -> float:
-        if device != "cpu":
-            torch.cuda.synchronize(device)
+        wait(device)
         return time.perf_counter()
 
     def end(name: str, begun: float) -> None:
@@ -221,42 +208,6 @@ def lamps_over_a_floor(count: int) -> Scene:
     voxels[places // pitch * APART, HEIGHT // 4, places % pitch * APART] = materials.names.index("lamp")
     view = View(eye=lambda _: (8.0, 20.0, 8.0), target=lambda _: (FLOOR / 2, 0.0, FLOOR / 2))
     return Scene(world=World.from_dense(voxels, materials), sun=None, views={"across": view})
-
-
-def show_series(found: Mapping[str, list[Series]]) -> None:
-    """A table for each quantity: what it was across, what was timed down, and the fitted exponent."""
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    for axis, series in found.items():
-        table = Table(f"median ms, by {axis}", box=box.SIMPLE_HEAD)
-        for x, _ in series[0].points:
-            table.add_column(f"{x:g}", justify="right")
-        table.add_column("growth", justify="right")
-        for one in series:
-            table.add_row(one.name, *(f"{ms:.1f}" for _, ms in one.points), growth(one))
-        Console().print(table)
-
-
-def chart_of(found: Mapping[str, list[Series]]) -> str:
-    """The series as a sheet of charts with logarithmic axes, an SVG file."""
-    from gbufrt.commands.charts import HUES, NARROW, lines, sheet
-
-    charts = {}
-    names = dict.fromkeys(one.name for series in found.values() for one in series)
-    hue_of = dict(zip(names, cycle(HUES), strict=False))  # the same on every chart
-    for axis, series in found.items():
-        labels = {one.name: f"{one.name}: {growth(one)}".removesuffix(": ") for one in series}
-        named = {labels[one.name]: one.points for one in series}
-        hues = {label: hue_of[name] for name, label in labels.items()}
-        charts[f"Time by {axis}"] = lines(named, x_label=axis, y_label="median ms", width=NARROW, hues=hues)
-    return sheet(charts)
-
-
-def growth(series: Series) -> str:
-    """The fitted power, such as ``n^0.94``; empty where there is none."""
-    return "" if series.exponent is None else f"n^{series.exponent:.2f}"
 
 
 def _frame(scene: Scene, size: Size) -> Frame:

@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from gbufrt.commands import bench, scaling
 from gbufrt.commands.axes import Axis
+from gbufrt.commands.bench import bench
+from gbufrt.commands.benchmark import frames, process, rays, report, run, scaling
+from gbufrt.commands.benchmark.scaling import Series
 from gbufrt.commands.charts import END, NARROW, Point, lines, scatter, sheet
 from gbufrt.commands.cli import main
-from gbufrt.commands.scaling import Series
 from tracer.worlds import terrain
 
 
@@ -32,15 +33,15 @@ def test_no_exponent_without_two_quantities():
     assert scaling.slope([(4.0, 1.0)]) is None
     assert scaling.slope([(4.0, 1.0), (4.0, 2.0)]) is None
     assert scaling.slope([(4.0, 1.0), (8.0, 0.0)]) is None
-    assert scaling.growth(Series(name="one", points=[(1, 2.0)])) == ""
-    assert scaling.growth(Series(name="two", points=[(1, 2.0), (10, 20.0)])) == "n^1.00"
+    assert report.growth(Series(name="one", points=[(1, 2.0)])) == ""
+    assert report.growth(Series(name="two", points=[(1, 2.0), (10, 20.0)])) == "n^1.00"
 
 
 def test_median_of_the_runs_after_the_first(monkeypatch: pytest.MonkeyPatch):
     ticks = iter([0.0, 50.0, 60.0, 61.0, 70.0, 73.0, 80.0, 82.0])  # 50, 1, 3 and 2 seconds
-    monkeypatch.setattr(scaling.time, "perf_counter", lambda: next(ticks))
+    monkeypatch.setattr(process.time, "perf_counter", lambda: next(ticks))
     runs = []
-    assert scaling.timed(lambda: runs.append(1), 3, "cpu") == pytest.approx(2000.0)
+    assert process.timed(lambda: runs.append(1), 3, "cpu") == pytest.approx(2000.0)
     assert len(runs) == 4
 
 
@@ -82,14 +83,20 @@ def test_every_series_is_measured(monkeypatch: pytest.MonkeyPatch):
         assert parts < frames["all passes"].points[n][1]
 
 
+def stand_ins(monkeypatch: pytest.MonkeyPatch):
+    passes = {"passes_ms": {}, "total_ms": 1.0, "peak_mb": 1.0}
+    monkeypatch.setattr(process, "in_own_process", lambda *a: passes)
+    monkeypatch.setattr(rays, "time_rays", lambda *a: {"ms": 10.0, "mrays_per_s": 41.0})
+    monkeypatch.setattr(frames, "make_frame", lambda *a: None)
+    monkeypatch.setattr(run.Plan, "judged", False)
+
+
 def test_bench_prints_draws_and_writes_them(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ):
     series = [Series(name="direct light", points=[(10, 2.0), (1000, 4.0)]), Series(name="flat", points=[(10, 5.0)])]
     monkeypatch.setattr(scaling, "AXES", {"lamps": lambda repeats, device: series})
-    monkeypatch.setattr(bench, "_in_own_process", lambda *a: {"passes_ms": {}, "total_ms": 1.0, "peak_mb": 1.0})
-    monkeypatch.setattr(bench, "time_rays", lambda *a: {"ms": 10.0, "mrays_per_s": 41.0})
-    monkeypatch.setattr(bench, "make_frame", lambda *a: tmp_path)
+    stand_ins(monkeypatch)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as end:
         main(["bench", "--scaling", "--chart", "deep/chart.svg", "--json", "figures.json"])
@@ -108,7 +115,7 @@ def test_what_is_timed_has_one_colour_on_all_charts():
     names = {"pixels": ("all passes", "AO", "GI"), "samples": ("AO", "GI"), "threads": ("GI", "AO")}
     found = {axis: [Series(name=name, points=[(1, 1.0), (2, 2.0)]) for name in some] for axis, some in names.items()}
     hues: dict[str, set[str]] = {}
-    for node in ElementTree.fromstring(scaling.chart_of(found)).iter():
+    for node in ElementTree.fromstring(report.chart_of(found)).iter():
         kind = node.get("class", "").split()
         if kind[:1] == ["name"]:
             hues.setdefault((node.text or "").partition(":")[0], set()).add(kind[1])
@@ -123,12 +130,10 @@ def test_threads_are_measured_on_the_cpu_alone():
 
 def test_the_figures_are_there_although_the_chart_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(scaling, "AXES", {})
-    monkeypatch.setattr(bench, "_in_own_process", lambda *a: {"passes_ms": {}, "total_ms": 1.0, "peak_mb": 1.0})
-    monkeypatch.setattr(bench, "time_rays", lambda *a: {"ms": 10.0, "mrays_per_s": 41.0})
-    monkeypatch.setattr(bench, "make_frame", lambda *a: tmp_path)
-    monkeypatch.setattr(scaling, "chart_of", lambda found: 1 / 0)
+    stand_ins(monkeypatch)
+    monkeypatch.setattr(report, "chart_of", lambda found: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        bench.bench(scaling=True, chart=tmp_path / "chart.svg", json=tmp_path / "figures.json")
+        bench(scaling=True, chart=tmp_path / "chart.svg", json=tmp_path / "figures.json")
     assert json.loads((tmp_path / "figures.json").read_text())["rays"]["ms"] == 10.0
 
 

@@ -1,0 +1,1 @@
+"""What `gbufrt bench` measures, and the bars that it must reach."""

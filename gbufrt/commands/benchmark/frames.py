@@ -1,0 +1,76 @@
+"""Frames of the built-in world: tracing them, and the passes over them."""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from gbufrt.commands.benchmark.process import peak_memory, timed, wait
+from gbufrt.commands.busy import beside, cores, fair_slowdown
+
+HD = (1080, 1920)
+HD_REPEATS = 2  # frames with a history
+
+
+def make_frame(path: Path, size: tuple[int, int], device: str) -> None:
+    """Write one frame of the built-in world as an EXR file."""
+    from gbufrt.files.exr import write_exr
+    from tracer.frames import render
+    from tracer.worlds import builtin
+
+    scene = builtin()
+    camera = next(iter(scene.views.values())).camera(0.0, size=size).to(device)
+    write_exr(path, render(scene.to(device), camera, previous_camera=camera, light_samples=1))
+
+
+def time_tracing(size: tuple[int, int], repeats: int) -> float:
+    """Milliseconds of tracing that frame with as many light samples as `tracer.render` takes by itself, on the CPU."""
+    from tracer.frames import render
+    from tracer.worlds import builtin
+
+    scene = builtin()
+    camera = next(iter(scene.views.values())).camera(0.0, size=size)
+    return timed(lambda: render(scene, camera, previous_camera=camera), repeats)
+
+
+def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 0) -> dict[str, Any]:
+    """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file."""
+    import torch
+
+    from gbufrt.commands.profile import around_passes
+    from gbufrt.commands.session import Recipe, bare
+    from gbufrt.files.exr import read_exr
+
+    pipeline, frame = Recipe(preset=preset).build(), bare(read_exr(path)).to(device)
+    spent: dict[str, list[float]] = defaultdict(list)
+
+    def now(_: str) -> float:
+        wait(device)
+        return time.perf_counter()
+
+    def end(name: str, begun: float) -> None:
+        spent[name].append((now(name) - begun) * 1e3)
+
+    def total() -> float:
+        state, totals = None, []
+        for index in range(repeats + 1):
+            start = time.perf_counter()
+            _, state = pipeline(frame.replace(index=index), state)
+            wait(device)
+            totals.append((time.perf_counter() - start) * 1e3)
+        return median(totals[1:])
+
+    with torch.no_grad():
+        with around_passes(pipeline, now, end):
+            alone = total()
+        passes = {name: median(times[1:]) for name, times in spent.items()}
+        figures: dict[str, Any] = {"passes_ms": passes, "total_ms": alone, "peak_mb": peak_memory()}
+        if busy:
+            with beside(busy):
+                crowded = total()
+            share = crowded / (alone * fair_slowdown(torch.get_num_threads(), busy, cores()))
+            figures["busy"] = {"processes": busy, "total_ms": crowded, "over_fair_share": share}
+    return figures
