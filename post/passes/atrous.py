@@ -71,7 +71,7 @@ def atrous(
         values = wavelet(
             values, geometry, reach, step=2**iteration, phi_color=phi_color, phi_depth=phi_depth, phi_normal=phi_normal
         )
-    return values[:, :-2], values[:, -1:]
+    return values[:, :-2], values[:, -1:].clone()  # a view that is kept would keep all channels
 
 
 def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:

@@ -99,7 +99,7 @@ def ssr(
     shifts = _shifts(index, samples, method)
     options = {"steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
     found = reflect(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
-    return found[:, :3], found[:, 3:4], found[:, 4:]
+    return found[:, :3], found[:, 3:4], found[:, 4:].clone()  # the distance is kept, and a view would keep the rest
 
 
 def _shifts(index: int, samples: int, method: Method) -> list[tuple[float, float]]:
