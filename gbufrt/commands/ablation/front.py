@@ -125,6 +125,15 @@ def measure(place: Place, recipe: Recipe) -> Outcome:
     return result
 
 
+def _alike(one: Pipeline, other: Pipeline) -> bool:
+    """Whether two branches are the same: tunables, and the resolution at which stages run."""
+    resolutions = [
+        {name: stage.reduction for name, stage in branch.stages.items() if isinstance(stage, Pipeline)}
+        for branch in (one, other)
+    ]
+    return one.all_tunables() == other.all_tunables() and resolutions[0] == resolutions[1]
+
+
 def branches(effect: Effect, recipe: Recipe) -> dict[str, Pipeline]:
     """The effect's stages at each setting, by its name: a preset's, or the values of the grid joined by ``x``.
 
@@ -142,7 +151,7 @@ def branches(effect: Effect, recipe: Recipe) -> dict[str, Pipeline]:
     found: dict[str, Pipeline] = {}
     for name, pipeline in pipelines.items():
         branch = only(pipeline, [effect.signal])
-        same = next((other for other in found if found[other].all_tunables() == branch.all_tunables()), None)
+        same = next((other for other in found if _alike(found[other], branch)), None)
         if same is None:
             found[name] = branch
         elif name in PRESETS:

@@ -11,6 +11,7 @@ import torch
 from ablation_stand_ins import install
 from court import court
 
+from gbufrt import Pipeline
 from gbufrt.commands.ablation import Plan, ablate, front
 from gbufrt.commands.ablation.bars import table
 from gbufrt.commands.ablation.cache import Cache
@@ -19,6 +20,7 @@ from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.report import fronts, write_front
 from gbufrt.commands.session import Recipe
+from gbufrt.reduction import Reduction
 
 
 def setting(name: str, ms: float, error: float) -> Setting:
@@ -85,17 +87,27 @@ def test_the_bar_can_fail(ms: float, reached: bool):
     assert (row.reached, row.value, row.bound) == (reached, pytest.approx(ms / 40), front.TOLERANCE)
 
 
+def half(branch: Pipeline, signal: str) -> Reduction | None:
+    stage = branch.stages[signal]
+    assert isinstance(stage, Pipeline)
+    return stage.reduction
+
+
 def test_settings_of_an_effect_answer_the_same_question_and_are_measured_once():
     for effect in EFFECTS:
         found = front.branches(effect, Recipe())
         tunables = {name: branch.all_tunables() for name, branch in found.items()}
         values = list(tunables.values())
-        assert all(a != b for n, a in enumerate(values) for b in values[:n]), "each is another"
+        halves = [half(branch, effect.signal) for branch in found.values()]
+        kinds = list(zip(values, halves, strict=True))
+        assert all(a != b for n, a in enumerate(kinds) for b in kinds[:n]), "each is another"
         names = [preset for name in found for preset in name.split(front.JOINT) if preset in front.PRESETS]
         assert sorted(names) == sorted(front.PRESETS)
         assert all(set(branch.stages) == {effect.signal} for branch in found.values())
         for shared in front.SHARED:
             assert len({t.get(f"{effect.signal}.estimate.{shared}") for t in values}) == 1, shared
+    gi = front.branches(EFFECTS[1], Recipe())
+    assert {"medium", "high"} <= set(gi), "the same tunables at half resolution are another setting"
     found = front.branches(EFFECTS[2], Recipe())
     steps = {name: branch.all_tunables()["reflection.estimate.steps"] for name, branch in found.items()}
     assert steps["low"] < steps["4"] == steps["high"], "what the grid does not set is the preset's, or the recipe's"
