@@ -19,8 +19,8 @@ from post.history.accumulate_kernel import (
     sample_row,
 )
 from post.history.constants import POOL
+from post.history.correspondence_kernel import Channels, actual_row, expected_row, lens_at, shift_row
 from post.history.read_kernel import read_row
-from post.history.surface_kernel import Surface, actual_row, expected_row, lens_at, shift_row
 from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
 
 
@@ -29,17 +29,15 @@ def correspondence_rows(
     now, before, shift, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind,
     length, lenses, poses, parallel, threads,
 ):  # fmt: skip
-    """See `post.history.look.correspondence_cpu`."""
+    """See `post.history.correspondence.correspondence_cpu`."""
     batch, height, _ = depth.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             lens, was_lens = lens_at(lenses[b, 0]), lens_at(lenses[b, 1])
-            surface, was = (
-                Surface(depth[b], normal[b], hit[b], kind[b]),
-                Surface(was_depth[b], was_normal[b], was_hit[b], was_kind[b]),
-            )
-            expected_row(now[b], surface, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y)
+            seen = Channels(depth[b], normal[b], hit[b], kind[b])
+            was = Channels(was_depth[b], was_normal[b], was_hit[b], was_kind[b])
+            expected_row(now[b], seen, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y)
             actual_row(before[b], was, length[b], was_lens, poses[b], parallel, y)
             shift_row(shift[b], look[b], y)
 

@@ -12,7 +12,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
 from post.history.antilag import accumulate_reference
 from post.history.constants import WINDOW
-from post.history.look import look_for
+from post.history.correspondence import correspondence
 from post.history.reproject import find_taps
 from post.history.taa_reference import anti_alias_reference, longest
 
@@ -36,7 +36,7 @@ def read_history_cpu(
 
     Args:
         image: ``(B, C, H, W)``.
-        now: as `reproject.correspondence` gives it, as ``before`` and ``shift``.
+        now: as `correspondence_reference` gives it, as ``before`` and ``shift``.
         before: see ``now``.
         shift: see ``now``.
         plane: ``plane_tolerance`` of `read_history`.
@@ -148,7 +148,7 @@ def read_history(
         previous: of the frame before, with its own camera.
         image: ``(B, C, H, W)`` of the frame before.
         length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero are not used.
-        motion: see `reproject.correspondence`.
+        motion: see `correspondence_reference`.
         plane_tolerance: allowed distance from the plane, in pixel footprints.
         normal_tolerance: smallest allowed cosine between normals.
         search: whether to search the neighbours of failures.
@@ -164,7 +164,7 @@ def read_history(
 
     Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
     """
-    now, before, shift = look_for(gbuffer, previous, length, motion, compiled=compiled)
+    now, before, shift = correspondence(gbuffer, previous, length, motion, compiled=compiled)
     options = (plane_tolerance, normal_tolerance, search, sharp)
     if form_of(image, shift, now.detach(), before.detach(), compiled=compiled) is Form.CPU:
         found = read_history_cpu(image, now, before, shift, *options)

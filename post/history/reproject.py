@@ -60,7 +60,7 @@ def find_taps(
     search: bool = True,
     sharp: bool = False,
 ) -> Taps:
-    """The pixels of the previous frame that show each pixel's surface, by what `correspondence` returns.
+    """The pixels of the previous frame that show each pixel's surface, by what `correspondence_reference` returns.
 
     The definition of which pixels count is that of `post.history.op.read_history`.
     """
@@ -92,7 +92,7 @@ def find_taps(
     return Taps(x, y, weight, support)
 
 
-def correspondence(
+def correspondence_reference(
     gbuffer: GBuffer, previous: GBuffer, length: Tensor | None = None, motion: Tensor | None = None
 ) -> tuple[Tensor, Tensor, Tensor]:
     """What each pixel expects of its surface in the previous frame, what that frame's pixels hold, and where to look.
@@ -155,7 +155,7 @@ def history_for(history: History | None, cut: Tensor | None) -> History | None:
 
 
 def geometry_of(gbuffer: GBuffer) -> GBuffer:
-    """Only those channels of a past frame's G-buffer that `correspondence` needs."""
+    """Only those channels of a past frame's G-buffer that `correspondence_reference` needs."""
     return GBuffer(
         camera=gbuffer.camera,
         depth=gbuffer.depth,

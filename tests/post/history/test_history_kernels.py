@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from post.filters.surfaces import surface
-from post.history.look import correspondence_cpu, look_for
+from post.history.correspondence import correspondence, correspondence_cpu
 from post.history.op import accumulate, accumulate_cpu, read_history, read_history_cpu
-from post.history.reproject import correspondence
+from post.history.reproject import correspondence_reference
 
 SIZE = (45, 61)
 FORMS = (True, False)
@@ -61,7 +61,7 @@ def test_what_is_looked_for(case: str) -> None:
     now = now.replace(**bare) if case == "nothing but depth" else now
     length = (noise(1) > 0.1).float() if case == "another view" else None
     motion = 9 * noise(2).round(decimals=1) - 4 if case == "another view" else None
-    got, want = (look_for(now, then, length, motion, compiled=form) for form in FORMS)
+    got, want = (correspondence(now, then, length, motion, compiled=form) for form in FORMS)
     for a, b in zip(got, want, strict=True):
         torch.testing.assert_close(a, b, rtol=2e-5, atol=2e-5)
     assert bool((want[1][:, 3] < 0).any()) == (case == "another view"), "where there is no history nothing matches"
@@ -107,7 +107,7 @@ def test_gradients_take_the_reference() -> None:
 def test_operators_are_registered_properly() -> None:
     g, checks = boxes.frame(boxes.camera(SIZE)).gbuffer, ("test_schema", "test_faketensor")
     geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), noise(4)
-    look = correspondence(g, g)
+    look = correspondence_reference(g, g)
     torch.library.opcheck(read_history_cpu, (signal, *look, 2.0, 0.9, True, False), test_utils=checks)
     one, none, lenses = noise(1), torch.empty(1, 1, 0, 0), torch.ones(1, 2, 6)
     look = ([one, noise(3), g.hit, none, noise(2), one, noise(2)], [one, noise(3), g.hit, none], none, lenses)

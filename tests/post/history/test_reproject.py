@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Frame
-from post.history.reproject import correspondence, find_taps, geometry_of, motion_of
+from post.history.reproject import correspondence_reference, find_taps, geometry_of, motion_of
 
 SIZE = (60, 80)
 
@@ -26,7 +26,7 @@ def position(frame: Frame) -> torch.Tensor:
 def test_still_camera_fetches_each_pixel_from_itself():
     frame = boxes.frame(boxes.camera(SIZE))
     white = torch.rand((1, 2, *SIZE), generator=torch.Generator().manual_seed(0))
-    taps = find_taps(*correspondence(frame.gbuffer, frame.gbuffer))
+    taps = find_taps(*correspondence_reference(frame.gbuffer, frame.gbuffer))
     assert bool(taps.valid.all())
     assert torch.allclose(taps.fetch(white), white, atol=1e-3)
 
@@ -37,7 +37,7 @@ def test_jitter_does_not_move_history():
     camera = boxes.camera(SIZE).with_jitter((-0.3, 0.4))
     now = boxes.frame(camera, previous=before.gbuffer.camera)
     white = torch.rand((1, 1, *SIZE), generator=torch.Generator().manual_seed(0))
-    taps = find_taps(*correspondence(now.gbuffer, before.gbuffer))
+    taps = find_taps(*correspondence_reference(now.gbuffer, before.gbuffer))
     same = now.gbuffer.object_id == before.gbuffer.object_id
     same &= (now.gbuffer.normal * before.gbuffer.normal).sum(1, keepdim=True) > 0.9
     same &= now.gbuffer.material_id == before.gbuffer.material_id
@@ -49,7 +49,7 @@ def test_jitter_does_not_move_history():
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_moving_camera_finds_the_same_world_point(orthographic):
     before, now = pair(0.35, orthographic=orthographic)
-    taps = find_taps(*correspondence(now.gbuffer, before.gbuffer), search=False)
+    taps = find_taps(*correspondence_reference(now.gbuffer, before.gbuffer), search=False)
     g = now.gbuffer
     found = taps.fetch(position(before))
     inner = taps.valid & g.hit & (taps.weight.amin(1, keepdim=True) > 0)  # all four taps
@@ -64,7 +64,7 @@ def test_moving_camera_finds_the_same_world_point(orthographic):
 def test_disoccluded_and_off_screen_pixels_have_no_history():
     before, now = pair(0.8)
     camera, g = before.gbuffer.camera, now.gbuffer
-    taps = find_taps(*correspondence(g, before.gbuffer))
+    taps = find_taps(*correspondence_reference(g, before.gbuffer))
     view = camera.to_view(position(now))
     px = camera.project(view)
     inside = (px[:, :1] > 1) & (px[:, :1] < SIZE[1] - 1) & (px[:, 1:] > 1) & (px[:, 1:] < SIZE[0] - 1)
@@ -79,7 +79,7 @@ def test_disoccluded_and_off_screen_pixels_have_no_history():
     lost = g.hit & (blocked | ((px[:, :1] < -1) | (px[:, :1] > SIZE[1] + 1)))
     kept = g.hit & ~blocked & inside
     assert 0.02 < float(lost.float().mean()) < 0.5
-    strict = find_taps(*correspondence(g, before.gbuffer), search=False)
+    strict = find_taps(*correspondence_reference(g, before.gbuffer), search=False)
     assert float(strict.valid[lost].float().mean()) < 0.12
     assert float(taps.valid[lost].float().mean()) < 0.25, "the search widens the rim by a pixel"
     assert float(taps.valid[kept].float().mean()) > 0.97
@@ -87,7 +87,7 @@ def test_disoccluded_and_off_screen_pixels_have_no_history():
 
 def test_search_helps_where_all_four_taps_fail():
     before, now = pair(0.5)
-    look = correspondence(now.gbuffer, before.gbuffer)
+    look = correspondence_reference(now.gbuffer, before.gbuffer)
     with_search, without = (find_taps(*look, search=s).valid for s in (True, False))
     assert bool((with_search | ~without).all())
     assert int(with_search.sum()) > int(without.sum())
@@ -106,13 +106,13 @@ def test_moving_object_brings_its_history():
     assert g.motion_z is not None
     motion = torch.where(mine, camera.project(was) - camera.pixel_centers(), g.motion)
     g = g.replace(motion=motion, motion_z=torch.where(mine, was[:, 2:] - g.depth, g.motion_z))
-    taps = find_taps(*correspondence(g, before.gbuffer))
+    taps = find_taps(*correspondence_reference(g, before.gbuffer))
     assert before.gbuffer.object_id is not None
     ids = taps.fetch(before.gbuffer.object_id.float())
     assert float(taps.valid[mine].float().mean()) > 0.95
     assert bool((ids[mine & taps.valid] > 0.999).all())
     uncovered = ~mine & (before.gbuffer.object_id == 1)
-    strict = find_taps(*correspondence(g, before.gbuffer), search=False)
+    strict = find_taps(*correspondence_reference(g, before.gbuffer), search=False)
     assert float(strict.valid[uncovered].float().mean()) < 0.1
 
 
@@ -120,9 +120,9 @@ def test_sky_finds_sky():
     turned = boxes.camera((24, 32), dx=0.3)
     before = boxes.frame(boxes.camera((24, 32)), boxes=boxes.ROOM + 500)
     now = boxes.frame(turned, previous=before.gbuffer.camera, boxes=boxes.ROOM + 500)
-    assert float(find_taps(*correspondence(now.gbuffer, before.gbuffer)).valid.float().mean()) > 0.9
+    assert float(find_taps(*correspondence_reference(now.gbuffer, before.gbuffer)).valid.float().mean()) > 0.9
     ground = boxes.frame(turned, previous=before.gbuffer.camera, boxes=boxes.ROOM)
-    taps = find_taps(*correspondence(ground.gbuffer, before.gbuffer))
+    taps = find_taps(*correspondence_reference(ground.gbuffer, before.gbuffer))
     assert not bool(taps.valid[ground.gbuffer.hit].any())
 
 
@@ -130,7 +130,7 @@ def test_history_of_length_zero_is_not_used():
     frame = boxes.frame(boxes.camera(SIZE))
     length = torch.ones_like(frame.gbuffer.depth)
     length[..., 40:] = 0
-    taps = find_taps(*correspondence(frame.gbuffer, frame.gbuffer, length))
+    taps = find_taps(*correspondence_reference(frame.gbuffer, frame.gbuffer, length))
     assert bool(taps.valid[..., :40].all())
     assert not bool(taps.valid[..., 42:].any())
     poisoned = torch.where(length > 0, 1.0, torch.nan)
@@ -139,7 +139,7 @@ def test_history_of_length_zero_is_not_used():
 
 def test_weights_sum_to_one_or_nothing():
     before, now = pair(0.35, size=(127, 73))
-    total = find_taps(*correspondence(now.gbuffer, before.gbuffer)).weight.sum(1)
+    total = find_taps(*correspondence_reference(now.gbuffer, before.gbuffer)).weight.sum(1)
     assert bool((((total - 1).abs() < 1e-5) | (total == 0)).all())
 
 
@@ -151,11 +151,11 @@ def test_motion_comes_from_the_cameras_where_it_is_missing():
     assert now.gbuffer.motion_z is not None
     assert torch.allclose(motion, now.gbuffer.motion, atol=1e-3)
     assert torch.allclose(motion_z, now.gbuffer.motion_z, atol=1e-4)
-    assert float(find_taps(*correspondence(bare, geometry_of(before.gbuffer))).valid.float().mean()) > 0.85
+    assert float(find_taps(*correspondence_reference(bare, geometry_of(before.gbuffer))).valid.float().mean()) > 0.85
 
 
 def test_a_single_pixel_and_a_changed_size():
     one = boxes.frame(boxes.camera((1, 1)))
-    assert bool(find_taps(*correspondence(one.gbuffer, one.gbuffer)).valid.all())
+    assert bool(find_taps(*correspondence_reference(one.gbuffer, one.gbuffer)).valid.all())
     with pytest.raises(ValueError, match="start with state=None"):
-        correspondence(one.gbuffer, boxes.frame(boxes.camera((2, 2))).gbuffer)
+        correspondence_reference(one.gbuffer, boxes.frame(boxes.camera((2, 2))).gbuffer)

@@ -13,7 +13,7 @@ from post import Denoise, denoise
 from post.filters.surfaces import surface
 from post.history.antilag import into_shadow
 from post.history.catmull_rom import catmull_rom_weights
-from post.history.reproject import correspondence, find_taps
+from post.history.reproject import correspondence_reference, find_taps
 
 SIZE = (36, 48)
 
@@ -113,7 +113,7 @@ def test_a_sharp_history_keeps_detail_and_a_plain_one_does_not():
         world = frame.gbuffer.camera.to_world(frame.gbuffer.points_view())
         return torch.sin(world[:, :1] * 3) * frame.gbuffer.hit
 
-    look = correspondence(now.gbuffer, before.gbuffer)
+    look = correspondence_reference(now.gbuffer, before.gbuffer)
     plain, sharp = (find_taps(*look, sharp=s) for s in (False, True))
     whole = (plain.support > 0.999) & now.gbuffer.hit
     assert torch.allclose(sharp.weight.sum(1, keepdim=True)[whole], torch.ones(()))

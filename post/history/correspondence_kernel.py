@@ -1,4 +1,4 @@
-"""The compiled form of `post.history.reproject.correspondence`: a row of pixels as a body.
+"""The compiled form of `post.history.reproject.correspondence_reference`: a row of pixels as a body.
 
 Names and steps are those of the torch reference, which is the definition. An id or a length that is not there is an
 empty picture.
@@ -21,8 +21,8 @@ Lens = namedtuple("Lens", "focal_x focal_y center_x center_y jitter_x jitter_y")
 """In pixels."""
 
 
-Surface = namedtuple("Surface", "depth normal hit kind")
-"""Channels of a G-buffer; ``kind``: the ids of objects."""
+Channels = namedtuple("Channels", "depth normal hit kind")
+"""Of a G-buffer; ``kind``: the ids of objects."""
 
 
 @scalar

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
-from post.history.reproject import check_alike, correspondence, motion_of
+from post.history.reproject import check_alike, correspondence_reference, motion_of
 
 
 @torch.library.custom_op("gbufrt::correspondence", mutates_args=())
@@ -42,7 +42,7 @@ def _(now, before, length, lenses, poses, parallel):
     return depth.new_empty(shapes[0]), depth.new_empty(shapes[1]), depth.new_empty(shapes[2])
 
 
-def look_for(
+def correspondence(
     gbuffer: GBuffer,
     previous: GBuffer,
     length: Tensor | None = None,
@@ -50,14 +50,14 @@ def look_for(
     *,
     compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """See `reproject.correspondence`, the definition; ``compiled`` as in `gbufrt.compute.dispatch.form_of`."""
+    """See `correspondence_reference`, the definition; ``compiled`` as in `gbufrt.compute.dispatch.form_of`."""
     check_alike(gbuffer, previous)
     moved, moved_z = motion_of(gbuffer, previous.camera)
     pose, lens, was = previous.camera.view_from_world[:, :3, :3], gbuffer.camera.lens, previous.camera.lens
     normals = [g.normal if g.normal_geo is None else g.normal_geo for g in (gbuffer, previous)]
     given = (gbuffer.depth, previous.depth, *normals, moved, moved_z, length, motion)
     if form_of(*given, *(t.to(moved) for t in (pose, lens, was)), compiled=compiled) is not Form.CPU:
-        return correspondence(gbuffer, previous, length, motion)
+        return correspondence_reference(gbuffer, previous, length, motion)
     none = gbuffer.depth.new_empty(gbuffer.batch, 1, 0, 0)
     by_object = gbuffer.object_id is not None and previous.object_id is not None
     ids = [g.object_id.to(none) if by_object and g.object_id is not None else none for g in (gbuffer, previous)]
