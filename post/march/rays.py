@@ -177,8 +177,5 @@ def check_reach(steps: int, distance: float) -> None:
 
 def lens_of(camera: Camera) -> Tensor:
     """``(B, 4)`` float64: focal lengths and principal point, pixels, in the picture that was sampled."""
-    k = camera.intrinsics.double()
-    lens = torch.stack([k[:, 0, 0], k[:, 1, 1], k[:, 0, 2], k[:, 1, 2]], dim=1)
-    if camera.jitter is not None:  # positions as camera.project(jittered=True) gives them
-        lens[:, 2:] -= camera.jitter.double()
-    return lens
+    focal, center, jitter = camera.lens.double().split(2, dim=1)
+    return torch.cat([focal, center - jitter], dim=1)  # positions as camera.project(jittered=True) gives them

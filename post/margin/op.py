@@ -36,16 +36,12 @@ def scene(
             none.
         compiled: see `gbufrt.compute.dispatch.form_of`.
     """
-    k = camera.intrinsics.to(depth.dtype)
-    pitch = 1 / k[:, 0, 0, None, None], 1 / k[:, 1, 1, None, None]
-    corner = torch.full_like(k[:, :2, :1, None], 0.5)
-    if camera.jitter is not None:
-        corner = corner + camera.jitter.to(corner)[..., None, None]
-    first = camera.unproject(torch.ones_like(corner[:, :1]), corner)
+    focal, center, jitter = camera.lens.to(depth.dtype).split(2, dim=1)
+    first = (0.5 + jitter - center) / focal
     m = width(camera)
     given = (depth, normal, reach) if light is None else (depth, normal, reach, light)
-    if form_of(*given, camera.view_from_world, k, compiled=compiled) is Form.CPU:
-        lens = torch.cat([k[:, (0, 1), (0, 1)], first[:, :2].flatten(1)], dim=1)
+    if form_of(*given, camera.view_from_world, focal, compiled=compiled) is Form.CPU:
+        lens = torch.cat([focal, first], dim=1)
         pose = camera.view_from_world[:, :3, :3].to(depth.dtype)
         empty = depth.new_empty(depth.shape[0], 0, *camera.size)
         picture = padded_cpu(
@@ -53,12 +49,14 @@ def scene(
         ).movedim(-1, 1)
     else:
         picture = padded(camera, depth, normal, hit, reach, light, m)
+    pitch = 1 / focal
+    origin = first - pitch * (m + 1)
     return PaddedView(
         picture=picture,
-        origin_x=first[:, 0] - pitch[0] * (m + 1),
-        origin_y=first[:, 1] - pitch[1] * (m + 1),
-        pitch_x=pitch[0],
-        pitch_y=pitch[1],
+        origin_x=origin[:, 0, None, None],
+        origin_y=origin[:, 1, None, None],
+        pitch_x=pitch[:, 0, None, None],
+        pitch_y=pitch[:, 1, None, None],
         margin=m,
     )
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
 from gbufrt.directions import length
 from gbufrt.reduction import Reduction, every_nth
-from post.filters.signals import UNIT_VECTORS, guarded_albedo
+from post.filters.signals import UNIT_VECTORS, guarded_albedo, wants_albedo
 from post.filters.surfaces import surface
 from post.upsampling.op import upsample
+
+SHORTEST = 1e-6  # vectors that cancelled have no direction: the surface's normal takes their place
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,7 @@ class Reduced(Reduction):
 
     def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
         g, present = frame.gbuffer, [name for name in sorted(names) if reduced.get(name) is not None]
-        low = [reduced.read(name) / guarded_albedo(reduced) if name == "gi" else reduced.read(name) for name in present]
+        low = [reduced.read(name) / _albedo(reduced, name) for name in present]
         sizes = [signal.shape[1] for signal in low]
         clear = [
             SIGNALS[n].clear if n in SIGNALS else 0.0
@@ -49,7 +52,15 @@ class Reduced(Reduction):
         geometry = surface(g.depth, g.normal, g.hit, g.camera)
         found = upsample(torch.cat(low, dim=1), geometry, stride=self.stride, clear=clear)
         for name, signal in zip(present, found.split(sizes, dim=1), strict=True):
-            signal = signal * guarded_albedo(frame) if name == "gi" else signal
-            signal = signal / length(signal).clamp_min(1e-6) if name in UNIT_VECTORS else signal
+            signal = signal * _albedo(frame, name)
+            if name in UNIT_VECTORS:
+                size = length(signal)
+                normal = torch.where(g.hit, g.normal, 0.0)
+                signal = torch.where(size > SHORTEST, signal / size.clamp_min(SHORTEST), normal)
             frame = frame.write(name, signal)
         return frame
+
+
+def _albedo(frame: Frame, name: str) -> Tensor | float:
+    """What a signal is divided by before it is interpolated."""
+    return guarded_albedo(frame) if wants_albedo((name,), None) else 1.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from typing import Any
 
 import boxes
 import pytest
@@ -11,26 +10,13 @@ import torch
 from stages import PASSES, dress, run, written
 
 import post
-from gbufrt import CHANNELS, SIGNALS, Camera, Pass, Stage, TemporalPass
+from gbufrt import CHANNELS, SIGNALS, Pass, Stage, TemporalPass
 from gbufrt.tree import map_tensors
 
 FUNCTIONS = sorted(
     (v for v in vars(post).values() if inspect.isfunction(v) and v.__module__.startswith("post.")),
     key=lambda f: f.__name__,
 )
-
-
-def cameras(count: int, size: tuple[int, int], **options: Any) -> Camera:
-    one = boxes.camera(size, **options)
-    moved = [boxes.camera(size, dx=0.2 * i, **options) for i in range(count)]
-    return Camera(
-        intrinsics=torch.cat([c.intrinsics for c in moved]),
-        world_from_view=torch.cat([c.world_from_view for c in moved]),
-        size=size,
-        near=one.near,
-        far=one.far,
-        orthographic=one.orthographic,
-    )
 
 
 @pytest.fixture(params=PASSES, ids=lambda c: c.__name__)
@@ -67,7 +53,7 @@ def test_reads_what_it_says(stage):
 @pytest.mark.parametrize("case", ["odd", "orthographic", "sky", "one row", "one column", "jittered"])
 def test_awkward_frames(stage, case):
     size = {"odd": (127, 73), "one row": (1, 9), "one column": (9, 1)}.get(case, (24, 32))
-    camera = cameras(1, size, orthographic=case == "orthographic")
+    camera = boxes.cameras(1, size, orthographic=case == "orthographic")
     camera = camera.with_jitter((0.3, -0.4)) if case == "jittered" else camera
     frame = dress(boxes.frame(camera, boxes=boxes.ROOM + 500 if case == "sky" else boxes.ROOM))
     for name, value in written(stage, run(stage, frame)).items():
@@ -76,7 +62,7 @@ def test_awkward_frames(stage, case):
 
 def test_batch_equals_loop(stage):
     size = (30, 40)
-    both = dress(boxes.frame(cameras(2, size)))
+    both = dress(boxes.frame(boxes.cameras(2, size)))
     together = written(stage, run(stage, both, times=3))
     for b in range(2):
         one = map_tensors(lambda t, b=b: t[b : b + 1] if t.shape[0] == 2 else t, both)

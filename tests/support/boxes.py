@@ -30,6 +30,19 @@ def camera(size: tuple[int, int] = (72, 96), *, orthographic: bool = False, dx: 
     )
 
 
+def cameras(count: int, size: tuple[int, int], *, apart: float = 0.7, orthographic: bool = False) -> Camera:
+    """A batch of such cameras, side by side."""
+    each = [camera(size, dx=apart * i, orthographic=orthographic) for i in range(count)]
+    return Camera(
+        intrinsics=torch.cat([c.intrinsics for c in each]),
+        world_from_view=torch.cat([c.world_from_view for c in each]),
+        size=size,
+        near=each[0].near,
+        far=each[0].far,
+        orthographic=orthographic,
+    )
+
+
 def trace(cam: Camera, boxes: Tensor = ROOM) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Nearest hit of every pixel's ray: ray distance (inf on a miss), box index, world normal, exit distance."""
     origin, direction = cam.rays()

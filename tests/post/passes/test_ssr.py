@@ -40,16 +40,6 @@ def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
     return torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(frames)]).mean(0)
 
 
-def cameras(size: tuple[int, int]) -> Camera:
-    both = [boxes.camera(size), boxes.camera(size, dx=0.7)]
-    return Camera(
-        intrinsics=torch.cat([c.intrinsics for c in both]),
-        world_from_view=torch.cat([c.world_from_view for c in both]),
-        size=size,
-        far=100.0,
-    )
-
-
 @pytest.mark.parametrize("orthographic", [False, True])
 @pytest.mark.parametrize("method", ["ggx", "cone"])
 def test_a_mirror_shows_the_truth(orthographic, method):
@@ -237,7 +227,7 @@ def test_module_equals_function():
 
 
 def test_batch_equals_loop_and_frames_differ():
-    both = shiny(cameras((40, 56)), rough=0.3)
+    both = shiny(boxes.cameras(2, (40, 56)), rough=0.3)
     together = SSR(samples=2, reuse=3)(both).read("reflection")
     for k in range(2):
         one = map_tensors(lambda t, k=k: t[k : k + 1] if t.shape[0] == 2 else t, both)

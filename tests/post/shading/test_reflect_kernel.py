@@ -27,16 +27,6 @@ def smooth(picture: Tensor) -> Tensor:
     return torch.nn.functional.avg_pool2d(picture, 9, 1, 4, count_include_pad=False)
 
 
-def two(size: tuple[int, int]) -> Camera:
-    both = [boxes.camera(size), boxes.camera(size, dx=0.7)]
-    return Camera(
-        intrinsics=torch.cat([c.intrinsics for c in both]),
-        world_from_view=torch.cat([c.world_from_view for c in both]),
-        size=size,
-        far=100.0,
-    )
-
-
 def scene(camera: Camera, *, world: Tensor = boxes.ROOM) -> tuple[Any, ...]:
     """Boxes of every roughness, mirrors among them, whose normals are a little bent, lit by smooth random colours."""
     g = boxes.frame(camera, boxes=world).gbuffer
@@ -64,7 +54,7 @@ CAMERAS = {
     "orthographic": boxes.camera((72, 96), orthographic=True),
     "jittered": boxes.camera((72, 96)).with_jitter((0.3, -0.4)),
     "odd": boxes.camera((127, 73)),
-    "two": two((60, 80)),
+    "two": boxes.cameras(2, (60, 80)),
     "one row": boxes.camera((1, 9)),
     "one column": boxes.camera((9, 1)),
 }

@@ -55,6 +55,27 @@ def test_neighbours_share_the_smaller_frame_and_see_what_the_others_wrote():
     assert named(still())[0].read("mine").shape == (1, 1, 48, 64)
 
 
+class Against(Pass):
+    """Bent normals that point left and right in turn, so that they cancel between pixels."""
+
+    writes = frozenset({"bent_normal"})
+
+    def forward(self, frame: Frame) -> Frame:
+        turn = torch.ones_like(frame.gbuffer.depth)
+        turn[..., ::2] = -1
+        turn[..., 1::2, :] *= -1
+        return frame.write("bent_normal", turn * torch.tensor([1.0, 0.0, 0.0])[:, None, None])
+
+
+def test_unit_vectors_come_back_with_unit_length():
+    frame = still()
+    found = Pipeline(light=Pipeline(reduction=Reduced(), against=Against()))(frame)[0].read("bent_normal")
+    hit, length = frame.gbuffer.hit, found.norm(dim=1, keepdim=True)
+    torch.testing.assert_close(length[hit], torch.ones_like(length[hit]))
+    same = (found == frame.gbuffer.normal).all(dim=1, keepdim=True) & hit
+    assert int(same.sum()) > 100, "where directions cancel, the normal is the least wrong"
+
+
 def test_a_stage_may_not_read_what_does_not_come_back():
     half = Pipeline(reduction=Reduced(), ao=GTAO(), accumulate=Temporal(signal="ao"))
     assert half.writes == {"ao", "bent_normal"}
