@@ -20,6 +20,7 @@ import numpy as np
 F = TypeVar("F", bound=Callable[..., Any])
 
 NUMBERS = (bool, int, float, complex, str, bytes, np.generic, type(None), type(Ellipsis))
+MARKS = ("__inlined__", "__allocating__")
 FOREIGN = ("numpy", "numba", "numba_cuda")  # whose functions a compiler knows by name
 
 
@@ -35,6 +36,16 @@ def inlined(function: F) -> F:
     return scalar(function)
 
 
+def allocating(function: F) -> F:
+    """Mark a `scalar` helper that makes arrays, or hands out parts of them to one that does or to a driver.
+
+    Others borrow the arrays that they are given, so that their machine code counts no references: threads would wait
+    for each other at the counter of every array that they share. `Target.check` finds a mark that is missing.
+    """
+    function.__allocating__ = True  # type: ignore[attr-defined]
+    return scalar(function)
+
+
 def is_scalar(value: Any) -> bool:
     """Whether a value is a function marked `scalar`."""
     return isinstance(value, FunctionType) and hasattr(value, "__scalar__")
@@ -46,6 +57,7 @@ class Target:
     Args:
         jit: numba's compiler for the device.
         helper: its options for functions that bodies call.
+        owner: its options for those that make arrays, see `allocating`.
         within: its options for functions that are part of their callers, see `inlined`.
         entry: its options for a body that a driver calls as ``item``.
         driver: its options for drivers.
@@ -56,12 +68,14 @@ class Target:
         jit: Callable[..., Any],
         *,
         helper: dict[str, Any],
+        owner: dict[str, Any],
         within: dict[str, Any],
         entry: dict[str, Any],
         driver: dict[str, Any],
     ) -> None:
-        self._helper, self._within, self._entry, self._driver = (jit(**o) for o in (helper, within, entry, driver))
-        self._options = f"{helper} {within} {entry} {driver}"
+        options = helper, owner, within, entry, driver
+        self._helper, self._owner, self._within, self._entry, self._driver = (jit(**o) for o in options)
+        self._options = " ".join(map(str, options))
         self._compiled: dict[FunctionType, Any] = {}
 
     def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
@@ -70,7 +84,8 @@ class Target:
         numba looks up machine code by a function's name, so the name includes a hash of all that the code depends on.
         """
         replaced = {} if item is None else {"item": self._entry(self.bind(item))}
-        bound = self.bind(driver, **replaced)
+        callers = {n: f for n, f in references(driver).items() if item is not None and _calls_item(f)}
+        bound = self.bind(driver, **replaced, **{n: self._entry(self.bind(f, **replaced)) for n, f in callers.items()})
         key = fingerprint(driver, self._options, item)
         bound.__qualname__ = f"{name}-{key}"
         return self._driver(bound)
@@ -86,9 +101,31 @@ class Target:
     def helper(self, function: FunctionType) -> Any:
         """The compiled form of a marked function, shared by all callers."""
         if function not in self._compiled:
-            compiler = self._within if hasattr(function, "__inlined__") else self._helper
-            self._compiled[function] = compiler(self.bind(function))
+            self._compiled[function] = self._compiler(function)(self.bind(function))
         return self._compiled[function]
+
+    def check(self, driver: FunctionType) -> None:
+        """Raise TypeError where code that counts references takes arrays from a helper that does not.
+
+        Args:
+            driver: has been compiled in this process; one that was read from a cache was checked before.
+        """
+        owners = [f for f in self._compiled if hasattr(f, "__allocating__")]
+        for user in (driver, *owners):
+            for value in references(user).values():
+                for helper in _called(value, user):
+                    if not hasattr(helper, "__allocating__") and self._hands_out(helper):
+                        raise TypeError(f"{_name(helper)} hands out arrays to {_name(user)}: mark it @allocating")
+
+    def _hands_out(self, function: FunctionType) -> bool:
+        """Whether the compiled form of a helper returns arrays, alone or in tuples."""
+        overloads = getattr(self._compiled.get(function), "overloads", {})
+        return any("array(" in str(form.signature.return_type) for form in overloads.values())
+
+    def _compiler(self, function: FunctionType) -> Callable[..., Any]:
+        if hasattr(function, "__allocating__"):
+            return self._owner
+        return self._within if hasattr(function, "__inlined__") else self._helper
 
     def _resolve(self, value: Any, user: FunctionType) -> Any:
         if is_scalar(value):
@@ -140,9 +177,8 @@ def fingerprint(function: FunctionType, options: str = "", item: FunctionType | 
     done = set(pending)
     while pending:
         one = pending.pop()
-        named = {
-            name: x for name, x in references(one).items() if item is None or name != "item" or one is not function
-        }
+        placeholders = {"item"} if item is not None and one.__module__ == function.__module__ else set()
+        named = {name: x for name, x in references(one).items() if name not in placeholders}
         for text in _describe_code(one.__code__, one):
             digest.update(text.encode() + b"\0")
         for name, value in named.items():
@@ -153,6 +189,10 @@ def fingerprint(function: FunctionType, options: str = "", item: FunctionType | 
                     done.add(called)
                     pending.append(called)
     return digest.hexdigest()[:16]
+
+
+def _calls_item(value: Any) -> bool:
+    return is_scalar(value) and "item" in references(value)
 
 
 def _called(value: Any, user: FunctionType) -> list[FunctionType]:
@@ -178,7 +218,7 @@ def _describe(value: Any, user: FunctionType) -> Iterator[str]:
     elif isinstance(value, type):
         yield f"type {_name(value)} {getattr(value, '_fields', '')}"
     elif is_scalar(value) or isinstance(value, (BuiltinFunctionType, np.ufunc)) or _is_foreign(value):
-        yield f"function {_name(value)}{' inlined' if hasattr(value, '__inlined__') else ''}"
+        yield f"function {_name(value)}{''.join(f' {mark[2:-2]}' for mark in MARKS if hasattr(value, mark))}"
     else:
         raise TypeError(
             f"{_name(user)} names {getattr(value, '__name__', repr(value))}, a {type(value).__name__}: compiled code "

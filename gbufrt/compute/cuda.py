@@ -20,7 +20,12 @@ from gbufrt.compute.kernel import Kernel, array
 BLOCK = 128  # threads: enough to hide memory latency, few enough that items of one block lie close together
 
 CUDA = Target(
-    cuda.jit, helper={"device": True}, within={"device": True}, entry={"device": True}, driver={"cache": True}
+    cuda.jit,
+    helper={"device": True},
+    owner={"device": True},
+    within={"device": True},
+    entry={"device": True},
+    driver={"cache": True},
 )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from numba import prange
 from torch import Tensor
 
-from gbufrt.compute.kernel import CPU, Kernel, array, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, scalar, threads
 
 ROWS = 64  # items handed to a thread at a time
 
@@ -17,11 +17,17 @@ def item(i: int, *arguments: Any) -> None:
     """Placeholder for the body in the loop below."""
 
 
+@scalar
+def _items(begin, end, arguments):
+    """A helper of its own, so that references to arrays are counted once for all of its items."""
+    for i in range(begin, end):
+        item(i, *arguments)
+
+
 def _each(count, lanes, arguments):
     for lane in prange(lanes):
         for begin in range(lane * ROWS, count, lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, count)):
-                item(i, *arguments)
+            _items(begin, min(begin + ROWS, count), arguments)
 
 
 class Each:

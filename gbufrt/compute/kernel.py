@@ -22,18 +22,21 @@ import numba
 import numpy as np
 from torch import Tensor
 
-from gbufrt.compute.bodies import Target, inlined, scalar
+from gbufrt.compute.bodies import Target, allocating, inlined, scalar
 from gbufrt.compute.cache import kept, missing
 from gbufrt.compute.threads import threads
 
-__all__ = ["CPU", "Kernel", "array", "driver", "inlined", "scalar", "threads"]
+__all__ = ["CPU", "Kernel", "allocating", "array", "driver", "inlined", "scalar", "threads"]
 
 _PLAIN = {"nogil": True, "error_model": "numpy"}
+_BORROWING = _PLAIN | {"_nrt": False}
 CPU = Target(
     numba.njit,
-    helper=_PLAIN,  # cached as part of their driver
-    within=_PLAIN | {"forceinline": True},
-    entry=_PLAIN | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
+    helper=_BORROWING,  # cached as part of their driver
+    owner=_PLAIN | {"_nrt": True},  # said, because it is inherited from callers otherwise
+    within=_BORROWING | {"forceinline": True},
+    entry=_BORROWING
+    | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
     driver=_PLAIN | {"parallel": True},
 )
 
@@ -55,8 +58,13 @@ class Kernel:
 
     def __call__(self, *arguments: Any, grid: tuple[Any, ...] | None = None) -> None:
         """Run the driver; ``grid`` is the blocks, threads and stream of a CUDA kernel."""
-        run = self.dispatcher if grid is None else self.dispatcher[grid]
-        run(*arguments)
+        if grid is not None:
+            self.dispatcher[grid](*arguments)
+            return
+        before = len(self.dispatcher.overloads)
+        self.dispatcher(*arguments)
+        if len(self.dispatcher.overloads) > before:
+            self._target.check(self._parts[0])
 
     @cached_property
     def dispatcher(self) -> Any:

@@ -53,7 +53,8 @@ def smooth_row(out, is_edge, image, luma, y, subpixel):
     """Read those pixels of a row that lie beside an edge from across it, and copy the others."""
     channels, height, width = image.shape
     for c in range(channels):
-        out[c, y] = image[c, y]
+        for x in range(width):
+            out[c, y, x] = image[c, y, x]
     for x in range(width):
         if is_edge[x]:
             edge, shift = _shift(luma, y, x, subpixel)

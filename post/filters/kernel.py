@@ -34,14 +34,23 @@ Tap = namedtuple("Tap", "y first end dx dy")
 """Where a tap's row lies, and which pixels of the centre's row it serves: ``dx``, ``dy`` are pixels."""
 
 
+@inlined
+def _copy(row, given):
+    for x in range(row.shape[0]):
+        row[x] = given[x]
+
+
 @scalar
 def surface_row(guide, plane, depth, normal, hit, roughness, lens, pose, parallel, y):
     """A row of `edges.surface_reference`; ``lens`` is `Camera.lens`."""
     z, there, known = depth[y], hit[y], guide[HIT, y]
     nx, ny, nz = normal[0, y], normal[1, y], normal[2, y]
-    guide[DEPTH, y], guide[NX, y], guide[NY, y], guide[NZ, y] = z, nx, ny, nz
+    _copy(guide[DEPTH, y], z)
+    _copy(guide[NX, y], nx)
+    _copy(guide[NY, y], ny)
+    _copy(guide[NZ, y], nz)
     for k in range(roughness.shape[0]):
-        guide[ROUGHNESS + k, y] = roughness[k, y]
+        _copy(guide[ROUGHNESS + k, y], roughness[k, y])
     xx, xy, xz = pose[0, 0], pose[0, 1], pose[0, 2]
     yx, yy, yz = pose[1, 0], pose[1, 1], pose[1, 2]
     zx, zy, zz = pose[2, 0], pose[2, 1], pose[2, 2]

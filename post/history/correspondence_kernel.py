@@ -77,9 +77,9 @@ def _identity_row(out, surface, pose, y):
     there, hit = surface.hit[y], out[3, y]
     for x in range(a.shape[0]):
         hit[x] = ONE if there[x] else ZERO
-    out[4, y] = ZERO
-    if surface.kind.shape[0] > 0:
-        out[4, y] = surface.kind[y]
+    kind, known = out[4, y], surface.kind.shape[0] > 0
+    for x in range(a.shape[0]):
+        kind[x] = surface.kind[y, x] if known else ZERO
 
 
 @scalar

@@ -102,7 +102,8 @@ def box_row(mean, extent, sums, toned, current, y, gamma):
 def nearest_row(which, nearest, depth, y):
     """Which of the 3x3 pixels around each pixel of a row is nearest to the camera, counted in rows of three."""
     height, width = depth.shape
-    nearest[:], which[:] = depth[y], 4
+    for x in range(width):
+        nearest[x], which[x] = depth[y, x], 4
     for k in range(9):
         row, dx = y + k // 3 - 1, k % 3 - 1
         if 0 <= row < height:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import allocating, scalar
 from post.lens import constants
 from post.lens.spread_kernel import ONE, ZERO, Disc, Ramp, Window, row_ranges, spread
 
@@ -33,7 +33,7 @@ def lay_under(result, free, layer, window, channels):
         spread_light[:] = ZERO
 
 
-@scalar
+@allocating
 def disc_at(i, reach, weights, inner, outer):
     """The disc of a layer."""
     return Disc(reach[i], weights[i], inner[i], outer[i])
@@ -103,7 +103,7 @@ def add_fill(result, free, fill, window, whole, channels):
             free[y + down, x + right] -= trusted
 
 
-@scalar
+@allocating
 def tile(out, color, coc, level, reach, weights, inner, outer, ramps, window):
     """Spread all layers of a tile and lay them over one another."""
     channels, margin = color.shape[0], reach.max()
@@ -123,7 +123,7 @@ def tile(out, color, coc, level, reach, weights, inner, outer, ramps, window):
     finish(out, result, free, window)
 
 
-@scalar
+@allocating
 def behind(window, color, coc, level, reach, weights, inner, outer, ramps):
     """What lies behind the layers in front of the focal plane, as much of it as they cover."""
     channels, margin = color.shape[0], reach.max()

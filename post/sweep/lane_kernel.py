@@ -14,7 +14,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.compute.kernel import allocating, inlined, scalar
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import constants, slices
 from post.sweep.constants import FOUND, SUMS
@@ -55,7 +55,7 @@ Lanes = namedtuple("Lanes", "rows parts index pairs pixel covered sums place")
 """Scratch of one thread: see `new_lanes`."""
 
 
-@scalar
+@allocating
 def new_lanes(radii, sums, steps):
     """Scratch memory of one thread.
 

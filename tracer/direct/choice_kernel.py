@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import allocating, scalar
 from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
 from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, SHARE_ALONE, SHARE_FINE
 from tracer.sampling.scatter_kernel import along, dot
@@ -62,7 +62,7 @@ def bound(sources, number, center, reach, low, high):
     return shown * cosine / (distance * max(distance * distance, radius * radius / 4)) * lamps[number, MEAN]
 
 
-@scalar
+@allocating
 def extent(surface, start, width, tile):
     """The lit pixel nearest a tile's centre (-1 for none), and the ranges of its lit points and normals."""
     points, normals, lit = surface

@@ -16,7 +16,7 @@ import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt.compute.kernel import array, driver, threads
+from gbufrt.compute.kernel import array, driver, scalar, threads
 from tracer.direct import reference
 from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE, draw_rest, extent, find_candidates, list_lamps
 from tracer.direct.kernel import Sources
@@ -33,9 +33,29 @@ BAND = 1 << 17  # pixels whose samples are in memory together, and fewer
 LONG = 32  # where their lists may have more entries than that
 
 
+@scalar
+def _list_tile(
+    sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, tile, candidates, others, power
+):
+    points, normals, lit = surface
+    i, low, high = extent(surface, start, width, tile)
+    found, count, sent = 0, 0, 0.0
+    if i >= 0:
+        given = triple(points, i, 0), triple(normals, i, 0), known[i], low, high, candidates, others
+        found, count, sent = find_candidates(sources, few, *given)
+    used = candidates[:found]
+    for row in range(tile[0], tile[1]):
+        for p in range(row * width + tile[2], row * width + tile[3]):
+            i = start + p
+            counts[p], scale[p, :] = 0, np.float32(0)
+            if lit[i]:
+                given = triple(points, i, 0), triple(normals, i, 0), known[i], sent, power, lists[p]
+                counts[p], rest, draws = list_lamps(sources, used, *given)
+                draw_rest(used, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
+
+
 @driver
 def list_all(sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, lanes):
-    points, normals, lit = surface
     lamps, height = len(sources.lamps), len(counts) // width
     across = (width + TILE - 1) // TILE
     for lane in prange(lanes):
@@ -44,54 +64,56 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
         for n in range(lane, across * ((height + TILE - 1) // TILE), lanes):
             y, x = n // across * TILE, n % across * TILE
             tile, others = (y, min(y + TILE, height), x, min(x + TILE, width)), (numbers, upto)
-            i, low, high = extent(surface, start, width, tile)
-            found, count, sent = 0, 0, 0.0
-            if i >= 0:
-                given = triple(points, i, 0), triple(normals, i, 0), known[i], low, high, candidates, others
-                found, count, sent = find_candidates(sources, few, *given)
-            used = candidates[:found]
-            for row in range(tile[0], tile[1]):
-                for p in range(row * width + tile[2], row * width + tile[3]):
-                    i = start + p
-                    counts[p], scale[p, :] = 0, np.float32(0)
-                    if lit[i]:
-                        given = triple(points, i, 0), triple(normals, i, 0), known[i], sent, power, lists[p]
-                        counts[p], rest, draws = list_lamps(sources, used, *given)
-                        draw_rest(used, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
+            given = sources, surface, known, dice, start, width, few, lists, counts, chosen, scale
+            _list_tile(*given, tile, candidates, others, power)
+
+
+@scalar
+def _first_of(begin, end, space, sources, surface, turned, start, offsets, marked, count, samples, each, sums):
+    points, normals, _ = surface
+    for p in range(begin, end):
+        i = start + p
+        point, normal = triple(points, i, 0), triple(normals, i, 0)
+        turn = (turned[0, i], turned[1, i])
+        for k in range(offsets[p], offsets[p + 1]):
+            first_rays(space, sources, marked[k] >> 1, point, normal, turn, count, samples, each, sums[k])
 
 
 @driver
 def first_all(space, sources, widest, surface, turned, start, offsets, marked, count, samples, sums, lanes):
-    points, normals, _ = surface
+    pixels = len(offsets) - 1
     for lane in prange(lanes):
         each = np.empty(widest)
-        for begin in range(lane * CHUNK, len(offsets) - 1, lanes * CHUNK):
-            for p in range(begin, min(begin + CHUNK, len(offsets) - 1)):
-                i = start + p
-                point, normal = triple(points, i, 0), triple(normals, i, 0)
-                turn = (turned[0, i], turned[1, i])
-                for k in range(offsets[p], offsets[p + 1]):
-                    first_rays(space, sources, marked[k] >> 1, point, normal, turn, count, samples, each, sums[k])
+        for begin in range(lane * CHUNK, pixels, lanes * CHUNK):
+            given = space, sources, surface, turned, start, offsets, marked, count, samples, each, sums
+            _first_of(begin, min(begin + CHUNK, pixels), *given)
+
+
+@scalar
+def _finish(begin, end, space, sources, surface, turned, start, near, rest, count, samples, each, more, out):
+    points, normals, _ = surface
+    offsets, (chosen, scale) = near[0], rest
+    for p in range(begin, end):
+        i = start + p
+        if offsets[p + 1] > offsets[p] or scale[p, 0] > 0:
+            place = triple(points, i, 0), triple(normals, i, 0), (turned[0, i], turned[1, i])
+            one = chosen[p], scale[p]
+            light = light_of_pixel(space, sources, near, place, p, one, count, samples, each, more)
+            for c in range(3):
+                out[c, i] += np.float32(light[c])
 
 
 @driver
 def finish_all(
     space, sources, widest, surface, turned, start, offsets, marked, sums, rest, rows, width, count, samples, out, lanes
 ):
-    points, normals, _ = surface
-    chosen, scale = rest
+    last = rows[1] * width
     for lane in prange(lanes):
         each, more = np.empty(widest), np.empty(sums.shape[1], np.float32)
-        for begin in range(rows[0] * width + lane * CHUNK, rows[1] * width, lanes * CHUNK):
-            for p in range(begin, min(begin + CHUNK, rows[1] * width)):
-                i = start + p
-                if offsets[p + 1] > offsets[p] or scale[p, 0] > 0:
-                    place = triple(points, i, 0), triple(normals, i, 0), (turned[0, i], turned[1, i])
-                    near = offsets, marked, sums, width
-                    one = chosen[p], scale[p]
-                    light = light_of_pixel(space, sources, near, place, p, one, count, samples, each, more)
-                    for c in range(3):
-                        out[c, i] += np.float32(light[c])
+        for begin in range(rows[0] * width + lane * CHUNK, last, lanes * CHUNK):
+            near = offsets, marked, sums, width
+            given = space, sources, surface, turned, start, near, rest, count, samples, each, more, out
+            _finish(begin, min(begin + CHUNK, last), *given)
 
 
 class Direct(reference.Direct):

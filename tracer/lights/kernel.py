@@ -177,19 +177,25 @@ def _given(lit, lamp, point, normal):
 
 
 @scalar
+def _candidate(lit, cell, point, normal, a, k):
+    """A lamp, its rough contribution, and that over the lamp's probability."""
+    lamp, chance = _suggested(lit, cell, (a + k / CANDIDATES) % 1.0)
+    given = _given(lit, lamp, point, normal)
+    return lamp, given, given / chance
+
+
+@scalar
 def _chosen(lit, point, normal, a, b):
     """A lamp, or -1, and the factor that its light is multiplied by."""
     cell = _cell(lit, point)
-    candidates, given, upto = np.empty(CANDIDATES, np.int64), np.empty(CANDIDATES), np.empty(CANDIDATES)
-    total = 0.0
+    total, upto = 0.0, 0.0
     for k in range(CANDIDATES):
-        candidates[k], chance = _suggested(lit, cell, (a + k / CANDIDATES) % 1.0)
-        given[k] = _given(lit, candidates[k], point, normal)
-        total += given[k] / chance
-        upto[k] = total
-    for k in range(CANDIDATES):
-        if b * total < upto[k]:
-            return candidates[k], total / (CANDIDATES * given[k])
+        total += _candidate(lit, cell, point, normal, a, k)[2]
+    for k in range(CANDIDATES):  # once more, which is cheaper than to keep them in memory
+        lamp, given, weight = _candidate(lit, cell, point, normal, a, k)
+        upto += weight
+        if b * total < upto:
+            return lamp, total / (CANDIDATES * given)
     return -1, 0.0
 
 

@@ -8,7 +8,7 @@ import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt.compute.kernel import array, driver, threads
+from gbufrt.compute.kernel import array, driver, scalar, threads
 from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.interaction import MOST_PASS, Vertices
@@ -19,65 +19,91 @@ from tracer.sampling.progressive import Values
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.kernel import triple
 
-ROWS = 64  # rays handed out at a time
+ROWS = 64  # rays handed out at a time, to a helper that counts no references to what they share
+
+
+@scalar
+def _radiance_of(begin, end, arrays, camera, picture, rays, u, bounces, spreads, next_event, out):
+    origins, directions, spans, known = rays
+    tables = interaction_kernel.assembled(arrays)
+    for i in range(begin, end):
+        origin, direction, mask = triple(origins, i, 0), triple(directions, i, 0), MASK_PRIMARY
+        t0, t1, detail = triple(spans, i, 0)
+        isect = interaction_kernel.intersect(
+            tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
+        )
+        light, onscreen = path_kernel.radiance(
+            tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event
+        )
+        out[i, 0], out[i, 1], out[i, 2] = light
+        out[i, 3], out[i, 4], out[i, 5] = onscreen
 
 
 @driver
 def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
-    origins, directions, spans, known = rays
+    count = len(rays[0])
     for lane in prange(lanes):
-        tables = interaction_kernel.assembled(arrays)
-        for begin in range(lane * ROWS, len(origins), lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, len(origins))):
-                origin, direction, mask = triple(origins, i, 0), triple(directions, i, 0), MASK_PRIMARY
-                t0, t1, detail = triple(spans, i, 0)
-                isect = interaction_kernel.intersect(
-                    tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
-                )
-                light, onscreen = path_kernel.radiance(
-                    tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event
-                )
-                out[i, 0], out[i, 1], out[i, 2] = light
-                out[i, 3], out[i, 4], out[i, 5] = onscreen
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            _radiance_of(
+                begin, min(begin + ROWS, count), arrays, camera, picture, rays, u, bounces, spreads, next_event, out
+            )
+
+
+@scalar
+def _occlusion_of(begin, end, arrays, camera, picture, surfaces, u, radius, out):
+    tables = interaction_kernel.assembled(arrays)
+    for i in range(begin, end):
+        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+        ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
+        out[i, 0], out[i, 4] = ao, known
+        out[i, 1], out[i, 2], out[i, 3] = bent
 
 
 @driver
 def occlusion_all(arrays, camera, picture, surfaces, u, radius, lanes, out):
+    count = len(out)
     for lane in prange(lanes):
-        tables = interaction_kernel.assembled(arrays)
-        for begin in range(lane * ROWS, len(out), lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, len(out))):
-                at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-                ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
-                out[i, 0], out[i, 4] = ao, known
-                out[i, 1], out[i, 2], out[i, 3] = bent
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            _occlusion_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, radius, out)
+
+
+@scalar
+def _indirect_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out):
+    tables = interaction_kernel.assembled(arrays)
+    for i in range(begin, end):
+        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+        gi, onscreen, above, visible = integrator_kernel.indirect(tables, camera, picture, at, u, i, bounces)
+        out[i, 0], out[i, 1], out[i, 2] = gi
+        out[i, 3], out[i, 4], out[i, 5] = onscreen
+        out[i, 6], out[i, 7], out[i, 8] = above
+        out[i, 9] = visible
 
 
 @driver
 def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
+    count = len(out)
     for lane in prange(lanes):
-        tables = interaction_kernel.assembled(arrays)
-        for begin in range(lane * ROWS, len(out), lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, len(out))):
-                at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-                gi, onscreen, above, visible = integrator_kernel.indirect(tables, camera, picture, at, u, i, bounces)
-                out[i, 0], out[i, 1], out[i, 2] = gi
-                out[i, 3], out[i, 4], out[i, 5] = onscreen
-                out[i, 6], out[i, 7], out[i, 8] = above
-                out[i, 9] = visible
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            _indirect_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, bounces, out)
+
+
+@scalar
+def _reflected_of(begin, end, arrays, camera, picture, surfaces, u, sharp, out):
+    tables = interaction_kernel.assembled(arrays)
+    for i in range(begin, end):
+        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+        light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
+        out[i, 0], out[i, 1], out[i, 2] = light
+        out[i, 3], out[i, 4], out[i, 5] = onscreen
+        out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
 
 
 @driver
 def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
+    count = len(out)
     for lane in prange(lanes):
-        tables = interaction_kernel.assembled(arrays)
-        for begin in range(lane * ROWS, len(out), lanes * ROWS):
-            for i in range(begin, min(begin + ROWS, len(out))):
-                at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-                light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
-                out[i, 0], out[i, 1], out[i, 2] = light
-                out[i, 3], out[i, 4], out[i, 5] = onscreen
-                out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            _reflected_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, sharp, out)
 
 
 def radiance(

@@ -171,8 +171,8 @@ def run_length(transforms, grids, origin, direction, t, t_end, entry, material, 
 
 @scalar
 def _own(transforms, i, count):
-    """The transforms of the batch element of ray ``i`` of ``count``."""
-    return transforms[0] if transforms.shape[0] == 1 else transforms[i // (count // transforms.shape[0])]
+    """The batch element of ray ``i`` of ``count``."""
+    return 0 if transforms.shape[0] == 1 else i // (count // transforms.shape[0])
 
 
 @scalar
@@ -183,7 +183,7 @@ def surface(i, origins, directions, spans, transforms, bricks, index, entries, m
         before = (int(left[i, 1]), int(left[i, 0]), (int(left[i, 2]), int(left[i, 3]), int(left[i, 4])))
     origin, direction = triple(origins, i, 0), triple(directions, i, 0)
     t_begin, t_end = np.float64(spans[i, 0]), np.float64(spans[i, 1])
-    own, grids = _own(transforms, i, origins.shape[0]), (bricks, index, entries, media)
+    own, grids = transforms[_own(transforms, i, origins.shape[0])], (bricks, index, entries, media)
     t, entry, material, face, back, voxel, place = nearest(own, grids, origin, direction, t_begin, t_end, before, mask)
     numbers[i, 0], ids[i, 0], ids[i, 1], ids[i, 2], ids[i, 3] = t, material, entry, face, back
     for k in range(3):
@@ -195,7 +195,7 @@ def transmit(i, origins, directions, spans, transforms, bricks, index, entries, 
     """See `tracer.traversal.op.transmit`: one ray, written to its row of ``passed``."""
     origin, direction = triple(origins, i, 0), triple(directions, i, 0)
     t_begin, t_end = np.float64(spans[i, 0]), np.float64(spans[i, 1])
-    own, grids = _own(transforms, i, origins.shape[0]), (bricks, index, entries, media)
+    own, grids = transforms[_own(transforms, i, origins.shape[0])], (bricks, index, entries, media)
     light = transmitted(own, grids, origin, direction, t_begin, t_end, mask)
     passed[i, 0], passed[i, 1], passed[i, 2] = light
 
@@ -208,6 +208,6 @@ def runs(i, origins, directions, spans, transforms, bricks, index, entries, medi
     origin, direction = triple(origins, i, 0), triple(directions, i, 0)
     t, t_end = np.float64(spans[i, 0]), np.float64(spans[i, 1])
     voxel = (int(starts[i, 2]), int(starts[i, 3]), int(starts[i, 4]))
-    own, grids = _own(transforms, i, origins.shape[0]), (bricks, index, entries, media)
+    own, grids = transforms[_own(transforms, i, origins.shape[0])], (bricks, index, entries, media)
     found = run_length(own, grids, origin, direction, t, t_end, starts[i, 1], starts[i, 0], voxel)
     lengths[i, 0], lengths[i, 1] = found

@@ -15,6 +15,7 @@ import torch
 
 from gbufrt.compute.bodies import fingerprint, inlined, is_scalar, scalar
 from gbufrt.compute.each import Each
+from gbufrt.compute.kernel import CPU, Kernel
 
 HELPERS = """
 from gbufrt.compute.kernel import scalar
@@ -39,6 +40,7 @@ RUN = """
 import sys, torch
 sys.path.insert(0, sys.argv[1])
 from gbufrt.compute.each import Each
+from gbufrt.compute.kernel import CPU
 from some_bodies import body
 each, out = Each(body), torch.arange(4.0)
 each(4, out)
@@ -122,3 +124,20 @@ def test_an_inlined_helper_is_scalar_and_the_key_says_that_it_is_inlined(monkeyp
     monkeypatch.setitem(thrice.__dict__, "__inlined__", True)
     assert fingerprint(uses_thrice) != before
     assert is_scalar(inlined(lambda x: x))
+
+
+@scalar
+def first_row(values):
+    return values[0], 1.0
+
+
+def sum_first_row(values, out):
+    row, _ = first_row(values)
+    out[0] = row.sum()
+
+
+def test_a_helper_that_hands_arrays_to_a_driver_must_say_so() -> None:
+    """Its machine code counts no references, so the driver would give back what it never took."""
+    CPU.compile(sum_first_row, None, "uncached").compile("void(float64[:, ::1], float64[::1])")
+    with pytest.raises(TypeError, match=r"first_row hands out arrays to .*sum_first_row: mark it @allocating"):
+        CPU.check(sum_first_row)
