@@ -23,7 +23,7 @@ from tracer.direct.kernel import Sources
 from tracer.direct.pixel_kernel import first_rays, light_of_pixel
 from tracer.direct.reference import DRAWS
 from tracer.lights.emitters import Lamps
-from tracer.lights.shadows import MOST, REACH, first_of
+from tracer.lights.shadows import MOST, REACH, stages
 from tracer.scene.scene import Sun
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
@@ -69,28 +69,28 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
 
 
 @scalar
-def _first_of(begin, end, space, sources, surface, turned, start, offsets, marked, count, samples, each, sums):
+def _first_of(begin, end, space, sources, surface, turned, start, offsets, marked, counts, each, blockers, sums):
     points, normals, _ = surface
     for p in range(begin, end):
         i = start + p
         point, normal = triple(points, i, 0), triple(normals, i, 0)
         turn = (turned[0, i], turned[1, i])
         for k in range(offsets[p], offsets[p + 1]):
-            first_rays(space, sources, marked[k] >> 1, point, normal, turn, count, samples, each, sums[k])
+            first_rays(space, sources, marked[k] >> 1, point, normal, turn, counts, each, blockers, sums[k])
 
 
 @driver
-def first_all(space, sources, widest, surface, turned, start, offsets, marked, count, samples, sums, lanes):
+def first_all(space, sources, widest, surface, turned, start, offsets, marked, counts, sums, lanes):
     pixels = len(offsets) - 1
     for lane in prange(lanes):
-        each = np.empty(widest)
+        each, blockers = np.empty(widest), np.full((len(sources.lamps) + 1, 4), -1, np.int32)
         for begin in range(lane * CHUNK, pixels, lanes * CHUNK):
-            given = space, sources, surface, turned, start, offsets, marked, count, samples, each, sums
+            given = space, sources, surface, turned, start, offsets, marked, counts, each, blockers, sums
             _first_of(begin, min(begin + CHUNK, pixels), *given)
 
 
 @scalar
-def _finish(begin, end, space, sources, surface, turned, start, near, rest, count, samples, each, more, out):
+def _finish(begin, end, space, sources, surface, turned, start, near, rest, counts, each, blockers, found, out):
     points, normals, _ = surface
     offsets, (chosen, scale) = near[0], rest
     for p in range(begin, end):
@@ -98,21 +98,22 @@ def _finish(begin, end, space, sources, surface, turned, start, near, rest, coun
         if offsets[p + 1] > offsets[p] or scale[p, 0] > 0:
             place = triple(points, i, 0), triple(normals, i, 0), (turned[0, i], turned[1, i])
             one = chosen[p], scale[p]
-            light = light_of_pixel(space, sources, near, place, p, one, count, samples, each, more)
+            light = light_of_pixel(space, sources, near, place, p, one, counts, each, blockers, found)
             for c in range(3):
                 out[c, i] += np.float32(light[c])
 
 
 @driver
 def finish_all(
-    space, sources, widest, surface, turned, start, offsets, marked, sums, rest, rows, width, count, samples, out, lanes
+    space, sources, widest, surface, turned, start, offsets, marked, counts, sums, rest, rows, width, out, lanes
 ):
     last = rows[1] * width
     for lane in prange(lanes):
-        each, more = np.empty(widest), np.empty(sums.shape[1], np.float32)
+        each, blockers = np.empty(widest), np.full((len(sources.lamps) + 1, 4), -1, np.int32)
+        found = np.empty(sums.shape[1], np.float32)
         for begin in range(rows[0] * width + lane * CHUNK, last, lanes * CHUNK):
             near = offsets, marked, sums, width
-            given = space, sources, surface, turned, start, near, rest, count, samples, each, more, out
+            given = space, sources, surface, turned, start, near, rest, counts, each, blockers, found, out
             _finish(begin, min(begin + CHUNK, last), *given)
 
 
@@ -181,11 +182,11 @@ class Direct(reference.Direct):
         rest: tuple[np.ndarray, np.ndarray],
     ) -> None:
         sums = np.empty((len(marked), MOST + 1), np.float32)
-        turned, count = array(noise[:2].flatten(1)), first_of(samples)
+        turned, counts = array(noise[:2].flatten(1)), (*stages(samples), samples)
         widest = int(np.diff(self._sources.first).max(initial=0))
-        given = self._space, self._sources, widest, self._surface, turned, start, offsets, marked
-        first_all(*given, count, samples, sums, threads())
-        finish_all(*given, sums, rest, rows, self.surface.size[1], count, samples, array(arrived), threads())
+        given = self._space, self._sources, widest, self._surface, turned, start, offsets, marked, counts, sums
+        first_all(*given, threads())
+        finish_all(*given, rest, rows, self.surface.size[1], array(arrived), threads())
 
     @cached_property
     def _surface(self) -> tuple[np.ndarray, ...]:

@@ -13,7 +13,7 @@ from gbufrt.noise.noise import PLASTIC
 from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
 from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, scaled
 from tracer.scene.scene import MASK_SHADOW
-from tracer.traversal.kernel import transmitted, triple
+from tracer.traversal.kernel import transmitted_again, triple
 
 CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
 """Columns of `Sources.rectangles`; the facing is as long as the area, the offset its product with the corner."""
@@ -94,12 +94,13 @@ def _turned(turn, number):
 
 
 @scalar
-def _shoot(space, origin, direction, distance, weight, sums):
+def _shoot(space, origin, direction, distance, weight, blocker, sums):
     """One shadow ray to a source, added to the rows of `tracer.lights.shadows.ShadowRays`."""
     if weight <= 0:
         return
     transforms, bricks, index, entries, media = space
-    light = transmitted(transforms, (bricks, index, entries, media), origin, direction, 0.0, distance, MASK_SHADOW)
+    grids = bricks, index, entries, media
+    light = transmitted_again(transforms, grids, origin, direction, distance, MASK_SHADOW, blocker)
     shade = (light[0] + light[1] + light[2]) / 3
     for k in range(3):
         sums[1 + k] += light[k] * weight
@@ -109,35 +110,24 @@ def _shoot(space, origin, direction, distance, weight, sums):
 
 
 @scalar
-def _sun(space, sources, point, normal, turn, begin, end, sums):
+def _send_to_sun(space, sources, point, normal, turn, begin, end, blocker, sums):
     """Samples of the sun's disc from one pixel."""
     axes, sine = sources.sun, sources.sun[3, 0]
     across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
-    sums[UNBLOCKED] = max(disc_cosine(dot(normal, toward), sine), 0.0)
-    if sums[UNBLOCKED] <= 0:
-        return
     for number in range(begin, end):
         x, y = disc(*_turned(turn, number))
         x, y = x * sine, y * sine
         direction = combined(across, other, toward, x, y, math.sqrt(1 - x * x - y * y))
-        _shoot(space, point, direction, np.inf, dot(normal, direction), sums)
+        _shoot(space, point, direction, np.inf, dot(normal, direction), blocker, sums)
 
 
 @scalar
-def _lamp(space, sources, number, point, normal, turn, begin, end, each, sums):
-    """Samples of one lamp from one pixel; ``each`` has room for one number per rectangle."""
-    rectangles, first = sources.rectangles, sources.first
-    low, high = first[number], first[number + 1]
-    total = 0.0
-    for k in range(low, high):
-        each[k - low] = rectangle_irradiance(rectangles, k, point, normal)
-        total += each[k - low]
-    sums[UNBLOCKED] = total
-    if total <= 0:
-        return
+def _send_to_lamp(space, sources, number, point, normal, turn, begin, end, each, blocker, sums):
+    """Samples of one lamp from one pixel."""
+    rectangles, low, high = sources.rectangles, sources.first[number], sources.first[number + 1]
     for step in range(begin, end):
         u, v = _turned(turn, step)
-        place, k = u * total, low
+        place, k = u * sums[UNBLOCKED], low
         while k < high - 1 and place >= each[k - low]:
             place -= each[k - low]
             k += 1
@@ -149,15 +139,38 @@ def _lamp(space, sources, number, point, normal, turn, begin, end, each, sums):
         direction = scaled(way, 1 / distance)
         here, there = dot(normal, direction), -dot(triple(rectangles, k, FACING), direction)
         weight = max(here, 0.0) * max(there, 0.0) / (square * mine)
-        _shoot(space, point, direction, max(distance - SHORT, 0.0), weight, sums)
+        _shoot(space, point, direction, max(distance - SHORT, 0.0), weight, blocker, sums)
 
 
 @scalar
-def sample(space, sources, number, point, normal, turn, begin, end, each, sums):
-    """Rays ``begin`` to ``end`` from one pixel to one source, as `tracer.lights.shadows.ShadowRays` counts them."""
+def unblocked(sources, number, point, normal, each):
+    """Irradiance from a source where nothing is in its way; ``each`` has room for one number per rectangle."""
+    if number == len(sources.lamps):
+        return max(disc_cosine(dot(normal, triple(sources.sun, 2, 0)), sources.sun[3, 0]), 0.0)
+    total, low = 0.0, sources.first[number]
+    for k in range(low, sources.first[number + 1]):
+        each[k - low] = rectangle_irradiance(sources.rectangles, k, point, normal)
+        total += each[k - low]
+    return total
+
+
+@scalar
+def aim(sources, number, point, normal, each, sums):
+    """Begin to sample a source from one pixel; ``each`` and ``sums`` are for `send` to read."""
     sums[:] = np.float32(0)
     sums[LEAST] = np.float32(1)
-    if number == len(sources.lamps):
-        _sun(space, sources, point, normal, turn, begin, end, sums)
-    else:
-        _lamp(space, sources, number, point, normal, turn, begin, end, each, sums)
+    sums[UNBLOCKED] = unblocked(sources, number, point, normal, each)
+
+
+@scalar
+def send(space, sources, number, point, normal, turn, begin, end, each, blockers, sums):
+    """Add rays ``begin`` to ``end`` to a source, as `tracer.lights.shadows.ShadowRays` counts them.
+
+    ``blockers`` holds what last stopped a ray to each source; see `tracer.traversal.kernel.transmitted_again`.
+    """
+    blocker = blockers[number]
+    if sums[UNBLOCKED] > 0:
+        if number == len(sources.lamps):
+            _send_to_sun(space, sources, point, normal, turn, begin, end, blocker, sums)
+        else:
+            _send_to_lamp(space, sources, number, point, normal, turn, begin, end, each, blocker, sums)

@@ -7,15 +7,16 @@ matters enough for more than the first rays.
 from __future__ import annotations
 
 from gbufrt.compute.kernel import scalar
-from tracer.direct.kernel import sample
-from tracer.lights.shadows import AGREE, LEAST, MOST, REACH, UNBLOCKED, WEIGHT
+from tracer.direct.kernel import aim, send
+from tracer.lights.shadows import AGREE, LEAST, MOST, NEXT, REACH, UNBLOCKED, WEIGHT
 
 
 @scalar
-def first_rays(space, sources, number, point, normal, turn, count, samples, each, sums):
-    """The first ``count`` rays to one source."""
-    begin = _begin(sources, number, samples)
-    sample(space, sources, number, point, normal, turn, begin, begin + count, each, sums)
+def first_rays(space, sources, number, point, normal, turn, counts, each, blockers, sums):
+    """The first of ``counts`` rays to one source."""
+    begin = _begin(sources, number, counts[2])
+    aim(sources, number, point, normal, each, sums)
+    send(space, sources, number, point, normal, turn, begin, begin + counts[0], each, blockers, sums)
 
 
 @scalar
@@ -25,13 +26,13 @@ def _begin(sources, number, samples):
 
 
 @scalar
-def _differs(near, p, k):
-    """Whether the first rays to source ``k`` of pixel ``p`` differ, among themselves or from those nearby."""
+def _differs(near, p, k, reach):
+    """Whether the first rays to source ``k`` of pixel ``p`` differ, among themselves or from those within reach."""
     offsets, marked, sums, width = near
     least, most = sums[k, LEAST], sums[k, MOST]
     place, column = k - offsets[p], p % width
-    for dy in range(-REACH, REACH + 1):
-        for dx in range(-REACH, REACH + 1):
+    for dy in range(-reach, reach + 1):
+        for dx in range(-reach, reach + 1):
             q = p + dy * width + dx
             if 0 <= column + dx < width and 0 <= q < len(offsets) - 1:
                 j, end = offsets[q] + place, offsets[q + 1]
@@ -58,25 +59,32 @@ def _gathered(light, sums, color, scale):
 
 
 @scalar
-def light_of_pixel(space, sources, near, place, p, rest, count, samples, each, more):
+def light_of_pixel(space, sources, near, place, p, rest, counts, each, blockers, found):
     """Irradiance of pixel ``p`` from the sources of its list, with more rays where the first differ, and the rest."""
     offsets, marked, sums, _ = near
     point, normal, turn = place
+    first, second, samples = counts
     light = (0.0, 0.0, 0.0)
     for k in range(offsets[p], offsets[p + 1]):
         number = marked[k] >> 1
-        if samples > count and marked[k] & 1 and _differs(near, p, k):
+        if samples > first and marked[k] & 1 and _differs(near, p, k, REACH):
             begin = _begin(sources, number, samples)
-            sample(space, sources, number, point, normal, turn, begin + count, begin + samples, each, more)
-            for row in range(1, WEIGHT + 1):
-                more[row] += sums[k, row]
-            light = _gathered(light, more, sources.colors[number], 1.0)
+            given = space, sources, number, point, normal, turn
+            aim(sources, number, point, normal, each, found)
+            for row in range(1, MOST + 1):
+                found[row] = sums[k, row]
+            send(*given, begin + first, begin + second, each, blockers, found)
+            if found[MOST] - found[LEAST] > AGREE or _differs(near, p, k, NEXT):
+                send(*given, begin + second, begin + samples, each, blockers, found)
+            light = _gathered(light, found, sources.colors[number], 1.0)
         else:
             light = _gathered(light, sums[k], sources.colors[number], 1.0)
     chosen, scale = rest
     for draw in range(len(chosen)):
+        number = chosen[draw]
         if scale[draw] > 0:
             begin = len(sources.lamps) * samples + draw
-            sample(space, sources, chosen[draw], point, normal, turn, begin, begin + 1, each, more)
-            light = _gathered(light, more, sources.colors[chosen[draw]], scale[draw])
+            aim(sources, number, point, normal, each, found)
+            send(space, sources, number, point, normal, turn, begin, begin + 1, each, blockers, found)
+            light = _gathered(light, found, sources.colors[number], scale[draw])
     return light

@@ -15,7 +15,7 @@ import torch
 
 from gbufrt.compute.bodies import fingerprint, inlined, is_scalar, scalar
 from gbufrt.compute.each import Each
-from gbufrt.compute.kernel import CPU, Kernel
+from gbufrt.compute.kernel import CPU
 
 HELPERS = """
 from gbufrt.compute.kernel import scalar
