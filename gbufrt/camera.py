@@ -14,6 +14,7 @@ import torch
 from kornia.geometry.depth import depth_to_normals
 from torch import Tensor
 
+from gbufrt.directions import length
 from gbufrt.matrices import check_matrices
 from gbufrt.tree import map_tensors
 
@@ -277,8 +278,7 @@ class Camera:
         """Unit view-space directions from points ``(B, 3, H, W)`` toward the eye (parallel when orthographic)."""
         if self.orthographic:
             return torch.zeros_like(points_view) - points_view.new_tensor([0.0, 0.0, 1.0])[None, :, None, None]
-        length = (points_view * points_view).sum(1, keepdim=True).sqrt()  # norm(dim=1) is far slower on planes
-        return -points_view / length.clamp_min(1e-12)
+        return -points_view / length(points_view).clamp_min(1e-12)
 
     def pixels_per_unit(self, depth: Tensor) -> Tensor:
         """How many pixels a world unit across the view spans at planar ``depth``; the shape of ``depth``."""
@@ -294,7 +294,7 @@ class Camera:
             directions = self.forward[:, :, None, None].expand_as(origins)
         else:
             directions = self.rotate_to_world(plane)
-            directions = directions / directions.norm(dim=1, keepdim=True)
+            directions = directions / length(directions)
             origins = self.position[:, :, None, None].expand_as(directions)
         return origins.permute(0, 2, 3, 1).contiguous(), directions.permute(0, 2, 3, 1).contiguous()
 
@@ -332,7 +332,7 @@ class Camera:
         if self.orthographic:
             dx, dy = torch.gradient(points, dim=(3, 2))
             away = torch.linalg.cross(dx, dy, dim=1)
-            away = away / away.norm(dim=1, keepdim=True).clamp_min(1e-20)
+            away = away / length(away)
         else:  # kornia counts pixel centres from integers, and its normals face away from the camera
             k = self.intrinsics.to(depth.dtype).clone()
             k[:, :2, 2] = k[:, :2, 2] - 0.5 - (0.0 if self.jitter is None else self.jitter.to(depth.dtype))

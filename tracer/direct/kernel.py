@@ -11,7 +11,7 @@ from gbufrt.compute.approximations import atan2
 from gbufrt.compute.kernel import scalar
 from gbufrt.noise.noise import PLASTIC
 from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
-from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, scaled
+from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, fraction, scaled
 from tracer.scene.scene import MASK_SHADOW
 from tracer.traversal.kernel import transmitted_again, triple
 
@@ -19,6 +19,7 @@ CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
 """Columns of `Sources.rectangles`; the facing is as long as the area, the offset its product with the corner."""
 CENTER, RADIUS, MEAN = 0, 3, 4
 """Columns of `Sources.lamps`; the mean of the radiance."""
+SMALL = 1e-2  # square of the tangent of an angle below which a series is exact in float32
 
 
 class Sources(NamedTuple):
@@ -53,9 +54,14 @@ def disc_cosine(cosine, sine):
 @scalar
 def _edge(a, b, normal):
     """The angle between two corners times how much their plane leans toward the normal."""
-    turn = cross(a, b)
-    size = math.sqrt(dot(turn, turn))
-    return atan2(size, dot(a, b)) * dot(turn, normal) / max(size, 1e-20)
+    turn, across = cross(a, b), dot(a, b)
+    square, lean = dot(turn, turn), dot(turn, normal)
+    if across > 0 and square < SMALL * across * across:  # a series spares a root and an arc
+        inverse = 1 / across
+        x = square * inverse * inverse
+        return lean * inverse * (1 - x * (1 / 3 - x * (1 / 5 - x / 7)))
+    size = math.sqrt(square)
+    return atan2(size, across) * lean / max(size, 1e-20)
 
 
 @scalar
@@ -65,7 +71,7 @@ def rectangle_irradiance(rectangles, k, point, normal):
         return 0.0
     a = along(triple(rectangles, k, CORNER), point, -1.0)
     edge = triple(rectangles, k, EDGE_U)
-    above, total = dot(normal, a), 0.0
+    above, total, cut = dot(normal, a), 0.0, False
     leaves = enters = (0.0, 0.0, 0.0)
     for side in range(4):
         if side == 1:
@@ -77,20 +83,22 @@ def rectangle_irradiance(rectangles, k, point, normal):
         if above >= 0 or next_above >= 0:
             begin, end = a, b
             if above < 0 or next_above < 0:
-                crossing = along(a, edge, above / (above - next_above))
+                crossing, cut = along(a, edge, above / (above - next_above)), True
                 if above < 0:
                     begin = enters = crossing
                 else:
                     end = leaves = crossing
             total += _edge(begin, end, normal)
         a, above = b, next_above
-    return max(-0.5 * (total + _edge(leaves, enters, normal)), 0.0)
+    if cut:
+        total += _edge(leaves, enters, normal)
+    return max(-0.5 * total, 0.0)
 
 
 @scalar
 def _turned(turn, number):
     """A point of the R2 sequence, rotated by a pixel's offset."""
-    return (turn[0] + number / PLASTIC) % 1.0, (turn[1] + number / PLASTIC**2) % 1.0
+    return fraction(turn[0] + number / PLASTIC), fraction(turn[1] + number / PLASTIC**2)
 
 
 @scalar

@@ -14,7 +14,7 @@ from tracer.lights.shadows import SHORT
 from tracer.lights.sky import GRADIENT, HAZE
 from tracer.lights.sky_table import CELLS
 from tracer.lights.spherical_rectangle import FLATTEST
-from tracer.sampling.scatter_kernel import along, combined, cross, disc, dot, scaled, tangent_frame
+from tracer.sampling.scatter_kernel import along, combined, cross, disc, dot, fraction, scaled, tangent_frame
 from tracer.traversal.kernel import triple
 
 MIDDLE, FACING, REACH, POWER, CORNER, EDGE_U, EDGE_V, AREA, RADIANCE = 0, 3, 6, 7, 8, 11, 14, 17, 18
@@ -179,7 +179,7 @@ def _given(lit, lamp, point, normal):
 @scalar
 def _candidate(lit, cell, point, normal, a, k):
     """A lamp, its rough contribution, and that over the lamp's probability."""
-    lamp, chance = _suggested(lit, cell, (a + k / CANDIDATES) % 1.0)
+    lamp, chance = _suggested(lit, cell, fraction(a + k / CANDIDATES))
     given = _given(lit, lamp, point, normal)
     return lamp, given, given / chance
 

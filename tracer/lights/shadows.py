@@ -44,8 +44,8 @@ def arriving(
 
     A sixteenth of the samples comes first. Away from the edges of shadows these agree with each other and with those of
     the pixels around, and are enough. Elsewhere a quarter is taken and, where these too or the pixels next to this one
-    differ, all. That omits about one per cent of a source's light in its penumbra, at the faint outer rim. Transmission is the weighted mean over the samples, so that light
-    without shadow is exact.
+    differ, all. That omits about one per cent of a source's light in its penumbra, at the faint outer rim.
+    Transmission is the weighted mean over the samples, so that light without shadow is exact.
 
     Args:
         shadow_rays: samples of the source; see `ShadowRays`.

@@ -9,6 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.directions import length
 from gbufrt.environment import environment_directions, environment_solid_angles, lookup_environment
 from tracer.scene.scene import Scene, Sun
 
@@ -66,7 +67,7 @@ def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
     toward = F.normalize(torch.tensor(sun.direction, dtype=directions.dtype), dim=0)
     toward = toward.to(directions.device).view(1, 3, *(1,) * (directions.ndim - 2))
     # in single precision the sine separates directions this close, the cosine does not
-    off = torch.linalg.cross(directions, toward.expand_as(directions), dim=1).norm(dim=1, keepdim=True)
+    off = length(torch.linalg.cross(directions, toward.expand_as(directions), dim=1))
     visible = (off < sine) & ((directions * toward).sum(dim=1, keepdim=True) > 0)
     return torch.where(visible, _color(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
 

@@ -56,6 +56,12 @@ def combined(first, second, third, x, y, z):
 
 
 @scalar
+def fraction(x):
+    """``x % 1``, without a call."""
+    return x - math.floor(x)
+
+
+@scalar
 def disc(a, b):
     """See `tracer.sampling.sequence.disc`."""
     a, b = 2 * a - 1, 2 * b - 1

@@ -153,7 +153,7 @@ def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
 @scalar
 def _stops(transforms, blocker, origin, direction, t_end):
     """Whether a ray meets an opaque voxel that stopped an earlier one."""
-    o, d, inv = ray_in_grid(transforms[blocker[0]], origin, direction)
+    o, _, inv = ray_in_grid(transforms[blocker[0]], origin, direction)
     x0, x1 = (blocker[1] - o[0]) * inv[0], (blocker[1] + 1 - o[0]) * inv[0]
     y0, y1 = (blocker[2] - o[1]) * inv[1], (blocker[2] + 1 - o[1]) * inv[1]
     z0, z1 = (blocker[3] - o[2]) * inv[2], (blocker[3] + 1 - o[2]) * inv[2]
