@@ -31,7 +31,10 @@ def scalar(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Mark a `scalar` helper that loops call: compilers turn no loop into vector instructions that calls a function."""
+    """Mark a `scalar` helper that is to be part of its callers.
+
+    Compilers turn no loop into vector instructions that calls a function, and arrays pass to one through memory.
+    """
     function.__inlined__ = True  # type: ignore[attr-defined]
     return scalar(function)
 

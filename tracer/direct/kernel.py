@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gbufrt.compute.approximations import atan2
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.noise.noise import PLASTIC
 from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
 from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, fraction, scaled
@@ -101,7 +101,7 @@ def _turned(turn, number):
     return fraction(turn[0] + number / PLASTIC), fraction(turn[1] + number / PLASTIC**2)
 
 
-@scalar
+@inlined
 def _shoot(space, origin, direction, distance, weight, blocker, sums):
     """One shadow ray to a source, added to the rows of `tracer.lights.shadows.ShadowRays`."""
     if weight <= 0:
@@ -117,7 +117,7 @@ def _shoot(space, origin, direction, distance, weight, blocker, sums):
     sums[MOST] = max(sums[MOST], shade)
 
 
-@scalar
+@inlined
 def _send_to_sun(space, sources, point, normal, turn, begin, end, blocker, sums):
     """Samples of the sun's disc from one pixel."""
     axes, sine = sources.sun, sources.sun[3, 0]
@@ -129,7 +129,7 @@ def _send_to_sun(space, sources, point, normal, turn, begin, end, blocker, sums)
         _shoot(space, point, direction, np.inf, dot(normal, direction), blocker, sums)
 
 
-@scalar
+@inlined
 def _send_to_lamp(space, sources, number, point, normal, turn, begin, end, each, blocker, sums):
     """Samples of one lamp from one pixel."""
     rectangles, low, high = sources.rectangles, sources.first[number], sources.first[number + 1]

@@ -11,13 +11,13 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from tracer.scene.grids import HIGH, INDEX, LOW, NY, NZ, ORIGIN
 
 TINY = 1e-30  # replaces a direction's zero component, so that no division needs a special case
 
 
-@scalar
+@inlined
 def _transform(matrix, x, y, z, w):
     return (
         matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3] * w,
@@ -31,7 +31,7 @@ def _nonzero(d):
     return TINY if abs(d) < TINY else d
 
 
-@scalar
+@inlined
 def ray_in_grid(matrix, origin, direction):
     """The ray in grid coordinates: origin, direction, reciprocal direction."""
     o = _transform(matrix, origin[0], origin[1], origin[2], 1.0)
@@ -40,7 +40,7 @@ def ray_in_grid(matrix, origin, direction):
     return o, d, (1.0 / d[0], 1.0 / d[1], 1.0 / d[2])
 
 
-@scalar
+@inlined
 def may_enter(row, origin, direction, t_end):
     """Whether a ray in world space comes near a bounding sphere: its centre, its radius."""
     x, y, z = row[0] - origin[0], row[1] - origin[1], row[2] - origin[2]
@@ -52,7 +52,7 @@ def may_enter(row, origin, direction, t_end):
     return not (along <= 0 or along * along < outside * square or along - row[3] * math.sqrt(square) > t_end * square)
 
 
-@scalar
+@inlined
 def slabs(o, inv, box):
     """Where the ray enters and leaves the box of an entry, and the axis of the face that it enters through."""
     x0, x1 = (box[LOW] - o[0]) * inv[0], (box[HIGH] - o[0]) * inv[0]
@@ -67,7 +67,7 @@ def slabs(o, inv, box):
     return z, leave, 2
 
 
-@scalar
+@inlined
 def _cell(o, d, t, low, high):
     place = o + d * t
     floor = math.floor(place)
@@ -75,7 +75,7 @@ def _cell(o, d, t, low, high):
     return min(max(cell, low), high - 1)
 
 
-@scalar
+@inlined
 def cell_at(o, d, t, box):
     return (
         _cell(o[0], d[0], t, box[LOW], box[HIGH]),
@@ -96,7 +96,7 @@ def triple(rows, i, k):
     return np.float64(rows[i, k]), np.float64(rows[i, k + 1]), np.float64(rows[i, k + 2])
 
 
-@scalar
+@inlined
 def look(bricks, index, box, c):
     """The voxel id at a cell, and low corner and side of the uniform cube around it."""
     x, y, z = c[0] >> 4, c[1] >> 4, c[2] >> 4
@@ -110,7 +110,7 @@ def look(bricks, index, box, c):
     return 0, (c[0] >> -value << -value, c[1] >> -value << -value, c[2] >> -value << -value), 1 << -value
 
 
-@scalar
+@inlined
 def _beyond(o, d, t, low, size, through):
     """One coordinate of the cell after a cube left at ``t``; ``through``: by the face across this axis."""
     last = low + size - 1
@@ -119,7 +119,7 @@ def _beyond(o, d, t, low, size, through):
     return out if through else along
 
 
-@scalar
+@inlined
 def step(o, d, inv, low, size):
     """Leave a cube: distance, axis, and the cell beyond. Branch-free, as branches would be unpredictable."""
     tx = (low[0] + (size if d[0] > 0 else 0) - o[0]) * inv[0]
@@ -138,7 +138,7 @@ def step(o, d, inv, low, size):
     return t, y + 2 * z, cell
 
 
-@scalar
+@inlined
 def inside(c, box):
     return (
         box[LOW] <= c[0] < box[HIGH] and box[LOW + 1] <= c[1] < box[HIGH + 1] and box[LOW + 2] <= c[2] < box[HIGH + 2]

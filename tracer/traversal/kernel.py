@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from tracer.sampling.scatter_kernel import dot, enters_smooth, scaled
 from tracer.scene.grids import MASK, MATERIAL, ORIGIN
 from tracer.traversal.grid_kernel import cell_at, counted, inside, look, may_enter, ray_in_grid, slabs, step, triple
@@ -96,7 +96,7 @@ def _dim(light, row, length):
     )
 
 
-@scalar
+@inlined
 def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
     """Light after the grid between ``t`` and ``t_end``, and the last cell. It enters through the face across ``axis``
     (-1 if it begins inside)."""
@@ -125,7 +125,7 @@ def _enters(d, axis):
     return enters_smooth(abs(d[axis]) / math.sqrt(dot(d, d)))
 
 
-@scalar
+@inlined
 def _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
     """The share of light transmitted between two places on a ray, and entry and cell where it ended."""
     bricks, index, entries, media = grids
@@ -150,7 +150,7 @@ def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
     return _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask)[0]
 
 
-@scalar
+@inlined
 def _stops(transforms, blocker, origin, direction, t_end):
     """Whether a ray meets an opaque voxel that stopped an earlier one."""
     o, _, inv = ray_in_grid(transforms[blocker[0]], origin, direction)
