@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import torch
 from numba import prange
@@ -19,6 +20,7 @@ from tracer.sampling.progressive import Values
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.kernel import triple
 
+_known: WeakKeyDictionary[Receivers, tuple[Any, ...]] = WeakKeyDictionary()  # paths from one picture come in many parts
 ROWS = 64  # rays handed out at a time, to a helper that counts no references to what they share
 
 
@@ -158,5 +160,6 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
 
 
 def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:
-    picture = at.picture
-    return arrays_of(scene, at.poses, at.lights), camera_of(picture), picture_of(picture), surfaces_of(start)
+    if at not in _known:
+        _known[at] = arrays_of(scene, at.poses, at.lights), camera_of(at.picture), picture_of(at.picture)
+    return *_known[at], surfaces_of(start)

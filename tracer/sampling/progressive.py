@@ -70,7 +70,11 @@ def converge(
     block = max(1, min(group, WIDE // max(1, pixels)))
     mean: Values = {}
     spread: Values = {}
-    done, groups, error = 0, 0, {}
+    done, groups = 0, 0
+
+    def error() -> Values:
+        return {name: (s / (max(groups - 1, 1) * done)).sqrt() for name, s in spread.items()}
+
     while done < samples:
         end = min(done + group, samples)
         sums = _summed(estimate, done, end, block, samples, progress)
@@ -82,12 +86,10 @@ def converge(
             mean[name] = before + share * change
             spread[name] = spread.get(name, torch.zeros_like(here)) + (end - done) * change * (here - mean[name])
         done, groups = end, groups + 1
-        error = {n: (s / (max(groups - 1, 1) * done)).sqrt() for n, s in spread.items()}
-        if noise > 0 and groups >= FEWEST and _level(error, wanted) <= noise:
+        if noise > 0 and groups >= FEWEST and _level(error(), wanted) <= noise:
             break
-    if groups < 2:
-        error = {name: torch.full_like(value, torch.inf) for name, value in mean.items()}
-    return Truth(values=mean, error=error, samples=done)
+    unknown = {name: torch.full_like(value, torch.inf) for name, value in mean.items()}
+    return Truth(values=mean, error=unknown if groups < 2 else error(), samples=done)
 
 
 def _summed(estimate: Estimate, begin: int, end: int, block: int, samples: int, progress: Progress | None) -> Values:

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.directions import length
 from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.lens import focus_distance
 from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
@@ -65,9 +66,9 @@ def ambient_occlusion(
         gbuffer, receivers, integrand, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )
     bent, normal = found["bent_normal"], gbuffer.normal
-    length = bent.norm(dim=1, keepdim=True)
-    bent = torch.where(length > 1e-6, bent / length.clamp_min(1e-6), normal)
-    error = {**found.error, "bent_normal": found.error["bent_normal"] / length.clamp_min(1e-3)}
+    size = length(bent)
+    bent = torch.where(size > 1e-6, bent / size.clamp_min(1e-6), normal)
+    error = {**found.error, "bent_normal": found.error["bent_normal"] / size.clamp_min(1e-3)}
     values = {
         "ao": torch.where(gbuffer.hit, found["ao"], 1.0),
         "bent_normal": torch.where(gbuffer.hit, bent, 0.0),
