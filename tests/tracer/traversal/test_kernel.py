@@ -7,11 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 import voxels
 
 from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Scene
+from tracer.traversal import kernel
 from tracer.traversal import rays as traversal
 from tracer.traversal import reference as reference_form
 from tracer.traversal.rays import Hits, run_lengths, trace, transmission
@@ -68,6 +70,25 @@ def test_surfaces(seed: int, reference) -> None:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
+def test_what_stopped_a_ray_stops_only_rays_that_meet_it(seed: int) -> None:
+    scene, origins, directions, poses = case(seed)
+    transforms = traversal.grid_from_world(scene, poses[:1], poses.device)[0].numpy()
+    grids = tuple(grid.numpy() for grid in scene.grids.tensors)
+    blocker, found, tried = np.full(4, -1, np.int32), [], 0
+    for k, (start, way) in enumerate(zip(origins[0].tolist()[:150], directions[0].tolist()[:150], strict=True)):
+        for turn, side, far in ((0.0, 1, 1.0), (0.02, 1, 1.0), (0.02, 1, 0.2), (0.0, -1, 1.0)):  # close, short, back
+            given = start, (side * way[0] + turn, side * way[1], side * way[2]), far * (5 + k % 40), MASK_SHADOW
+            tried += int(blocker[0]) >= 0 and kernel._stops(transforms, blocker, *given[:3])
+            again = kernel.transmitted_again(transforms, grids, *given, blocker)
+            found.append((again, kernel.transmitted(transforms, grids, *given[:2], 0.0, *given[2:])))
+    again, alone = torch.tensor(found).unbind(dim=1)
+    assert tried > 20
+    assert 0.1 < float((alone == 0).all(1).float().mean()) < 0.9
+    assert bool(((alone > 0) & (alone < 1)).any()), "some light comes through glass"
+    assert float((again != alone).any(1).float().mean()) <= 0.01
+
+
+@pytest.mark.parametrize("seed", [0, 1])
 def test_transmission_and_runs(seed: int, reference) -> None:
     scene, origins, directions, poses = case(seed)
     hits = trace(scene, origins, directions, poses=poses, mask=MASK_ALL)
@@ -91,6 +112,7 @@ def test_a_second_process_compiles_nothing() -> None:
 import sys
 sys.path.insert(0, "tests/support")
 import torch, voxels
+from tracer.traversal import kernel
 from tracer.traversal import rays as traversal
 scene = voxels.random_scene(0)
 rays = voxels.random_rays(0, 60)
