@@ -87,8 +87,8 @@ class Kernel:
 def driver(loop: Callable[..., Any]) -> Kernel:
     """A loop over items: ``for t in prange(threads): for i in range(t, n, threads): body(i, ...)``.
 
-    Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground. Where an
-    item is small, give a helper some of them at a time: a driver counts references to arrays at every call, and its
+    Give each thread cyclic rows: contiguous blocks leave one thread with the sky and the other with the ground. Where
+    an item is small, give a helper some of them at a time: a driver counts references to arrays at every call, and its
     threads wait for each other there.
     """
     return Kernel(loop, CPU)
