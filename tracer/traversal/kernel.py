@@ -98,8 +98,10 @@ def _dim(light, row, length):
 
 @inlined
 def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
-    """Light after the grid between ``t`` and ``t_end``, and the last cell. It enters through the face across ``axis``
-    (-1 if it begins inside)."""
+    """Light after the grid between ``t`` and ``t_end``; whether something opaque stops it, and the last cell.
+
+    It enters through the face across ``axis`` (-1 if it begins inside).
+    """
     c, medium, began, within = cell_at(o, d, t, box), 0, t, False
     while True:
         value, low, size = look(bricks, index, box, c)
@@ -107,7 +109,7 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
             if medium > 0:
                 light = _dim(light, media[medium + box[MATERIAL]], t - began)
             if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
-                return (0.0, 0.0, 0.0), c
+                return (0.0, 0.0, 0.0), True, c
             if (value > 0 or within) and axis >= 0:
                 light = scaled(light, _enters(d, axis))
             medium, began, within = value, t, value > 0 and axis < 0
@@ -116,7 +118,7 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
         if leaves or not t < t_end:
             if medium > 0:
                 light = _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began)
-            return scaled(light, _enters(d, axis)) if within and leaves and t < t_end else light, c
+            return scaled(light, _enters(d, axis)) if within and leaves and t < t_end else light, False, c
 
 
 @scalar
@@ -127,9 +129,9 @@ def _enters(d, axis):
 
 @inlined
 def _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
-    """The share of light transmitted between two places on a ray, and entry and cell where it ended."""
+    """The share of light transmitted between two places on a ray; entry (-1 for none) and cell of what stops it."""
     bricks, index, entries, media = grids
-    light, last, c = (1.0, 1.0, 1.0), -1, (0, 0, 0)
+    light, c = (1.0, 1.0, 1.0), (0, 0, 0)
     for entry in range(len(entries)):
         box = entries[entry]
         if box[MASK] & mask and may_enter(transforms[entry, SPHERE], origin, direction, t_end):
@@ -137,11 +139,13 @@ def _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
             enter, leave, axis = slabs(o, inv, box)
             t = max(enter, t_begin)
             if t < leave and t < t_end and math.isfinite(leave):
-                axis, last = axis if enter > t_begin else -1, entry
-                light, c = _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light)
+                axis = axis if enter > t_begin else -1
+                light, stopped, c = _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light)
+                if stopped:
+                    return light, entry, c
                 if max(light) <= 0.0:
                     break
-    return light, last, c
+    return light, -1, c
 
 
 @scalar
@@ -171,7 +175,7 @@ def transmitted_again(transforms, grids, origin, direction, t_end, mask, blocker
     if blocker[0] >= 0 and _stops(transforms, blocker, origin, direction, t_end):
         return (0.0, 0.0, 0.0)
     light, entry, c = _transmitted(transforms, grids, origin, direction, 0.0, t_end, mask)
-    if max(light) <= 0.0:
+    if entry >= 0:
         blocker[0], blocker[1], blocker[2], blocker[3] = entry, c[0], c[1], c[2]
     return light
 

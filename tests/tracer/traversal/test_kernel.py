@@ -12,6 +12,7 @@ import pytest
 import torch
 import voxels
 
+from tracer.scene.grids import ORIGIN
 from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Scene
 from tracer.traversal import kernel
 from tracer.traversal import rays as traversal
@@ -86,6 +87,22 @@ def test_what_stopped_a_ray_stops_only_rays_that_meet_it(seed: int) -> None:
     assert 0.1 < float((alone == 0).all(1).float().mean()) < 0.9
     assert bool(((alone > 0) & (alone < 1)).any()), "some light comes through glass"
     assert float((again != alone).any(1).float().mean()) <= 0.01
+
+
+def test_only_what_is_opaque_stops_later_rays() -> None:
+    scene = Scene(
+        world=voxels.world((8, 8, 8), (voxels.GLASS, (0, 0, 3), (8, 8, 5)), (voxels.STONE, (0, 0, 7), (8, 8, 8)))
+    )
+    transforms = traversal.grid_from_world(scene, scene.poses([0.0]), scene.world.device)[0].numpy()
+    bricks, index, entries, media = (grid.numpy().copy() for grid in scene.grids.tensors)
+    media[:, 1:] = 0  # black glass: it lets nothing through, but is no voxel that ends a ray
+    given = transforms, (bricks, index, entries, media), (2.5, 2.5, 0.5), (0.0, 0.0, 1.0)
+    blocker = np.full(4, -1, np.int32)
+    assert kernel.transmitted_again(*given, 6.0, MASK_SHADOW, blocker) == (0, 0, 0)
+    assert blocker[0] == -1
+    assert kernel.transmitted_again(*given, 20.0, MASK_SHADOW, blocker) == (0, 0, 0)
+    assert blocker[0] == 0
+    assert (blocker[1:] + entries[0, ORIGIN : ORIGIN + 3]).tolist() == [2, 2, 7]
 
 
 @pytest.mark.parametrize("seed", [0, 1])
