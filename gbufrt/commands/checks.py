@@ -10,10 +10,21 @@ from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
 
-from gbufrt.commands.options import MOST_WARMUP, ClusterOptions, PassOptions, at_least, check_device, parse_settings
+from gbufrt.commands.options import (
+    MOST_WARMUP,
+    ClusterOptions,
+    FileOptions,
+    PassOptions,
+    at_least,
+    check_device,
+    parse_names,
+    parse_settings,
+)
 
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
+PRECISIONS = ("half", "float")
+COMPRESSIONS = ("zip", "dwaa")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
@@ -33,6 +44,17 @@ def check_options(options: PassOptions) -> None:
         at_least("--warmup", options.warmup, 0, MOST_WARMUP)
     parse_settings(options.set)
     check_device(options.device)
+
+
+def check_files(options: FileOptions, *, resume: bool = False) -> None:
+    """Raise ValueError where what is to be written is invalid, or could not be gone on with."""
+    if options.precision is not None:
+        check_name("--precision", options.precision, PRECISIONS)
+    check_name("--compression", options.compression, COMPRESSIONS)
+    if options.bits not in (8, 16):
+        raise ValueError(f"--bits must be 8 or 16, got {options.bits}")
+    if resume and parse_names(options.only):
+        raise ValueError("--resume reads the G-buffer and light of finished frames again; leave out --only")
 
 
 def check_name(option: str, name: str, known: Iterable[str]) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gbufrt.commands.checks import check_world
-from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, at_least
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, FileOptions, at_least
 
 if TYPE_CHECKING:
     from gbufrt.commands.progress import Tick
@@ -157,6 +157,7 @@ class Flight:
     notes: dict[str, Any]
     """For the frames' headers."""
     debug: bool
+    files: FileOptions
 
     def make(
         self,
@@ -170,6 +171,9 @@ class Flight:
     ) -> Iterator[tuple[int, Frame]]:
         """A shot's frames by number, in order and finished, the lead-in included.
 
+        The passes see a traced frame as its file will hold it, so that they can be run over the file with the same
+        result.
+
         Args:
             shot: which frames.
             runner: of the recipe, without history.
@@ -178,12 +182,16 @@ class Flight:
             known: gives a frame that is not wanted, as it was before the passes; by default it is traced.
             ready: called before the passes run.
         """
+        from gbufrt.commands.session import precision_of
+        from gbufrt.files.precision import as_stored
+
         wanted = frozenset(shot.wanted)
         for index in shot.frames:
             if known is not None and index not in wanted:
                 yield index, runner(known(index), doing(f"reading frame {index} again"))
                 continue
             traced = self.job.trace(self.scene, index, device, self.jitter, doing(f"tracing frame {index}"))
+            traced = as_stored(traced, precision_of(self.files))
             ready()
             yield index, runner(traced, doing(f"passes of frame {index}"))
 
@@ -191,7 +199,7 @@ class Flight:
         """Write a finished frame's files."""
         from gbufrt.commands.session import save
 
-        save(folder, stem(index), frame, notes=self.notes, debug=self.debug)
+        save(folder, stem(index), frame, notes=self.notes, debug=self.debug, files=self.files)
 
 
 def shoot(flight: Flight, shot: Shot, folder: Path) -> Iterator[str]:

@@ -74,6 +74,24 @@ class ClusterOptions:
     """Most worker processes of --cluster; they share its cores. [default: one a core, or per OMP_NUM_THREADS]"""
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FileOptions:
+    """What is written, and how."""
+
+    precision: str | None = None
+    """half rounds colours in the EXR, before the passes see them; float keeps all. [default: half; post: the files']"""
+
+    compression: str = "zip"
+    """zip, or dwaa, which loses what is hard to see of the coloured results, and nothing else."""
+
+    only: Without = ()
+    """Channel or signal to keep in the EXR, such as image,ao,depth; by default all. See `gbufrt passes` for names."""
+
+    bits: Whole = 8
+    """8 or 16: of the PNG."""
+
+
 def parse_size(text: str) -> tuple[int, int]:
     """``WxH`` as ``(H, W)``.
 

@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gbufrt.commands.checks import check_folder, check_options
-from gbufrt.commands.options import Flag, PassOptions
+from gbufrt.commands.checks import check_files, check_folder, check_options
+from gbufrt.commands.options import FileOptions, Flag, PassOptions
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Recipe
     from gbufrt.frame import Frame
 
 
-def post(*files: Path, out: Path, strict: Flag = False, options: PassOptions | None = None) -> None:
+def post(
+    *files: Path,
+    out: Path,
+    strict: Flag = False,
+    options: PassOptions | None = None,
+    written: FileOptions | None = None,
+) -> None:
     """Run the passes over EXR files that `gbufrt render` wrote, from their G-buffer and light alone.
 
     Results that passes stored in the files are not used. Without further options the pipeline is the one that the
@@ -29,23 +36,28 @@ def post(*files: Path, out: Path, strict: Flag = False, options: PassOptions | N
         out: Folder to write to; made where it is missing.
         strict: Mend nothing: refuse a frame in which any channel breaks a convention.
     """
-    options = options or PassOptions()
+    options, written = options or PassOptions(), written or FileOptions()
     check_options(options)
+    check_files(written)
     check_folder(out)
     paths = gathered(files, out)
 
     from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Runner, bare, open_device, save
+    from gbufrt.commands.session import Runner, bare, check_only, open_device, precision_of, save
     from gbufrt.files.exr import read_exr
+    from gbufrt.files.precision import as_stored
 
     device = open_device(options.device)
     recipe, notes = recorded(paths, options)
     runner = Runner(recipe.build(), recipe.warmup)
+    check_only(written, runner.pipeline)
     with progress("post", runner.runs(len(paths))) as doing:
         for path in paths:
-            frame = sound(bare(read_exr(path)), path, strict=strict).to(device)
-            result = runner(frame, doing(f"passes of {path.name}"))
-            save(out, path.stem, result, notes={**notes[path], "pipeline": recipe.to_notes()}, debug=options.debug)
+            keeps = replace(written, precision=precision_of(written, notes[path]))
+            frame = sound(bare(read_exr(path)), path, strict=strict)
+            result = runner(as_stored(frame, precision_of(keeps)).to(device), doing(f"passes of {path.name}"))
+            told = {**notes[path], "pipeline": recipe.to_notes()}
+            save(out, path.stem, result, notes=told, debug=options.debug, files=keeps)
     print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
 
 

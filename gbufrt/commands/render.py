@@ -7,9 +7,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import check_cluster, check_folder, check_options
+from gbufrt.commands.checks import check_cluster, check_files, check_folder, check_options
 from gbufrt.commands.flight import LEAD_IN, Flight, Job, Shot, cut, shoot, stem
-from gbufrt.commands.options import MOST_FRAMES, ClusterOptions, Flag, PassOptions, Whole, at_least, parse_size
+from gbufrt.commands.options import (
+    MOST_FRAMES,
+    ClusterOptions,
+    FileOptions,
+    Flag,
+    PassOptions,
+    Whole,
+    at_least,
+    parse_size,
+)
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
@@ -30,6 +39,7 @@ def render(
     resume: Flag = False,
     lead_in: Whole | None = None,
     options: PassOptions | None = None,
+    files: FileOptions | None = None,
     spread: ClusterOptions | None = None,
 ) -> None:
     """Trace a world into G-buffers, run the passes over them, and write OUT/frame_0000.png and .exr for every frame.
@@ -51,7 +61,7 @@ def render(
         lead_in: With --cluster each worker makes a shot of consecutive frames, and begins so many frames early to fill
             histories; with fewer, seams show. [default: 48]
     """
-    options, spread = options or PassOptions(), spread or ClusterOptions()
+    options, files, spread = options or PassOptions(), files or FileOptions(), spread or ClusterOptions()
     job = Job(
         world=world,
         view=view,
@@ -66,26 +76,28 @@ def render(
     if lead_in is not None:
         at_least("--lead-in", lead_in, 0, MOST_FRAMES)
     check_options(options)
+    check_files(files, resume=resume)
     check_folder(out)
     check_cluster(spread, device=options.device, lead_in=lead_in)
 
     from gbufrt.commands.ahead import compile_ahead
-    from gbufrt.commands.session import Recipe, Runner, open_device
+    from gbufrt.commands.session import Recipe, Runner, check_only, open_device, precision_of
 
     recipe = Recipe.of(options)
     device = open_device(options.device)
     runner = Runner(recipe.build(), recipe.warmup)
+    check_only(files, runner.pipeline)
     kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = job.load().to(device)
     jitter = frames > 1 and wants_jitter(runner)
     early = LEAD_IN if lead_in is None else lead_in
     shots = {} if spread.cluster is None else {"shots": {"lead_in": early}}
-    notes = {"render": job.notes(), "pipeline": recipe.to_notes(), **shots}
+    notes = {"render": job.notes(), "pipeline": recipe.to_notes(), "files": {"precision": precision_of(files)}, **shots}
     missing = unfinished(out, frames, notes, jitter=jitter) if resume else list(range(frames))
     if not missing:
         print(f"all {frames} frames are in {out} already")
         return
-    flight = Flight(job=job, scene=scene, recipe=recipe, jitter=jitter, notes=notes, debug=options.debug)
+    flight = Flight(job=job, scene=scene, recipe=recipe, jitter=jitter, notes=notes, debug=options.debug, files=files)
     if spread.cluster is None:
         _in_one_go(flight, missing, runner, out, device, kernels_are_ready)
     else:

@@ -10,8 +10,10 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
+from gbufrt.commands.checks import check_name
 from gbufrt.commands.options import (
     MOST_WARMUP,
+    FileOptions,
     PassOptions,
     at_least,
     check_device,
@@ -22,8 +24,10 @@ from gbufrt.commands.options import (
 from gbufrt.commands.progress import Tick
 from gbufrt.files.exr import best_picture, write_exr
 from gbufrt.files.png import to_pil, write_png
+from gbufrt.files.precision import Precision
 from gbufrt.files.views import debug_names, debug_view, sheet_of, to_srgb
-from gbufrt.frame import LIGHT, Frame
+from gbufrt.frame import LIGHT, SIGNALS, Frame
+from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.pipeline import Pipeline
 
@@ -155,15 +159,36 @@ def bare(frame: Frame) -> Frame:
     )
 
 
-def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], debug: bool) -> None:
+def precision_of(files: FileOptions, notes: Mapping[str, Any] | None = None) -> Precision:
+    """The precision that is asked for, or else that of a file with these ``notes``, or else half."""
+    found = (notes or {}).get("files")
+    stored = found.get("precision") if isinstance(found, dict) else None
+    return files.precision or ("float" if stored == "float" else "half")  # pyright: ignore[reportReturnType]
+
+
+def check_only(files: FileOptions, pipeline: Pipeline) -> None:
+    """Raise ValueError where --only names what neither frames nor passes have."""
+    known = {*CHANNELS, *SIGNALS, "behind"}.union(*(stage.writes for _, stage in pipeline.passes()))
+    for name in parse_names(files.only):
+        check_name("--only", name.removeprefix("behind."), sorted(known))
+
+
+def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], debug: bool, files: FileOptions) -> None:
     """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
     picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
     if debug:
         pictures = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
         for name, view in {**pictures, "sheet": sheet_of(pictures)}.items():
             write_png(folder / "debug" / f"{stem}_{name}.png", view)
-    write_png(folder / f"{stem}.png", picture)
-    write_exr(folder / f"{stem}.exr", frame, notes=notes)
+    write_png(folder / f"{stem}.png", picture, bits=files.bits)
+    write_exr(
+        folder / f"{stem}.exr",
+        frame,
+        notes={**notes, "files": {"precision": precision_of(files)}},
+        precision=precision_of(files),
+        compression=files.compression,  # pyright: ignore[reportArgumentType]
+        only=parse_names(files.only),
+    )
 
 
 def open_device(name: str) -> torch.device:

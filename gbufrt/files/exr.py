@@ -1,15 +1,18 @@
-"""Frames as multi-layer OpenEXR files, and back bit by bit.
+"""Frames as multi-layer OpenEXR files, and back: bit by bit, or with colours rounded to half.
 
 Every channel and signal is a layer named as in the frame (``depth.Z``, ``normal.X``, ``albedo.R``...), what lies behind
 the first surface has the prefix ``behind``, and plain ``R``, ``G``, ``B`` hold the best linear picture for viewers.
 Signals of another size than the picture (the environment, the exposure) have parts of their own. The attribute
-``gbufrt`` holds cameras, indices and the list of layers as JSON.
+``gbufrt`` holds cameras, indices and the list of layers as JSON; ``chromaticities`` says that colours are Rec. 709's.
+
+DWAA is lossy in every channel of a part whose last name is R, G, B or Y, so in ``normal.Y`` too. With it the first part
+holds the picture and the coloured results alone, and all else lies in a second one, packed with ZIP.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,53 +22,75 @@ import torch
 from torch import Tensor
 
 from gbufrt.files.guard import MAX_PIXELS, Part, read_parts, silence
-from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, camera_out, read_attribute
+from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute
+from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, layer_of, planes_of
 from gbufrt.files.output import atomic
+from gbufrt.files.precision import PRECISIONS, Precision
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
 from gbufrt.tree import map_tensors
 
-MAIN = "frame"
-SUFFIXES = {"depth": "Z", "motion_z": "Z", "hit": "A"}
-VECTORS = {"normal", "normal_geo", "bent_normal"}
-NUMBERS = {"float32": np.float32, "float64": np.float32, "bool": np.float16}  # what a type is stored as, else uint32
+REC709 = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)  # x, y of red, green, blue and white; sRGB's too
+REQUIRED = tuple(name for name, row in CHANNELS.items() if row.required)
+KNOWN = {*CHANNELS, *SIGNALS, "behind"}
 MOST_INDEX = (1 << 31) - 1  # of a frame, which seeds the noise
 MOST_SECONDS = 1e12
-TYPES = ("float32", "bool", "int16", "int32", "int64")
 
 
 def write_exr(
-    path: str | Path, frame: Frame, *, element: int | None = None, notes: Mapping[str, Any] | None = None
+    path: str | Path,
+    frame: Frame,
+    *,
+    element: int | None = None,
+    notes: Mapping[str, Any] | None = None,
+    precision: Precision = "float",
+    compression: Compression = "zip",
+    only: Collection[str] = (),
 ) -> None:
-    """Write a frame, whole or not at all: every channel and signal, ``behind``, cameras and indices.
+    """Write a frame, whole or not at all: channels and signals, ``behind``, cameras and indices.
 
     Args:
         path: the file to make; missing folders are made.
         frame: what to write. ``frame.previous`` is not written. float64 is rounded to float32.
         element: which of a batch to write; a file holds one.
         notes: anything that JSON can hold, kept in the header; see `read_notes`.
+        precision: ``"float"`` keeps every bit; ``"half"`` rounds colours and shares (see `gbufrt.files.precision`) and
+            keeps depth, normals, motion, distances, ids and signals without a field.
+        compression: ``"zip"`` loses nothing; ``"dwaa"`` loses what is hard to see of the picture and of what passes
+            wrote in RGB, nothing of G-buffer, light, and the rest.
+        only: names of the channels and signals to write, ``behind.`` before those behind, ``behind`` for all of them;
+            by default all. Those that this frame lacks are passed over. The picture in R, G, B is always there.
+            Without depth, hit and normal a file cannot be read back as a frame.
 
     Raises:
-        ValueError: the frame holds several elements and ``element`` does not say which, or an integer signal does not
-            fit 32 bits.
+        ValueError: the frame holds several elements and ``element`` does not say which, an integer signal does not
+            fit 32 bits, or an argument is none of its values.
     """
     batch = frame.gbuffer.batch
     if element is None and batch != 1:
         raise ValueError(f"an EXR file holds one frame, got a batch of {batch}; choose one with element=0..{batch - 1}")
     if element is not None and not 0 <= element < batch:
         raise ValueError(f"element must lie in 0..{batch - 1}, got {element}")
+    for name, value, known in (("precision", precision, PRECISIONS), ("compression", compression, COMPRESSIONS)):
+        if value not in known:
+            raise ValueError(f"{name} must be {' or '.join(known)}, got {value!r}")
     place = element or 0
     frame = map_tensors(lambda t: t[place : place + 1].detach().cpu(), frame.replace(previous=None))
-    parts: dict[str, dict[str, np.ndarray]] = {MAIN: dict(zip("RGB", _planes(best_picture(frame)), strict=True))}
-    head = {"format": FORMAT, **_pack(frame, parts, ""), "conventions": CONVENTIONS, "notes": dict(notes or {})}
+    packed = Packed(precision, compression, frozenset(only))
+    packed.add(MAIN, zip("RGB", planes_of(best_picture(frame), half=precision == "half"), strict=True))
+    head = {"format": FORMAT, **packed.pack(frame, ""), "conventions": CONVENTIONS, "notes": dict(notes or {})}
+    if unknown := [name for name in packed.only - packed.found if name.removeprefix("behind.") not in KNOWN]:
+        raise ValueError(f"only: the frame has no {', '.join(sorted(unknown))}; it holds {', '.join(frame.present)}")
     height, width = frame.gbuffer.camera.size
     display = _window(height, width)
     written = []
-    for name, channels in parts.items():
+    for name, channels in packed.parts.items():
         rows, columns = next(iter(channels.values())).shape
+        dwaa = compression == "dwaa" and name == MAIN
         header = {
             "type": OpenEXR.scanlineimage,
-            "compression": OpenEXR.ZIP_COMPRESSION,
+            "compression": OpenEXR.DWAA_COMPRESSION if dwaa else OpenEXR.ZIP_COMPRESSION,
+            "chromaticities": REC709,
             "displayWindow": display,
             "dataWindow": _window(rows, columns),
         }
@@ -85,10 +110,17 @@ def read_exr(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Frame:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: not an OpenEXR file, damaged, of absurd size, or without gbufrt's attribute.
+        ValueError: not an OpenEXR file, damaged, of absurd size, without gbufrt's attribute, or without what every
+            frame has.
     """
     parts = {part.name: part for part in read_parts(path, max_pixels=max_pixels)}
     head = read_attribute(path, parts.values())
+    layers = head.get("layers")
+    if isinstance(layers, dict) and not layers.keys() >= set(REQUIRED):
+        raise ValueError(
+            f"{path} is no whole frame: it holds {', '.join(layers)}; for a file to read back, write "
+            f"{', '.join(REQUIRED)} too (--only)"
+        )
     try:
         return _unpack(head, parts)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RuntimeError) as error:
@@ -115,34 +147,8 @@ def best_picture(frame: Frame) -> Tensor:
     return frame.gbuffer.normal * 0.5 + 0.5 if albedo is None else albedo
 
 
-def _pack(frame: Frame, parts: dict[str, dict[str, np.ndarray]], prefix: str) -> dict[str, Any]:
-    """Add the frame's channels to ``parts`` and describe them."""
-    g, layers = frame.gbuffer, {}
-    for name in frame.present:
-        tensor = frame.read(name)
-        layer = prefix + name
-        part = MAIN if tuple(tensor.shape[-2:]) == g.camera.size else f"own.{layer}"
-        names = [f"{layer}.{suffix}" for suffix in _suffixes(name, tensor)]
-        channels = parts.setdefault(part, {})
-        if not channels.keys().isdisjoint(names):
-            raise ValueError(f"signal {layer!r} would be written to {names[0]!r}, which is taken; rename it")
-        channels.update(zip(names, _planes(tensor, layer), strict=True))
-        kind = _type(tensor)
-        layers[name] = {"part": part, "channels": names, "type": "float32" if kind == "float64" else kind}
-    return {
-        "camera": camera_out(g.camera),
-        "previous_camera": None if g.previous_camera is None else camera_out(g.previous_camera),
-        "index": frame.index,
-        "time": frame.time,
-        "cut": None if frame.cut is None else bool(frame.cut[0]),
-        "emitters_sampled": frame.emitters_sampled,
-        "layers": layers,
-        "behind": None if frame.behind is None else _pack(frame.behind, parts, f"{prefix}behind."),
-    }
-
-
 def _unpack(head: Mapping[str, Any], parts: Mapping[str, Part]) -> Frame:
-    layers: dict[str, Any] = {name: _layer(name, row, parts) for name, row in head["layers"].items()}
+    layers: dict[str, Any] = {name: layer_of(name, row, parts) for name, row in head["layers"].items()}
     before = head["previous_camera"]
     gbuffer = GBuffer(
         camera=camera_in(head["camera"]),
@@ -165,45 +171,6 @@ def _number(name: str, value: Any, kind: Any, most: float) -> Any:
     if not isinstance(value, kind) or isinstance(value, bool) or not abs(value) <= most:
         raise ValueError(f"its {name} must be a number of at most {most:g}")
     return value
-
-
-def _planes(tensor: Tensor, name: str = "") -> Iterator[np.ndarray]:
-    kind = _type(tensor)
-    array = tensor[0].numpy()
-    if kind not in (*TYPES, "float64"):
-        raise ValueError(f"{name} must be of type {', '.join(TYPES)} or float64 to be written, got {kind}")
-    if kind not in NUMBERS:
-        if array.size and (array.min() < -(2**31) or array.max() >= 2**31):
-            raise ValueError(f"{name} must fit 32 bits to be written, got {array.min()}..{array.max()}")
-        return iter(np.ascontiguousarray(array.astype(np.int32)).view(np.uint32))
-    return iter(np.ascontiguousarray(array.astype(NUMBERS[kind])))
-
-
-def _layer(name: str, row: Mapping[str, Any], parts: Mapping[str, Part]) -> Tensor:
-    kind = row["type"]
-    if kind not in TYPES:
-        raise ValueError(f"layer {name!r} has the unknown type {kind!r}")
-    channels = parts[row["part"]].channels
-    stored = np.dtype(NUMBERS.get(kind, np.uint32))
-    for channel in row["channels"]:
-        if channels[channel].dtype != stored:
-            raise ValueError(f"channel {channel!r} must be {stored}, got {channels[channel].dtype}")
-    array = np.stack([channels[channel] for channel in row["channels"]])[None]
-    array = array.view(np.int32) if stored == np.uint32 else array
-    return torch.from_numpy(array).to(getattr(torch, kind))
-
-
-def _type(tensor: Tensor) -> str:
-    return str(tensor.dtype).removeprefix("torch.")
-
-
-def _suffixes(name: str, tensor: Tensor) -> list[str]:
-    count = tensor.shape[1]
-    if name in SUFFIXES:
-        return [SUFFIXES[name]]
-    if count > 4:
-        return [str(i) for i in range(count)]
-    return list(("X", "XY", "XYZ" if name in VECTORS else "RGB", "RGBA")[count - 1])
 
 
 def _window(height: int, width: int) -> tuple[np.ndarray, np.ndarray]:

@@ -134,6 +134,11 @@ def test_post_bounds_what_notes_ask_for(capsys: pytest.CaptureFixture[str]):
         (("--device", "cuda:99"), "there is no such CUDA device here; use --device cpu"),
         (("--config", "missing.toml"), "missing.toml does not exist"),
         (("--colour",), "--colour"),
+        (("--precision", "double"), "--precision must be half or float, got 'double'"),
+        (("--compression", "piz"), "--compression must be zip or dwaa, got 'piz'"),
+        (("--bits", "12"), "--bits must be 8 or 16, got 12"),
+        (("--only", "image,aoo"), "--only must be albedo, ambient, ao, ao_length,"),
+        (("--only", "image", "--resume"), "--resume reads the G-buffer and light of finished frames again; leave out"),
     ],
 )
 def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str, capfd: pytest.CaptureFixture[str]):

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import boxes
+import OpenEXR
 import pytest
 import torch
 from command_line import SMALL, assert_same_results, fake_me1, files, install, run, spoil
@@ -66,6 +67,33 @@ def test_post_gives_what_render_gave(extra: tuple[str, ...]):
     assert run("post", "a", "--out", "b") == 0
     assert run("render", "--frames", "3", *SMALL, "--out", "c", *extra) == 0
     assert_same_results("b", "c")
+
+
+def test_passes_see_what_the_file_holds():
+    """So files of half precision give the same pictures again, to the bit; `post` keeps the files' precision."""
+    assert run("render", "--frames", "2", *SMALL, "--out", "half") == 0
+    assert run("render", "--frames", "2", *SMALL, "--out", "float", "--precision", "float") == 0
+    half, whole = read_exr("half/frame_0001.exr"), read_exr("float/frame_0001.exr")
+    for name, seen in (("radiance", half.read("radiance")), ("depth", half.read("depth"))):
+        same = torch.equal(seen, whole.read(name))
+        assert same == (name == "depth")
+    assert torch.equal(half.read("radiance"), half.read("radiance").half().float())
+    assert run("post", "float", "--out", "again") == 0
+    assert_same_results("float", "again")
+    assert run("post", "float", "--out", "rounded", "--precision", "half") == 0
+    assert_same_results("half", "rounded")
+
+
+def test_choices_of_files():
+    chosen = ("--only", "image,ao,behind.depth", "--compression", "dwaa", "--bits", "16")
+    assert run("render", *SMALL, "--out", "a", *chosen) == 0
+    part = OpenEXR.File("a/frame_0000.exr", separate_channels=True, header_only=True).parts[0]
+    assert part.header["compression"] == OpenEXR.DWAA_COMPRESSION
+    assert read_notes("a/frame_0000.exr")["files"] == {"precision": "half"}
+    with pytest.raises(ValueError, match="is no whole frame: it holds ao, image"):
+        read_exr("a/frame_0000.exr")
+    assert Path("a/frame_0000.png").read_bytes()[24] == 16
+    assert run("post", "a", "--out", "b") == 2
 
 
 def test_post_changes_the_pipeline():

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import boxes
+import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from gbufrt import Frame
-from gbufrt.files.png import to_pil
+from gbufrt.files.png import to_pil, write_png
 from gbufrt.files.views import contact_sheet, debug_names, debug_view, to_srgb, viridis
 
 SIZE = (20, 31)
@@ -134,3 +138,23 @@ def test_contact_sheet_and_pictures():
     assert to_pil(torch.tensor([0.0, 0.5, 1.0]).view(3, 1, 1)).getpixel((0, 0)) == (0, 128, 255)
     with pytest.raises(ValueError, match=r"picture must be \(3,H,W\)"):
         to_pil(torch.zeros(2, 3, 4, 4))
+
+
+@pytest.mark.parametrize("size", [(5, 7), (64, 33), (1, 1)])
+def test_png_of_16_bits(tmp_path: Path, size: tuple[int, int]):
+    picture = torch.rand(1, 3, *size, generator=torch.Generator().manual_seed(1)) * 1.2 - 0.1
+    picture.view(-1)[0] = torch.nan
+    write_png(tmp_path / "a.png", picture, bits=16)
+    with Image.open(tmp_path / "a.png") as found:
+        found.load()  # checks every chunk
+        assert found.size == (size[1], size[0])
+        assert "srgb" in found.info
+        assert np.abs(np.asarray(found).astype(int) - np.asarray(to_pil(picture)).astype(int)).max() <= 1
+    with pytest.raises(ValueError, match="bits must be 8, or 16 for a tensor, got 12"):
+        write_png(tmp_path / "b.png", picture, bits=12)
+    write_png(tmp_path / "c.png", picture)
+    assert "srgb" in Image.open(tmp_path / "c.png").info
+    oiio = pytest.importorskip("OpenImageIO", reason="OpenImageIO is not installed: pip install gbufrt[dev]")
+    levels = np.asarray(oiio.ImageBuf(str(tmp_path / "a.png")).get_pixels(oiio.UINT16)).astype(int)
+    expected = (picture[0].nan_to_num(0.0).clamp(0, 1) * 65535).round().permute(1, 2, 0).numpy()
+    assert np.array_equal(levels, expected)
