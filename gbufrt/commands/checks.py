@@ -25,6 +25,7 @@ PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
 PRECISIONS = ("half", "float")
 COMPRESSIONS = ("zip", "dwaa")
+VIDEOS = (".mp4", ".mov")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
@@ -53,6 +54,12 @@ def check_files(options: FileOptions, *, resume: bool = False) -> None:
     check_name("--compression", options.compression, COMPRESSIONS)
     if options.bits not in (8, 16):
         raise ValueError(f"--bits must be 8 or 16, got {options.bits}")
+    if options.video is not None:
+        check_file("--video", options.video)
+        if options.video.suffix.lower() not in VIDEOS:
+            raise ValueError(f"--video must be .mp4 (H.264) or .mov (ProRes), got {str(options.video)!r}")
+        if find_spec("av") is None:
+            raise ValueError("--video needs PyAV: pip install 'gbufrt[video]'")
     if resume and parse_names(options.only):
         raise ValueError("--resume reads the G-buffer and light of finished frames again; leave out --only")
 

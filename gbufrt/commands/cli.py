@@ -17,6 +17,7 @@ from gbufrt.commands.options import load_config
 from gbufrt.commands.passes import passes
 from gbufrt.commands.post import post
 from gbufrt.commands.render import render
+from gbufrt.commands.video import video
 
 HELP = """From a voxel world to a finished frame: traced G-buffers, and screen-space passes over them.
 
@@ -27,7 +28,7 @@ Start with `gbufrt render --out out`, which writes out/frame_0000.png and an EXR
 def build() -> App:
     """The command with its subcommands."""
     app = App(name="gbufrt", help=HELP, version=__version__, suppress_keyboard_interrupt=False)
-    for command in (render, post, passes, bench, ablate):
+    for command in (render, post, video, passes, bench, ablate):
         app.command(command)
     return app
 

@@ -91,6 +91,9 @@ class FileOptions:
     bits: Whole = 8
     """8 or 16: of the PNG."""
 
+    video: Path | None = None
+    """Also encode all frames as this video: .mp4 (H.264) or .mov (ProRes), tagged BT.709."""
+
 
 def parse_size(text: str) -> tuple[int, int]:
     """``WxH`` as ``(H, W)``.

@@ -43,7 +43,7 @@ def post(
     paths = gathered(files, out)
 
     from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Runner, bare, check_only, open_device, precision_of, save
+    from gbufrt.commands.session import Runner, bare, check_only, encode, open_device, precision_of, save
     from gbufrt.files.exr import read_exr
     from gbufrt.files.precision import as_stored
 
@@ -59,6 +59,13 @@ def post(
             told = {**notes[path], "pipeline": recipe.to_notes()}
             save(out, path.stem, result, notes=told, debug=options.debug, files=keeps)
     print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
+    encode(written, [out / f"{path.stem}.png" for path in paths], rate_of(notes[paths[0]]))
+
+
+def rate_of(notes: dict[str, Any]) -> float:
+    """Frames a second that a file was rendered for; 24 where it does not say so."""
+    rate = found.get("fps") if isinstance(found := notes.get("render"), dict) else None
+    return float(rate) if isinstance(rate, (int, float)) and 1e-3 <= rate <= 1000 else 24.0
 
 
 def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:

@@ -81,7 +81,7 @@ def render(
     check_cluster(spread, device=options.device, lead_in=lead_in)
 
     from gbufrt.commands.ahead import compile_ahead
-    from gbufrt.commands.session import Recipe, Runner, check_only, open_device, precision_of
+    from gbufrt.commands.session import Recipe, Runner, check_only, encode, open_device, precision_of
 
     recipe = Recipe.of(options)
     device = open_device(options.device)
@@ -94,8 +94,10 @@ def render(
     shots = {} if spread.cluster is None else {"shots": {"lead_in": early}}
     notes = {"render": job.notes(), "pipeline": recipe.to_notes(), "files": {"precision": precision_of(files)}, **shots}
     missing = unfinished(out, frames, notes, jitter=jitter) if resume else list(range(frames))
+    pictures = [out / f"{stem(index)}.png" for index in range(frames)]
     if not missing:
         print(f"all {frames} frames are in {out} already")
+        encode(files, pictures, fps)
         return
     flight = Flight(job=job, scene=scene, recipe=recipe, jitter=jitter, notes=notes, debug=options.debug, files=files)
     if spread.cluster is None:
@@ -104,6 +106,7 @@ def render(
         kernels_are_ready()  # workers would compile them all at once
         _in_shots(flight, missing, out, spread, early)
     _tell(out, missing, recipe.warmup)
+    encode(files, pictures, fps)
 
 
 def _in_one_go(flight: Flight, missing: list[int], runner: Runner, out: Path, device: Any, ready: Any) -> None:

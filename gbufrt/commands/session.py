@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -189,6 +189,15 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
         compression=files.compression,  # pyright: ignore[reportArgumentType]
         only=parse_names(files.only),
     )
+
+
+def encode(files: FileOptions, pictures: Sequence[Path], fps: float) -> None:
+    """Make the video that is asked for, of the pictures in order, and tell."""
+    if files.video is not None:
+        from gbufrt.files.video import write_video
+
+        write_video(files.video, pictures, fps=fps)
+        print(f"wrote {len(pictures)} frames at {fps:g} a second to {files.video}")
 
 
 def open_device(name: str) -> torch.device:

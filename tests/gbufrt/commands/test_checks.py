@@ -92,12 +92,16 @@ def test_wrong_arguments_are_answered_before_torch_is_loaded(tmp_path: Path):
 
 def test_names_are_those_of_the_code():
     from gbufrt.commands.ablation.subjects import SIGNALS
+    from gbufrt.files.layers import COMPRESSIONS
+    from gbufrt.files.precision import PRECISIONS
+    from gbufrt.files.video import CODECS
     from post.passes.composite import Mode
     from post.presets import Preset
     from tracer.worlds import WORLDS, terrain
     from tracer.worlds.views import views
 
     assert get_args(Preset) == checks.PRESETS
+    assert (PRECISIONS, COMPRESSIONS, tuple(CODECS)) == (checks.PRECISIONS, checks.COMPRESSIONS, checks.VIDEOS)
     assert get_args(Mode) == checks.COMPOSITES
     assert checks.SUBJECTS[: len(SIGNALS)] == SIGNALS
     assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
