@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import torch
 from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.noise.noise import blue_noise
+from post.display.ocio import CONFIGS, check_config, is_config, ocio_view
 from post.display.op import tone_curve
 from post.display.reference import OPERATORS, Operator
 
@@ -15,11 +18,12 @@ from post.display.reference import OPERATORS, Operator
 def tone_map(
     color: Tensor,
     *,
-    operator: Operator = "agx",
+    operator: Operator | str = "agx",
     exposure: float | Tensor = 1.0,
     contrast: float = 1.2,
     saturation: float = 1.2,
     white: float = 4.0,
+    view: str = "",
 ) -> Tensor:
     """Compress scene light into what a display can show.
 
@@ -27,27 +31,39 @@ def tone_map(
         color: ``(B, 3, H, W)`` linear; negative light counts as none.
         operator: ``"agx"`` lets bright colours fade to white as film does; ``"aces"`` is contrasty; ``"pbr_neutral"``
             leaves colours alone up to 0.76, for products; ``"reinhard"`` compresses luminance alone; ``"linear"``
-            clips.
+            clips. ``"aces-1.3"``, ``"aces-2.0"`` or the path of an OpenColorIO config (.ocio, .ocioz) shows its view:
+            on the CPU and without a gradient.
         exposure: factor on ``color``; a float or ``(B, 1, 1, 1)``.
         contrast: AgX only: exponent of its look; 1 is the flat base, 1.35 "punchy".
         saturation: AgX only: of its look; 1 is the base, 1.4 "punchy".
         white: Reinhard only: luminance that becomes white.
+        view: of an OpenColorIO config: ``"VIEW"``, ``"DISPLAY/VIEW"``, or empty for its default.
 
     Returns:
         ``(B, 3, H, W)`` display-linear in [0, 1]; see `display_encode`.
 
     Raises:
-        ValueError: unknown operator, or a number is not positive.
+        ValueError: unknown operator or view, a number is not positive, or OpenColorIO is wanted and not installed.
 
     Source: AgX by Sobotka 2022 in the polynomial fit of Wrensch 2023; ACES fit by Hill (BakingLab); Khronos PBR
     Neutral Tone Mapper specification 2024; Reinhard et al. 2002, eq. 4.
     """
-    if operator not in OPERATORS:
-        raise ValueError(f"operator must be one of {', '.join(OPERATORS)}, got {operator!r}")
+    _check(operator)
+    if is_config(operator):
+        return ocio_view(color * torch.as_tensor(exposure).to(color), operator, view)
     for name, number in (("contrast", contrast), ("white", white)):
         if number <= 0:
             raise ValueError(f"{name} must be positive, got {number}")
-    return tone_curve(color, torch.as_tensor(exposure, dtype=color.dtype), operator, contrast, saturation, white)
+    gain, curve = torch.as_tensor(exposure, dtype=color.dtype), cast(Operator, operator)
+    return tone_curve(color, gain, curve, contrast, saturation, white)
+
+
+def _check(operator: str) -> None:
+    if is_config(operator):
+        check_config(operator)
+    elif operator not in OPERATORS:
+        names = ", ".join((*OPERATORS, *CONFIGS))
+        raise ValueError(f"operator must be one of {names}, or the path of a .ocio file, got {operator!r}")
 
 
 def display_encode(image: Tensor, *, dither: bool = False, index: int = 0, seed: int = 0) -> Tensor:
@@ -81,14 +97,16 @@ class ToneMap(Pass):
     def __init__(
         self,
         *,
-        operator: Operator = "agx",
+        operator: Operator | str = "agx",
         exposure: float = 1.0,
         contrast: float = 1.2,
         saturation: float = 1.2,
         white: float = 4.0,
+        view: str = "",
     ) -> None:
         super().__init__()
-        self.operator: Operator = operator
+        _check(operator)
+        self.operator, self.view = operator, view
         self.exposure, self.contrast, self.saturation, self.white = exposure, contrast, saturation, white
 
     def forward(self, frame: Frame) -> Frame:

@@ -27,13 +27,12 @@ def flat_frames(folder: Path, *, bits: int = 8, size: tuple[int, int] = (48, 64)
 
 
 def shown_at(frame: Any, row: int, column: int) -> list[float]:
-    """Red, green and blue of a pixel by the matrix of ITU-R BT.709-6 for limited range: libswscale rounds 10 bits down."""
+    """Red, green and blue of a pixel, by ITU-R BT.709-6 for limited range: libswscale would round 10 bits down."""
     bits, values = frame.format.components[0].bits, []
     for plane, part in zip(frame.planes, frame.format.components, strict=True):
         rows = np.frombuffer(bytes(plane), np.uint16 if bits > 8 else np.uint8).reshape(plane.height, -1)
-        values.append(
-            int(rows[row * part.height // frame.height, column * part.width // frame.width]) / 2 ** (bits - 8)
-        )
+        level = rows[row * part.height // frame.height, column * part.width // frame.width]
+        values.append(int(level) / 2 ** (bits - 8))
     y, u, v = (values[0] - 16) / 219, (values[1] - 128) / 224, (values[2] - 128) / 224
     red, blue = y + 1.5748 * v, y + 1.8556 * u
     return [255 * red, 255 * (y - 0.2126 * red - 0.0722 * blue) / 0.7152, 255 * blue]
