@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from gbufrt.commands.checks import check_files, check_folder, check_options
 from gbufrt.commands.options import FileOptions, Flag, PassOptions
+from gbufrt.commands.video import numbered
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Recipe
@@ -72,15 +73,13 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
     """The files to read, with folders replaced by what is in them.
 
     Raises:
-        ValueError: there are none, or two would be written to the same name, or onto their own input.
+        ValueError: there are none, a folder lacks one between others, or two would be written to the same name, or
+            onto their own input.
         FileNotFoundError: one does not exist.
     """
     paths: list[Path] = []
     for file in files:
-        inside = sorted(file.glob("frame_*.exr")) if file.is_dir() else [file]
-        if not inside:
-            raise ValueError(f"{file} holds no frame_*.exr; give files or folders that `gbufrt render` wrote")
-        paths += inside
+        paths += numbered(file, "exr") if file.is_dir() else [file]
     if not paths:
         raise ValueError("no files given; give EXR files or folders that `gbufrt render` wrote")
     stems = [path.stem for path in paths]
@@ -121,11 +120,18 @@ def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path
     """The pipeline to run, and each file's notes; reads headers only, so that a bad file is found before work starts.
 
     Raises:
-        ValueError: a file cannot be read, or they were rendered with different pipelines and no preset is given.
+        ValueError: a file cannot be read, their sizes differ, or they were rendered with different pipelines and no
+            preset is given.
     """
     from gbufrt.commands.session import Recipe
     from gbufrt.files.exr import read_notes
+    from gbufrt.files.guard import read_parts
 
+    sizes = {path: read_parts(path, header_only=True)[0].size for path in paths}
+    for path, (height, width) in sizes.items():
+        if (height, width) != sizes[paths[0]]:
+            first = sizes[paths[0]]
+            raise ValueError(f"{path} has {width}x{height} pixels, {paths[0]} {first[1]}x{first[0]}; run them apart")
     notes = {path: read_notes(path) for path in paths}
     recipes = [Recipe.of_notes(note, source=str(path), warmup=options.warmup) for path, note in notes.items()]
     if options.preset is None and any(recipe != recipes[0] for recipe in recipes):

@@ -23,24 +23,24 @@ def video(*files: Path, out: Path, fps: float = 24.0) -> None:
     from gbufrt.files.video import check_video, write_video
 
     check_video(out)
-    pictures = [picture for file in files for picture in (numbered(file) if file.is_dir() else [file])]
+    pictures = [picture for file in files for picture in (numbered(file, "png") if file.is_dir() else [file])]
     write_video(out, pictures, fps=fps)
     print(f"wrote {len(pictures)} frames at {fps:g} a second to {out}")
 
 
-def numbered(folder: Path) -> list[Path]:
-    """The pictures of a folder by number.
+def numbered(folder: Path, ending: str) -> list[Path]:
+    """The frame_*.png of a folder, or of another ending, by number.
 
     Raises:
         ValueError: there are none, or one is missing between two others.
     """
-    named = ((re.fullmatch(r"frame_(\d+)\.png", path.name), path) for path in folder.iterdir())
+    named = ((re.fullmatch(rf"frame_(\d+)\.{ending}", path.name), path) for path in folder.iterdir())
     found = {int(match[1]): path for match, path in named if match}
     if not found:
-        raise ValueError(f"{folder} holds no frame_*.png; give PNG files, or a folder that `gbufrt render` wrote")
+        raise ValueError(f"{folder} holds no frame_*.{ending}; give files, or a folder that `gbufrt render` wrote")
     for number in range(min(found), max(found)):
         if number not in found:
             raise ValueError(
-                f"{folder} lacks frame_{number:04d}.png between others; make it (gbufrt render --resume), or give files"
+                f"{folder} lacks frame_{number:04d}.{ending} between others; make it (render --resume), or give files"
             )
     return [found[number] for number in sorted(found)]

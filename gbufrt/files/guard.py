@@ -2,6 +2,9 @@
 
 The library prints warnings, leaves out parts that it cannot decode, and allocates what a header asks for. So the
 header alone is read first and checked against limits; then the whole file, whose parts and channels must all be there.
+
+What is accepted though damaged: pixels that carry no checksum. ZIP has one; DWAA's lossy blocks, PIZ, and blocks that
+are stored as they are have none, so a flipped bit there is another number, as it may be in a header's names and values.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ import numpy as np
 import OpenEXR
 
 MAX_PIXELS = 1 << 26  # 8192 x 8192
+MAX_GB = 4.0  # that a file may decode to, unless GBUFRT_MAX_GB says otherwise
 MAX_RATIO = 1100  # deflate compresses by at most 1032 to 1
 SLACK = 1 << 20  # bytes that even the smallest file may decode to
 MAGIC = b"\x76\x2f\x31\x01"
@@ -126,6 +130,23 @@ def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
     size = path.stat().st_size
     if decoded > MAX_RATIO * size + SLACK:
         raise ValueError(f"{path} is damaged: {size} bytes cannot hold the {decoded} that its header claims")
+    if decoded > (most := _most_bytes()):
+        raise ValueError(
+            f"{path} claims {decoded / 2**30:.1f} GB of pixels, more than the limit of {most / 2**30:g}; if true, set "
+            "GBUFRT_MAX_GB"
+        )
+
+
+def _most_bytes() -> float:
+    """Of the environment variable GBUFRT_MAX_GB, or `MAX_GB`."""
+    text = os.environ.get("GBUFRT_MAX_GB", "")
+    try:
+        gigabytes = float(text or MAX_GB)
+    except ValueError:
+        gigabytes = -1.0
+    if not gigabytes > 0:
+        raise ValueError(f"GBUFRT_MAX_GB must be a positive number of gigabytes, got {text!r}")
+    return gigabytes * 2**30
 
 
 @contextmanager

@@ -189,6 +189,21 @@ def test_post_refuses_a_mixture(capfd: pytest.CaptureFixture[str]):
     assert float(read_exr("c/other.exr").read("ao_length").min()) == Recipe().warmup + 1  # a history of its own
 
 
+def test_post_refuses_gaps_and_mixed_sizes(capfd: pytest.CaptureFixture[str]):
+    for number, size in ((0, (16, 24)), (2, (16, 24)), (3, (8, 24))):
+        write_exr(f"a/frame_{number:04d}.exr", boxes.frame(boxes.camera(size), index=number))
+    for given, message in (
+        (("a",), "a lacks frame_0001.exr between others; make it (render --resume), or give files"),
+        (("a/frame_0002.exr", "a/frame_0003.exr"), "frame_0003.exr has 24x8 pixels, a/frame_0002.exr 24x16; run them"),
+    ):
+        assert run("post", *given, "--out", "b") == 2
+        error = capfd.readouterr().err
+        assert message in error
+        assert error.count("\n") == 1
+    assert not Path("b").exists()
+    assert run("post", "a/frame_0000.exr", "a/frame_0002.exr", "--out", "b") == 0  # named one by one, they are stills
+
+
 def test_post_lacks_what_a_pass_reads(capfd: pytest.CaptureFixture[str]):
     frame = boxes.frame(boxes.camera((16, 24)))
     write_exr("a.exr", frame.replace(gbuffer=frame.gbuffer.replace(motion=None)))

@@ -59,7 +59,7 @@ def test_pictures_that_are_there(capfd: pytest.CaptureFixture[str]):
     Path("empty").mkdir()
     capfd.readouterr()
     for arguments, message in (
-        (("video", "a", "--out", "c.mp4"), "a lacks frame_0001.png between others; make it (gbufrt render --resume)"),
+        (("video", "a", "--out", "c.mp4"), "a lacks frame_0001.png between others; make it (render --resume)"),
         (("video", "empty", "--out", "c.mp4"), "empty holds no frame_*.png"),
         (("video", "--out", "c.mp4"), "a video needs pictures, got none"),
         (("video", "a/frame_0001.png", "--out", "c.mp4"), "frame_0001.png is missing"),

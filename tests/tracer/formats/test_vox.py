@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 import vox_writer as vox
+from damage import damaged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -286,3 +287,33 @@ def test_real_scenes_load(name: str, voxels: int) -> None:
     hits = trace(scene, *load_vox_scene(path).views["front"].camera(0.0, size=(27, 48)).rays())
     grounded = torch.tensor([n.startswith("ground") for n in scene.materials.names])[hits.material.long()]
     assert (hits.hit & ~grounded).float().mean().item() > 0.08
+
+
+@pytest.mark.parametrize("name", ["chr_cop1", "scene_church1", "scene_store8"])
+def test_damaged_real_files(tmp_path: Path, name: str) -> None:
+    if "GBUFRT_TEST_DATA" not in os.environ:
+        pytest.skip("GBUFRT_TEST_DATA is not set: it names the folder with files of other programs")
+    data, told = (Path(os.environ["GBUFRT_TEST_DATA"]) / "vox" / f"{name}.vox").read_bytes(), []
+    for seed in range(30):
+        (tmp_path / "a.vox").write_bytes(damaged(data, seed))
+        try:
+            assert not read_vox(tmp_path / "a.vox").empty, seed
+        except ValueError as error:
+            told.append(str(error))
+    assert len(told) >= 10
+    assert all("a.vox" in message and "\n" not in message for message in told)
+
+
+def test_the_limit_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "a.vox"
+    path.write_bytes(vox.file(MODEL))
+    with pytest.raises(ValueError, match=r"a\.vox: 4 visible voxels; between 1 and 3 are read; .* GBUFRT_MAX_VOXELS"):
+        read_vox(path, max_voxels=3)
+    monkeypatch.setenv("GBUFRT_MAX_VOXELS", "3")
+    with pytest.raises(ValueError, match="between 1 and 3 are read"):
+        read_vox(path)
+    monkeypatch.setenv("GBUFRT_MAX_VOXELS", "4")
+    assert not read_vox(path).empty
+    monkeypatch.setenv("GBUFRT_MAX_VOXELS", "many")
+    with pytest.raises(ValueError, match="GBUFRT_MAX_VOXELS must be a whole number of voxels, got 'many'"):
+        read_vox(path)

@@ -6,6 +6,7 @@ so that nothing is mirrored, and what faces MagicaVoxel's front (-y) faces +z.
 
 from __future__ import annotations
 
+import os
 from os import PathLike
 from pathlib import Path
 
@@ -21,20 +22,22 @@ from tracer.scene.world import World
 
 MAX_DEPTH = 256
 MAX_VISITS = 1 << 16
-MAX_VOXELS = 1 << 24
+MAX_VOXELS = 1 << 23  # a gigabyte while a file is read; the environment variable GBUFRT_MAX_VOXELS raises it
 MAX_EXTENT = 4096
 
 Matrix = NDArray[np.int64]
 Placement = tuple[int, Matrix, Matrix]
 
 
-def read_vox(path: str | PathLike[str]) -> World:
+def read_vox(path: str | PathLike[str], *, max_voxels: int | None = None) -> World:
     """The voxels of a MagicaVoxel file, hidden ones left out, each colour of its palette a material.
 
     A shape's or transform's first frame is read; of a file without scene graph, the first model.
 
     Args:
         path: the file.
+        max_voxels: the most visible voxels to accept; each takes about 120 bytes while the file is read. [default:
+            GBUFRT_MAX_VOXELS of the environment, or `MAX_VOXELS`]
 
     Returns:
         The world, y up, in the file's own position.
@@ -48,7 +51,7 @@ def read_vox(path: str | PathLike[str]) -> World:
     if size > MAX_FILE:
         raise ValueError(f"{path}: {size} bytes; at most {MAX_FILE} are read")
     chunks = read_chunks(path.read_bytes(), str(path))
-    cells, ids = _placed(chunks, str(path))
+    cells, ids = _placed(chunks, str(path), _most_voxels() if max_voxels is None else max_voxels)
     return world_of_cells(cells, ids, material_table(chunks, str(path)))
 
 
@@ -57,14 +60,16 @@ def load_vox_scene(path: str | PathLike[str]) -> Scene:
     return place(read_vox(path))
 
 
-def _placed(chunks: Chunks, name: str) -> tuple[Matrix, NDArray[np.int16]]:
+def _placed(chunks: Chunks, name: str, most: int) -> tuple[Matrix, NDArray[np.int16]]:
     """Coordinates (y up) and colour index of every visible voxel."""
     if not chunks.models:
         raise ValueError(f"{name}: no model (chunks SIZE and XYZI)")
     placements = _placements(chunks, name)
     count = sum(len(chunks.models[model].voxels) for model, _, _ in placements)
-    if not 0 < count <= MAX_VOXELS:
-        raise ValueError(f"{name}: {count} visible voxels; between 1 and {MAX_VOXELS} are read")
+    if not 0 < count <= most:
+        raise ValueError(
+            f"{name}: {count} visible voxels; between 1 and {most} are read; if true, set GBUFRT_MAX_VOXELS"
+        )
     parts = [_moved(chunks.models[model], rotation, offset) for model, rotation, offset in placements]
     cells = np.concatenate([p for p in parts if len(p)])
     extent = cells.max(axis=0) - cells.min(axis=0)
@@ -75,6 +80,13 @@ def _placed(chunks: Chunks, name: str) -> tuple[Matrix, NDArray[np.int16]]:
     ids = np.concatenate([chunks.models[model].voxels[:, 3] for model, _, _ in placements]).astype(np.int16)
     x, y, z = cells.T
     return np.stack([x, z, -y - 1], axis=1), ids
+
+
+def _most_voxels() -> int:
+    text = os.environ.get("GBUFRT_MAX_VOXELS", "")
+    if text and not (text.isascii() and text.isdecimal() and len(text) < 19):
+        raise ValueError(f"GBUFRT_MAX_VOXELS must be a whole number of voxels, got {text!r}")
+    return int(text) if text else MAX_VOXELS
 
 
 def _moved(model: Model, rotation: Matrix, offset: Matrix) -> Matrix:
