@@ -130,6 +130,22 @@ class Frame:
             validate_signals({**signals, **layer.extra}, layer.gbuffer.hit, prefix)
             layer, prefix = layer.behind, f"{prefix}behind."
 
+    def still(self) -> Frame:
+        """The frame as if nothing had moved before it, and the same of what lies `behind`."""
+        g = self.gbuffer
+        none = {name: torch.zeros_like(g_name) for name in MOTION if (g_name := getattr(g, name)) is not None}
+        behind = None if self.behind is None else self.behind.still()
+        return replace(self, gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind)
+
+    def moving_as(self, frame: Frame) -> Frame:
+        """This frame with the motion and the cut of another one, and the same of what lies `behind`: undoes `still`."""
+        g, behind = frame.gbuffer, self.behind
+        motion = {name: tensor for name in MOTION if (tensor := getattr(g, name)) is not None}
+        if behind is not None and frame.behind is not None:
+            behind = behind.moving_as(frame.behind)
+        moving = self.gbuffer.replace(previous_camera=g.previous_camera, **motion)
+        return replace(self, gbuffer=moving, cut=frame.cut, behind=behind)
+
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
         keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "sky_visibility", "composite")}
@@ -137,5 +153,6 @@ class Frame:
 
 
 SIGNALS = channels_of(Frame)
+MOTION = ("motion", "motion_z")
 LIGHT = ("radiance", "ambient", "environment")
 """Signals that come with the frame rather than from a pass."""

@@ -1,4 +1,4 @@
-"""Pass and TemporalPass: what a pipeline is made of.
+"""Pass and TemporalPass: what a pipeline is made of; and Branch, the names under which it holds them.
 
 A pass is a function from frame to frame with its tunables. A temporal pass also takes and returns its state, a plain
 value that is None on the first frame.
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Self
 
 from torch import nn
 
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import contained
+from gbufrt.names import resolve, unknown
 
 
 class Stage(nn.Module):
@@ -54,6 +56,10 @@ class Stage(nn.Module):
         return ", ".join(f"{name}={value!r}" for name, value in self.tunables().items())
 
 
+Stages = Mapping[str, Stage | None]
+"""By name, in order; None leaves one out."""
+
+
 class Pass(Stage, ABC):
     """A pass whose result depends on one frame alone."""
 
@@ -76,6 +82,129 @@ class TemporalPass(Stage, ABC):
     @abstractmethod
     def forward(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:
         """The frame with what ``writes`` names filled in, and the state for the next frame."""
+
+
+class Branch(TemporalPass, ABC):
+    """Named stages, and copies of it with some of them changed; `gbufrt.Pipeline` says how they run.
+
+    Raises:
+        TypeError: a stage is not a pass.
+    """
+
+    def __init__(self, stages: Stages) -> None:
+        super().__init__()
+        self.stages = nn.ModuleDict()
+        for name, stage in stages.items():
+            if stage is None:
+                continue
+            if not isinstance(stage, (Pass, TemporalPass)):
+                raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {type(stage).__name__}")
+            self.stages[name] = stage
+
+    def _stages(self) -> dict[str, Stage]:
+        return {name: stage for name, stage in self.stages.items() if isinstance(stage, Stage)}  # every one is
+
+    def passes(self) -> Iterator[tuple[str, Stage]]:
+        """Every pass that is not itself a pipeline, with its dotted name, in order."""
+        for name, stage in self._stages().items():
+            if isinstance(stage, Branch):
+                yield from ((f"{name}.{path}", inner) for path, inner in stage.passes())
+            else:
+                yield name, stage
+
+    def without(self, *paths: str) -> Self:
+        """A copy that lacks the named stages (``"gi"``, ``"gi.accumulate"``).
+
+        Raises:
+            ValueError: there is no such stage, or a remaining stage reads what a removed one wrote.
+        """
+        result = self
+        for path in paths:
+            result = result.replace(path, None)
+        return result
+
+    def replace(self, path: str, stage: Stage | None) -> Self:
+        """A copy with another stage in the place of the named one, such as ``"ao.estimate"``.
+
+        Raises:
+            TypeError: the new stage is not a pass.
+            ValueError: there is no such stage, or a later one reads what only the old one wrote.
+        """
+        return self._edited(path, lambda stages, name: {**stages, name: stage})
+
+    def with_stage(self, name: str, stage: Stage, *, after: str | None = None, before: str | None = None) -> Self:
+        """A copy with a stage of your own.
+
+        Args:
+            name: the stage's name, a dotted one to reach into a nested pipeline.
+            stage: a pass, temporal pass or pipeline.
+            after: the stage of the same pipeline that it follows; or
+            before: the stage of the same pipeline that it precedes.
+
+        Raises:
+            ValueError: there is no stage to follow or to precede, the name is taken, or an input is missing.
+        """
+        if (after is None) == (before is None):
+            raise ValueError(f"give after= or before=, one of them, to say where stage {name!r} goes")
+        beside = str(after or before)
+
+        def insert(stages: Stages, place: str) -> Stages:
+            order = list(stages)
+            at = order.index(place) + (after is not None)
+            if own in stages:
+                raise ValueError(f"the pipeline has a stage {own!r} already; choose another name, or use replace()")
+            return {key: stage if key == own else stages[key] for key in [*order[:at], own, *order[at:]]}
+
+        inner, _, own = name.rpartition(".")
+        return self._edited(f"{inner}.{beside}" if inner else beside, insert)
+
+    def with_tunables(self, values: Mapping[str, Any]) -> Self:
+        """A copy with tunables set by dotted name, such as ``{"ao.estimate.radius": 2.0}``.
+
+        A name may be shortened to any unambiguous tail, and a pass may go by its class's name in lower case
+        (``gtao.radius``).
+
+        Raises:
+            ValueError: no such tunable, or a tail that fits several.
+        """
+        result, stages = self, dict(self.passes())
+        for name, value in values.items():
+            path, _, key = self.resolve(name).rpartition(".")
+            stages[path] = stages[path].tuned(**{key: value})
+            result = result.replace(path, stages[path])
+        return result
+
+    def all_tunables(self) -> dict[str, Any]:
+        """Every tunable by its full dotted name, with its present value."""
+        return {f"{path}.{key}": value for path, stage in self.passes() for key, value in stage.tunables().items()}
+
+    def resolve(self, name: str) -> str:
+        """The full dotted name of a tunable; see `with_tunables`."""
+        return resolve(name, {f"{path}.{key}": type(p).__name__ for path, p in self.passes() for key in p.tunables()})
+
+    def tunables(self) -> dict[str, Any]:
+        """A pipeline has none of its own; see `all_tunables`."""
+        return {}
+
+    def _edited(self, path: str, change: Callable[[Stages, str], Stages]) -> Self:
+        """A copy in which ``change`` made other stages of those around the named one; empty pipelines are left out."""
+        head, _, rest = path.partition(".")
+        stages: Stages = dict(self._stages())
+        if head not in stages:
+            raise ValueError(unknown("stage", head, "the pipeline", stages))
+        inner = stages[head]
+        if not rest:
+            stages = change(stages, head)
+        elif isinstance(inner, Branch):
+            changed = inner._edited(rest, change)
+            stages[head] = changed if len(changed.stages) else None
+        else:
+            raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
+        return self._with(stages)
+
+    @abstractmethod
+    def _with(self, stages: Stages) -> Self:
+        """A copy with these stages in place of its own."""
 
 
 def _keywords(cls: type) -> list[str]:

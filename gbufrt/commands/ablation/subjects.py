@@ -15,7 +15,6 @@ from gbufrt.commands.ablation.measure import repeated, run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.trivial import untouched
 from gbufrt.commands.progress import Tick
-from gbufrt.commands.session import standing_still
 from gbufrt.frame import Frame
 from gbufrt.metrics.temporal import flicker, ghosting
 from gbufrt.passes import Pass
@@ -129,7 +128,7 @@ def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     exposure = f.exposure_of((truths[-1][0] + truths[-1][1]) / 2, last.gbuffer.hit)
     shown = [f.display(frame.read("composite"), exposure) for frame in found.frames]
     wanted = [f.displayed(truth, exposure) for truth in truths]
-    still = repeated(standing_still(last), max(frames // 4, 1))
+    still = repeated(last.still(), max(frames // 4, 1))
     fresh = f.display(run(up_to_composite(pipeline), still).last.read("composite"), exposure)
     buffers = [frame.gbuffer for frame in sources]
     truth = (wanted[-1][0] + wanted[-1][1]) / 2
