@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -67,6 +67,36 @@ class Frame:
                 raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
             raise ValueError(f"cut must be ({camera.batch},) bool, got {tuple(self.cut.shape)} {self.cut.dtype}")
+
+    def __repr__(self) -> str:
+        """In ten lines at most: camera, and names of what there is, with sizes where these are not the picture's."""
+        g, signals = self.gbuffer, [name for name in SIGNALS if getattr(self, name) is not None]
+        absent = [name for name in CHANNELS if getattr(g, name) is None]
+        absent += [name for name in LIGHT if name not in signals]
+        rows = {
+            "camera": repr(g.camera),
+            "before": "" if g.previous_camera is None else repr(g.previous_camera),
+            "gbuffer": self._listed(g.present),
+            "light": self._listed(name for name in signals if name in LIGHT),
+            "signals": self._listed(name for name in signals if name not in LIGHT),
+            "extra": self._listed(self.extra),
+            "absent": ", ".join(absent),
+            "behind": "" if self.behind is None else self.behind._listed(self.behind.present),
+        }
+        b, _, h, w = g.depth.shape
+        kind = str(g.depth.dtype).removeprefix("torch.")
+        cut = "" if self.cut is None else f", cut {self.cut.tolist()}"
+        head = f"Frame {self.index} at {self.time:g} s: batch {b}, {w}x{h}, {kind} on {g.depth.device}{cut}"
+        return "\n".join([head, *(f"  {name:8s} {text}" for name, text in rows.items() if text)])
+
+    def _listed(self, names: Iterable[str]) -> str:
+        """Names with their numbers of components, and their sizes where these are not the picture's."""
+        told = []
+        for name in names:
+            _, c, h, w = self.read(name).shape
+            size = [] if (h, w) == self.gbuffer.camera.size else [f"{w}x{h}"]
+            told.append(f"{name} ({', '.join([str(c), *size])})" if c > 1 or size else name)
+        return ", ".join(told)
 
     def replace(self, **changes: Any) -> Frame:
         """A copy with some fields changed."""

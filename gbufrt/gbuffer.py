@@ -59,6 +59,10 @@ class GBuffer:
                 f"got batch {previous.batch} and size {previous.size}"
             )
 
+    def __repr__(self) -> str:
+        """Camera and names of the channels that are present, in one line."""
+        return f"GBuffer({self.camera!r}, {', '.join(self.present)})"
+
     @property
     def batch(self) -> int:
         """B."""

@@ -1,9 +1,13 @@
-"""Names that people type: what a short one stands for, and what a wrong one may have meant. Does not import torch."""
+"""Names that people type: what they mean, and what a short or a wrong one may stand for. Does not import torch."""
 
 from __future__ import annotations
 
+import inspect
+import re
+import sys
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher, get_close_matches
+from pathlib import PurePath
 
 MOST = 4  # names that a message proposes
 
@@ -18,6 +22,17 @@ def unknown(what: str, name: str, where: str, known: Iterable[str]) -> str:
     """The message about a name that is not there: what it may have meant, and all that there are."""
     known = list(known)
     return f"no {what} {name!r} in {where}{meant(name, known)}; it has {', '.join(known)}"
+
+
+def no_world(world: str, names: Iterable[str], endings: Iterable[str]) -> str:
+    """The message about a world that is neither a known name nor a file of a kind that is read."""
+    names, kind = list(names), PurePath(world).suffix.lower()
+    there = f"there are {', '.join(names)}, or give a path to a {' or '.join(endings)} file"
+    if kind == ".exr":
+        return f"{world} is no world: `gbufrt post {world}` reads G-buffers; {there}"
+    if kind or PurePath(world).name != world:
+        return f"{world} cannot be read: files of worlds end in {' or '.join(endings)}; {there}"
+    return f"no world {world!r}{meant(world, names)}; {there}"
 
 
 def resolve(name: str, kinds: Mapping[str, str]) -> str:
@@ -46,6 +61,27 @@ def resolve(name: str, kinds: Mapping[str, str]) -> str:
     likely = [full for full in kinds if _key(full) in near]
     likely.sort(key=lambda full: -SequenceMatcher(None, name, full).ratio())
     raise ValueError(f"no tunable {name!r}" + (f"; did you mean {', '.join(likely[:MOST])}?" if likely else ""))
+
+
+def meanings(cls: type, names: Iterable[str]) -> dict[str, str]:
+    """What the keywords of a class mean, in a line each, as the ``Args`` of docstrings tell.
+
+    Its own docstring comes first, then those of the functions that it refers to in backquotes, and that these refer
+    to, where its module knows them.
+    """
+    docs, texts, module = [inspect.getdoc(cls) or ""], dict[str, str](), vars(sys.modules[cls.__module__])
+    for doc in docs:  # grows on the way
+        texts = {**{name: text for name, text in arguments(doc).items() if not text.startswith("see ")}, **texts}
+        near = (module.get(name) for name in re.findall(r"(?<!`)`(\w+)`", doc))
+        docs += [told for f in near if inspect.isfunction(f) and (told := inspect.getdoc(f) or "") not in docs]
+    return {name: re.split(r"\.(?= [A-Z]|$)", texts.get(name, ""))[0] for name in names}
+
+
+def arguments(doc: str) -> dict[str, str]:
+    """The ``Args`` of a docstring that `inspect.getdoc` has cleaned, by name, each in one line."""
+    section = re.search(r"^Args:\n((?:    .*\n|\n)+)", doc + "\n", re.M)
+    parts = re.split(r"^    (\w+): ", section[1] if section else "", flags=re.M)
+    return {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 
 def _key(full: str) -> str:

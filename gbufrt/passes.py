@@ -16,7 +16,7 @@ from torch import nn
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import contained
-from gbufrt.names import resolve, unknown
+from gbufrt.names import meanings, resolve, unknown
 
 
 class Stage(nn.Module):
@@ -34,6 +34,10 @@ class Stage(nn.Module):
         """The constructor's keywords with their present values."""
         return {name: getattr(self, name) for name in _keywords(type(self))}
 
+    def meanings(self) -> dict[str, str]:
+        """A line on each tunable, from the docstrings of the class and of the functions that it refers to."""
+        return meanings(type(self), _keywords(type(self)))
+
     def tuned(self, **changes: Any) -> Stage:
         """A copy with some tunables changed.
 
@@ -43,7 +47,7 @@ class Stage(nn.Module):
         known = self.tunables()
         for name in changes:
             if name not in known:
-                raise ValueError(f"{type(self).__name__} has no tunable {name!r}; it has {', '.join(known) or 'none'}")
+                raise ValueError(unknown("tunable", name, type(self).__name__, known))
         return type(self)(**{**known, **changes})
 
     def check(self, frame: Frame) -> None:

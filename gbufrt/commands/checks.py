@@ -1,6 +1,7 @@
 """Checks of arguments before torch is loaded, which takes seconds. Does not import torch.
 
-The names of worlds, views, presets and composites repeat those that heavier modules define; a test keeps them equal.
+The names of worlds, views, presets and composites, and the endings of files, repeat those that heavier modules define;
+a test keeps them equal.
 """
 
 from __future__ import annotations
@@ -11,12 +12,15 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from gbufrt.commands.options import MOST_WARMUP, ClusterOptions, PassOptions, at_least, check_device, parse_settings
+from gbufrt.names import meant, no_world, unknown
 
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
+ENDINGS = (".vox",)
+"""Endings of the files that hold worlds."""
 SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 MOST_WORKERS = 65536
 SECONDS_TO_ANSWER = 5.0
@@ -39,7 +43,7 @@ def check_name(option: str, name: str, known: Iterable[str]) -> None:
     """Raise ValueError if a name is not a known one."""
     names = list(known)
     if name not in names:
-        raise ValueError(f"{option} must be {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
+        raise ValueError(f"{option} must be {', '.join(names[:-1])} or {names[-1]}, got {name!r}{meant(name, names)}")
 
 
 def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = None) -> None:
@@ -53,11 +57,11 @@ def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = Non
     if world in WORLDS:
         for view in views:
             if view not in WORLDS[world]:
-                raise ValueError(f"no view {view!r} in world {world!r}; it has {', '.join(WORLDS[world])}")
+                raise ValueError(unknown("view", view, f"world {world!r}", WORLDS[world]))
     elif seed is not None:
         raise ValueError(f"--seed is for built-in worlds ({builtin}); leave it out for {world}")
-    elif Path(world).suffix.lower() != ".vox":
-        raise ValueError(f"no world {world!r}; there are {builtin}, or give a path to a .vox file")
+    elif Path(world).suffix.lower() not in ENDINGS:
+        raise ValueError(no_world(world, WORLDS, ENDINGS))
     elif not Path(world).is_file():
         raise FileNotFoundError(f"{world} does not exist; check the path, or name a world: {builtin}")
 

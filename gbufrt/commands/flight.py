@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from gbufrt.commands.checks import check_world
 from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, at_least
+from gbufrt.names import unknown
 
 if TYPE_CHECKING:
     from gbufrt.commands.progress import Tick
@@ -71,7 +72,7 @@ class Job:
         if not scene.views:
             raise ValueError(f"world {self.world!r} has no views to look from")
         if self.view is not None and self.view not in scene.views:
-            raise ValueError(f"no view {self.view!r} in world {self.world!r}; it has {', '.join(scene.views)}")
+            raise ValueError(unknown("view", self.view, f"world {self.world!r}", scene.views))
         return scene
 
     def notes(self) -> dict[str, Any]:

@@ -67,7 +67,7 @@ def ssr(
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         index: frame number, for the noise.
         samples: rays a pixel; one for a mirror, fewer where little light is reflected, see `rays_of`.
-        steps: see `march_rays`.
+        steps: pixels a ray may be compared with, see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
         roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel reuses, 0 to 8.
@@ -115,7 +115,12 @@ def _shifts(index: int, samples: int, method: Method) -> list[tuple[float, float
 
 
 class SSR(Pass):
-    """See `ssr`; the light that surfaces send is `outgoing_light`."""
+    """See `ssr`; the light that surfaces send is `outgoing_light`.
+
+    Args:
+        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``.
+        samples: see `ssr`, as the rest.
+    """
 
     reads = frozenset({"depth", "hit", "normal", "roughness", "radiance"})
     optional = frozenset(

@@ -7,6 +7,8 @@ from os import PathLike, fspath
 from pathlib import Path
 from types import MappingProxyType
 
+from gbufrt.names import no_world
+from tracer.formats.vox.scene_graph import load_vox_scene
 from tracer.scene.scene import Scene
 from tracer.worlds.terrain import terrain
 from tracer.worlds.valley import valley
@@ -18,15 +20,18 @@ builtin = valley
 WORLDS: Mapping[str, Callable[..., Scene]] = MappingProxyType({"valley": valley, "terrain": terrain})
 """Built-in worlds by name; each takes ``seed``. The first is the default."""
 
+FORMATS: Mapping[str, Callable[[Path], Scene]] = MappingProxyType({".vox": load_vox_scene})
+"""Readers of files by their ending, in lower case."""
+
 
 def load(name_or_path: str | PathLike[str]) -> Scene:
-    """A built-in world by its name, or a MagicaVoxel scene by its path.
+    """A built-in world by its name, or a file's by its path.
 
     Args:
-        name_or_path: a name in `WORLDS`, ``builtin``, or the path of a ``.vox`` file.
+        name_or_path: a name in `WORLDS`, ``builtin``, or the path of a file whose ending is in `FORMATS`.
 
     Raises:
-        ValueError: neither a name nor a ``.vox`` path, or the file is broken.
+        ValueError: neither a name nor a path to a file of a kind that is read, or the file is broken.
         FileNotFoundError: there is no such file.
     """
     name = fspath(name_or_path)
@@ -35,13 +40,9 @@ def load(name_or_path: str | PathLike[str]) -> Scene:
     if name in WORLDS:
         return WORLDS[name]()
     path = Path(name)
-    if path.suffix.lower() != ".vox":
-        raise ValueError(
-            f"no world {name!r}; there are {', '.join(['builtin', *WORLDS])}, or give a path to a .vox file"
-        )
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(no_world(name, ["builtin", *WORLDS], FORMATS))
     if not path.is_file():
         known = ", ".join(["builtin", *WORLDS])
         raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {known}")
-    from tracer.formats.vox.scene_graph import load_vox_scene
-
-    return load_vox_scene(path)
+    return FORMATS[path.suffix.lower()](path)

@@ -16,9 +16,15 @@ WRONG = (
     ("render --frames 0 --out out", "--frames must be 1 or more"),
     ("render --fps 0 --out out", "--fps must be"),
     ("render nowhere --out out", "no world 'nowhere'; there are builtin, valley, terrain"),
+    ("render vally --out out", "no world 'vally' (did you mean valley?); there are"),
+    ("render save.zip --out out", "save.zip cannot be read: files of worlds end in .vox"),
+    ("render some/save --out out", "some/save cannot be read: files of worlds end in .vox"),
+    ("render file.exr --out out", "file.exr is no world: `gbufrt post file.exr` reads G-buffers"),
     ("render missing.vox --out out", "missing.vox does not exist"),
     ("render missing.vox --seed 1 --out out", "--seed is for built-in worlds"),
     ("render --view below --out out", "no view 'below' in world 'builtin'; it has village, lake,"),
+    ("render --view vilage --out out", "no view 'vilage' in world 'builtin' (did you mean village or lake?); it has"),
+    ("render --preset hihg --out out", "got 'hihg' (did you mean high?)"),
     ("render --preset huge --out out", "--preset must be low, medium, high or ultra, got 'huge'"),
     ("render --composite both --out out", "--composite must be physical or me1, got 'both'"),
     ("render --set radius --out out", "--set must be NAME=VALUE"),
@@ -94,13 +100,14 @@ def test_names_are_those_of_the_code():
     from gbufrt.commands.ablation.subjects import SIGNALS
     from post.passes.composite import Mode
     from post.presets import Preset
-    from tracer.worlds import WORLDS, terrain
+    from tracer.worlds import FORMATS, WORLDS, terrain
     from tracer.worlds.views import views
 
     assert get_args(Preset) == checks.PRESETS
     assert get_args(Mode) == checks.COMPOSITES
     assert checks.SUBJECTS[: len(SIGNALS)] == SIGNALS
     assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
+    assert tuple(FORMATS) == checks.ENDINGS
     assert tuple(views()) == checks.WORLDS["builtin"] == checks.WORLDS["valley"]
     assert tuple(terrain((16, 16, 16)).views) == checks.WORLDS["terrain"]
 

@@ -120,6 +120,7 @@ def test_passes_lists_the_pipeline(capfd: pytest.CaptureFixture[str], monkeypatc
         "taa",
         "color composite",
         "ao.estimate.method='bitmask'",
+        "of the speckles, in [units] (Speckle() has",
     ):
         assert text in shown, text
     assert "Display" not in shown
