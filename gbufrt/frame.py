@@ -12,7 +12,7 @@ from torch import Tensor
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
 from gbufrt.tree import map_tensors
-from gbufrt.validation import validate_gbuffer, validate_signals
+from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -145,8 +145,11 @@ class Frame:
         signals = tuple(name for name in SIGNALS if getattr(self, name) is not None)
         return self.gbuffer.present + signals + tuple(self.extra)
 
-    def validate(self) -> None:
+    def validate(self, before: Frame | None = None) -> None:
         """Check G-buffer, light and signals against the conventions, and the same of what lies `behind`.
+
+        Args:
+            before: the frame before, to check the motion of what moves by itself; see `GBuffer.validate`.
 
         Raises:
             ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
@@ -155,7 +158,7 @@ class Frame:
         layer: Frame | None = self
         prefix = ""
         while layer is not None:
-            validate_gbuffer(layer.gbuffer, prefix)
+            validate_gbuffer(layer.gbuffer, None if before is None or prefix else before.gbuffer, prefix)
             signals = {name: tensor for name in SIGNALS if (tensor := getattr(layer, name)) is not None}
             validate_signals({**signals, **layer.extra}, layer.gbuffer.hit, prefix)
             layer, prefix = layer.behind, f"{prefix}behind."
@@ -178,7 +181,8 @@ class Frame:
 
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
-        keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "sky_visibility", "composite")}
+        names = ("radiance", "ambient", "gi", "sky_visibility", "reflection", "composite")
+        keep = {name: getattr(self, name) for name in names}
         return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
 
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, Self
 
 from torch import nn
 
-from gbufrt.frame import SIGNALS, Frame
+from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import contained
 from gbufrt.names import meanings, resolve, unknown
@@ -23,12 +24,14 @@ class Stage(nn.Module):
     """What a pass and a temporal pass have in common: what they read and write, and their tunables.
 
     ``reads`` must be present, ``optional`` is used where present, ``writes`` is the result. Every keyword of the
-    constructor is a tunable and is kept in an attribute of the same name.
+    constructor is a tunable and is kept in an attribute of the same name. ``lacks`` says, by the name of an optional
+    input that comes with the frame, what is missing from the result without it; a pipeline tells that once.
     """
 
     reads: frozenset[str] = frozenset()
     optional: frozenset[str] = frozenset()
     writes: frozenset[str] = frozenset()
+    lacks: Mapping[str, str] = MappingProxyType({})
 
     def tunables(self) -> dict[str, Any]:
         """The constructor's keywords with their present values."""
@@ -55,6 +58,11 @@ class Stage(nn.Module):
         for name in sorted(self.reads):
             if frame.get(name) is None:
                 raise ValueError(f"{type(self).__name__} reads {name!r}, which the frame lacks: {_remedy(name)}")
+
+    def left_out(self, frame: Frame) -> list[str]:
+        """What this pass leaves out for want of an input, and the remedies."""
+        absent = [name for name in self.lacks if frame.get(name) is None]
+        return [f"{self.lacks[name]}, because the frame has no {name}: {_remedy(name)}" for name in absent]
 
     def extra_repr(self) -> str:
         return ", ".join(f"{name}={value!r}" for name, value in self.tunables().items())
@@ -221,5 +229,6 @@ def _remedy(name: str) -> str:
     if name in CHANNELS:
         return f"give the GBuffer a {name} channel ({CHANNELS[name].meaning})"
     if name in SIGNALS:
-        return f"give the Frame {name} ({SIGNALS[name].meaning}) or run a pass that writes it"
+        more = "" if name in LIGHT else " or run a pass that writes it"
+        return f"give the Frame {name} ({SIGNALS[name].meaning}){more}"
     return "run a pass that writes it"

@@ -49,6 +49,7 @@ class Pipeline(Branch):
     ) -> None:
         super().__init__(stages)
         self.given, self.place = frozenset(given), Place(layer, reduction)
+        self._told = False
         self._connect()
 
     def _connect(self) -> None:
@@ -74,6 +75,7 @@ class Pipeline(Branch):
     ) -> tuple[Frame, PipelineState]:
         """`forward`; each stage contains non-finite pixels itself."""
         _warn_if_repeated(frame, None if state is None else state.previous)
+        self._tell_what_is_left_out(frame)
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)
 
     def forward(
@@ -163,6 +165,14 @@ class Pipeline(Branch):
             _, state = self(given)
             self(given.replace(index=given.index + 1), state)
         return seconds
+
+    def _tell_what_is_left_out(self, frame: Frame) -> None:
+        """Warn of it, once a pipeline."""
+        if not self._told:
+            self._told = True
+            left_out = [f"{name}: {what}" for name, stage in self.passes() for what in stage.left_out(frame)]
+            if left_out:
+                warnings.warn(f"{'; '.join(left_out)} (told once a pipeline)", stacklevel=3)
 
     def _written(self) -> set[str]:
         """What the stages write on the frame that they see."""

@@ -10,6 +10,7 @@ import torch
 
 from gbufrt import Frame, History, Pass, Pipeline, TemporalPass
 from gbufrt.noise.noise import blue_noise
+from post import SSR
 
 
 class Noise(Pass):
@@ -92,3 +93,21 @@ def test_an_index_that_repeats_is_told():
         warnings.simplefilter("error")
         PIPELINE(frame.replace(index=2), state)
         PIPELINE(frame.replace(cut=torch.tensor([True])), state)
+
+
+def test_what_is_left_out_for_want_of_an_input_is_told_once():
+    frame = boxes.frame(boxes.camera((8, 8)))
+    mirrors, bare = Pipeline(mirrors=Pipeline(estimate=SSR(samples=1))), frame.replace(environment=None)
+    with pytest.warns(
+        UserWarning, match=r"^mirrors\.estimate: mirrors show black.*no environment: give the Frame"
+    ) as told:
+        _, state = mirrors(bare)
+    assert [warning.filename for warning in told] == [__file__]
+    assert "metals" not in str(told[0].message)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mirrors(bare.replace(index=1), state)
+        Pipeline(mirrors=SSR(samples=1))(frame)
+    plain = bare.replace(gbuffer=frame.gbuffer.replace(metallic=None))
+    with pytest.warns(UserWarning, match=r"mirrors show black.*; estimate: metals mirror.*no metallic"):
+        Pipeline(estimate=SSR(samples=1))(plain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
@@ -50,7 +51,7 @@ class Hide(Pass):
 
 
 def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int) -> Outcome:
-    """AO, GI and reflections, each against its own truth, after ``frames`` static frames; GI with one bounce."""
+    """AO, GI and reflections against their own truths, after ``frames`` static frames; one bounce of each."""
     wanted = set(wanted)
     kept = only(pipeline, SIGNALS[: 1 + max(SIGNALS.index(name) for name in wanted)])
     stages = dict(one_bounce(kept).stages.items())
@@ -197,8 +198,8 @@ def up_to_composite(pipeline: Pipeline) -> Pipeline:
 
 
 def one_bounce(pipeline: Pipeline) -> Pipeline:
-    """The pipeline with one bounce of indirect light, where it can have more."""
-    names = [name for name in pipeline.all_tunables() if name.startswith("gi.") and name.endswith(".bounces")]
+    """The pipeline with one bounce of indirect light and of reflections, as the truth has."""
+    names = [name for name in pipeline.all_tunables() if re.fullmatch(r"(gi|reflection)\..*\.?bounces", name)]
     return pipeline.with_tunables(dict.fromkeys(names, 1))
 
 

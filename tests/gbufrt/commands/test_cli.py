@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import boxes
@@ -124,6 +125,12 @@ def test_passes_lists_the_pipeline(capfd: pytest.CaptureFixture[str], monkeypatc
     ):
         assert text in shown, text
     assert "Display" not in shown
+
+
+def test_a_warning_is_one_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("gbufrt.commands.cli._config", lambda _: warnings.warn("left\n  out", stacklevel=1))
+    assert run("--version") == 0
+    assert capfd.readouterr().err == "gbufrt: left out\n"
 
 
 def test_runner_starts_anew_where_frames_do_not_follow():
