@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,6 +90,23 @@ def parse_size(text: str) -> tuple[int, int]:
     if sides[0] * sides[1] > MAX_PIXELS:
         raise ValueError(f"--size {text} has more than {MAX_PIXELS} pixels; choose a smaller one")
     return sides[1], sides[0]
+
+
+def parse_point(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """``X,Y,Z`` as three finite numbers; None stays None.
+
+    Raises:
+        ValueError: anything else.
+    """
+    if text is None:
+        return None
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError(f"{option} must be X,Y,Z, three numbers in world units such as 12,30,-8.5; got {text!r}")
+    return x, y, z
 
 
 def at_least(option: str, value: float, low: float, high: float = float("inf")) -> None:

@@ -9,7 +9,16 @@ from cyclopts import Parameter
 
 from gbufrt.commands.checks import check_cluster, check_folder, check_options
 from gbufrt.commands.flight import LEAD_IN, Flight, Job, Shot, cut, shoot, stem
-from gbufrt.commands.options import MOST_FRAMES, ClusterOptions, Flag, PassOptions, Whole, at_least, parse_size
+from gbufrt.commands.options import (
+    MOST_FRAMES,
+    ClusterOptions,
+    Flag,
+    PassOptions,
+    Whole,
+    at_least,
+    parse_point,
+    parse_size,
+)
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
@@ -21,6 +30,9 @@ def render(
     *,
     out: Path,
     view: str | None = None,
+    eye: str | None = None,
+    target: str | None = None,
+    fov: float | None = None,
     frames: Whole = 1,
     size: str = "960x540",
     time: float = 0.0,
@@ -41,6 +53,10 @@ def render(
         world: Built-in world (builtin, terrain, ...) or a MagicaVoxel .vox file.
         out: Folder to write to; made where it is missing.
         view: Named view or camera path of the world; by default its first.
+        eye: In place of --view: where the camera is, as X,Y,Z in world units (voxels), y up. A negative number needs an
+            equals sign: --eye=-12,30,8.
+        target: Where it looks to, likewise.
+        fov: Vertical field of view, degrees. [default: the view's, or 60]
         frames: How many frames.
         size: Width x height in pixels.
         time: Seconds into the scene at the first frame.
@@ -55,6 +71,9 @@ def render(
     job = Job(
         world=world,
         view=view,
+        eye=parse_point("--eye", eye),
+        target=parse_point("--target", target),
+        fov=fov,
         size=parse_size(size),
         frames=frames,
         time=time,

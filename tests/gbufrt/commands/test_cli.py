@@ -127,6 +127,17 @@ def test_passes_lists_the_pipeline(capfd: pytest.CaptureFixture[str], monkeypatc
     assert "Display" not in shown
 
 
+def test_a_camera_by_eye_target_and_field_of_view():
+    where = ("--eye=2,4,9", "--target", "0,1,0")
+    assert run("render", *SMALL, *where, "--fov", "50", "--out", "eye") == 0
+    assert run("render", *SMALL, "--view", "front", "--out", "view") == 0
+    assert run("render", *SMALL, *where, "--out", "wide") == 0
+    assert run("render", *SMALL, "--view", "front", "--fov", "60", "--out", "wider") == 0
+    assert_same_results("eye", "view")
+    assert_same_results("wide", "wider")
+    assert not torch.equal(*(read_exr(f"{name}/frame_0000.exr").gbuffer.depth for name in ("eye", "wide")))
+
+
 def test_a_warning_is_one_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("gbufrt.commands.cli._config", lambda _: warnings.warn("left\n  out", stacklevel=1))
     assert run("--version") == 0
