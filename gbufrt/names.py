@@ -27,11 +27,11 @@ def unknown(what: str, name: str, where: str, known: Iterable[str]) -> str:
 def no_world(world: str, names: Iterable[str], endings: Iterable[str]) -> str:
     """The message about a world that is neither a known name nor a file of a kind that is read."""
     names, kind = list(names), PurePath(world).suffix.lower()
-    there = f"there are {', '.join(names)}, or give a path to a {' or '.join(endings)} file"
+    there = f"there are {', '.join(names)}, or give a path to a {' or '.join(endings)} file or a save folder"
     if kind == ".exr":
         return f"{world} is no world: `gbufrt post {world}` reads G-buffers; {there}"
     if kind or PurePath(world).name != world:
-        return f"{world} cannot be read: files of worlds end in {' or '.join(endings)}; {there}"
+        return f"{world} cannot be read as a world; {there}"
     return f"no world {world!r}{meant(world, names)}; {there}"
 
 

@@ -10,6 +10,7 @@ import socket
 from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from gbufrt.commands.options import MOST_WARMUP, ClusterOptions, PassOptions, at_least, check_device, parse_settings
 from gbufrt.names import meant, no_world, unknown
@@ -19,7 +20,7 @@ COMPOSITES = ("physical", "me1")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
-ENDINGS = (".vox",)
+ENDINGS = (".vox", ".schem", ".schematic", ".mca")
 """Endings of the files that hold worlds."""
 SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 MOST_WORKERS = 65536
@@ -60,10 +61,17 @@ def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = Non
                 raise ValueError(unknown("view", view, f"world {world!r}", WORLDS[world]))
     elif seed is not None:
         raise ValueError(f"--seed is for built-in worlds ({builtin}); leave it out for {world}")
-    elif Path(world).suffix.lower() not in ENDINGS:
+    elif Path(world).suffix.lower() not in ENDINGS and not Path(world).is_dir():
         raise ValueError(no_world(world, WORLDS, ENDINGS))
-    elif not Path(world).is_file():
+    elif not Path(world).exists():
         raise FileNotFoundError(f"{world} does not exist; check the path, or name a world: {builtin}")
+
+
+def check_part(world: str, part: Mapping[str, Any]) -> None:
+    """Raise ValueError where a part is asked of what is no Minecraft region or save."""
+    asked = [f"--{name}" for name, value in part.items() if value is not None]
+    if asked and (world in WORLDS or not (Path(world).suffix.lower() == ".mca" or Path(world).is_dir())):
+        raise ValueError(f"{asked[0]} is for Minecraft regions and saves; leave it out for {world}")
 
 
 def check_folder(path: Path) -> Path:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gbufrt.commands.checks import check_world
-from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, at_least
+from gbufrt.commands.checks import check_part, check_world
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, PartOptions, at_least
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ class Job:
     eye: tuple[float, float, float] | None = None
     target: tuple[float, float, float] | None = None
     fov: float | None = None
+    part: PartOptions = field(default_factory=PartOptions)
 
     def check(self) -> None:
         """Check the values, as far as possible without loading the world.
@@ -59,6 +62,7 @@ class Job:
             raise ValueError(f"--target must not be where --eye is, got {self.target} for both")
         if self.fov is not None and not 0.1 <= self.fov <= 170:
             raise ValueError(f"--fov must be 0.1 to 170 degrees, got {self.fov:g}")
+        check_part(self.world, self.part.parsed())
         check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
     def load(self) -> Scene:
@@ -71,11 +75,19 @@ class Job:
         from tracer.worlds import WORLDS, builtin, load
 
         if self.seed is None:
-            scene = load(self.world)
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                scene = load(self.world, **self.part.parsed())
+            for warning in told:  # what is damaged or unknown, and left out
+                print(f"gbufrt: {warning.message}", file=sys.stderr)
         elif self.world == "builtin" or self.world in WORLDS:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
+        if self.part.hour is not None:
+            from tracer.scene.daylight import at_hour
+
+            scene = at_hour(scene, self.part.hour)
         if scene.world.empty and not scene.instances:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
         if not scene.views and self.eye is None:
@@ -89,7 +101,8 @@ class Job:
         keys = ("world", "view", "time", "fps", "samples", "seed")
         camera = {key: value for key in ("eye", "target", "fov") if (value := getattr(self, key)) is not None}
         camera = {key: list(value) if isinstance(value, tuple) else value for key, value in camera.items()}
-        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera}
+        part = {key: value for key, value in asdict(self.part).items() if value is not None}
+        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera, **part}
 
     def seen_from(self, scene: Scene) -> View:
         """Where the camera is and looks to: a view of the scene, or `eye` and `target`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -73,6 +74,50 @@ class ClusterOptions:
 
     workers: Whole | None = None
     """Most worker processes of --cluster; they share its cores. [default: one a core, or per OMP_NUM_THREADS]"""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """Which part of a Minecraft world is taken, and the time of its day."""
+
+    box: str | None = None
+    """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
+
+    around: str | None = None
+    """Place X,Z in a Minecraft world round which chunks are taken. [default: the player's, else the middle]"""
+
+    chunks: Whole | None = None
+    """How many chunks along each side are taken. [default: all of a .mca file, 24 of a save folder]"""
+
+    hour: float | None = None
+    """Hour of the day, 0 to 24, to which the sun is turned; lamps light the night. [default: the world's own sun]"""
+
+    def parsed(self) -> dict[str, Any]:
+        """The part as arguments of `tracer.load`.
+
+        Raises:
+            ValueError: not as many whole numbers as wanted, or an hour that no day has.
+        """
+        if self.hour is not None and not 0.0 <= self.hour <= 24.0:
+            raise ValueError(f"--hour must lie in 0..24, got {self.hour:g}")
+        return {
+            "box": _numbers("--box", self.box, "X0,Y0,Z0,X1,Y1,Z1"),
+            "around": _numbers("--around", self.around, "X,Z"),
+            "chunks": self.chunks,
+        }
+
+
+def _numbers(option: str, text: str | None, form: str) -> tuple[int, ...] | None:
+    """Whole numbers joined by commas, as many as ``form`` names."""
+    if text is None:
+        return None
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != len(form.split(",")) or not all(re.fullmatch(r"-?\d{1,8}", word) for word in words):
+        raise ValueError(
+            f"{option} must be {form} in whole blocks ({option}=-8,64 where the first is negative), got {text!r}"
+        )
+    return tuple(int(word) for word in words)
 
 
 def parse_size(text: str) -> tuple[int, int]:

@@ -13,6 +13,7 @@ from gbufrt.commands.options import (
     MOST_FRAMES,
     ClusterOptions,
     Flag,
+    PartOptions,
     PassOptions,
     Whole,
     at_least,
@@ -41,6 +42,7 @@ def render(
     seed: Annotated[Whole | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
     resume: Flag = False,
     lead_in: Whole | None = None,
+    part: PartOptions | None = None,
     options: PassOptions | None = None,
     spread: ClusterOptions | None = None,
 ) -> None:
@@ -50,7 +52,7 @@ def render(
     has no history: the passes run over it several times, as if it stood still (see --warmup).
 
     Args:
-        world: Built-in world (builtin, terrain, ...) or a MagicaVoxel .vox file.
+        world: Built-in world (builtin, terrain, ...), .vox, .schem, .schematic or .mca file, or Minecraft save folder.
         out: Folder to write to; made where it is missing.
         view: Named view or camera path of the world; by default its first.
         eye: In place of --view: where the camera is, as X,Y,Z in world units (voxels), y up. A negative number needs an
@@ -80,6 +82,7 @@ def render(
         fps=fps,
         samples=light_samples,
         seed=seed,
+        part=part or PartOptions(),
     )
     job.check()
     if lead_in is not None:
