@@ -13,7 +13,7 @@ from tracer.scene.scene import Scene, Sky, Sun
 TILT = 30.0  # degrees between the sun's highest place and the zenith
 TWILIGHT = 0.16  # sine of the elevation at which the day has its full light
 MOON = (0.16, 0.21, 0.34)  # irradiance: the eye, and exposure, take it for much more
-NIGHT = Sky(zenith=(0.006, 0.011, 0.032), horizon=(0.020, 0.028, 0.055), ground=(0.008, 0.010, 0.015))
+NIGHT = Sky(zenith=(0.004, 0.007, 0.022), horizon=(0.009, 0.013, 0.029), ground=(0.005, 0.006, 0.010))
 LOW = ((1.0, 0.42, 0.16), (0.50, 0.24, 0.18))  # a low sun's colour, and the horizon's, over those of noon
 
 
@@ -40,7 +40,7 @@ def at_hour(scene: Scene, hour: float) -> Scene:
     moonlit = height < 0.0
     turned = angle + math.pi if moonlit else angle
     direction = (math.cos(turned), abs(height) + 0.02, -abs(math.sin(turned)) * math.sin(math.radians(TILT)) - 0.15)
-    shown = day * min(max(height / TWILIGHT, 0.0), 1.0)
+    shown = min(max(height / TWILIGHT, 0.0), 1.0)
     strength = tuple(s * shown * (1.0 + gold * (c - 1.0)) for s, c in zip(noon.irradiance, LOW[0], strict=True))
     moon = tuple(m * min(-height / TWILIGHT, 1.0) for m in MOON)
     return replace(
