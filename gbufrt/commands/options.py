@@ -32,6 +32,7 @@ def whole(kind: Any, tokens: Sequence[Token]) -> int:
 Whole = Annotated[int, Parameter(converter=whole)]
 Without = Annotated[tuple[str, ...], Parameter(negative="")]
 Flag = Annotated[bool, Parameter(negative="")]
+Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]  # joined by commas; the first may be negative
 
 
 @Parameter(name="*")
@@ -81,10 +82,10 @@ class ClusterOptions:
 class PartOptions:
     """Which part of a Minecraft world is taken, and the time of its day."""
 
-    box: str | None = None
+    box: Numbers = None
     """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
 
-    around: str | None = None
+    around: Numbers = None
     """Place X,Z in a Minecraft world round which chunks are taken. [default: the player's, else the middle]"""
 
     chunks: Whole | None = None
@@ -114,9 +115,7 @@ def _numbers(option: str, text: str | None, form: str) -> tuple[int, ...] | None
         return None
     words = [word.strip() for word in text.split(",")]
     if len(words) != len(form.split(",")) or not all(re.fullmatch(r"-?\d{1,8}", word) for word in words):
-        raise ValueError(
-            f"{option} must be {form} in whole blocks ({option}=-8,64 where the first is negative), got {text!r}"
-        )
+        raise ValueError(f"{option} must be {form} in whole blocks, got {text!r}")
     return tuple(int(word) for word in words)
 
 

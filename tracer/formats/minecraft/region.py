@@ -63,8 +63,10 @@ class Region:
             file.seek(self.sectors[place] * SECTOR)
             head = file.read(5)
             length = int.from_bytes(head[:4], "big") - 1
-            if len(head) < 5 or not 0 <= length <= 256 * SECTOR:
-                raise ValueError(f"its length is {length}, beyond the file or 255 sectors")
+            if len(head) < 5:
+                raise ValueError("it begins after the end of the file, which is truncated")
+            if not 0 <= length <= 256 * SECTOR:
+                raise ValueError(f"its length is {length}, more than a chunk may have")
             data = file.read(length)
         if len(data) < length:
             raise ValueError(f"{length} bytes were to follow, but {len(data)} are left; the file is truncated")
