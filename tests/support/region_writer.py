@@ -13,7 +13,7 @@ import numpy as np
 from nbtlib import Byte, ByteArray, Compound, File, Int, IntArray, List, LongArray, String
 from numpy.typing import NDArray
 
-VERSIONS = {"1.12": 1343, "1.13": 1631, "1.16": 2566, "1.18": 2975, "1.21": 3955}
+VERSIONS = {"1.12": 1343, "1.13": 1631, "1.15": 2230, "1.16": 2566, "1.18": 2975, "1.21": 3955}
 Blocks = NDArray[np.int64]
 
 
@@ -61,7 +61,12 @@ def chunk(version: str, x: int, z: int, sections: Sequence[Compound]) -> File:
     """A chunk as the root of its NBT."""
     tags: dict[str, Any] = {"xPos": Int(x), "zPos": Int(z)}
     if VERSIONS[version] < 2860:
-        biomes = {"1.12": ByteArray([1] * 256), "1.13": IntArray([1] * 256), "1.16": IntArray([1] * 1024)}[version]
+        biomes = {
+            "1.12": ByteArray([1] * 256),
+            "1.13": IntArray([1] * 256),
+            "1.15": IntArray([1] * 1024),
+            "1.16": IntArray([1] * 1024),
+        }[version]
         level = Compound({**tags, "Biomes": biomes, "Sections": List[Compound](sections)})
         return File({"DataVersion": Int(VERSIONS[version]), "Level": level})
     return File({"DataVersion": Int(VERSIONS[version]), **tags, "sections": List[Compound](sections)})

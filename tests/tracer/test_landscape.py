@@ -27,14 +27,15 @@ def hills(side: int = 96) -> World:
     """Rolling ground with trees of one voxel's width, partly below zero."""
     x, z = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     height = (6 * np.sin(x / 9.0) + 5 * np.cos(z / 13.0)).round().astype(int)
-    depth = np.arange(-14, 12)
+    depth = np.arange(-14, 36)
     y = np.broadcast_to(depth, (side, side, len(depth)))
     solid = y <= height[..., None]
-    tree = ((x % 11 == 3) & (z % 13 == 5))[..., None] & (y > height[..., None])
+    tree = ((x % 11 == 3) & (z % 13 == 5))[..., None] & (y > height[..., None]) & (y < 12)
     cells = np.stack([x[..., None] + 0 * y, y, z[..., None] + 0 * y], axis=-1)
     table = MaterialTable.of([Material(name="earth"), Material(name="grass"), Material(name="wood")])
     ids = np.where(tree, 3, np.where(y == height[..., None], 2, 1))
-    kept = solid | tree
+    pillar = ((x % 26 < 4) & (z % 26 < 4))[..., None] & (y > height[..., None])
+    kept = solid | tree | pillar
     return world_of_cells(cells[kept] - (40, 0, 200), ids[kept].astype(np.int16), table)
 
 
@@ -55,7 +56,9 @@ def looks_free(scene: Scene, name: str, time: float, near: float) -> float:
 
 @pytest.mark.parametrize("name", ["landscape", "orbit", "flight"])
 def test_views_look_at_the_land_with_nothing_before_the_lens(name: str):
-    shares = [looks_free(scene(), name, time, near=4.0) for time in (0.0, 7.0, 19.0, 31.0)]
+    shares = [
+        looks_free(scene(), name, time, near=9.0 if name == "landscape" else 4.0) for time in (0.0, 7.0, 19.0, 31.0)
+    ]
     assert min(shares) > 0.25
     if name == "landscape":
         assert 0.4 < shares[0] < 0.95
@@ -68,7 +71,7 @@ def test_views_of_real_regions_are_free(name: str):
     pytest.importorskip("nbtlib")
     found = tracer.load(Path(DATA) / "mca" / name)
     assert 0.4 < looks_free(found, "landscape", 0.0, near=5.0) < 0.95
-    for time in np.linspace(0, 48, 13)[:-1]:
+    for time in np.linspace(0, 48, 9)[:-1]:
         looks_free(found, "flight", float(time), near=4.0)
 
 
@@ -86,6 +89,9 @@ def test_the_sun_goes_from_east_to_west_and_lamps_have_the_night():
         assert sun is not None
         assert math.copysign(1, sun.direction[0]) == x or abs(sun.direction[0]) < 1e-6
         assert sun.direction[1] > 0
+    moon = at_hour(base, 20).sun  # where the sun was at 8
+    assert moon is not None
+    assert moon.direction[0] > 0.5 < moon.direction[1] + 0.3
     light = {hour: at_hour(base, hour) for hour in (0, 5.9, 6.5, 12, 17.5, 18.1, 24)}
     strength = {hour: sum(found.sun.irradiance) for hour, found in light.items() if found.sun is not None}
     assert strength[12] == pytest.approx(sum(base.sun.irradiance), rel=1e-3) if base.sun else False

@@ -64,6 +64,7 @@ def test_families_follow_their_table():
 
 def test_layers_and_light():
     assert material("stone", "").opacity == 1
+    assert 0.05 < material("oak_leaves", "jungle").albedo[1] < 0.4
     assert material("water", "plains").opacity < 0.5
     assert material("blue_stained_glass", "").tint[2] > material("blue_stained_glass", "").tint[0]
     for lamp in ("torch_head", "glowstone", "lava", "sea_lantern", "lantern_glass"):
@@ -117,12 +118,14 @@ def test_what_stands_in_water_stands_in_water():
 
 
 def test_shapes_lie_where_their_blocks_are():
-    blocks = cubes_of("minecraft:stone", "minecraft:oak_slab[type=bottom]").build()
+    states = ["minecraft:air"] * 19  # the last one lies in the next row
+    states[0], states[1], states[18] = "minecraft:stone", "minecraft:oak_slab[type=bottom]", "minecraft:snow[layers=2]"
+    blocks = cubes_of(*states).build()
     scene = Scene(world=blocks.world, instances=blocks.instances)
-    origins = torch.tensor([[0.5, 9.0, 0.5], [1.5, 9.0, 0.5], [2.5, 9.0, 0.5]])
-    hits = trace(scene, origins, torch.tensor([[0.0, -1.0, 0.0]]).expand(3, 3), poses=scene.poses([0.0])[0][None])
-    assert hits.hit.tolist() == [True, True, False]
-    assert torch.allclose(hits.t[:2], torch.tensor([8.0, 8.5]))
+    origins = torch.tensor([[0.5, 9.0, 0.5], [1.5, 9.0, 0.5], [2.5, 9.0, 1.5], [2.5, 9.0, 0.5]])
+    hits = trace(scene, origins, torch.tensor([[0.0, -1.0, 0.0]]).expand(4, 3), poses=scene.poses([0.0])[0][None])
+    assert hits.hit.tolist() == [True, True, True, False]
+    assert torch.allclose(hits.t[:3], torch.tensor([8.0, 8.5, 8.75]))
 
 
 def test_same_groups_of_shapes_share_their_bricks():
