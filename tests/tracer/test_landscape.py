@@ -75,6 +75,16 @@ def test_views_of_real_regions_are_free(name: str):
         looks_free(found, "flight", float(time), near=4.0)
 
 
+def test_a_tower_is_not_looked_at_from_under_its_wall():
+    """Though its many materials are what there is to see."""
+    ground = np.stack(np.meshgrid(np.arange(64), [0], np.arange(64), indexing="ij"), axis=-1).reshape(-1, 3)
+    tower = np.stack(np.meshgrid(np.arange(12, 52), np.arange(1, 40), [31, 32], indexing="ij"), axis=-1).reshape(-1, 3)
+    ids = np.concatenate([np.ones(len(ground)), 2 + tower[:, 0] % 12]).astype(np.int16)
+    table = MaterialTable.of([Material(name=f"m{n}") for n in range(14)])
+    found = landscape(world_of_cells(np.concatenate([ground, tower]), ids, table))
+    assert looks_free(found, "landscape", 0.0, near=14.0) > 0.3
+
+
 def test_a_single_voxel_has_views():
     table = MaterialTable.of([Material(name="stone")])
     found = landscape(world_of_cells(np.array([[5, -3, 7]]), np.array([1], np.int16), table))

@@ -101,10 +101,10 @@ def _slab(name: str, told: Mapping[str, str]) -> Shape | None:
 
 def _stairs(name: str, told: Mapping[str, str]) -> Shape:
     facing, shape = told.get("facing", "north"), told.get("shape", "straight")
-    step = half_toward(facing)
+    step = beside(facing, 4)
     if shape != "straight":
         left = {"north": "west", "west": "south", "south": "east", "east": "north"}[facing]
-        other = half_toward(left if shape.endswith("left") else OPPOSITE[left])
+        other = beside(left if shape.endswith("left") else OPPOSITE[left], 4)
         step = step & other if shape.startswith("outer") else step | other
     top = told.get("half") == "top"
     base, rise = (
@@ -113,19 +113,13 @@ def _stairs(name: str, told: Mapping[str, str]) -> Shape:
     return ((name, base | (rise & step)),)
 
 
-def half_toward(side: str) -> Mask:
-    """The half of a block on one side; north is -z, east +x."""
-    return beside(side, 4)
-
-
-def beside(side: str, depth: int, low: int = 0, high: int = 8) -> Mask:
-    """A plate on one side of a block, ``depth`` eighths thick."""
+def beside(side: str, depth: int) -> Mask:
+    """A plate on one side of a block, ``depth`` eighths thick; north is -z, east +x."""
     return {
-        "west": box(0, low, 0, depth, high, 8),
-        "east": box(8 - depth, low, 0, 8, high, 8),
-        "north": box(0, low, 0, 8, high, depth),
-        "south": box(0, low, 8 - depth, 8, high, 8),
-    }.get(side, box(0, low, 8 - depth, 8, high, 8))
+        "west": box(0, 0, 0, depth, 8, 8),
+        "east": box(8 - depth, 0, 0, 8, 8, 8),
+        "north": box(0, 0, 0, 8, 8, depth),
+    }.get(side, box(0, 0, 8 - depth, 8, 8, 8))
 
 
 def _arms(told: Mapping[str, str], low: int, high: int, a: int, b: int) -> Mask:
