@@ -62,6 +62,19 @@ class Camera:
             raise ValueError(f"jitter must be ({batch},2) in pixels, got {_shape(self.jitter)}")
         check_matrices(self.intrinsics, self.world_from_view, self.jitter)
 
+    def __repr__(self) -> str:
+        """The first camera of the batch in one line."""
+        (x, y, z), (dx, dy, dz) = self.position[0].tolist(), self.forward[0].tolist()
+        fx, fy = self.intrinsics[0, 0, 0].item(), self.intrinsics[0, 1, 1].item()
+        if self.orthographic:
+            field = f"orthographic, {self.width / fx:.4g} x {self.height / fy:.4g} units"
+        else:
+            across, down = (math.degrees(2 * math.atan(n / 2 / f)) for n, f in ((self.width, fx), (self.height, fy)))
+            field = f"{across:.1f} x {down:.1f} degrees"
+        more = "" if self.batch == 1 else f", first of {self.batch}"
+        where = f"at ({x:.4g}, {y:.4g}, {z:.4g}), forward ({dx:.3f}, {dy:.3f}, {dz:.3f})"
+        return f"Camera({self.width}x{self.height}, {field}, {where}, near {self.near:g}, far {self.far:g}{more})"
+
     @staticmethod
     def from_intrinsics(
         intrinsics: Tensor,

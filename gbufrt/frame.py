@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,7 +12,7 @@ from torch import Tensor
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
 from gbufrt.tree import map_tensors
-from gbufrt.validation import validate_gbuffer, validate_signals
+from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,6 +68,36 @@ class Frame:
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
             raise ValueError(f"cut must be ({camera.batch},) bool, got {tuple(self.cut.shape)} {self.cut.dtype}")
 
+    def __repr__(self) -> str:
+        """In ten lines at most: camera, and names of what there is, with sizes where these are not the picture's."""
+        g, signals = self.gbuffer, [name for name in SIGNALS if getattr(self, name) is not None]
+        absent = [name for name in CHANNELS if getattr(g, name) is None]
+        absent += [name for name in LIGHT if name not in signals]
+        rows = {
+            "camera": repr(g.camera),
+            "before": "" if g.previous_camera is None else repr(g.previous_camera),
+            "gbuffer": self._listed(g.present),
+            "light": self._listed(name for name in signals if name in LIGHT),
+            "signals": self._listed(name for name in signals if name not in LIGHT),
+            "extra": self._listed(self.extra),
+            "absent": ", ".join(absent),
+            "behind": "" if self.behind is None else self.behind._listed(self.behind.present),
+        }
+        b, _, h, w = g.depth.shape
+        kind = str(g.depth.dtype).removeprefix("torch.")
+        cut = "" if self.cut is None else f", cut {self.cut.tolist()}"
+        head = f"Frame {self.index} at {self.time:g} s: batch {b}, {w}x{h}, {kind} on {g.depth.device}{cut}"
+        return "\n".join([head, *(f"  {name:8s} {text}" for name, text in rows.items() if text)])
+
+    def _listed(self, names: Iterable[str]) -> str:
+        """Names with their numbers of components, and their sizes where these are not the picture's."""
+        told = []
+        for name in names:
+            _, c, h, w = self.read(name).shape
+            size = [] if (h, w) == self.gbuffer.camera.size else [f"{w}x{h}"]
+            told.append(f"{name} ({', '.join([str(c), *size])})" if c > 1 or size else name)
+        return ", ".join(told)
+
     def replace(self, **changes: Any) -> Frame:
         """A copy with some fields changed."""
         return replace(self, **changes)
@@ -115,8 +145,11 @@ class Frame:
         signals = tuple(name for name in SIGNALS if getattr(self, name) is not None)
         return self.gbuffer.present + signals + tuple(self.extra)
 
-    def validate(self) -> None:
+    def validate(self, before: Frame | None = None) -> None:
         """Check G-buffer, light and signals against the conventions, and the same of what lies `behind`.
+
+        Args:
+            before: the frame before, to check the motion of what moves by itself; see `GBuffer.validate`.
 
         Raises:
             ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
@@ -125,17 +158,35 @@ class Frame:
         layer: Frame | None = self
         prefix = ""
         while layer is not None:
-            validate_gbuffer(layer.gbuffer, prefix)
+            validate_gbuffer(layer.gbuffer, None if before is None or prefix else before.gbuffer, prefix)
             signals = {name: tensor for name in SIGNALS if (tensor := getattr(layer, name)) is not None}
             validate_signals({**signals, **layer.extra}, layer.gbuffer.hit, prefix)
             layer, prefix = layer.behind, f"{prefix}behind."
 
+    def still(self) -> Frame:
+        """The frame as if nothing had moved before it, and the same of what lies `behind`."""
+        g = self.gbuffer
+        none = {name: torch.zeros_like(g_name) for name in MOTION if (g_name := getattr(g, name)) is not None}
+        behind = None if self.behind is None else self.behind.still()
+        return replace(self, gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind)
+
+    def moving_as(self, frame: Frame) -> Frame:
+        """This frame with the motion and the cut of another one, and the same of what lies `behind`: undoes `still`."""
+        g, behind = frame.gbuffer, self.behind
+        motion = {name: tensor for name in MOTION if (tensor := getattr(g, name)) is not None}
+        if behind is not None and frame.behind is not None:
+            behind = behind.moving_as(frame.behind)
+        moving = self.gbuffer.replace(previous_camera=g.previous_camera, **motion)
+        return replace(self, gbuffer=moving, cut=frame.cut, behind=behind)
+
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
-        keep = {name: getattr(self, name) for name in ("radiance", "ambient", "gi", "sky_visibility", "composite")}
+        names = ("radiance", "ambient", "gi", "sky_visibility", "reflection", "composite")
+        keep = {name: getattr(self, name) for name in names}
         return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
 
 
 SIGNALS = channels_of(Frame)
+MOTION = ("motion", "motion_z")
 LIGHT = ("radiance", "ambient", "environment")
 """Signals that come with the frame rather than from a pass."""

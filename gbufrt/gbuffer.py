@@ -11,7 +11,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.tree import map_tensors
-from gbufrt.validation import validate_gbuffer
+from gbufrt.validation.checks import validate_gbuffer
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,6 +59,10 @@ class GBuffer:
                 f"got batch {previous.batch} and size {previous.size}"
             )
 
+    def __repr__(self) -> str:
+        """Camera and names of the channels that are present, in one line."""
+        return f"GBuffer({self.camera!r}, {', '.join(self.present)})"
+
     @property
     def batch(self) -> int:
         """B."""
@@ -81,14 +85,18 @@ class GBuffer:
         """``(B, 3, H, W)`` view-space position of each pixel's surface."""
         return self.camera.unproject(self.depth)
 
-    def validate(self) -> None:
+    def validate(self, before: GBuffer | None = None) -> None:
         """Check the values against the conventions.
+
+        Args:
+            before: of the frame before; with it the motion of what moves by itself is checked too. Under a camera that
+                stands still nothing else tells its sign.
 
         Raises:
             ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
                 and a remedy.
         """
-        validate_gbuffer(self)
+        validate_gbuffer(self, before)
 
 
 CHANNELS = channels_of(GBuffer)

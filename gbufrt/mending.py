@@ -17,7 +17,7 @@ from torch.utils.weak import WeakTensorKeyDictionary
 
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
-from gbufrt.validation import all_finite, check_finite, pixels
+from gbufrt.validation.pixels import all_finite, check_finite, pixels
 
 SURFACE = ("depth", "normal", "normal_geo")  # without these a pixel shows no surface
 WHOLE = ("motion", "bent_normal")  # vectors: one component means nothing without the others

@@ -1,4 +1,4 @@
-"""Pass and TemporalPass: what a pipeline is made of.
+"""Pass and TemporalPass: what a pipeline is made of; and Branch, the names under which it holds them.
 
 A pass is a function from frame to frame with its tunables. A temporal pass also takes and returns its state, a plain
 value that is None on the first frame.
@@ -8,29 +8,38 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Any, Self
 
 from torch import nn
 
-from gbufrt.frame import SIGNALS, Frame
+from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import contained
+from gbufrt.names import meanings, resolve, unknown
 
 
 class Stage(nn.Module):
     """What a pass and a temporal pass have in common: what they read and write, and their tunables.
 
     ``reads`` must be present, ``optional`` is used where present, ``writes`` is the result. Every keyword of the
-    constructor is a tunable and is kept in an attribute of the same name.
+    constructor is a tunable and is kept in an attribute of the same name. ``lacks`` says, by the name of an optional
+    input that comes with the frame, what is missing from the result without it; a pipeline tells that once.
     """
 
     reads: frozenset[str] = frozenset()
     optional: frozenset[str] = frozenset()
     writes: frozenset[str] = frozenset()
+    lacks: Mapping[str, str] = MappingProxyType({})
 
     def tunables(self) -> dict[str, Any]:
         """The constructor's keywords with their present values."""
         return {name: getattr(self, name) for name in _keywords(type(self))}
+
+    def meanings(self) -> dict[str, str]:
+        """A line on each tunable, from the docstrings of the class and of the functions that it refers to."""
+        return meanings(type(self), _keywords(type(self)))
 
     def tuned(self, **changes: Any) -> Stage:
         """A copy with some tunables changed.
@@ -41,7 +50,7 @@ class Stage(nn.Module):
         known = self.tunables()
         for name in changes:
             if name not in known:
-                raise ValueError(f"{type(self).__name__} has no tunable {name!r}; it has {', '.join(known) or 'none'}")
+                raise ValueError(unknown("tunable", name, type(self).__name__, known))
         return type(self)(**{**known, **changes})
 
     def check(self, frame: Frame) -> None:
@@ -50,8 +59,17 @@ class Stage(nn.Module):
             if frame.get(name) is None:
                 raise ValueError(f"{type(self).__name__} reads {name!r}, which the frame lacks: {_remedy(name)}")
 
+    def left_out(self, frame: Frame) -> list[str]:
+        """What this pass leaves out for want of an input, and the remedies."""
+        absent = [name for name in self.lacks if frame.get(name) is None]
+        return [f"{self.lacks[name]}, because the frame has no {name}: {_remedy(name)}" for name in absent]
+
     def extra_repr(self) -> str:
         return ", ".join(f"{name}={value!r}" for name, value in self.tunables().items())
+
+
+Stages = Mapping[str, Stage | None]
+"""By name, in order; None leaves one out."""
 
 
 class Pass(Stage, ABC):
@@ -78,6 +96,129 @@ class TemporalPass(Stage, ABC):
         """The frame with what ``writes`` names filled in, and the state for the next frame."""
 
 
+class Branch(TemporalPass, ABC):
+    """Named stages, and copies of it with some of them changed; `gbufrt.Pipeline` says how they run.
+
+    Raises:
+        TypeError: a stage is not a pass.
+    """
+
+    def __init__(self, stages: Stages) -> None:
+        super().__init__()
+        self.stages = nn.ModuleDict()
+        for name, stage in stages.items():
+            if stage is None:
+                continue
+            if not isinstance(stage, (Pass, TemporalPass)):
+                raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {type(stage).__name__}")
+            self.stages[name] = stage
+
+    def _stages(self) -> dict[str, Stage]:
+        return {name: stage for name, stage in self.stages.items() if isinstance(stage, Stage)}  # every one is
+
+    def passes(self) -> Iterator[tuple[str, Stage]]:
+        """Every pass that is not itself a pipeline, with its dotted name, in order."""
+        for name, stage in self._stages().items():
+            if isinstance(stage, Branch):
+                yield from ((f"{name}.{path}", inner) for path, inner in stage.passes())
+            else:
+                yield name, stage
+
+    def without(self, *paths: str) -> Self:
+        """A copy that lacks the named stages (``"gi"``, ``"gi.accumulate"``).
+
+        Raises:
+            ValueError: there is no such stage, or a remaining stage reads what a removed one wrote.
+        """
+        result = self
+        for path in paths:
+            result = result.replace(path, None)
+        return result
+
+    def replace(self, path: str, stage: Stage | None) -> Self:
+        """A copy with another stage in the place of the named one, such as ``"ao.estimate"``.
+
+        Raises:
+            TypeError: the new stage is not a pass.
+            ValueError: there is no such stage, or a later one reads what only the old one wrote.
+        """
+        return self._edited(path, lambda stages, name: {**stages, name: stage})
+
+    def with_stage(self, name: str, stage: Stage, *, after: str | None = None, before: str | None = None) -> Self:
+        """A copy with a stage of your own.
+
+        Args:
+            name: the stage's name, a dotted one to reach into a nested pipeline.
+            stage: a pass, temporal pass or pipeline.
+            after: the stage of the same pipeline that it follows; or
+            before: the stage of the same pipeline that it precedes.
+
+        Raises:
+            ValueError: there is no stage to follow or to precede, the name is taken, or an input is missing.
+        """
+        if (after is None) == (before is None):
+            raise ValueError(f"give after= or before=, one of them, to say where stage {name!r} goes")
+        beside = str(after or before)
+
+        def insert(stages: Stages, place: str) -> Stages:
+            order = list(stages)
+            at = order.index(place) + (after is not None)
+            if own in stages:
+                raise ValueError(f"the pipeline has a stage {own!r} already; choose another name, or use replace()")
+            return {key: stage if key == own else stages[key] for key in [*order[:at], own, *order[at:]]}
+
+        inner, _, own = name.rpartition(".")
+        return self._edited(f"{inner}.{beside}" if inner else beside, insert)
+
+    def with_tunables(self, values: Mapping[str, Any]) -> Self:
+        """A copy with tunables set by dotted name, such as ``{"ao.estimate.radius": 2.0}``.
+
+        A name may be shortened to any unambiguous tail, and a pass may go by its class's name in lower case
+        (``gtao.radius``).
+
+        Raises:
+            ValueError: no such tunable, or a tail that fits several.
+        """
+        result, stages = self, dict(self.passes())
+        for name, value in values.items():
+            path, _, key = self.resolve(name).rpartition(".")
+            stages[path] = stages[path].tuned(**{key: value})
+            result = result.replace(path, stages[path])
+        return result
+
+    def all_tunables(self) -> dict[str, Any]:
+        """Every tunable by its full dotted name, with its present value."""
+        return {f"{path}.{key}": value for path, stage in self.passes() for key, value in stage.tunables().items()}
+
+    def resolve(self, name: str) -> str:
+        """The full dotted name of a tunable; see `with_tunables`."""
+        return resolve(name, {f"{path}.{key}": type(p).__name__ for path, p in self.passes() for key in p.tunables()})
+
+    def tunables(self) -> dict[str, Any]:
+        """A pipeline has none of its own; see `all_tunables`."""
+        return {}
+
+    def _edited(self, path: str, change: Callable[[Stages, str], Stages]) -> Self:
+        """A copy in which ``change`` made other stages of those around the named one; empty pipelines are left out."""
+        head, _, rest = path.partition(".")
+        stages: Stages = dict(self._stages())
+        if head not in stages:
+            raise ValueError(unknown("stage", head, "the pipeline", stages))
+        inner = stages[head]
+        if not rest:
+            stages = change(stages, head)
+        elif isinstance(inner, Branch):
+            changed = inner._edited(rest, change)
+            stages[head] = changed if len(changed.stages) else None
+        else:
+            raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
+        return self._with(stages)
+
+    @abstractmethod
+    def _with(self, stages: Stages) -> Self:
+        """A copy with these stages in place of its own."""
+
+
 def _keywords(cls: type) -> list[str]:
     if cls.__init__ is Stage.__init__:
         return []
@@ -88,5 +229,6 @@ def _remedy(name: str) -> str:
     if name in CHANNELS:
         return f"give the GBuffer a {name} channel ({CHANNELS[name].meaning})"
     if name in SIGNALS:
-        return f"give the Frame {name} ({SIGNALS[name].meaning}) or run a pass that writes it"
+        more = "" if name in LIGHT else " or run a pass that writes it"
+        return f"give the Frame {name} ({SIGNALS[name].meaning}){more}"
     return "run a pass that writes it"

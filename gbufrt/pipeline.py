@@ -5,7 +5,8 @@ A pipeline is itself a temporal pass, so pipelines nest.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from typing import Any, Literal
 
@@ -16,12 +17,14 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.mending import remembering
-from gbufrt.passes import Pass, Stage, TemporalPass
-from gbufrt.reduction import Reduction
+from gbufrt.passes import Branch, Stage, Stages, TemporalPass
+from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
 
+NOISE_PERIOD = 4096  # frames; a multiple of every noise's, so that an index may count down past 0
 
-class Pipeline(TemporalPass):
+
+class Pipeline(Branch):
     """Named stages, run in order.
 
     Args:
@@ -44,25 +47,15 @@ class Pipeline(TemporalPass):
         reduction: Reduction | None = None,
         **stages: Stage | None,
     ) -> None:
-        super().__init__()
-        if layer not in (None, "behind"):
-            raise ValueError(f'layer must be "behind" or None, got {layer!r}')
-        self.given = frozenset(given)
-        self.layer: Literal["behind"] | None = layer
-        self.reduction = reduction
-        self.stages = nn.ModuleDict()
-        for name, stage in stages.items():
-            if stage is None:
-                continue
-            if not isinstance(stage, (Pass, TemporalPass)):
-                raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {type(stage).__name__}")
-            self.stages[name] = stage
+        super().__init__(stages)
+        self.given, self.place = frozenset(given), Place(layer, reduction)
+        self._told = False
         self._connect()
 
     def _connect(self) -> None:
         """Work out what the pipeline reads and writes, and check that every signal is written before it is read."""
-        have, reads, optional = set(self.given), set(self.given), set()
-        for name, stage in self._stages():
+        have, reads, optional, written = set(self.given), set(self.given), set[str](), set[str]()
+        for name, stage in self._stages().items():
             for signal in sorted(stage.reads - have):
                 if signal not in LIGHT and signal not in CHANNELS:
                     raise ValueError(
@@ -71,18 +64,18 @@ class Pipeline(TemporalPass):
                     )
                 reads.add(signal)
             optional |= stage.optional - have
+            written |= stage.writes
             have |= stage.writes
-        self._written = frozenset().union(*(stage.writes for _, stage in self._stages()))
-        if self.reduction is not None:
-            self._written = self.reduction.restored(self._written)
-        if self.layer is None:  # stages on another layer do not read or write this frame's signals
+        if self.place.layer is None:  # stages on another layer do not read or write this frame's signals
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
-            self.writes = self._written
+            self.writes = self.place.returned(written)
 
     def __call__(
         self, frame: Frame, state: PipelineState | None = None, *, keep_graph: bool = False
     ) -> tuple[Frame, PipelineState]:
         """`forward`; each stage contains non-finite pixels itself."""
+        _warn_if_repeated(frame, None if state is None else state.previous)
+        self._tell_what_is_left_out(frame)
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)
 
     def forward(
@@ -92,14 +85,20 @@ class Pipeline(TemporalPass):
 
         The state comes back detached, so that neither gradients nor memory reach past one frame. ``keep_graph`` leaves
         its graph in place, for gradients through time: memory then grows with every frame.
+
+        Warns:
+            UserWarning: the frame has the index of the one before, and so its noise, without a camera cut.
         """
         if state is not None and frame.cut is not None and bool(frame.cut.any()):
             state = state.reset(frame.cut)
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
         with remembering():
-            frame, after = _run([("", self)], frame, {"": state})
-        state = PipelineState(stages=after[""].stages, previous=frame.as_previous())
+            seen, inside = self.place.enter(frame), PipelineState()
+            if seen is not None:
+                seen, inside = self._inside(seen, state or inside)
+                frame = self.place.leave(frame, seen, self._written())
+        state = PipelineState(stages=inside.stages, previous=frame.as_previous())
         return frame.replace(previous=None), state if keep_graph else state.detach()
 
     def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:
@@ -109,91 +108,34 @@ class Pipeline(TemporalPass):
             result, state = self(frame, state, keep_graph=keep_graph)
             yield result
 
-    def passes(self) -> Iterator[tuple[str, Stage]]:
-        """Every pass that is not itself a pipeline, with its dotted name, in order."""
-        for name, stage in self._stages():
-            if isinstance(stage, Pipeline):
-                yield from ((f"{name}.{path}", inner) for path, inner in stage.passes())
-            else:
-                yield name, stage
+    def settle(
+        self, frame: Frame, runs: int = 4, *, tick: Callable[[], None] = lambda: None
+    ) -> tuple[Frame, PipelineState]:
+        """Run over a still until its history is full: as over so many frames of a world and a camera that stand still.
 
-    def _stages(self) -> Iterator[tuple[str, Stage]]:
-        for name, stage in self.stages.items():
-            if isinstance(stage, Stage):  # always; tells the type checker what a ModuleDict cannot
-                yield name, stage
-
-    def without(self, *paths: str) -> Pipeline:
-        """A copy that lacks the named stages (``"gi"``, ``"gi.accumulate"``).
-
-        Raises:
-            ValueError: there is no such stage, or a remaining stage reads what a removed one wrote.
-        """
-        result = self
-        for path in paths:
-            result = result._changed(path, lambda _: None)
-        return result
-
-    def with_stage(self, name: str, stage: Stage, *, after: str) -> Pipeline:
-        """A copy with a stage of your own.
+        Every run has its own noise, that of the frames before, and the last one the noise of ``frame``; running the
+        same frame again by hand would repeat one noise, and not converge.
 
         Args:
-            name: the stage's name, a dotted one to reach into a nested pipeline.
-            stage: a pass, temporal pass or pipeline.
-            after: the stage of the same pipeline that it follows.
+            frame: the still, or the first frame of a sequence; `Frame.still` of it is what the passes see.
+            runs: how many; the command line's ``--warmup`` counts those before the last.
+            tick: called after each run.
+
+        Returns:
+            The finished frame, with the motion that it came with; and the state to go on from.
 
         Raises:
-            ValueError: there is no stage to follow, the name is taken, or an input is missing.
+            ValueError: runs is below 1.
         """
-        inner, _, last = name.rpartition(".")
-        if inner:
-            return self._changed(inner, lambda nested: _pipeline(inner, nested).with_stage(last, stage, after=after))
-        if after not in self.stages:
-            raise ValueError(f"no stage {after!r} in the pipeline; it has {', '.join(self.stages)}")
-        if name in self.stages:
-            raise ValueError(f"the pipeline has a stage {name!r} already; choose another name")
-        stages: dict[str, Stage] = {}
-        for existing, present in self._stages():
-            stages[existing] = present
-            if existing == after:
-                stages[name] = stage
-        return self._rebuilt(stages)
-
-    def with_tunables(self, values: Mapping[str, Any]) -> Pipeline:
-        """A copy with tunables set by dotted name, such as ``{"ao.estimate.radius": 2.0}``.
-
-        A name may be shortened to any unambiguous tail, and a pass may go by its class's name in lower case
-        (``gtao.radius``).
-
-        Raises:
-            ValueError: no such tunable, or a tail that fits several.
-        """
-        result = self
-        for name, value in values.items():
-            path, _, key = self.resolve(name).rpartition(".")
-            result = result._changed(path, lambda stage, key=key, value=value: stage.tuned(**{key: value}))
-        return result
-
-    def all_tunables(self) -> dict[str, Any]:
-        """Every tunable by its full dotted name, with its present value."""
-        return {f"{path}.{key}": value for path, stage in self.passes() for key, value in stage.tunables().items()}
-
-    def resolve(self, name: str) -> str:
-        """The full dotted name of a tunable; see `with_tunables`."""
-        names = {f"{path}.{key}": stage for path, stage in self.passes() for key in stage.tunables()}
-        if name in names:
-            return name
-        found = []
-        for full, stage in names.items():
-            path, _, key = full.rpartition(".")
-            alias = f"{type(stage).__name__.lower()}.{key}"
-            if full.endswith("." + name) or name == alias or f"{path.rpartition('.')[0]}.{alias}" == name:
-                found.append(full)
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise ValueError(f"tunable {name!r} is ambiguous: {', '.join(found)}")
-        near = [full for full in names if full.rpartition(".")[2] == name.rpartition(".")[2]]
-        raise ValueError(f"no tunable {name!r}" + (f"; did you mean {', '.join(near[:4])}?" if near else ""))
+        if runs < 1:
+            raise ValueError(f"runs must be at least 1, got {runs}")
+        still, state, result = frame.still(), None, frame
+        for before in range(runs - 1, -1, -1):
+            index = (frame.index - before) % NOISE_PERIOD if before else frame.index
+            result, state = self(still.replace(index=index), state)
+            tick()
+        assert state is not None
+        return result.moving_as(frame), state
 
     def compile(self, frame: Frame | None = None) -> dict[str, float]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Compile, ahead of time, all kernels that the passes run on the CPU without gradients.
@@ -224,68 +166,52 @@ class Pipeline(TemporalPass):
             self(given.replace(index=given.index + 1), state)
         return seconds
 
-    def tunables(self) -> dict[str, Any]:
-        """A pipeline has none of its own; see `all_tunables`."""
-        return {}
+    def _tell_what_is_left_out(self, frame: Frame) -> None:
+        """Warn of it, once a pipeline."""
+        if not self._told:
+            self._told = True
+            left_out = [f"{name}: {what}" for name, stage in self.passes() for what in stage.left_out(frame)]
+            if left_out:
+                warnings.warn(f"{'; '.join(left_out)} (told once a pipeline)", stacklevel=3)
 
-    def _changed(self, path: str, change: Any) -> Pipeline:
-        head, _, rest = path.partition(".")
-        if head not in self.stages:
-            known = ", ".join(self.stages)
-            raise ValueError(f"no stage {head!r} in the pipeline; it has {known}")
-        stages: dict[str, Any] = dict(self.stages.items())
-        inner = stages[head]
-        if not rest:
-            stages[head] = change(inner)
-        elif isinstance(inner, Pipeline):
-            changed = inner._changed(rest, change)
-            stages[head] = changed if len(changed.stages) else None
-        else:
-            raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
-        return self._rebuilt(stages)
+    def _written(self) -> set[str]:
+        """What the stages write on the frame that they see."""
+        return {signal for stage in self._stages().values() for signal in stage.writes}
 
-    def _rebuilt(self, stages: Mapping[str, Any]) -> Pipeline:
-        return Pipeline(given=self.given, layer=self.layer, reduction=self.reduction, **stages)
-
-
-def _run(stages: Iterable[tuple[str, Stage]], frame: Frame, before: Mapping[str, Any]) -> tuple[Frame, dict[str, Any]]:
-    """Run stages in order, each on the frame it asks for; neighbours that ask for the same one share it.
-
-    Returns:
-        The frame, and the states of those stages that have one, by name.
-    """
-    after: dict[str, Any] = {}
-    for (layer, reduction), group in groupby(stages, key=_place):
-        own, together = frame if layer is None else frame.behind, list(group)
-        if own is None:
-            after |= {name: PipelineState() for name, _ in together}
-            continue
-        seen = own if reduction is None else reduction.reduce(own)
-        for name, stage in together:
-            seen, kept = _run_one(stage, seen, before.get(name))
-            after |= {} if kept is None else {name: kept}
-        if reduction is not None:
-            written = (stage._written for _, stage in together if isinstance(stage, Pipeline))
-            seen = reduction.restore(own, seen, frozenset().union(*written))
-        frame = seen if layer is None else frame.replace(behind=seen)
-    return frame, after
-
-
-def _run_one(stage: Stage, frame: Frame, before: Any) -> tuple[Frame, Any]:
-    if isinstance(stage, Pipeline):
-        frame, after = _run(stage._stages(), frame, {} if before is None else before.stages)
+    def _inside(self, frame: Frame, state: PipelineState) -> tuple[Frame, PipelineState]:
+        """Run the stages in order, each on the frame it asks for; neighbours that ask for the same one share it."""
+        after: dict[str, Any] = {}
+        for place, group in groupby(self._stages().items(), key=lambda named: _place(named[1])):
+            seen, stages = place.enter(frame), dict(group)
+            if seen is None:
+                continue
+            for name, stage in stages.items():
+                before = state.stages.get(name)
+                if isinstance(stage, Pipeline):
+                    seen, after[name] = stage._inside(seen, before or PipelineState())
+                    continue
+                stage.check(seen)
+                if isinstance(stage, TemporalPass):
+                    seen, after[name] = stage(seen, before)
+                else:
+                    seen = stage(seen)
+            pipelines = (stage for stage in stages.values() if isinstance(stage, Pipeline))
+            frame = place.leave(frame, seen, {signal for pipeline in pipelines for signal in pipeline._written()})
         return frame, PipelineState(stages=after)
-    stage.check(frame)
-    return stage(frame, before) if isinstance(stage, TemporalPass) else (stage(frame), None)
+
+    def _with(self, stages: Stages) -> Pipeline:
+        return Pipeline(given=self.given, layer=self.place.layer, reduction=self.place.reduction, **stages)
 
 
-def _place(named: tuple[str, Stage]) -> tuple[Literal["behind"] | None, Reduction | None]:
-    """The layer and the reduction that a stage runs on."""
-    stage = named[1]
-    return (stage.layer, stage.reduction) if isinstance(stage, Pipeline) else (None, None)
+def _place(stage: Stage) -> Place:
+    return stage.place if isinstance(stage, Pipeline) else Place()
 
 
-def _pipeline(name: str, stage: Any) -> Pipeline:
-    if not isinstance(stage, Pipeline):
-        raise ValueError(f"stage {name!r} is a {type(stage).__name__} and has no stages of its own")
-    return stage
+def _warn_if_repeated(frame: Frame, previous: Frame | None) -> None:
+    again = previous is not None and previous.index == frame.index
+    if again and not (frame.cut is not None and bool(frame.cut.all())):
+        warnings.warn(
+            f"frame index {frame.index} repeats, and with it the noise, so that nothing converges: count the index up, "
+            "or use pipeline.settle(frame, runs) for a still",
+            stacklevel=3,  # where the pipeline is called
+        )

@@ -1,8 +1,11 @@
-"""Reduction: stages that run on a smaller frame, and the frame of every second pixel, or every third."""
+"""Where stages run: on a layer of the frame, or on a smaller frame of every second pixel, or every third."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
 
 from torch import Tensor
 
@@ -25,6 +28,38 @@ class Reduction(ABC):
     @abstractmethod
     def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
         """``frame`` with the named signals of the smaller one, where it has them, brought to its own size."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Which frame stages see: a layer of the frame, that frame reduced, or both; by default the frame itself.
+
+    Raises:
+        ValueError: there is no such layer.
+    """
+
+    layer: Literal["behind"] | None = None
+    reduction: Reduction | None = None
+
+    def __post_init__(self) -> None:
+        if self.layer not in (None, "behind"):
+            raise ValueError(f'layer must be "behind" or None, got {self.layer!r}')
+
+    def enter(self, frame: Frame) -> Frame | None:
+        """The frame that stages see; None where there is no such layer."""
+        own = frame if self.layer is None else frame.behind
+        return own if own is None or self.reduction is None else self.reduction.reduce(own)
+
+    def leave(self, frame: Frame, seen: Frame, written: Iterable[str]) -> Frame:
+        """``frame`` with what stages have ``written`` on the frame that they saw."""
+        own = frame if self.layer is None else frame.behind
+        if self.reduction is not None and own is not None:
+            seen = self.reduction.restore(own, seen, self.returned(written))
+        return seen if self.layer is None else frame.replace(behind=seen)
+
+    def returned(self, written: Iterable[str]) -> frozenset[str]:
+        """Which of the signals that stages write come back to the whole frame."""
+        return frozenset(written) if self.reduction is None else self.reduction.restored(frozenset(written))
 
 
 def every_nth_camera(camera: Camera, stride: int) -> Camera:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from gbufrt import Pipeline
+from gbufrt.names import meant
 from post.passes.atrous import Atrous
 from post.passes.bilateral import Bilateral
 from post.passes.composite import Composite, Mode
@@ -29,7 +30,6 @@ GI_PHI = 2.0  # between those for one path a pixel and for none: what is left of
 GI_ITERATIONS = 3  # more gain nothing after accumulation
 GI_CLAMP = 3.0  # of one slice a frame: its noise passes two standard deviations often
 AO_RADIUS = 2.0  # metres
-EXPOSURE_KEY = 0.34
 AO_BLUR = 0.75  # pixels: sigma of the denoiser; wider loses more than it gains, with few directions too
 FRESH = 2  # times as many slices in a frame with none before it
 BEHIND_STEPS = 6
@@ -96,7 +96,8 @@ def me1(
     left. After 16 frames its error is up to a fifth less.
 
     Fourteen passes of ME1 make the composite and its history (here the history is the pipeline's state, not
-    passes). Anti-aliasing, motion blur, depth of field, exposure, tone curve and vignette follow.
+    passes). Anti-aliasing, motion blur, depth of field, exposure, tone curve and vignette follow. Tunables differ from
+    those of passes that are made without arguments: ``gbufrt passes`` lists both.
 
     Args:
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
@@ -115,7 +116,7 @@ def me1(
     Source: ME1 Path Tracing technical overview.
     """
     if preset not in QUALITIES:
-        raise ValueError(f"preset must be one of {', '.join(QUALITIES)}, got {preset!r}")
+        raise ValueError(f"preset must be one of {', '.join(QUALITIES)}, got {preset!r}{meant(preset, QUALITIES)}")
     if composite not in get_args(Mode):
         raise ValueError(f"composite must be one of {', '.join(get_args(Mode))}, got {composite!r}")
     if not units_per_metre > 0:
@@ -181,7 +182,7 @@ def _finish(composite: Mode) -> dict[str, Any]:
         "taa": TAA(),
         "motion_blur": MotionBlur(),
         "depth_of_field": DepthOfField(),
-        "exposure": Exposure(key=EXPOSURE_KEY, low=0.1, high=0.9),  # the middle of the picture, not its sky
+        "exposure": Exposure(),
         "tone_map": ToneMap(),
         "vignette": Vignette(),
         "encode": DisplayEncode(),

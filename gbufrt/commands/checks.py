@@ -1,6 +1,7 @@
 """Checks of arguments before torch is loaded, which takes seconds. Does not import torch.
 
-The names of worlds, views, presets and composites repeat those that heavier modules define; a test keeps them equal.
+The names of worlds, views, presets and composites, and the endings of files, repeat those that heavier modules define;
+a test keeps them equal.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import socket
 from collections.abc import Iterable, Mapping
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from gbufrt.commands.options import (
     MOST_WARMUP,
@@ -20,6 +22,7 @@ from gbufrt.commands.options import (
     parse_names,
     parse_settings,
 )
+from gbufrt.names import meant, no_world, unknown
 
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
@@ -29,6 +32,8 @@ VIDEOS = (".mp4", ".mov")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
+ENDINGS = (".vox", ".schem", ".schematic", ".mca")
+"""Endings of the files that hold worlds."""
 SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 MOST_WORKERS = 65536
 SECONDS_TO_ANSWER = 5.0
@@ -68,7 +73,7 @@ def check_name(option: str, name: str, known: Iterable[str]) -> None:
     """Raise ValueError if a name is not a known one."""
     names = list(known)
     if name not in names:
-        raise ValueError(f"{option} must be {', '.join(names[:-1])} or {names[-1]}, got {name!r}")
+        raise ValueError(f"{option} must be {', '.join(names[:-1])} or {names[-1]}, got {name!r}{meant(name, names)}")
 
 
 def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = None) -> None:
@@ -82,13 +87,20 @@ def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = Non
     if world in WORLDS:
         for view in views:
             if view not in WORLDS[world]:
-                raise ValueError(f"no view {view!r} in world {world!r}; it has {', '.join(WORLDS[world])}")
+                raise ValueError(unknown("view", view, f"world {world!r}", WORLDS[world]))
     elif seed is not None:
         raise ValueError(f"--seed is for built-in worlds ({builtin}); leave it out for {world}")
-    elif Path(world).suffix.lower() != ".vox":
-        raise ValueError(f"no world {world!r}; there are {builtin}, or give a path to a .vox file")
-    elif not Path(world).is_file():
+    elif Path(world).suffix.lower() not in ENDINGS and not Path(world).is_dir():
+        raise ValueError(no_world(world, WORLDS, ENDINGS))
+    elif not Path(world).exists():
         raise FileNotFoundError(f"{world} does not exist; check the path, or name a world: {builtin}")
+
+
+def check_part(world: str, part: Mapping[str, Any]) -> None:
+    """Raise ValueError where a part is asked of what is no Minecraft region or save."""
+    asked = [f"--{name}" for name, value in part.items() if value is not None]
+    if asked and (world in WORLDS or not (Path(world).suffix.lower() == ".mca" or Path(world).is_dir())):
+        raise ValueError(f"{asked[0]} is for Minecraft regions and saves; leave it out for {world}")
 
 
 def check_folder(path: Path) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -36,6 +37,7 @@ def build() -> App:
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Entry point; ``arguments`` default to those of the process."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
+    warnings.showwarning = _say
     try:
         app = build()
         config = _config(tokens)
@@ -64,6 +66,11 @@ def _config(tokens: list[str]) -> Path | None:
         if token == "--config" and place + 1 < len(tokens):
             return Path(tokens[place + 1])
     return None
+
+
+def _say(message: Warning | str, *place: object, **more: object) -> None:
+    """Warnings as one line, without the place in the code."""
+    print(f"gbufrt: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> NoReturn:

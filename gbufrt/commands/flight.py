@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import math
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gbufrt.commands.checks import check_world
-from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, FileOptions, at_least
+from gbufrt.commands.checks import check_part, check_world
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, FileOptions, PartOptions, at_least
+from gbufrt.names import unknown
 
 if TYPE_CHECKING:
     from gbufrt.commands.progress import Tick
     from gbufrt.commands.session import Recipe, Runner
     from gbufrt.frame import Frame
-    from tracer.scene.scene import Scene
+    from tracer.scene.scene import Scene, View
 
 LEAD_IN = 48
 """Frames that a shot begins early. The pictures after a seam are then more than 52 dB from those of one run (more than
@@ -36,6 +39,10 @@ class Job:
     fps: float
     samples: int | None
     seed: int | None
+    eye: tuple[float, float, float] | None = None
+    target: tuple[float, float, float] | None = None
+    fov: float | None = None
+    part: PartOptions = field(default_factory=PartOptions)
 
     def check(self) -> None:
         """Check the values, as far as possible without loading the world.
@@ -49,6 +56,13 @@ class Job:
         at_least("--fps", self.fps, 1e-3)
         if self.samples is not None:
             at_least("--light-samples", self.samples, 1, MOST_COUNT)
+        if (self.eye is None) != (self.target is None) or (self.eye is not None and self.view is not None):
+            raise ValueError("--eye and --target go together, in place of --view; give both of them or a view")
+        if self.eye is not None and self.eye == self.target:
+            raise ValueError(f"--target must not be where --eye is, got {self.target} for both")
+        if self.fov is not None and not 0.1 <= self.fov <= 170:
+            raise ValueError(f"--fov must be 0.1 to 170 degrees, got {self.fov:g}")
+        check_part(self.world, self.part.parsed())
         check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
     def load(self) -> Scene:
@@ -61,30 +75,51 @@ class Job:
         from tracer.worlds import WORLDS, builtin, load
 
         if self.seed is None:
-            scene = load(self.world)
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always")
+                scene = load(self.world, **self.part.parsed())
+            for warning in told:  # what is damaged or unknown, and left out
+                print(f"gbufrt: {warning.message}", file=sys.stderr)
         elif self.world == "builtin" or self.world in WORLDS:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
+        if self.part.hour is not None:
+            from tracer.scene.daylight import at_hour
+
+            scene = at_hour(scene, self.part.hour)
         if scene.world.empty and not scene.instances:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
-        if not scene.views:
+        if not scene.views and self.eye is None:
             raise ValueError(f"world {self.world!r} has no views to look from")
         if self.view is not None and self.view not in scene.views:
-            raise ValueError(f"no view {self.view!r} in world {self.world!r}; it has {', '.join(scene.views)}")
+            raise ValueError(unknown("view", self.view, f"world {self.world!r}", scene.views))
         return scene
 
     def notes(self) -> dict[str, Any]:
         """What a frame depends on, as JSON values."""
         keys = ("world", "view", "time", "fps", "samples", "seed")
-        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}}
+        camera = {key: value for key in ("eye", "target", "fov") if (value := getattr(self, key)) is not None}
+        camera = {key: list(value) if isinstance(value, tuple) else value for key, value in camera.items()}
+        part = {key: value for key, value in asdict(self.part).items() if value is not None}
+        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera, **part}
+
+    def seen_from(self, scene: Scene) -> View:
+        """Where the camera is and looks to: a view of the scene, or `eye` and `target`."""
+        from tracer.scene.scene import View
+
+        if self.eye is not None and self.target is not None:
+            eye, target = self.eye, self.target
+            return View(eye=lambda _: eye, target=lambda _: target, fov_y=View.fov_y if self.fov is None else self.fov)
+        view = scene.views[self.view or next(iter(scene.views))]
+        return view if self.fov is None else replace(view, fov_y=self.fov)
 
     def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
         """G-buffer and light of one frame."""
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
 
-        view = scene.views[self.view or next(iter(scene.views))]
+        view = self.seen_from(scene)
 
         def camera(number: int) -> Any:
             posed = view.camera(self.time + number / self.fps, size=self.size)

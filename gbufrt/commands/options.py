@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +32,7 @@ def whole(kind: Any, tokens: Sequence[Token]) -> int:
 Whole = Annotated[int, Parameter(converter=whole)]
 Without = Annotated[tuple[str, ...], Parameter(negative="")]
 Flag = Annotated[bool, Parameter(negative="")]
+Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]  # joined by commas; the first may be negative
 
 
 @Parameter(name="*")
@@ -76,6 +79,48 @@ class ClusterOptions:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """Which part of a Minecraft world is taken, and the time of its day."""
+
+    box: Numbers = None
+    """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
+
+    around: Numbers = None
+    """Place X,Z in a Minecraft world round which chunks are taken. [default: the player's, else the middle]"""
+
+    chunks: Whole | None = None
+    """How many chunks along each side are taken. [default: all of a .mca file, 24 of a save folder]"""
+
+    hour: float | None = None
+    """Hour of the day, 0 to 24, to which the sun is turned; lamps light the night. [default: the world's own sun]"""
+
+    def parsed(self) -> dict[str, Any]:
+        """The part as arguments of `tracer.load`.
+
+        Raises:
+            ValueError: not as many whole numbers as wanted, or an hour that no day has.
+        """
+        if self.hour is not None and not 0.0 <= self.hour <= 24.0:
+            raise ValueError(f"--hour must lie in 0..24, got {self.hour:g}")
+        return {
+            "box": _numbers("--box", self.box, "X0,Y0,Z0,X1,Y1,Z1"),
+            "around": _numbers("--around", self.around, "X,Z"),
+            "chunks": self.chunks,
+        }
+
+
+def _numbers(option: str, text: str | None, form: str) -> tuple[int, ...] | None:
+    """Whole numbers joined by commas, as many as ``form`` names."""
+    if text is None:
+        return None
+    words = [word.strip() for word in text.split(",")]
+    if len(words) != len(form.split(",")) or not all(re.fullmatch(r"-?\d{1,8}", word) for word in words):
+        raise ValueError(f"{option} must be {form} in whole blocks, got {text!r}")
+    return tuple(int(word) for word in words)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
 class FileOptions:
     """What is written, and how."""
 
@@ -110,6 +155,23 @@ def parse_size(text: str) -> tuple[int, int]:
     if sides[0] * sides[1] > MAX_PIXELS:
         raise ValueError(f"--size {text} has more than {MAX_PIXELS} pixels; choose a smaller one")
     return sides[1], sides[0]
+
+
+def parse_point(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """``X,Y,Z`` as three finite numbers; None stays None.
+
+    Raises:
+        ValueError: anything else.
+    """
+    if text is None:
+        return None
+    try:
+        x, y, z = map(float, text.split(","))
+    except ValueError:
+        x = y = z = math.nan
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError(f"{option} must be X,Y,Z, three numbers in world units such as 12,30,-8.5; got {text!r}")
+    return x, y, z
 
 
 def at_least(option: str, value: float, low: float, high: float = float("inf")) -> None:

@@ -10,7 +10,8 @@ def passes(options: PassOptions | None = None) -> None:
     """List the passes of a pipeline in order: what each reads and writes, and the tunables that --set can change.
 
     --without takes stages: a whole branch (gi) or a part of it (gi.accumulate). A tunable is named in full or by any
-    unambiguous end of its name; a pass may go by its own name (gtao.radius).
+    unambiguous end of its name; a pass may go by its own name (gtao.radius). Under each stands what it means, and its
+    value in a pass that is made without arguments, where the preset has another.
     """
     check_options(options or PassOptions())
 
@@ -29,7 +30,11 @@ def passes(options: PassOptions | None = None) -> None:
         optional = [f"({signal})" for signal in sorted(stage.optional)]
         rows.add_row("reads", " ".join([*sorted(stage.reads), *optional]))
         rows.add_row("writes", " ".join(sorted(stage.writes)))
+        meanings, alone = stage.meanings(), type(stage)().tunables()
         for key, value in stage.tunables().items():
             rows.add_row("set", escape(f"{name}.{key}={value!r}"))
+            other = "" if alone[key] == value else f" ({type(stage).__name__}() has {alone[key]!r})"
+            text = escape(meanings[key].replace("`", "") + other)
+            rows.add_row("", Padding(text, (0, 0, 0, 4)), style="dim")
         console.print(f"\n[bold]{name}[/bold]  {type(stage).__name__}")
         console.print(Padding(rows, (0, 0, 0, 4)))

@@ -14,9 +14,11 @@ from gbufrt.commands.options import (
     ClusterOptions,
     FileOptions,
     Flag,
+    PartOptions,
     PassOptions,
     Whole,
     at_least,
+    parse_point,
     parse_size,
 )
 
@@ -30,6 +32,9 @@ def render(
     *,
     out: Path,
     view: str | None = None,
+    eye: str | None = None,
+    target: str | None = None,
+    fov: float | None = None,
     frames: Whole = 1,
     size: str = "960x540",
     time: float = 0.0,
@@ -38,6 +43,7 @@ def render(
     seed: Annotated[Whole | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
     resume: Flag = False,
     lead_in: Whole | None = None,
+    part: PartOptions | None = None,
     options: PassOptions | None = None,
     files: FileOptions | None = None,
     spread: ClusterOptions | None = None,
@@ -48,9 +54,13 @@ def render(
     has no history: the passes run over it several times, as if it stood still (see --warmup).
 
     Args:
-        world: Built-in world (builtin, terrain, ...) or a MagicaVoxel .vox file.
+        world: Built-in world (builtin, terrain, ...), .vox, .schem, .schematic or .mca file, or Minecraft save folder.
         out: Folder to write to; made where it is missing.
         view: Named view or camera path of the world; by default its first.
+        eye: In place of --view: where the camera is, as X,Y,Z in world units (voxels), y up. A negative number needs an
+            equals sign: --eye=-12,30,8.
+        target: Where it looks to, likewise.
+        fov: Vertical field of view, degrees. [default: the view's, or 60]
         frames: How many frames.
         size: Width x height in pixels.
         time: Seconds into the scene at the first frame.
@@ -65,12 +75,16 @@ def render(
     job = Job(
         world=world,
         view=view,
+        eye=parse_point("--eye", eye),
+        target=parse_point("--target", target),
+        fov=fov,
         size=parse_size(size),
         frames=frames,
         time=time,
         fps=fps,
         samples=light_samples,
         seed=seed,
+        part=part or PartOptions(),
     )
     job.check()
     if lead_in is not None:

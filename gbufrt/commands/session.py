@@ -31,10 +31,6 @@ from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.pipeline import Pipeline
 
-INDEX_PERIOD = (
-    4096  # a multiple of every noise's period: the warm-up counts down to a frame's index without going below 0
-)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
@@ -116,8 +112,8 @@ class Recipe:
 class Runner:
     """Sends frames through a pipeline in order.
 
-    A frame that does not follow the one before it starts a new history: it is treated as static, and the passes run
-    over it ``warmup`` times with the noise of the frames before it, so that its history is full when it counts.
+    A frame that does not follow the one before it starts a new history with `Pipeline.settle`: the passes run over it
+    ``warmup`` times before it counts.
     """
 
     def __init__(self, pipeline: Pipeline, warmup: int) -> None:
@@ -128,18 +124,13 @@ class Runner:
     def __call__(self, frame: Frame, tick: Tick = lambda: None) -> Frame:
         """The frame after all passes; ``tick`` is called after each run of the pipeline."""
         with torch.no_grad():
-            follows = self.last is not None and _follows(self.last, frame)
-            taken = frame if follows else standing_still(frame)
-            if not follows:
-                self.state = None
-                for step in range(self.warmup, 0, -1):
-                    earlier = taken.replace(index=(frame.index - step) % INDEX_PERIOD)
-                    _, self.state = self.pipeline(earlier, self.state)
-                    tick()
-            result, self.state = self.pipeline(taken, self.state)
-            tick()
+            if self.last is not None and _follows(self.last, frame):
+                result, self.state = self.pipeline(frame, self.state)
+                tick()
+            else:
+                result, self.state = self.pipeline.settle(frame, self.warmup + 1, tick=tick)
         self.last = frame
-        return _in_motion(result, frame)
+        return result
 
     def runs(self, frames: int) -> int:
         """How many runs of the pipeline consecutive frames take."""
@@ -224,19 +215,3 @@ def _same_pose(a: Camera, b: Camera) -> bool:
     if (a.size, a.orthographic, a.batch) != (b.size, b.orthographic, b.batch):
         return False
     return torch.equal(a.world_from_view, b.world_from_view) and torch.equal(a.intrinsics, b.intrinsics)
-
-
-def standing_still(frame: Frame) -> Frame:
-    """The frame as if nothing had moved before it, and the same of what lies behind."""
-    g = frame.gbuffer
-    still = {n: torch.zeros_like(t) for n in ("motion", "motion_z") if (t := getattr(g, n)) is not None}
-    behind = None if frame.behind is None else standing_still(frame.behind)
-    return frame.replace(gbuffer=replace(g, previous_camera=g.camera, **still), cut=None, behind=behind)
-
-
-def _in_motion(result: Frame, frame: Frame) -> Frame:
-    """The result with the geometry of the frame that it was made from."""
-    behind = result.behind
-    if behind is not None and frame.behind is not None:
-        behind = _in_motion(behind, frame.behind)
-    return result.replace(gbuffer=frame.gbuffer, cut=frame.cut, behind=behind)

@@ -51,8 +51,8 @@ def bilateral(
         camera: the camera of depth.
         radius: of the square of taps, pixels.
         sigma: widest standard deviation of the spatial Gaussian, pixels.
-        depth_sensitivity: s, per pixel footprint.
-        normal_power: p.
+        depth_sensitivity: s of the depth weight, per pixel footprint.
+        normal_power: p of the normal weight.
         variance_sensitivity: the Gaussian is widest where this times the relative noise reaches one.
         phi_color: difference between 3x3 means of luminance, in their standard deviations, up to which a tap counts
             in full.

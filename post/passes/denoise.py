@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
-from gbufrt import Frame, GBuffer, History, TemporalPass
-from post.filters.signals import MIN_ALBEDO
+from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
+from post.filters.edges import Surface
+from post.filters.signals import MIN_ALBEDO, luminance
 from post.filters.surfaces import surface
-from post.history.antilag import into_shadow
+from post.history.antilag import alike, into_shadow, pooled
 from post.history.reproject import history_for
 from post.passes.atrous import atrous
 from post.passes.temporal import temporal
 from post.shading.ggx import specular_albedo
+from post.shading.mirrors import mirror_image
 
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
+ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
-UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
+GRAINY = 0.07  # share of the light: where noise is stronger, only stronger edges count
+AROUND = 7  # pixels, of the square over which noise is compared with light
 
 
 def denoise(
@@ -32,14 +38,15 @@ def denoise(
     firefly: float = 6.0,
     motion_response: float = 0.0,
     iterations: int = 4,
-    phi_color: float = 0.6,
+    phi_color: float = 0.5,
     shadows: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
 
     Emission is set aside and albedo divided out; the rest is accumulated over time with a sharp history, filtered by
     wavelets as its variance requires, and recombined. Where a surface transmits, what lies ``behind`` is the guide: it
-    gives edges and albedo, and history follows it or the reflected image, whichever agrees better.
+    gives edges and albedo, and history follows it or the reflected image, whichever agrees better. In smooth metals the
+    guide is what they reflect, as far as it is on screen.
 
     Args:
         light: ``(B, 3, H, W)`` outgoing linear radiance of all light, emission included or not.
@@ -51,7 +58,7 @@ def denoise(
         firefly: see `temporal`.
         motion_response: see `temporal`.
         iterations: see `atrous`.
-        phi_color: see `atrous`, for a long history; up to four times as much for a fresh one.
+        phi_color: see `atrous`, for little noise; it grows with the noise's share of the light.
         shadows: keep penumbrae by this frame's own samples.
 
     Returns:
@@ -60,11 +67,12 @@ def denoise(
     Raises:
         ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
 
-    Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); the handling of penumbrae is our own.
+    Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); the handling of penumbrae and mirrors is our own.
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
-    shown, divisor, emission = visible_layer(gbuffer, behind)
+    before = None if history is None or history.gbuffer is None else history.gbuffer.camera
+    shown, divisor, emission, mirrors = visible_layer(gbuffer, behind, before)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -78,29 +86,44 @@ def denoise(
         sharp=True,
         distance=_image_distance(gbuffer),
     )
-    variance = history.signals["variance"] * (1 + UNSURE / history.length.clamp_min(1.0))
+    variance = _tolerated(mean, history.signals["variance"], shown.hit.to(mean))
     smooth, _ = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
         iterations=iterations, phi_color=phi_color, variance=variance,
     )  # fmt: skip
+    geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
     if shadows:
-        smooth = into_shadow(smooth, noisy, surface(shown.depth, shown.normal, shown.hit, shown.camera))
-    return torch.where(gbuffer.hit, smooth * divisor + emission, light), history
+        smooth = into_shadow(smooth, noisy, geometry)
+    clean = smooth * divisor + emission
+    if mirrors is not None:
+        clean = _filled(clean, geometry, mirrors)
+    return torch.where(gbuffer.hit, clean, light), history
 
 
-def visible_layer(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, Tensor]:
-    """What each pixel shows: its G-buffer, the divisor of its light, and its emission.
+class Shown(NamedTuple):
+    """What each pixel shows: a surface, seen directly, through a clear one, or in a mirror."""
+
+    gbuffer: GBuffer
+    divisor: Tensor
+    """``(B, 3, H, W)``: albedo, never quite black; 1 where nothing was hit."""
+    emission: Tensor
+    """``(B, 3, H, W)`` linear radiance."""
+    mirrors: Tensor | None
+    """``(B, 1, H, W)`` bool: where the surface is seen in a mirror; None where there is no mirror."""
+
+
+def visible_layer(g: GBuffer, behind: GBuffer | None, previous: Camera | None = None) -> Shown:
+    """What each pixel shows, as the guide of filters and histories.
 
     Args:
         g: of the frame.
         behind: of what lies straight behind the first transmissive surface; used where that surface is clear enough.
-
-    Returns:
-        The G-buffer; ``(B, 3, H, W)`` albedo, never quite black, and 1 where nothing was hit; emission.
+        previous: camera of the frame before; by default the G-buffer's.
     """
     one, none = torch.ones_like(g.normal), torch.zeros_like(g.normal)
     albedo = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
+    shown = g
     if behind is not None and g.transmittance is not None:
         specular = specular_albedo(g)
         own = one[:, :1] if g.opacity is None else g.opacity
@@ -110,10 +133,41 @@ def visible_layer(g: GBuffer, behind: GBuffer | None) -> tuple[GBuffer, Tensor, 
         clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
         albedo = torch.where(clear, specular + (1 - specular) * (own * albedo + through), albedo)
         emission = torch.where(clear, emission + (1 - specular) * g.transmittance * far_emission, emission)
-        pairs = {name: (getattr(behind, name), getattr(g, name)) for name in GEOMETRY}
-        both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
-        g = g.replace(**{name: torch.where(clear, far, near) for name, (far, near) in both.items()})
-    return g, torch.where(g.hit, albedo.clamp_min(MIN_ALBEDO), 1.0), emission
+        shown = _merged(clear, behind, g)
+    image = mirror_image(g, previous)
+    if image is not None:
+        albedo = torch.where(image.mask, image.albedo, albedo)
+        emission = torch.where(image.mask, emission + image.emission, emission)
+        shown = _merged(image.mask, image.gbuffer, shown)
+    divisor = torch.where(g.hit, albedo.clamp_min(MIN_ALBEDO), 1.0)
+    return Shown(shown, divisor, emission, None if image is None else image.mask)
+
+
+def _merged(mask: Tensor, far: GBuffer, near: GBuffer) -> GBuffer:
+    """``near``, with the geometry of ``far`` where ``mask`` ``(B, 1, H, W)`` is True."""
+    pairs = {name: (getattr(far, name), getattr(near, name)) for name in GEOMETRY}
+    both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
+    return near.replace(**{name: torch.where(mask, *pair) for name, pair in both.items()})
+
+
+def _tolerated(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
+    """Variance as the wavelets are told it: the larger a share of the light noise is, the more it is exaggerated.
+
+    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much, they would show as
+    blotches, since the variance of few rare bright samples is itself uncertain.
+    """
+    light, noise = pooled(luminance(mean), hit, AROUND), pooled(variance, hit, AROUND)
+    return variance * (1 + noise / (GRAINY * light).square().clamp_min(1e-8))
+
+
+def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:
+    """Light of mirrors, from the pixels around where next to none of them shows the same surface.
+
+    Borders of a virtual image are ragged where rays pass close to edges, and a pixel left alone there keeps its noise.
+    """
+    alone = mirrors & (alike(geometry).sum(1, keepdim=True) <= ALONE)
+    others = (mirrors & ~alone).to(light.dtype)
+    return torch.where(alone & (pooled(others, torch.ones_like(others)) > 0), pooled(light, others), light)
 
 
 def _image_distance(g: GBuffer) -> Tensor | None:
@@ -143,7 +197,7 @@ class Denoise(TemporalPass):
         firefly: float = 6.0,
         motion_response: float = 0.0,
         iterations: int = 4,
-        phi_color: float = 0.6,
+        phi_color: float = 0.5,
         shadows: bool = True,
     ) -> None:
         super().__init__()

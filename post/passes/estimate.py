@@ -166,10 +166,14 @@ def metallic_from_color(color: Tensor, *, dark: float = 0.2, bright: float = 0.8
 class EstimateMissing(Pass):
     """Fill motion, roughness, metalness and thickness where the G-buffer lacks them; channels that are there stay.
 
-    ``channels`` are those to fill: ``EstimateMissing(channels=("thickness",))`` leaves all others alone. For every
-    channel filled, the frame's extra signals get ``<channel>_estimated``, ``(B, 1, H, W)`` of ones. See
+    For every channel filled, the frame's extra signals get ``<channel>_estimated``, ``(B, 1, H, W)`` of ones. See
     `motion_from_depth`, `roughness_from_color`, `metallic_from_color` and `thickness_from_depth`. Every G-buffer has
     normals: where they are unknown, `normals_from_depth` guesses them before one is built.
+
+    Args:
+        search_radius: of the search for motion by depth, pixels.
+        roughness_scale: factor from the spread of colour to roughness.
+        channels: those to fill; ``EstimateMissing(channels=("thickness",))`` leaves all others alone.
 
     Raises:
         ValueError: there is no such channel to estimate.

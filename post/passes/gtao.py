@@ -58,7 +58,7 @@ def gtao(
         steps: taps on each side of a slice.
         scales: how many radii.
         method: ``bitmask`` (see `post.bitmask_ao`) or ``horizon`` (Jimenez et al. 2016).
-        hidden: for the bitmask, see `post.bitmask_ao`.
+        hidden: for the bitmask: radii added behind measured backs, see `post.bitmask_ao`.
         index: frame number, for the noise.
         seed: another seed, another noise.
 
@@ -192,6 +192,10 @@ class GTAO(Pass):
 
     A ``thickness`` channel takes precedence over the tunable, and the tunable over a guess. A frame with none before it
     is swept with ``fresh`` times as many directions.
+
+    Args:
+        fresh: factor on directions in a frame with none before it.
+        radius: see `gtao`, as the rest.
     """
 
     reads = frozenset({"depth", "hit", "normal"})

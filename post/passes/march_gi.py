@@ -60,7 +60,7 @@ def march_gi(
             by default 0.5.
         index: frame number, for the noise.
         rays: rays a pixel.
-        steps: see `post.march.rays.march_rays`.
+        steps: pixels a ray may be compared with, see `post.march.rays.march_rays`.
         distance: how far rays go, world units.
         seed: another seed, another noise.
 
@@ -113,7 +113,12 @@ def _cosine_ray(axis: Tensor, noise: Tensor, place: int) -> Tensor:
 
 
 class MarchGI(Pass):
-    """See `march_gi`; the light that surfaces send is `bounce_light`. Metals have no diffuse part."""
+    """See `march_gi`; the light that surfaces send is `bounce_light`. Metals have no diffuse part.
+
+    Args:
+        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``.
+        rays: see `march_gi`, as the rest.
+    """
 
     reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})
     optional = frozenset(

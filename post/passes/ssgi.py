@@ -120,6 +120,10 @@ class SSGI(Pass):
     A frame with none before it is swept once for each of ``bounces``. The rest of the series is extrapolated from the
     last two, so that a single picture is as bright as one with a history; each of its sweeps takes ``fresh`` times as
     many directions. Later frames are swept once and take further bounces from the frame before.
+
+    Args:
+        fresh: factor on directions in a frame with none before it.
+        directions: see `ssgi` and `sent_light`, as the rest.
     """
 
     reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})

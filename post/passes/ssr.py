@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import MappingProxyType
+
 import torch
 from torch import Tensor
 
@@ -13,7 +16,7 @@ from post.march.rays import depth_hierarchy
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
 from post.shading.reference import Method, Picture
-from post.shading.sent_light import outgoing_light
+from post.shading.sent_light import mirrored_light, nothing_before, outgoing_light
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 
@@ -67,7 +70,7 @@ def ssr(
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         index: frame number, for the noise.
         samples: rays a pixel; one for a mirror, fewer where little light is reflected, see `rays_of`.
-        steps: see `march_rays`.
+        steps: pixels a ray may be compared with, see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
         roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel reuses, 0 to 8.
@@ -115,14 +118,26 @@ def _shifts(index: int, samples: int, method: Method) -> list[tuple[float, float
 
 
 class SSR(Pass):
-    """See `ssr`; the light that surfaces send is `outgoing_light`."""
+    """See `ssr`; the light that surfaces send is `outgoing_light`, and `mirrored_light` of metals.
+
+    Args:
+        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``.
+        bounces: 1 for what surfaces send, 2 for what metals mirror of it too.
+        samples: see `ssr`, as the rest.
+    """
 
     reads = frozenset({"depth", "hit", "normal", "roughness", "radiance"})
     optional = frozenset(
         {"albedo", "metallic", "normal_geo", "thickness", "ambient", "environment"}
-        | {"ao", "sky_visibility", "bent_normal", "gi"}
+        | {"ao", "sky_visibility", "bent_normal", "gi", "motion", "motion_z", "object_id"}
     )
     writes = frozenset({"reflection", "reflection_confidence", "reflection_distance"})
+    lacks = MappingProxyType(
+        {
+            "environment": "mirrors show black where they would show the sky or what is not on screen",
+            "metallic": "metals mirror as little as plastic",
+        }
+    )
 
     def __init__(
         self,
@@ -134,6 +149,7 @@ class SSR(Pass):
         roughness_cutoff: float = 1.0,
         reuse: int = 0,
         method: Method = "ggx",
+        bounces: int = 2,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -144,18 +160,29 @@ class SSR(Pass):
         self.roughness_cutoff = roughness_cutoff
         self.reuse = reuse
         self.method: Method = method
+        self.bounces = bounces
         self.seed = seed
 
     def forward(self, frame: Frame) -> Frame:
         g, tunables = frame.gbuffer, self.tunables()
-        assumed = tunables.pop("assumed_thickness")
+        assumed, bounces = tunables.pop("assumed_thickness"), tunables.pop("bounces")
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
         known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
         known |= {"thickness": assumed if g.thickness is None else g.thickness, "index": frame.index}
         known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
-        surface = (g.depth, g.normal, g.camera, outgoing_light(frame), frame.read("roughness"))
-        reflection, confidence, distance = ssr(*surface, **known, **tunables)
+        gather = lambda light: ssr(g.depth, g.normal, g.camera, light, frame.read("roughness"), **known, **tunables)
+        reflection, confidence, distance = _gathered(frame, bounces, gather)
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
+
+
+def _gathered(frame: Frame, bounces: int, gather: Callable[[Tensor], tuple[Tensor, ...]]) -> tuple[Tensor, ...]:
+    """What ``gather`` finds of the light that surfaces send and that metals mirror, twice in a lone frame."""
+    light, mirrored = outgoing_light(frame), mirrored_light(frame) if bounces > 1 else None
+    found = gather(light if mirrored is None else light + mirrored)
+    if mirrored is None or not bool((new := nothing_before(frame, "reflection")).any()):
+        return found
+    again = gather(light + frame.read("metallic") * found[0])
+    return tuple(torch.where(new, second, first) for first, second in zip(found, again, strict=True))
 
 
 def _f0(frame: Frame) -> Tensor | None:

@@ -89,9 +89,10 @@ def _gather(
     covered, own = no_cover(at.z, soft), own_solid(around, at)
     gathered = at.z.new_zeros(3, *at.z.shape)
     right, left = arcs.sides(around, at, cut)
+    own_plane = at.x, at.y, at.z, at.nx, at.ny, at.nz
     for side in (right, left):
         farthest = torch.minimum(side.frame, radii[0] * side.length) if radii else side.frame
-        before, plane = start(at, side, own), (at.x, at.y, at.z, at.nx, at.ny, at.nz)
+        before, plane = start(at, side, own), own_plane
         for i in range(steps):
             px = slices.tap_pixels(farthest.detach(), i, jitter, steps, slices.BEYOND)
             tap = arcs.look(around, at, side, px, parallel)
@@ -101,7 +102,8 @@ def _gather(
             plane = next_plane
             ends = (left.whole + low, left.whole + high) if side is right else (left.whole - high, left.whole - low)
             covered, fresh = cover(covered, *ends, near, dither)
-            lit = share(fresh) * torch.maximum(_facing(plane, at), ledge)
+            sends = torch.maximum(_facing(plane, at), ledge) * (1 - _flat(plane, own_plane))
+            lit = share(fresh) * sends
             gathered = gathered + lit * tap.rest[:, :3].movedim(1, 0)
     sums = slice_sums(cut, covered, _openness(around, at, cut, right, left, sky))
     return torch.cat([sums, gathered * cut.weight])[None]

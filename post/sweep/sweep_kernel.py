@@ -140,7 +140,8 @@ def _compare_planes(lanes, parallel):
         cosine, cosine_before = _dot(normal, at), rows[lane.PLANE_COSINE + x]
         edge_on = (cosine > ALIKE) & (cosine_before > ALIKE) & (_dot(away, eye) > _dot(away, at) * _dot(at, eye))
         ledge = edge_on & (min(z + solid, rows[lane.BEFORE_BACK_Z + x]) - max(z, rows[lane.BEFORE_Z + x]) > ZERO)
-        rows[lane.LIT + x] = ONE if _dot(away, normal) > ZERO else (LEDGE if ledge else ZERO)
+        lit = ONE if _dot(away, normal) > ZERO else (LEDGE if ledge else ZERO)
+        rows[lane.LIT + x] = ZERO if _flat(away[0], away[1], away[2], normal, at) else lit
         rows[lane.PLANE_X + x], rows[lane.PLANE_Y + x], rows[lane.PLANE_Z + x] = px, py, z
         rows[lane.PLANE_NX + x], rows[lane.PLANE_NY + x], rows[lane.PLANE_NZ + x] = normal
         rows[lane.PLANE_COSINE + x] = cosine

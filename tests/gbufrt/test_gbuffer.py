@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import boxes
 import pytest
 import torch
@@ -67,6 +69,62 @@ def test_form_is_checked_when_built(moving, name, change, error, message):
 def test_broken_conventions_are_named(moving, name, change, message):
     with pytest.raises(ValueError, match=message):
         moving.replace(**{name: change(getattr(moving, name))}).validate()
+
+
+def ogl(gbuffer):
+    """The buffer with the matrix of a camera that looks along -z."""
+    camera = gbuffer.camera
+    signs = torch.tensor([1.0, -1.0, -1.0, 1.0])
+    return gbuffer.replace(camera=replace(camera, world_from_view=camera.world_from_view * signs), motion=None)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (ogl, r"; world_from_view looks like that of OpenGL or Blender.*columns by \(1, -1, -1, 1\)$"),
+        (lambda g: g.replace(normal=-g.normal), "; flip them$"),
+        (
+            lambda g: g.replace(normal=g.camera.rotate_to_view(g.normal)),
+            "; they look like view space: rotate them with camera.rotate_to_world$",
+        ),
+        (
+            lambda g: g.replace(depth=torch.where(g.hit, g.points_view().norm(dim=1, keepdim=True), g.depth)),
+            "depth must be planar view-space z, but looks like the length of rays: .*; divide it by camera.unproject",
+        ),
+    ],
+)
+def test_spaces_are_told_by_their_names(moving, change, message):
+    moving.validate()
+    with pytest.raises(ValueError, match=message):
+        change(moving).validate()
+
+
+@pytest.mark.parametrize("first", [0, 1], ids=["with a floor", "before a wall, where depth alone tells"])
+@pytest.mark.parametrize(
+    ("signs", "message"),
+    [((-1.0, -1.0), "looks negated: motion"), ((-1.0, 1.0), "negated in x"), ((1.0, -1.0), "its y looks flipped")],
+)
+def test_the_sign_of_what_moves_is_told_under_a_camera_that_stands_still(signs, message, first):
+    """The box in the middle slides and rises by a unit; nothing else moves."""
+    camera, slide = boxes.camera(), torch.tensor([0.8, 0.6, 0.0])
+    room = boxes.ROOM.clone()
+    room[1, 0, 1] = -20.0  # the wall goes on below
+    earlier = room.clone()
+    earlier[2] -= slide
+    now, before = (boxes.frame(camera, boxes=scene[first:3]).gbuffer for scene in (room, earlier))
+    box = now.material_id == 3 - first
+    points = camera.to_world(now.points_view()) - slide[None, :, None, None]
+    there = camera.to_view(points)
+    motion = torch.where(box, camera.project(there) - camera.pixel_centers(), 0.0)
+    now = now.replace(motion=motion, motion_z=torch.where(box, there[:, 2:] - now.depth, 0.0))
+    now.validate(before)
+    Frame(gbuffer=now).validate(Frame(gbuffer=before))
+    wrong = now.replace(motion=motion * torch.tensor(signs)[None, :, None, None])
+    wrong.validate()
+    with pytest.raises(ValueError, match=f"same surface in the frame before.*{message}"):
+        wrong.validate(before)
+    with pytest.raises(ValueError, match="same surface in the frame before"):
+        Frame(gbuffer=wrong).validate(Frame(gbuffer=before))
 
 
 def put(tensor: torch.Tensor, *places: tuple[int, int], value: float) -> torch.Tensor:

@@ -146,6 +146,10 @@ def test_tunables_by_dotted_name():
         build().with_tunables({"after.bye": 1.0})
     with pytest.raises(ValueError, match=r"did you mean ao\.estimate\.value"):
         build().with_tunables({"gtao.value": 1.0})
+    with pytest.raises(ValueError, match=r"did you mean after\.by, ao\.scale\.by\?"):
+        build().with_tunables({"after.bye": 1.0})
+    with pytest.raises(ValueError, match=r"did you mean ao\.estimate\.value\?"):
+        build().with_tunables({"valeu": 1.0})
     with pytest.raises(ValueError, match="has no tunable 'size'"):
         Fill().tuned(size=3)
 
@@ -162,6 +166,30 @@ def test_a_stage_of_your_own():
     ):
         with pytest.raises(ValueError, match=message):
             build().with_stage(name, Scale(), after=after)
+
+
+def test_a_stage_before_another():
+    pipeline = build().with_stage("first", Fill(), before="ao").with_stage("ao.more", Scale(), before="count")
+    names = [path for path, _ in pipeline.passes()]
+    assert names == ["first", "ao.estimate", "ao.scale", "ao.more", "ao.count", "after"]
+    with pytest.raises(ValueError, match="reads 'ao'"):
+        build().with_stage("early", Scale(), before="ao")
+    for both in ({}, {"after": "ao", "before": "after"}):
+        with pytest.raises(ValueError, match="give after= or before="):
+            build().with_stage("x", Scale(), **both)
+
+
+def test_replacing_a_stage():
+    pipeline = build().replace("ao.estimate", Fill(value=1.0))
+    assert [path for path, _ in pipeline.passes()] == [path for path, _ in build().passes()]
+    assert pipeline(small())[0].read("ao").unique().tolist() == [20.0]
+    assert build().all_tunables()["ao.estimate.value"] == 3.0, "the original keeps its own"
+    with pytest.raises(ValueError, match=r"no stage 'estimat' in the pipeline \(did you mean estimate\?\)"):
+        build().replace("ao.estimat", Fill())
+    with pytest.raises(ValueError, match="reads 'ao'"):
+        build().replace("ao.estimate", Fill(signal="gi"))
+    with pytest.raises(TypeError, match="must be a Pass"):
+        build().replace("ao.estimate", torch.nn.Identity())  # pyright: ignore[reportArgumentType]
 
 
 def test_state_resets_by_batch_element_and_cut():

@@ -100,6 +100,12 @@ def test_module_is_thin_and_documented(stage):
     assert isinstance(stage, (Pass, TemporalPass))
 
 
+def test_every_tunable_has_a_meaning(stage):
+    meanings = stage.meanings()
+    assert list(meanings) == list(stage.tunables())
+    assert not [name for name, text in meanings.items() if len(text) < 5 or "\n" in text or text.startswith("see ")]
+
+
 @pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
 def test_functions_are_documented(function):
     doc = inspect.getdoc(function) or ""

@@ -20,7 +20,7 @@ REACH = {  # pixels from the bad one beyond which nothing may change, after two 
     "Atrous": 32,  # taps of the widest of its kernels
     "Bilateral": 5,
     "Composite": 0,
-    "Denoise": 18,
+    "Denoise": 32,  # all taps of its four kernels, and those that tell noise from light
     "DepthOfField": 32,  # its largest radius
     "DisplayEncode": 0,
     "EstimateMissing": 3,

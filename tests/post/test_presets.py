@@ -79,6 +79,8 @@ def test_the_numbers_of_me1():
 
 def test_tunables_and_mistakes():
     assert me1("low", tunables={"gtao.radius": 3.0}).all_tunables()["ao.estimate.radius"] == 3.0
+    with pytest.raises(ValueError, match=r"'hihg' \(did you mean high\?\)"):
+        me1("hihg")
     with pytest.raises(ValueError, match="preset must be one of low, medium, high, ultra"):
         me1("extreme")
     with pytest.raises(ValueError, match="composite must be"):

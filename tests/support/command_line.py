@@ -26,7 +26,11 @@ SMALL = ("--size", "24x16")
 
 
 class Speckle(Pass):
-    """A noisy signal, as an estimator makes it."""
+    """A noisy signal, as an estimator makes it.
+
+    Args:
+        radius: of the speckles, in [units].
+    """
 
     reads, writes = frozenset({"depth"}), frozenset({"ao"})
 

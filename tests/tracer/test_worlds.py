@@ -155,7 +155,9 @@ def test_terrain_has_the_size_asked_for_and_a_horizon() -> None:
 
 def test_worlds_load_by_name_and_say_what_there_is() -> None:
     assert torch.equal(worlds.load("valley").world.index, valley().world.index)
-    with pytest.raises(ValueError, match=r"no world 'valey'; there are .*valley.*terrain"):
+    with pytest.raises(ValueError, match=r"region\.mcx cannot be read as a world; there are"):
+        worlds.load("region.mcx")
+    with pytest.raises(ValueError, match=r"no world 'valey' \(did you mean valley\?\); there are .*valley.*terrain"):
         worlds.load("valey")
     with pytest.raises(FileNotFoundError, match=r"nowhere\.vox"):
         worlds.load("nowhere.vox")

@@ -27,8 +27,13 @@ def _begin(sources, number, samples):
 
 @scalar
 def _differs(near, p, k, reach):
-    """Whether the first rays to source ``k`` of pixel ``p`` differ, among themselves or from those within reach."""
+    """Whether the first rays to source ``k`` of pixel ``p`` differ, among themselves or from those within reach.
+
+    So they do where none was sent, see `tracer.lights.shadows.arriving`.
+    """
     offsets, marked, sums, width = near
+    if sums[k, WEIGHT] <= 0 and sums[k, UNBLOCKED] > 0:
+        return True
     least, most = sums[k, LEAST], sums[k, MOST]
     place, column = k - offsets[p], p % width
     for dy in range(-reach, reach + 1):

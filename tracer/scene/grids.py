@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
@@ -15,6 +14,7 @@ from tracer.scene.material import MaterialTable
 
 BRICK = 16
 MAX_REACH = 64
+PART = 1024  # bricks at a time
 (MASK, MATERIAL, INDEX, NX, NY, NZ, LOW, HIGH, ORIGIN) = (0, 1, 2, 3, 4, 5, 6, 9, 12)
 """Columns of `Grids.entries`; the last three begin triples."""
 COLUMNS_OF_TABLE = ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
@@ -41,7 +41,7 @@ class Grid:
         """The grid of a world's ``bricks`` and ``index``; see `tracer.scene.world.World`."""
         solid = bricks > 0
         low, high = _occupied(solid, index)
-        return Grid(bricks=_with_cubes(bricks, solid), index=_with_reach(index), low=low, high=high)
+        return Grid(bricks=_with_cubes(bricks), index=_with_reach(index), low=low, high=high)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,7 +96,7 @@ def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> G
         rows.append([mask, offset, place, *grid.index.shape, *grid.low, *grid.high, *world.origin])
     materials = _merge(tables, labels)
     return Grids(
-        bricks=torch.cat(bricks).contiguous(),
+        bricks=torch.cat(bricks).contiguous() if len(bricks) > 1 else bricks[0].contiguous(),
         index=torch.cat(indices).contiguous(),
         entries=torch.tensor(rows, dtype=torch.int32, device=worlds[0].device),
         materials=materials,
@@ -123,24 +123,32 @@ def _merge(tables: Sequence[MaterialTable], names: Sequence[str]) -> MaterialTab
     return MaterialTable(names=tuple(names), **columns)
 
 
-def _with_cubes(bricks: Tensor, solid: Tensor) -> Tensor:
+def _with_cubes(bricks: Tensor) -> Tensor:
     coded = bricks.clone()
-    for power in (1, 2, 3):
-        side, count = 1 << power, BRICK >> power
-        blocks = solid.view(-1, count, side, count, side, count, side)
-        empty = ~blocks.any(6).any(4).any(2)
-        for dim in (1, 2, 3):
-            empty = empty.repeat_interleave(side, dim=dim)
-        coded[empty] = -power
+    for part in coded.split(PART):  # so that what is made on the way stays small
+        solid = part > 0
+        for power in (1, 2, 3):
+            side, count = 1 << power, BRICK >> power
+            empty = ~solid.view(-1, count, side, count, side, count, side).any(6).any(4).any(2)
+            for dim in (1, 2, 3):
+                empty = empty.repeat_interleave(side, dim=dim)
+            part[empty] = -power
     return coded
 
 
 def _with_reach(index: Tensor) -> Tensor:
-    filled = (index > 0).float()[None, None]
-    reach = torch.zeros_like(index)
+    filled = index > 0
+    reach = torch.zeros_like(index, dtype=torch.uint8)
     for _ in range(min(MAX_REACH, max(index.shape))):
-        reach = reach + (filled[0, 0] == 0)
-        filled = F.max_pool3d(filled, 3, stride=1, padding=1)
+        if bool(filled.all()):
+            break
+        reach += ~filled
+        for axis, length in enumerate(index.shape):
+            before, after = filled.narrow(axis, 0, length - 1), filled.narrow(axis, 1, length - 1)
+            wider = filled.clone()
+            wider.narrow(axis, 1, length - 1).logical_or_(before)
+            wider.narrow(axis, 0, length - 1).logical_or_(after)
+            filled = wider
     return torch.where(index > 0, index, -reach.to(torch.int32)).contiguous()
 
 

@@ -6,8 +6,14 @@ from collections.abc import Callable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
+from gbufrt.names import no_world
+from tracer.formats.minecraft.save import Selection, read_minecraft
+from tracer.formats.minecraft.schematic import load_schematic
+from tracer.formats.vox.scene_graph import load_vox_scene
 from tracer.scene.scene import Scene
+from tracer.worlds.landscape import landscape
 from tracer.worlds.terrain import terrain
 from tracer.worlds.valley import valley
 
@@ -19,29 +25,48 @@ WORLDS: Mapping[str, Callable[..., Scene]] = MappingProxyType({"valley": valley,
 """Built-in worlds by name; each takes ``seed``. The first is the default."""
 
 
-def load(name_or_path: str | PathLike[str]) -> Scene:
-    """A built-in world by its name, or a MagicaVoxel scene by its path.
+def _blocks(path: Path, **part: Any) -> Scene:
+    blocks = read_minecraft(path, Selection(**part))
+    return landscape(blocks.world, blocks.instances)
+
+
+FORMATS: Mapping[str, Callable[..., Scene]] = MappingProxyType(
+    {".vox": load_vox_scene, ".schem": load_schematic, ".schematic": load_schematic, ".mca": _blocks}
+)
+"""Readers of files by their ending, in lower case."""
+
+
+def load(
+    name_or_path: str | PathLike[str],
+    *,
+    box: tuple[int, int, int, int, int, int] | None = None,
+    around: tuple[int, int] | None = None,
+    chunks: int | None = None,
+) -> Scene:
+    """A built-in world by its name, or a file's by its path: MagicaVoxel, Minecraft Java, or a schematic.
 
     Args:
-        name_or_path: a name in `WORLDS`, ``builtin``, or the path of a ``.vox`` file.
+        name_or_path: a name in `WORLDS`, ``builtin``, the path of a file whose ending is in `FORMATS`, or that of a
+            Minecraft save folder.
+        box: of a Minecraft world, the blocks from x0, y0, z0 up to x1, y1, z1, these not included.
+        around: of a Minecraft world, the place x, z round which chunks are taken.
+        chunks: how many along each side; by default all of a region file, and 24 of a save, round its player.
 
     Raises:
-        ValueError: neither a name nor a ``.vox`` path, or the file is broken.
+        ValueError: neither a name nor a path of such a file, the file is broken, or a part was asked of another world.
         FileNotFoundError: there is no such file.
     """
-    name = fspath(name_or_path)
-    if name == "builtin":
-        return builtin()
-    if name in WORLDS:
-        return WORLDS[name]()
-    path = Path(name)
-    if path.suffix.lower() != ".vox":
-        raise ValueError(
-            f"no world {name!r}; there are {', '.join(['builtin', *WORLDS])}, or give a path to a .vox file"
-        )
-    if not path.is_file():
-        known = ", ".join(["builtin", *WORLDS])
-        raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {known}")
-    from tracer.formats.vox.scene_graph import load_vox_scene
-
-    return load_vox_scene(path)
+    name, part = fspath(name_or_path), {"box": box, "around": around, "chunks": chunks}
+    path, builtins = Path(name), {"builtin": builtin, **WORLDS}
+    read = _blocks if path.is_dir() else FORMATS.get(path.suffix.lower())
+    if read is not _blocks or name in builtins:
+        if any(choice is not None for choice in part.values()):
+            raise ValueError(f"box, around and chunks are for Minecraft regions and saves; leave them out for {name}")
+        part = {}
+    if name in builtins:
+        return builtins[name]()
+    if read is None:
+        raise ValueError(no_world(name, builtins, FORMATS))
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {', '.join(builtins)}")
+    return read(path, **part)

@@ -88,7 +88,7 @@ def rivals(frame: Frame) -> dict[str, Tensor]:
     """The same frame by the other denoisers that are installed, each given the albedo and normal that ours gets."""
     from post.passes.denoise import visible_layer
 
-    g, albedo, _ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
+    g, albedo, *_ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
     light, low = frame.read("gi"), albedo.clamp_min(MIN_ALBEDO)
     smooth = joint_bilateral(torch.where(g.hit, light / low, light), g, kernel=KERNEL)  # with the albedo divided out
     found = {"kornia": torch.where(g.hit, smooth * low, light)}

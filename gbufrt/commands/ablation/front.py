@@ -128,7 +128,7 @@ def measure(place: Place, recipe: Recipe) -> Outcome:
 def _alike(one: Pipeline, other: Pipeline) -> bool:
     """Whether two branches are the same: tunables, and the resolution at which stages run."""
     resolutions = [
-        {name: stage.reduction for name, stage in branch.stages.items() if isinstance(stage, Pipeline)}
+        {name: stage.place.reduction for name, stage in branch.stages.items() if isinstance(stage, Pipeline)}
         for branch in (one, other)
     ]
     return one.all_tunables() == other.all_tunables() and resolutions[0] == resolutions[1]

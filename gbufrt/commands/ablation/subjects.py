@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
@@ -15,7 +16,6 @@ from gbufrt.commands.ablation.measure import repeated, run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.trivial import untouched
 from gbufrt.commands.progress import Tick
-from gbufrt.commands.session import standing_still
 from gbufrt.frame import Frame
 from gbufrt.metrics.temporal import flicker, ghosting
 from gbufrt.passes import Pass
@@ -51,7 +51,7 @@ class Hide(Pass):
 
 
 def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int) -> Outcome:
-    """AO, GI and reflections, each against its own truth, after ``frames`` static frames; GI with one bounce."""
+    """AO, GI and reflections against their own truths, after ``frames`` static frames; one bounce of each."""
     wanted = set(wanted)
     kept = only(pipeline, SIGNALS[: 1 + max(SIGNALS.index(name) for name in wanted)])
     stages = dict(one_bounce(kept).stages.items())
@@ -129,7 +129,7 @@ def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     exposure = f.exposure_of((truths[-1][0] + truths[-1][1]) / 2, last.gbuffer.hit)
     shown = [f.display(frame.read("composite"), exposure) for frame in found.frames]
     wanted = [f.displayed(truth, exposure) for truth in truths]
-    still = repeated(standing_still(last), max(frames // 4, 1))
+    still = repeated(last.still(), max(frames // 4, 1))
     fresh = f.display(run(up_to_composite(pipeline), still).last.read("composite"), exposure)
     buffers = [frame.gbuffer for frame in sources]
     truth = (wanted[-1][0] + wanted[-1][1]) / 2
@@ -198,8 +198,8 @@ def up_to_composite(pipeline: Pipeline) -> Pipeline:
 
 
 def one_bounce(pipeline: Pipeline) -> Pipeline:
-    """The pipeline with one bounce of indirect light, where it can have more."""
-    names = [name for name in pipeline.all_tunables() if name.startswith("gi.") and name.endswith(".bounces")]
+    """The pipeline with one bounce of indirect light and of reflections, as the truth has."""
+    names = [name for name in pipeline.all_tunables() if re.fullmatch(r"(gi|reflection)\..*\.?bounces", name)]
     return pipeline.with_tunables(dict.fromkeys(names, 1))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Literal, get_args, get_origin, get_type_hints
 
 from gbufrt.commands.checks import PRESETS
 from gbufrt.commands.options import parse_settings
@@ -184,17 +184,10 @@ def _swapped(pipeline: Pipeline, path: str, name: str) -> Pipeline:
     """The pipeline with another pass at ``path``, which keeps the tunables that both have."""
     import post
 
-    head, _, rest = path.partition(".")
-    stages: dict[str, Any] = dict(pipeline.stages.items())
-    old, kind = stages.get(head), getattr(post, name, None)
-    if not isinstance(old, Stage) or not (isinstance(kind, type) and issubclass(kind, Stage)):
-        what = f"stage {path!r}" if not isinstance(old, Stage) else f"pass {name!r} in post"
-        raise ValueError(f"no {what}; give STAGE=PASS, such as gi.estimate=MarchGI, or NAME=VALUE for a tunable")
-    if rest:
-        if not isinstance(old, Pipeline):
-            raise ValueError(f"stage {head!r} is a {type(old).__name__} and has no stages of its own ({rest!r})")
-        stages[head] = _swapped(old, rest, name)
-    else:
-        known = kind().tunables()
-        stages[head] = kind(**{key: value for key, value in old.tunables().items() if key in known})
-    return Pipeline(given=pipeline.given, layer=pipeline.layer, **stages)
+    kind, old = getattr(post, name, None), dict(pipeline.passes()).get(path)
+    if not (isinstance(kind, type) and issubclass(kind, Stage)):
+        raise ValueError(
+            f"no pass {name!r} in post; give STAGE=PASS, such as gi.estimate=MarchGI, or NAME=VALUE for a tunable"
+        )
+    kept = {} if old is None else {key: value for key, value in old.tunables().items() if key in kind().tunables()}
+    return pipeline.replace(path, kind(**kept))

@@ -16,9 +16,26 @@ WRONG = (
     ("render --frames 0 --out out", "--frames must be 1 or more"),
     ("render --fps 0 --out out", "--fps must be"),
     ("render nowhere --out out", "no world 'nowhere'; there are builtin, valley, terrain"),
+    ("render vally --out out", "no world 'vally' (did you mean valley?); there are"),
+    ("render save.zip --out out", "save.zip cannot be read as a world; there are"),
+    ("render some/save --out out", "some/save cannot be read as a world; there are"),
+    ("render file.exr --out out", "file.exr is no world: `gbufrt post file.exr` reads G-buffers"),
     ("render missing.vox --out out", "missing.vox does not exist"),
     ("render missing.vox --seed 1 --out out", "--seed is for built-in worlds"),
+    ("render --box 1,2,3 --out out", "--box must be X0,Y0,Z0,X1,Y1,Z1 in whole blocks"),
+    ("render r.0.0.mca --around 1 --out out", "--around must be X,Z in whole blocks"),
+    ("render --chunks 3 --out out", "--chunks is for Minecraft regions and saves; leave it out for builtin"),
+    ("render missing.mca --out out", "missing.mca does not exist"),
+    ("render --hour 25 --out out", "--hour must lie in 0..24, got 25"),
     ("render --view below --out out", "no view 'below' in world 'builtin'; it has village, lake,"),
+    ("render --view vilage --out out", "no view 'vilage' in world 'builtin' (did you mean village or lake?); it has"),
+    ("render --eye 1,2 --target 0,0,0 --out out", "--eye must be X,Y,Z, three numbers in world units such as"),
+    ("render --eye 1,2,nan --target 0,0,0 --out out", "--eye must be X,Y,Z"),
+    ("render --eye 1,2,3 --out out", "--eye and --target go together, in place of --view"),
+    ("render --eye 1,2,3 --target 0,0,0 --view lake --out out", "--eye and --target go together, in place of --view"),
+    ("render --eye 1,2,3 --target 1,2,3 --out out", "--target must not be where --eye is"),
+    ("render --fov 180 --out out", "--fov must be 0.1 to 170 degrees, got 180"),
+    ("render --preset hihg --out out", "got 'hihg' (did you mean high?)"),
     ("render --preset huge --out out", "--preset must be low, medium, high or ultra, got 'huge'"),
     ("render --composite both --out out", "--composite must be physical or me1, got 'both'"),
     ("render --set radius --out out", "--set must be NAME=VALUE"),
@@ -97,7 +114,7 @@ def test_names_are_those_of_the_code():
     from gbufrt.files.video import CODECS
     from post.passes.composite import Mode
     from post.presets import Preset
-    from tracer.worlds import WORLDS, terrain
+    from tracer.worlds import FORMATS, WORLDS, terrain
     from tracer.worlds.views import views
 
     assert get_args(Preset) == checks.PRESETS
@@ -105,6 +122,7 @@ def test_names_are_those_of_the_code():
     assert get_args(Mode) == checks.COMPOSITES
     assert checks.SUBJECTS[: len(SIGNALS)] == SIGNALS
     assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
+    assert tuple(FORMATS) == checks.ENDINGS
     assert tuple(views()) == checks.WORLDS["builtin"] == checks.WORLDS["valley"]
     assert tuple(terrain((16, 16, 16)).views) == checks.WORLDS["terrain"]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
 import boxes
@@ -148,9 +149,30 @@ def test_passes_lists_the_pipeline(capfd: pytest.CaptureFixture[str], monkeypatc
         "taa",
         "color composite",
         "ao.estimate.method='bitmask'",
+        "of the speckles, in [units] (Speckle() has",
     ):
         assert text in shown, text
     assert "Display" not in shown
+
+
+def test_a_camera_by_eye_target_and_field_of_view():
+    where = ("--eye=2,4,9", "--target", "0,1,0")
+    assert run("render", *SMALL, *where, "--fov", "50", "--out", "eye") == 0
+    assert run("render", *SMALL, "--view", "front", "--out", "view") == 0
+    assert run("render", *SMALL, *where, "--out", "wide") == 0
+    assert run("render", *SMALL, "--view", "front", "--fov", "60", "--out", "wider") == 0
+    eye, view, wide, wider = (read_exr(f"{name}/frame_0000.exr").gbuffer for name in ("eye", "view", "wide", "wider"))
+    assert torch.equal(eye.depth, view.depth)
+    assert torch.equal(wide.depth, wider.depth)
+    assert not torch.equal(eye.depth, wide.depth)
+    assert eye.previous_camera is not None
+    assert torch.equal(eye.previous_camera.world_from_view, eye.camera.world_from_view)
+
+
+def test_a_warning_is_one_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("gbufrt.commands.cli._config", lambda _: warnings.warn("left\n  out", stacklevel=1))
+    assert run("--version") == 0
+    assert capfd.readouterr().err == "gbufrt: left out\n"
 
 
 def test_runner_starts_anew_where_frames_do_not_follow():

@@ -90,7 +90,7 @@ def test_the_bar_can_fail(ms: float, reached: bool):
 def half(branch: Pipeline, signal: str) -> Reduction | None:
     stage = branch.stages[signal]
     assert isinstance(stage, Pipeline)
-    return stage.reduction
+    return stage.place.reduction
 
 
 def test_settings_of_an_effect_answer_the_same_question_and_are_measured_once():

@@ -4,9 +4,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import boxes
 import pytest
 import torch
+from court import court
 
 from gbufrt import Frame
 from post import Denoise, denoise
@@ -14,6 +17,9 @@ from post.filters.surfaces import surface
 from post.history.antilag import into_shadow
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
+from post.passes.denoise import _filled
+from post.shading.mirrors import mirror_image
+from tracer.gbuffers import gbuffer
 
 SIZE = (36, 48)
 
@@ -83,6 +89,51 @@ def test_what_lies_behind_guides_where_a_surface_transmits():
     blind, _ = denoise(light, pane)
     error = [float((x - truth)[g.hit.expand_as(truth)].square().mean()) for x in (given, blind)]
     assert error[0] < 0.5 * error[1]
+
+
+def test_mirrors_keep_what_they_show_while_the_camera_moves():
+    scene, generator = court(), torch.Generator().manual_seed(7)
+    states: dict[str, Any] = {"mirrors": None, "plain": None}
+    errors, before = {}, None
+    for k in range(8):
+        camera = scene.views["turning"].camera(0.02 * k, size=(72, 96))
+        g = gbuffer(scene, camera, previous_camera=before or camera)
+        before, image = camera, mirror_image(g)
+        assert image is not None
+        assert g.albedo is not None
+        light = 0.5 * torch.where(image.mask, image.albedo, g.albedo)
+        noise = torch.empty(g.depth.shape).exponential_(generator=generator)
+        for name, given in (("mirrors", g), ("plain", g.replace(metallic=None))):
+            out, states[name] = denoise(light * noise, given, states[name])
+            errors[name] = float((out - light)[image.mask.expand_as(light)].square().mean().sqrt())
+    assert errors["mirrors"] < 0.75 * errors["plain"]
+
+
+def test_a_pixel_left_alone_in_a_mirror_takes_the_light_around_it():
+    frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+    g, light = frame.gbuffer, torch.ones_like(frame.gbuffer.normal)
+    depth, mirrors = g.depth.clone(), torch.zeros_like(g.hit)
+    for column in (12, 24):
+        depth[..., 28, column] *= 0.5
+        light[..., 28, column] = 0.0
+    mirrors[..., :24] = True
+    filled = _filled(light, surface(depth, g.normal, g.hit, g.camera), mirrors)
+    assert torch.equal(filled[..., 28, 12], torch.ones(1, 3))
+    assert torch.equal(filled[..., 28, 24], torch.zeros(1, 3))
+
+
+def test_strong_noise_leaves_no_blotches_and_weak_noise_no_blur():
+    frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+    g, generator = frame.gbuffer, torch.Generator().manual_seed(2)
+    rare = torch.rand(g.depth.shape, generator=generator) < 0.15
+    smooth, _ = denoise(torch.where(rare, 1 / 0.15, 0.0).expand_as(g.normal), g, shadows=False)
+    inner = g.hit[:, 0, 8:-8, 8:-8]
+    assert float(smooth[:, 0, 8:-8, 8:-8][inner].std()) < 0.25
+    columns = torch.arange(SIZE[1]).expand_as(g.depth)
+    edge = torch.where(columns < 24, 1.0, 1.25).expand_as(g.normal)
+    faint = edge * (1 + 0.02 * torch.randn(g.depth.shape, generator=generator))
+    kept, _ = denoise(faint, g)
+    assert float((kept - edge).abs()[g.hit.expand_as(edge)].mean()) < 0.01
 
 
 def test_borders_of_shadows_come_from_the_sample():

@@ -19,7 +19,7 @@ def lit(level: float, *, time: float = 0.0, size: tuple[int, int] = (12, 16)) ->
 
 def test_an_even_picture_lands_on_the_key():
     for level in (1e-2, 0.18, 3.0, 40.0):
-        factor, adapted = exposure(torch.full((1, 3, 9, 9), level))
+        factor, adapted = exposure(torch.full((1, 3, 9, 9), level), key=0.18)
         assert float(factor) * level == pytest.approx(0.18, rel=1e-4)
         assert float(adapted) == pytest.approx(math.log2(level), abs=1e-4)
     assert float(exposure(torch.full((1, 3, 9, 9), 0.5), key=0.5)[0]) == pytest.approx(1.0, rel=1e-4)

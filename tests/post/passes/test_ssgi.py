@@ -286,3 +286,15 @@ def test_the_cornell_box() -> None:
     assert error(gi) < 0.12
     sky = torch.stack([result.read("sky_visibility") for result in results]).mean(0)
     assert float((sky - truth["ao_inf_gt"])[ok].square().mean().sqrt()) < 0.15
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_a_flat_floor_does_not_light_itself_round_what_stands_on_it(compiled):
+    frame = boxes.frame(boxes.camera((36, 48)), boxes=boxes.ROOM[[0, 2]])
+    g, floor = frame.gbuffer, frame.read("material_id") == 1
+    light, albedo = torch.where(floor, 1.0, 0.0).expand(-1, 3, -1, -1), torch.ones_like(g.normal)
+    found, _, _ = ssgi(
+        g.depth, g.normal, g.camera, light, albedo, hit=g.hit, thickness=g.thickness, directions=8, compiled=compiled
+    )
+    assert float(found[floor.expand_as(found)].max()) < 1e-4
+    assert float(found[(frame.read("material_id") == 2).expand_as(found)].mean()) > 0.05, "the box sees the floor"

@@ -28,7 +28,8 @@ def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.
     assert g.material_id is not None
     palette = torch.cat([torch.tensor([[0.5, 0.5, 0.5]]), boxes.ALBEDO])
     light = palette[g.material_id[:, 0].long()].permute(0, 3, 1, 2)
-    return frame.replace(gbuffer=g, radiance=light, ambient=None)
+    frame = frame.replace(gbuffer=g, radiance=light, ambient=None)
+    return frame.replace(previous=frame.replace(reflection=torch.zeros_like(light)).as_previous())  # no second mirrors
 
 
 def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
@@ -53,6 +54,38 @@ def test_a_mirror_shows_the_truth(orthographic, method):
     assert (result.read("reflection_confidence")[truth.visible] > 0.99).float().mean() > 0.97
     apart = (result.read("reflection_distance") - truth.distance)[truth.visible] / truth.distance[truth.visible]
     assert apart.abs().quantile(0.95) < 1e-3
+
+
+def test_a_mirror_in_a_mirror_shows_what_it_mirrored_before():
+    frame = shiny()
+    pole = frame.read("material_id") == 4
+    g = frame.gbuffer.replace(metallic=torch.where(pole, 0.0, 1.0))
+    nothing = torch.zeros_like(frame.read("radiance"))
+    before = frame.replace(reflection=nothing + 0.4).as_previous()
+    found = SSR(samples=1)(frame.replace(gbuffer=g, radiance=nothing, environment=None, previous=before))
+    _, truth = truth_of(frame)
+    shown = found.read("reflection").mean(1, keepdim=True)[truth.visible & ~pole]
+    expected = torch.where(truth.box == 3, 0.0, 0.4)[truth.visible & ~pole]
+    assert ((shown - expected).abs() < 1e-3).float().mean() > 0.95
+    assert (expected == 0).any()
+
+
+def test_a_lone_frame_has_mirrors_in_mirrors():
+    """Only the box shines. What mirrors show of it is seen in mirrors too, but not where they were known to be dark."""
+    frame = shiny()
+    box = frame.read("material_id") == 3
+    frame = frame.replace(radiance=torch.where(box, frame.read("radiance"), 0.0), environment=None)
+    frame = frame.replace(gbuffer=frame.gbuffer.replace(metallic=torch.where(box, 0.0, 1.0)))
+    lone = frame.replace(previous=None)
+    once, lone, plain = (
+        stage(f).read("reflection")
+        for f, stage in ((frame, SSR(samples=1)), (lone, SSR(samples=1)), (lone, SSR(samples=1, bounces=1)))
+    )
+    assert torch.equal(once, plain)
+    more = lone - once
+    assert float(more.min()) > -1e-6
+    assert (more.amax(1) > 0.02).float().mean() > 0.01
+    assert float(more.amax(1)[once.amax(1) == 0].max()) > 0.02, "the mirrors of mirrors"
 
 
 def test_sky_fills_what_leaves_the_screen():

@@ -210,3 +210,24 @@ def test_lamps_that_a_tile_leaves_out_are_drawn_without_bias(monkeypatch: pytest
     off = (left_out.mean(0) - looked_at.mean(0)).abs() > 5 * noise + 1e-2 * looked_at.mean(0)
     assert off.any(0).float().mean() < 0.01
     assert left_out.var(0).mean() < 2.5 * looked_at.var(0).mean()
+
+
+def test_no_pixel_under_an_awning_misses_the_lamp_that_hangs_from_it():
+    """Of the lamp's faces one touches the awning: a first ray to that one has no weight."""
+    awning, lamp = (STONE, (0, 6, 0), (24, 8, 24)), (LAMP, (12, 5, 12), (13, 6, 13))
+    scene = Scene(world=world((24, 8, 24), awning, lamp), sun=None, sky=DARK)
+    buffer = gbuffer(scene, Camera.look_at((12.5, -6, 2), (12.5, 6, 12), size=SIZE))
+    points, below = lighting.lifted(buffer)[0], buffer.hit & (buffer.normal[:, 1:2] < -0.9) & (buffer.material_id == 1)
+    surface = Surface(
+        points=points.flatten(1).float(),
+        normals=buffer.normal[0].flatten(1).float(),
+        lit=buffer.hit.flatten(),
+        size=SIZE,
+    )
+    poses = scene.poses([0.0])[0]
+    given = {"scene": scene, "poses": poses, "surface": surface, "lamps": lamps_of(scene, poses)}
+    for form in (reference.Direct(**given), drivers.Direct(**given)):
+        for index in range(3):
+            light = form.arriving(blue_noise(*SIZE, index=index, dims=3), 16).mean(0).view(1, 1, *SIZE)
+            around = F.avg_pool2d(F.pad(light, (1,) * 4, mode="replicate"), 3, 1)
+            assert not bool((below & (light < 0.3 * around)).any())

@@ -6,7 +6,7 @@ import pytest
 import torch
 import voxels
 
-from tracer.scene.grids import BRICK
+from tracer.scene.grids import BRICK, MAX_REACH, Grid
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene
 from tracer.scene.world import World
@@ -102,3 +102,19 @@ def test_errors_name_what_is_wrong() -> None:
         World(bricks=bricks + 1, index=index, origin=(0, 0, 0), materials=table)
     with pytest.raises(TypeError, match="bricks must be int16 and index int32"):
         World(bricks=bricks.int(), index=index, origin=(0, 0, 0), materials=table)
+
+
+@pytest.mark.parametrize(
+    ("shape", "share"), [((7, 4, 9), 0.1), ((1, 3, 40), 0.03), ((5, 5, 5), 1.0), ((3, 80, 2), 0.0)]
+)
+def test_reach_is_the_distance_to_the_nearest_brick(shape: tuple[int, int, int], share: float) -> None:
+    """Cells away along the axis where they are most, and no further than it is counted."""
+    filled = torch.rand(shape, generator=torch.Generator().manual_seed(2)) < share
+    bricks = torch.zeros(2, BRICK, BRICK, BRICK, dtype=torch.int16)
+    bricks[1, 0, 0, 0] = 1
+    cells = torch.stack(torch.meshgrid(*(torch.arange(n) for n in shape), indexing="ij"), dim=-1).view(-1, 3)
+    far = (cells[:, None] - filled.nonzero()).abs().amax(dim=2)
+    most = min(MAX_REACH, max(shape))
+    wanted = far.amin(dim=1).clamp_max(most) if filled.any() else torch.full((len(cells),), most)
+    reach = -Grid.of(bricks, filled.to(torch.int32)).index.flatten()
+    assert torch.equal(reach.clamp_min(0).long(), wanted)

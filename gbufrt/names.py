@@ -1,0 +1,88 @@
+"""Names that people type: what they mean, and what a short or a wrong one may stand for. Does not import torch."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+from collections.abc import Iterable, Mapping
+from difflib import SequenceMatcher, get_close_matches
+from pathlib import PurePath
+
+MOST = 4  # names that a message proposes
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """``" (did you mean x?)"`` where a known name is like this one, else nothing."""
+    near = get_close_matches(name, list(known), n=MOST)
+    return f" (did you mean {' or '.join(near)}?)" if near else ""
+
+
+def unknown(what: str, name: str, where: str, known: Iterable[str]) -> str:
+    """The message about a name that is not there: what it may have meant, and all that there are."""
+    known = list(known)
+    return f"no {what} {name!r} in {where}{meant(name, known)}; it has {', '.join(known)}"
+
+
+def no_world(world: str, names: Iterable[str], endings: Iterable[str]) -> str:
+    """The message about a world that is neither a known name nor a file of a kind that is read."""
+    names, kind = list(names), PurePath(world).suffix.lower()
+    there = f"there are {', '.join(names)}, or give a path to a {' or '.join(endings)} file or a save folder"
+    if kind == ".exr":
+        return f"{world} is no world: `gbufrt post {world}` reads G-buffers; {there}"
+    if kind or PurePath(world).name != world:
+        return f"{world} cannot be read as a world; {there}"
+    return f"no world {world!r}{meant(world, names)}; {there}"
+
+
+def resolve(name: str, kinds: Mapping[str, str]) -> str:
+    """The full dotted name of a tunable.
+
+    Args:
+        name: in full, or an unambiguous tail of it; a pass may go by its class's name in lower case.
+        kinds: class of the pass that has the tunable, by the tunable's full name.
+
+    Raises:
+        ValueError: no such tunable, or a tail that fits several.
+    """
+    if name in kinds:
+        return name
+    found = []
+    for full, kind in kinds.items():
+        path, _, key = full.rpartition(".")
+        alias = f"{kind.lower()}.{key}"
+        if full.endswith("." + name) or name == alias or f"{path.rpartition('.')[0]}.{alias}" == name:
+            found.append(full)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise ValueError(f"tunable {name!r} is ambiguous: {', '.join(found)}")
+    near = get_close_matches(_key(name), {_key(full) for full in kinds})
+    likely = [full for full in kinds if _key(full) in near]
+    likely.sort(key=lambda full: -SequenceMatcher(None, name, full).ratio())
+    raise ValueError(f"no tunable {name!r}" + (f"; did you mean {', '.join(likely[:MOST])}?" if likely else ""))
+
+
+def meanings(cls: type, names: Iterable[str]) -> dict[str, str]:
+    """What the keywords of a class mean, in a line each, as the ``Args`` of docstrings tell.
+
+    Its own docstring comes first, then those of the functions that it refers to in backquotes, and that these refer
+    to, where its module knows them.
+    """
+    docs, texts, module = [inspect.getdoc(cls) or ""], dict[str, str](), vars(sys.modules[cls.__module__])
+    for doc in docs:  # grows on the way
+        texts = {**{name: text for name, text in arguments(doc).items() if not text.startswith("see ")}, **texts}
+        near = (module.get(name) for name in re.findall(r"(?<!`)`(\w+)`", doc))
+        docs += [told for f in near if inspect.isfunction(f) and (told := inspect.getdoc(f) or "") not in docs]
+    return {name: re.split(r"\.(?= [A-Z]|$)", texts.get(name, ""))[0] for name in names}
+
+
+def arguments(doc: str) -> dict[str, str]:
+    """The ``Args`` of a docstring that `inspect.getdoc` has cleaned, by name, each in one line."""
+    section = re.search(r"^Args:\n((?:    .*\n|\n)+)", doc + "\n", re.M)
+    parts = re.split(r"^    (\w+): ", section[1] if section else "", flags=re.M)
+    return {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def _key(full: str) -> str:
+    return full.rpartition(".")[2]

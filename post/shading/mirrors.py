@@ -1,0 +1,120 @@
+"""What mirrors show, as a G-buffer: the surface that is reflected, where its virtual image lies.
+
+A plane mirror is a window onto the mirrored world. What it shows has a depth, a normal, an albedo and a motion of its
+own, and filters and histories treat it as they treat surfaces seen directly.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, GBuffer
+from gbufrt.sampling import gather
+from post.history.reproject import motion_of
+from post.march.rays import Hits, depth_hierarchy, march_rays
+from post.shading.ggx import grazing, specular_f0
+
+SMOOTH = 0.15  # perceptual roughness below which a metal shows an image
+METAL = 0.5  # metalness above which the image is all that a surface shows
+FAR = 1000.0  # world units: assumed distance of what is not on screen, farther than most
+STEPS = 128
+THICKNESS = 0.5  # assumed, world units, where the G-buffer has none
+
+
+class Image(NamedTuple):
+    """What mirrors show, and what the other pixels show themselves."""
+
+    gbuffer: GBuffer
+    """As the one given, with the virtual images of reflected surfaces in the pixels of mirrors: depth, normals, object
+    and motion."""
+    mask: Tensor
+    """``(B, 1, H, W)`` bool: the pixels of mirrors."""
+    albedo: Tensor
+    """``(B, 3, H, W)`` in mirrors, Fresnel reflectance times the albedo of what is reflected; of what is not on screen
+    that is 1."""
+    emission: Tensor
+    """``(B, 3, H, W)`` in mirrors, linear radiance that what is reflected emits, times the reflectance."""
+
+
+def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
+    """Replace smooth metals by what they reflect, as far as the picture tells.
+
+    One ray a pixel finds it. Where a ray goes behind something, its distance is still known, and the image is taken to
+    face the eye; where it leaves the picture, the image is taken to lie `FAR` behind the mirror. Curved mirrors are
+    treated as their tangent planes.
+
+    Args:
+        g: of the frame.
+        previous: camera of the frame before; by default the G-buffer's. Without one, motion stays as it is.
+
+    Returns:
+        The image, or None where there is no mirror.
+    """
+    if g.roughness is None or g.metallic is None or g.albedo is None:
+        return None
+    mask = g.hit & (g.roughness < SMOOTH) & (g.metallic > METAL)
+    if not bool(mask.any()):
+        return None
+    camera, points = g.camera, g.points_view()
+    eye, facing = camera.to_eye(points), camera.rotate_to_view(g.normal)
+    away = _mirrored(-eye, facing)
+    found = _first_hits(g, points, torch.where(mask, away, 0.0))
+    column, row = (found.px[:, k].floor() for k in (0, 1))
+    distance = torch.where(found.hit | found.blocked, found.distance.to(points), FAR)
+    virtual = points - eye * distance
+
+    def shown(channel: Tensor) -> Tensor:
+        return gather(channel, column, row)
+
+    changed = {"depth": virtual[:, 2:]}
+    for name in ("normal", "normal_geo"):
+        if (normal := getattr(g, name)) is not None:
+            seen = camera.rotate_to_world(_mirrored(camera.rotate_to_view(shown(normal)), facing))
+            changed[name] = torch.where(found.hit, seen, camera.rotate_to_world(eye))
+    if g.object_id is not None:
+        changed["object_id"] = torch.where(found.hit, shown(g.object_id), g.object_id)
+    previous = g.previous_camera if previous is None else previous
+    if g.motion is not None and previous is not None:
+        moved = _moved(g, previous, points)
+        was = camera.to_world(points + away * distance) + torch.where(found.hit, shown(moved), 0.0)
+        was = previous.to_view(_mirrored_at(was, camera.to_world(points) + moved, g.normal))
+        changed["motion"] = previous.project(was) - camera.pixel_centers(dtype=was.dtype)
+        if g.motion_z is not None:
+            changed["motion_z"] = was[:, 2:] - virtual[:, 2:]
+    f0 = specular_f0(g.albedo, g.metallic)
+    reflectance = f0 + (1 - f0) * grazing((eye * facing).sum(1, keepdim=True))
+    emission = torch.zeros_like(reflectance) if g.emission is None else torch.where(found.hit, shown(g.emission), 0.0)
+    return Image(
+        g.replace(**{name: torch.where(mask, new, getattr(g, name)) for name, new in changed.items()}),
+        mask,
+        reflectance * torch.where(found.hit, shown(g.albedo), 1.0),
+        reflectance * emission,
+    )
+
+
+def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:
+    normal = g.normal if g.normal_geo is None else g.normal_geo
+    thickness = THICKNESS if g.thickness is None else g.thickness
+    hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=thickness)
+    return march_rays(hierarchy, origins, directions, g.camera, steps=STEPS, distance=FAR)
+
+
+def _moved(g: GBuffer, previous: Camera, points: Tensor) -> Tensor:
+    """``(B, 3, H, W)`` world space: from where each pixel's surface is to where it was; 0 for the sky."""
+    motion, motion_z = motion_of(g, previous)
+    px = g.camera.pixel_centers(dtype=points.dtype) + motion
+    was = previous.to_world(previous.unproject(g.depth + motion_z, px))
+    return torch.where(g.hit, was - g.camera.to_world(points), 0.0)
+
+
+def _mirrored(vectors: Tensor, normal: Tensor) -> Tensor:
+    """Directions after reflection by a plane with this normal."""
+    return vectors - 2 * (vectors * normal).sum(1, keepdim=True) * normal
+
+
+def _mirrored_at(points: Tensor, place: Tensor, normal: Tensor) -> Tensor:
+    """Points after reflection by the plane through ``place``."""
+    return place + _mirrored(points - place, normal)

@@ -1,0 +1,93 @@
+"""A tiny writer of Minecraft regions, for tests: every packing of blocks from 1.12 to 1.21."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from nbtlib import Byte, ByteArray, Compound, File, Int, IntArray, List, LongArray, String
+from numpy.typing import NDArray
+
+VERSIONS = {"1.12": 1343, "1.13": 1631, "1.15": 2230, "1.16": 2566, "1.18": 2975, "1.21": 3955}
+Blocks = NDArray[np.int64]
+
+
+def pack(numbers: Blocks, bits: int, *, padded: bool) -> LongArray:
+    """Numbers in longs, one bit after the other."""
+    digits = (numbers.reshape(-1, 1) >> np.arange(bits)) & 1
+    if padded:
+        each = 64 // bits
+        digits = np.pad(digits, ((0, -len(digits) % each), (0, 0))).reshape(-1, each * bits)
+        digits = np.pad(digits, ((0, 0), (0, 64 - each * bits)))
+    stream = np.pad(digits.reshape(-1), (0, -digits.size % 64)).reshape(-1, 64).astype(np.uint64)
+    return LongArray((stream << np.arange(64, dtype=np.uint64)).sum(axis=1, dtype=np.uint64).view(np.int64))
+
+
+def palette_entry(state: str) -> Compound:
+    """A block state as the game writes it."""
+    name, _, rest = state.partition("[")
+    entry = Compound({"Name": String(name)})
+    if rest:
+        pairs = (pair.split("=") for pair in rest.rstrip("]").split(","))
+        entry["Properties"] = Compound({key: String(value) for key, value in pairs})
+    return entry
+
+
+def section(version: str, y: int, blocks: Blocks, states: Sequence[str], biome: str = "minecraft:plains") -> Compound:
+    """16 x 16 x 16 blocks in the order y, z, x; before 1.13 the states are ``NUMBER:DATA``."""
+    tags = Compound({"Y": Byte(y)})
+    if version == "1.12":
+        pairs = np.array([[int(n) for n in state.split(":")] for state in states])[blocks.reshape(-1)]
+        tags["Blocks"] = ByteArray(pairs[:, 0].astype(np.uint8).view(np.int8))
+        low, high = pairs[0::2, 1], pairs[1::2, 1]
+        tags["Data"] = ByteArray((low | high << 4).astype(np.uint8).view(np.int8))
+        return tags
+    used, which = np.unique(blocks.reshape(-1), return_inverse=True)
+    palette = List[Compound]([palette_entry(str(states[n])) for n in used.tolist()])
+    data = pack(which.astype(np.int64), max(4, (len(used) - 1).bit_length()), padded=VERSIONS[version] >= 2529)
+    if VERSIONS[version] < 2860:
+        return Compound({**tags, "Palette": palette, "BlockStates": data})
+    tags["block_states"] = Compound({"palette": palette, **({"data": data} if len(used) > 1 else {})})
+    tags["biomes"] = Compound({"palette": List[String]([String(biome)])})
+    return tags
+
+
+def chunk(version: str, x: int, z: int, sections: Sequence[Compound]) -> File:
+    """A chunk as the root of its NBT."""
+    tags: dict[str, Any] = {"xPos": Int(x), "zPos": Int(z)}
+    if VERSIONS[version] < 2860:
+        biomes = {
+            "1.12": ByteArray([1] * 256),
+            "1.13": IntArray([1] * 256),
+            "1.15": IntArray([1] * 1024),
+            "1.16": IntArray([1] * 1024),
+        }[version]
+        level = Compound({**tags, "Biomes": biomes, "Sections": List[Compound](sections)})
+        return File({"DataVersion": Int(VERSIONS[version]), "Level": level})
+    return File({"DataVersion": Int(VERSIONS[version]), **tags, "sections": List[Compound](sections)})
+
+
+def nbt_bytes(tags: File) -> bytes:
+    """A file of NBT, not compressed."""
+    out = io.BytesIO()
+    tags.write(out)
+    return out.getvalue()
+
+
+def write_region(path: Path, chunks: Mapping[tuple[int, int], File | bytes]) -> Path:
+    """A region file; a chunk given as bytes is what follows its length, compression kind included."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    table, body = bytearray(4096), bytearray(4096)
+    for (x, z), tags in chunks.items():
+        data = tags if isinstance(tags, bytes) else b"\x02" + zlib.compress(nbt_bytes(tags))
+        sectors = -(-(len(data) + 4) // 4096)
+        place = 4 * (x % 32 + 32 * (z % 32))
+        table[place : place + 4] = struct.pack(">I", (1 + len(body) // 4096) << 8 | min(sectors, 255))
+        body += (struct.pack(">I", len(data)) + data).ljust(sectors * 4096, b"\0")
+    path.write_bytes(bytes(table) + bytes(body))
+    return path

@@ -1,0 +1,76 @@
+"""Blocks and biomes before 1.13: numbers as the names that came after."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+AIR = "minecraft:air"
+TURNS = ("east", "west", "south", "north")
+COMPASS = ("south", "west", "north", "east")
+WALLS = ("north", "north", "north", "south", "west", "east")
+AXES = ("y", "x", "z")
+
+
+@cache
+def legacy_state(number: int, data: int) -> str:
+    """The block state of a number and its four bits of data; ``minecraft:legacy_N`` where the number is not known."""
+    entry = _tables()["blocks"].get(str(number))
+    if entry is None:
+        return f"minecraft:legacy_{number}"
+    names, mask, kind = _entry(entry)
+    name = names[min(data & mask, len(names) - 1)]
+    properties = _KINDS[kind](data) if kind else ""
+    return f"minecraft:{name}[{properties}]" if properties else f"minecraft:{name}"
+
+
+def legacy_biome(number: int) -> str:
+    """The name of a biome's number; plains where it is not known."""
+    return f"minecraft:{_tables()['biomes'].get(str(number & 127), 'plains')}"
+
+
+def _entry(entry: Any) -> tuple[list[str], int, str]:
+    if isinstance(entry, dict):
+        names = entry["names"]
+        return ([names] if isinstance(names, str) else names), int(entry.get("mask", 15)), str(entry.get("kind", ""))
+    return ([entry] if isinstance(entry, str) else entry), 15, ""
+
+
+@cache
+def _tables() -> dict[str, dict[str, Any]]:
+    return tomllib.loads(files("tracer.formats.minecraft").joinpath("legacy.toml").read_text())
+
+
+def _torch(data: int) -> str:
+    return f"facing={TURNS[data - 1]}" if 1 <= data <= 4 else ""
+
+
+def _vine(data: int) -> str:
+    sides = ("south", "west", "north", "east")
+    return ",".join(f"{side}=true" for bit, side in enumerate(sides) if data >> bit & 1)
+
+
+_KINDS: dict[str, Callable[[int], str]] = {
+    "stairs": lambda data: f"facing={TURNS[data & 3]},half={'top' if data & 4 else 'bottom'}",
+    "slab": lambda data: f"type={'top' if data & 8 else 'bottom'}",
+    "double": lambda _: "type=double",
+    "axis": lambda data: f"axis={AXES[min(data >> 2, 2)]}" if data < 12 else "",
+    "fluid": lambda data: f"level={data}",
+    "snow": lambda data: f"layers={(data & 7) + 1}",
+    "torch": _torch,
+    "vine": _vine,
+    "half": lambda data: f"half={'upper' if data & 8 else 'lower'}",
+    "door": lambda data: (
+        "half=upper" if data & 8 else f"facing={('east', 'south', 'west', 'north')[data & 3]},half=lower"
+    ),
+    "trapdoor": lambda data: (
+        f"facing={('north', 'south', 'west', 'east')[data & 3]},half={'top' if data & 8 else 'bottom'},"
+        f"open={'true' if data & 4 else 'false'}"
+    ),
+    "wall": lambda data: f"facing={WALLS[min(data, 5)]}",
+    "compass": lambda data: f"facing={COMPASS[data & 3]}",
+    "bed": lambda data: f"facing={COMPASS[data & 3]},part={'head' if data & 8 else 'foot'}",
+}

@@ -1,0 +1,88 @@
+"""Region files: where each of their 32 x 32 chunks lies, and its bytes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tracer.formats.minecraft.nbt import Tags, inflate, parse_nbt
+
+SECTOR = 4096
+SIDE = 32  # chunks along a region
+EXTERNAL = 128  # the chunk has a file of its own, because it is larger than 255 sectors
+MAX_EXTERNAL = 1 << 23
+NAME = re.compile(r"r\.(-?\d{1,7})\.(-?\d{1,7})\.mca", re.IGNORECASE)
+
+Place = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A region file's table of contents.
+
+    Args:
+        path: of the file.
+        sectors: chunk coordinates (x, z) to the first sector of a chunk; missing chunks are missing here too.
+    """
+
+    path: Path
+    sectors: dict[Place, int]
+
+    @staticmethod
+    def of(path: Path) -> Region:
+        """The region of a file, whose name says where it is: ``r.X.Z.mca``; another name stands for 0, 0.
+
+        Raises:
+            ValueError: the file is shorter than its table.
+        """
+        with path.open("rb") as file:
+            table = file.read(SECTOR)
+        if not table:
+            return Region(path=path, sectors={})  # the game leaves empty files behind
+        if len(table) < SECTOR:
+            raise ValueError(f"{path} has {len(table)} bytes, but a region begins with a table of {SECTOR}; no region?")
+        named = NAME.fullmatch(path.name)
+        x0, z0 = (SIDE * int(number) for number in named.groups()) if named else (0, 0)
+        entries = np.frombuffer(table, ">u4").astype(np.int64)
+        used = np.flatnonzero(entries >> 8)
+        return Region(
+            path=path,
+            sectors={(x0 + int(n) % SIDE, z0 + int(n) // SIDE): int(entries[n]) >> 8 for n in used},
+        )
+
+    def chunk(self, place: Place) -> Tags:
+        """The NBT of a chunk that is there.
+
+        Raises:
+            ValueError: it is damaged, truncated, too large, or compressed in a way that is not read.
+        """
+        with self.path.open("rb") as file:
+            file.seek(self.sectors[place] * SECTOR)
+            head = file.read(5)
+            length = int.from_bytes(head[:4], "big") - 1
+            if len(head) < 5:
+                raise ValueError("it begins after the end of the file, which is truncated")
+            if not 0 <= length <= 256 * SECTOR:
+                raise ValueError(f"its length is {length}, more than a chunk may have")
+            data = file.read(length)
+        if len(data) < length:
+            raise ValueError(f"{length} bytes were to follow, but {len(data)} are left; the file is truncated")
+        kind = head[4]
+        if kind & EXTERNAL:
+            data = self._external(place)
+        if (kind := kind & ~EXTERNAL) not in (1, 2, 3):
+            raise ValueError(f"compression must be 1, 2 or 3 (gzip, zlib, none), got {kind}; 4, LZ4, is not read")
+        return parse_nbt(data if kind == 3 else inflate(data))
+
+    def _external(self, place: Place) -> bytes:
+        path = self.path.with_name(f"c.{place[0]}.{place[1]}.mcc")
+        if not path.is_file():
+            raise ValueError(f"it lies in {path.name}, which does not exist")
+        with path.open("rb") as file:
+            data = file.read(MAX_EXTERNAL + 1)
+        if len(data) > MAX_EXTERNAL:
+            raise ValueError(f"{path.name} has more than the {MAX_EXTERNAL} bytes allowed")
+        return data

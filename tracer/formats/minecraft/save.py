@@ -1,0 +1,176 @@
+"""Region files and save folders: which chunks to take, and the blocks in them."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+
+from tracer.formats.minecraft.build import Blocks, Builder
+from tracer.formats.minecraft.nbt import part, read_nbt
+from tracer.formats.minecraft.region import NAME, Place, Region
+from tracer.formats.minecraft.sections import sections
+
+WIDTH = 16  # blocks along a chunk
+CHUNKS = 24  # along each side of what is taken of a save folder, unless told
+MAX_CHUNKS = 64
+MAX_PLAYER = 1 << 26
+FURTHEST = 30_000_000  # blocks from the middle: the game's own limit
+NAMED = 3  # of what is damaged; the rest is counted
+
+Box = tuple[int, int, int, int, int, int]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Which part of a world to take, in blocks; by default all of a region, or what is round a save's player.
+
+    Args:
+        box: x0, y0, z0, x1, y1, z1, the last three not included.
+        around: x, z.
+        chunks: how many chunks along each side are taken, with ``around`` or round the player.
+
+    Raises:
+        ValueError: a side of the box is not positive, a number is out of range, or both ways are used.
+    """
+
+    box: Box | None = None
+    around: tuple[int, int] | None = None
+    chunks: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.box is not None and (self.around is not None or self.chunks is not None):
+            raise ValueError("box and around or chunks exclude each other; give one of them")
+        if self.box is not None and not all(a < b for a, b in zip(self.box[:3], self.box[3:], strict=True)):
+            raise ValueError(f"box must be x0,y0,z0,x1,y1,z1 with each first below its second, got {self.box}")
+        if self.chunks is not None and not 1 <= self.chunks <= MAX_CHUNKS:
+            raise ValueError(f"chunks must lie in 1..{MAX_CHUNKS}, got {self.chunks}")
+        if not all(abs(n) <= FURTHEST for n in (*(self.box or ()), *(self.around or ()))):
+            raise ValueError(f"coordinates must lie within {FURTHEST} blocks of 0, got {self.box or self.around}")
+
+    def chunk_range(self, middle: Place) -> tuple[Place, Place]:
+        """First chunk and the one after the last, along x and z; ``middle`` is used where no place is told."""
+        if self.box is not None:
+            x0, _, z0, x1, _, z1 = self.box
+            return (x0 // WIDTH, z0 // WIDTH), (-(-x1 // WIDTH), -(-z1 // WIDTH))
+        x, z = middle if self.around is None else self.around
+        count = CHUNKS if self.chunks is None else self.chunks
+        first = round(x / WIDTH - count / 2), round(z / WIDTH - count / 2)
+        return first, (first[0] + count, first[1] + count)
+
+
+def read_minecraft(path: str | PathLike[str], selection: Selection | None = None) -> Blocks:
+    """The blocks of a region file (``.mca``) or of a save folder.
+
+    Chunks that are missing are empty. Damaged ones are left out, and a warning names them.
+
+    Args:
+        path: of the file, or of a folder with region files in it or in its ``region``.
+        selection: which part; by default all of a region file, and of a save what is round its player.
+
+    Raises:
+        ValueError: no region file, nothing but air, or all chunks damaged; names the file and what to do.
+        FileNotFoundError: there is no such file.
+    """
+    path, chosen = Path(path), selection or Selection()
+    regions = _regions(path)
+    there = [place for region in regions for place in region.sectors]
+    if not there:
+        raise ValueError(f"{path} holds no chunks")
+    everything = path.is_file() and chosen == Selection()
+    low, high = ((-FURTHEST,) * 2, (FURTHEST,) * 2) if everything else chosen.chunk_range(_middle(path, there))
+    builder, damaged, found = Builder(), list[str](), 0
+    for region in regions:
+        for place in region.sectors:
+            if all(a <= p < b for a, p, b in zip(low, place, high, strict=True)):
+                found += 1
+                try:
+                    _add(builder, region, place, chosen.box)
+                except ValueError as error:
+                    damaged.append(f"chunk {place[0]},{place[1]} of {region.path.name}: {error}")
+    if not found:
+        (x0, z0), (x1, z1) = (np.min(there, axis=0) * WIDTH, (np.max(there, axis=0) + 1) * WIDTH)
+        raise ValueError(f"{path} has no chunks in that part; its chunks lie in x {x0}..{x1} and z {z0}..{z1}")
+    return _finished(path, builder, damaged, found)
+
+
+def _finished(path: Path, builder: Builder, damaged: list[str], found: int) -> Blocks:
+    told = "; ".join(damaged[:NAMED]) + (f"; and {len(damaged) - NAMED} more" if len(damaged) > NAMED else "")
+    if len(damaged) == found:
+        raise ValueError(f"{path}: no chunk can be read: {told}")
+    try:
+        blocks = builder.build()
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}{f' ({told})' if told else ''}") from None
+    if damaged:
+        warnings.warn(f"{path}: {len(damaged)} of {found} chunks are damaged and left out: {told}", stacklevel=3)
+    tell_unknown(path, blocks)
+    return blocks
+
+
+def tell_unknown(path: Path, blocks: Blocks) -> None:
+    """Warn of blocks that the colour table does not know."""
+    if blocks.unknown:
+        names = ", ".join(blocks.unknown[:8]) + (", ..." if len(blocks.unknown) > 8 else "")
+        warnings.warn(f"{path}: {len(blocks.unknown)} unknown blocks are drawn grey: {names}", stacklevel=4)
+
+
+def _regions(path: Path) -> list[Region]:
+    if path.is_file():
+        return [Region.of(path)]
+    if not path.is_dir():
+        raise FileNotFoundError(f"{path} does not exist")
+    folder = path / "region" if (path / "region").is_dir() else path
+    files = sorted(file for file in folder.glob("*.mca") if NAME.fullmatch(file.name))
+    if not files:
+        raise ValueError(f"{path} holds no region files (region/r.X.Z.mca); give a save folder or a .mca file")
+    return [Region.of(file) for file in files]
+
+
+def _middle(path: Path, there: Iterable[Place]) -> Place:
+    """Where the player is, in blocks; else in the middle of the chunks."""
+    for x, z in _players(path) if path.is_dir() else ():
+        return x, z
+    x, z = np.median(np.array(list(there)), axis=0).tolist()
+    return round((x + 0.5) * WIDTH), round((z + 0.5) * WIDTH)
+
+
+def _players(path: Path) -> Iterator[Place]:
+    """Places of the players of a save: the one of a game alone, then those of a server."""
+    for file in (path / "level.dat", *sorted((path / "playerdata").glob("*.dat"))):
+        if file.is_file():
+            try:
+                tags = read_nbt(file, limit=MAX_PLAYER)
+                if file.name == "level.dat":
+                    tags = part(part(tags, "Data", dict), "Player", dict)
+                x, _, z = (float(number) for number in part(tags, "Pos", list))
+                if max(abs(x), abs(z)) <= FURTHEST:
+                    yield int(x // 1), int(z // 1)
+            except (ValueError, TypeError):
+                continue  # a server's level.dat has no player; a damaged one must not hide the world
+
+
+def _add(builder: Builder, region: Region, place: Place, box: Box | None) -> None:
+    """Add the sections of a chunk that the box touches; all of a damaged chunk are left out."""
+    kept = []
+    for section in list(sections(region.chunk(place))):
+        at = (place[0], section.y, place[1])
+        keep = None if box is None else _kept(at, box)
+        if keep is None or all(part.start < part.stop for part in keep):
+            kept.append((section, None if keep == (slice(0, WIDTH),) * 3 else keep))
+    if len({section.y for section, _ in kept}) < len(kept):
+        raise ValueError("a section comes twice")
+    for section, keep in kept:
+        builder.add(place[0], place[1], section, keep)
+
+
+def _kept(at: tuple[int, int, int], box: Box) -> tuple[slice, slice, slice]:
+    x, y, z = (
+        slice(min(max(box[axis] - WIDTH * at[axis], 0), WIDTH), max(min(box[axis + 3] - WIDTH * at[axis], WIDTH), 0))
+        for axis in range(3)
+    )
+    return x, y, z

@@ -1,0 +1,202 @@
+"""Scenes of landscapes from files: views that look over the ground, found on a map of its heights."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracer.scene.grids import BRICK
+from tracer.scene.scene import Instance, Scene, Sky, Sun, View
+from tracer.scene.world import World
+from tracer.worlds.views import loop, round_trip, still
+
+Floats = NDArray[np.float64]
+Point = tuple[float, float, float]
+
+SUN = Sun(direction=(-0.62, 0.60, 0.50), irradiance=(4.2, 3.7, 3.0))
+SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68))
+FOV_Y = 55.0
+PLACES, TURNS = 7, 10  # tried along each side of the map, and round the compass
+RISES = (6.0, 18.0)  # above the highest ground near by, blocks
+DIPS = (10.0, 20.0)  # below the horizon, degrees
+RAYS = (16, 9)
+STEPS = 1.6 * 1.09 ** np.arange(64)  # along a ray; the last one lies 365 blocks away
+CLEAR = 14.0  # nothing is to be nearer than that, blocks
+SKY_SHARE = 0.30  # of a picture, as painters do
+FLIGHT, ROUND = 48.0, 36.0  # seconds
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Map:
+    """Heights over the ground plan.
+
+    Args:
+        top: ``(X, Z)`` upper side of the highest voxel of each column; -inf where there is none.
+        kind: ``(X, Z)`` its material.
+        x0: of the first column.
+        z0: of the first column.
+    """
+
+    top: Floats
+    kind: NDArray[np.int64]
+    x0: int
+    z0: int
+
+    def at(self, x: Floats, z: Floats) -> tuple[Floats, NDArray[np.int64]]:
+        """Height and material at places; -inf and 0 beyond the map."""
+        i, j = np.floor(x).astype(np.int64) - self.x0, np.floor(z).astype(np.int64) - self.z0
+        inside = (i >= 0) & (j >= 0) & (i < self.top.shape[0]) & (j < self.top.shape[1])
+        i, j = np.where(inside, i, 0), np.where(inside, j, 0)
+        return np.where(inside, self.top[i, j], -np.inf), np.where(inside, self.kind[i, j], 0)
+
+
+def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
+    """A scene of a piece of land under the sky.
+
+    Args:
+        world: the land, which goes on where the file ends as empty space.
+        instances: what else there is.
+
+    Returns:
+        A scene with the views ``landscape`` (over the ground, from where most is to be seen), ``orbit`` (once round in
+        36 s) and ``flight`` (a round over the land, 48 s).
+    """
+    ground = _map_of(world)
+    views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
+    return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=views)
+
+
+def _map_of(world: World) -> _Map:
+    bricks, index = world.bricks.cpu().numpy(), world.index.cpu().numpy()
+    level = BRICK - 1 - np.argmax(bricks[:, :, ::-1] > 0, axis=2)  # of each column of each brick
+    kind = np.take_along_axis(bricks, level[:, :, None], axis=2)[:, :, 0]
+    nx, ny, nz = index.shape
+    top, kinds = np.full((nx, nz, BRICK, BRICK), -np.inf), np.zeros((nx, nz, BRICK, BRICK), np.int64)
+    for y in range(ny):  # from below: what is higher covers it
+        layer = index[:, y]
+        found = kind[layer] > 0
+        top = np.where(found, level[layer] + (world.origin[1] + BRICK * y + 1.0), top)
+        kinds = np.where(found, kind[layer], kinds)
+    whole = (nx * BRICK, nz * BRICK)
+    return _Map(
+        top=top.transpose(0, 2, 1, 3).reshape(whole),
+        kind=kinds.transpose(0, 2, 1, 3).reshape(whole),
+        x0=world.origin[0],
+        z0=world.origin[2],
+    )
+
+
+def _best(ground: _Map) -> View:
+    """The eye and direction that show most: many materials, far and near, some sky, and nothing before the lens."""
+    eyes, directions = _candidates(ground)
+    scores = np.concatenate([_scores(ground, e, d) for e, d in zip(_split(eyes), _split(directions), strict=True)])
+    best = int(np.argmax(scores))
+    eye, target = eyes[best], eyes[best] + 40.0 * directions[best]
+    return still(_point(eye), _point(target), fov_y=FOV_Y, description="over the land, from where most is to be seen")
+
+
+def _split(rows: Floats) -> list[Floats]:
+    return np.array_split(rows, max(1, len(rows) // 256))
+
+
+def _candidates(ground: _Map) -> tuple[Floats, Floats]:
+    """``(N, 3)`` eyes over the land and ``(N, 3)`` unit directions."""
+    x, z = np.nonzero(np.isfinite(ground.top))
+    spots = np.stack(
+        [
+            g.reshape(-1)
+            for g in np.meshgrid(*(np.linspace(a.min(), a.max(), PLACES + 2)[1:-1].round().astype(int) for a in (x, z)))
+        ],
+        axis=1,
+    )
+    spots = spots[np.isfinite(ground.top[spots[:, 0], spots[:, 1]])]
+    if not len(spots):
+        spots = np.array([[x[0], z[0]]])
+    highest = np.array([_highest(ground, i, j, 10) for i, j in spots])
+    eyes = [
+        np.stack([spots[:, 0] + ground.x0 + 0.5, highest + rise, spots[:, 1] + ground.z0 + 0.5], 1) for rise in RISES
+    ]
+    angles = [(2 * math.pi * (n + 0.5) / TURNS, math.radians(dip)) for n in range(TURNS) for dip in DIPS]
+    ways = [(math.cos(b) * math.cos(a), -math.sin(b), math.cos(b) * math.sin(a)) for a, b in angles]
+    flat = np.concatenate(eyes)
+    return flat.repeat(len(ways), axis=0), np.tile(np.array(ways), (len(flat), 1))
+
+
+def _highest(ground: _Map, i: int, j: int, reach: int) -> float:
+    return float(ground.top[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1].max(initial=-np.inf))
+
+
+def _scores(ground: _Map, eyes: Floats, directions: Floats) -> Floats:
+    """How good each picture is, from a few rays over the map of heights."""
+    right = np.cross(directions, (0.0, 1.0, 0.0))
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    up = np.cross(right, directions)
+    slope = math.tan(math.radians(FOV_Y / 2))
+    across, down = (np.linspace(-1 + 1 / n, 1 - 1 / n, n) for n in RAYS)
+    u, v = (g.reshape(-1) * slope for g in np.meshgrid(across * 16 / 9, -down))
+    rays = directions[:, None] + u[:, None] * right[:, None] + v[:, None] * up[:, None]
+    points = eyes[:, None, None] + rays[:, :, None] * STEPS[:, None]  # (N, R, T, 3)
+    height, kind = ground.at(points[..., 0], points[..., 2])
+    below = points[..., 1] < height
+    first = below.argmax(axis=2)
+    hit = below.any(axis=2)
+    seen = np.where(hit, np.take_along_axis(kind, first[..., None], axis=2)[..., 0], 0)
+    far = np.where(hit, STEPS[first], STEPS[-1])
+    lost = ~hit & (rays[..., 1] < -0.02)  # looks past the end of the land
+    variety = np.array([_entropy(row[row > 0]) for row in seen])
+    depth = np.where(hit, np.log(far), np.nan)
+    spread = np.nan_to_num(np.nanstd(np.where(hit.any(axis=1, keepdims=True), depth, 0.0), axis=1))
+    sky = (~hit & ~lost).mean(axis=1)
+    sun = np.asarray(SUN.direction) / np.linalg.norm(SUN.direction)
+    return (
+        variety
+        + 0.8 * spread
+        - 2.0 * np.abs(sky - SKY_SHARE)
+        - 5.0 * lost.mean(axis=1)
+        - 6.0 * (far < CLEAR).mean(axis=1)
+        - 0.3 * directions @ sun
+    )
+
+
+def _entropy(kinds: NDArray[np.int64]) -> float:
+    """Of what is seen, in nats: how much there is to tell apart."""
+    share = np.unique(kinds, return_counts=True)[1] / max(len(kinds), 1)
+    return float(-(share * np.log(share)).sum())
+
+
+def _extent(ground: _Map) -> tuple[Point, float]:
+    """Middle of the land, at its mean height, and half its longer side."""
+    x, z = np.nonzero(np.isfinite(ground.top))
+    middle = (ground.x0 + x.mean() + 0.5, float(ground.top[x, z].mean()), ground.z0 + z.mean() + 0.5)
+    return middle, float(max(np.ptp(x), np.ptp(z)) + 1) / 2
+
+
+def _orbit(ground: _Map) -> View:
+    (x, y, z), half = _extent(ground)
+    eye = round_trip((x, y, z), 1.5 * half + 4.0, 0.95 * half + 8.0, ROUND)
+    return View(eye=eye, target=lambda _: (x, y, z), fov_y=50.0, description="round the land, 36 s")
+
+
+def _flight(ground: _Map) -> View:
+    """A round over the land, over the highest that is within reach of the curve between two of its points."""
+    (x, y, z), half = _extent(ground)
+    eyes, targets = list[Point](), list[Point]()
+    count = 10
+    for n in range(count):
+        angle = 2 * math.pi * n / count
+        px, pz = x + 0.62 * half * math.cos(angle), z + 0.62 * half * math.sin(angle)
+        reach = round(0.62 * half * 2 * math.pi / count) + 2
+        high = _highest(ground, max(round(px) - ground.x0, 0), max(round(pz) - ground.z0, 0), reach) if half else y
+        eyes.append((px, max(high, y) + 9.0 if math.isfinite(high) else y + 12.0, pz))
+        ahead = angle + 1.5
+        targets.append((x + 0.45 * half * math.cos(ahead), y + 2.0, z + 0.45 * half * math.sin(ahead)))
+    return View(
+        eye=loop(eyes, FLIGHT), target=loop(targets, FLIGHT), fov_y=60.0, description="a round over the land, 48 s"
+    )
+
+
+def _point(v: Floats) -> Point:
+    return float(v[0]), float(v[1]), float(v[2])
