@@ -12,6 +12,7 @@ import torch
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
+from gbufrt.files.guard import read_parts
 
 REAL = {
     "blender4515_cycles_multilayer.exr": ("blender", 10 * np.tan(np.radians(80 - 90))),
@@ -64,3 +65,21 @@ def test_motion_and_direct_light_of_blender(tmp_path: Path) -> None:
 def test_what_fits_no_profile_says_so(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="fits no profile"):
         read_gbuffer(_write(tmp_path / "a.exr", {"R": 1.0}), fov=40)
+
+
+@pytest.mark.parametrize("name", [name for name in REAL if name.startswith("blender")])
+def test_motion_of_real_files_leads_to_where_the_cube_was(name: str) -> None:
+    folder = os.environ.get("GBUFRT_TEST_DATA")
+    if folder is None:
+        pytest.skip("GBUFRT_TEST_DATA is not set: no files of real renderers")
+    path = Path(folder) / "exr" / name
+    fov = float(np.degrees(2 * np.arctan(18 / 50 * 9 / 16)))
+    camera = Camera.look_at((0, 3, 10), (0, 3 + REAL[name][1], 0), size=(90, 160), fov_y=fov)
+    g = read_gbuffer(path, camera=camera).gbuffer
+    layers = {n: c for part in read_parts(path) for n, c in part.channels.items()}
+    x, y, z = (torch.from_numpy(layers[f"ViewLayer.Position.{c}"].astype(np.float32)) for c in "XYZ")
+    cube = (z > 0.05) & g.hit[0, 0]
+    now, before = (camera.project(camera.to_view(torch.stack([x - d, z, -y])[None])) for d in (0.0, 1.0))
+    assert int(cube.sum()) > 1000
+    assert g.motion is not None
+    assert float((before - now - g.motion).norm(dim=1)[0][cube].max()) < 0.1
