@@ -98,9 +98,8 @@ def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = Non
 
 def check_part(world: str, part: Mapping[str, Any]) -> None:
     """Raise ValueError where a part is asked of what is no Minecraft region or save."""
-    asked = [f"--{name}" for name, value in part.items() if value is not None]
-    if asked and (world in WORLDS or not (Path(world).suffix.lower() == ".mca" or Path(world).is_dir())):
-        raise ValueError(f"{asked[0]} is for Minecraft regions and saves; leave it out for {world}")
+    if part and (world in WORLDS or not (Path(world).suffix.lower() == ".mca" or Path(world).is_dir())):
+        raise ValueError(f"--{next(iter(part))} is for Minecraft regions and saves; leave it out for {world}")
 
 
 def check_folder(path: Path) -> Path:

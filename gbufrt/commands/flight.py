@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -75,11 +73,7 @@ class Job:
         from tracer.worlds import WORLDS, builtin, load
 
         if self.seed is None:
-            with warnings.catch_warnings(record=True) as told:
-                warnings.simplefilter("always")
-                scene = load(self.world, **self.part.parsed())
-            for warning in told:  # what is damaged or unknown, and left out
-                print(f"gbufrt: {warning.message}", file=sys.stderr)
+            scene = load(self.world, **self.part.parsed())
         elif self.world == "builtin" or self.world in WORLDS:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:

@@ -95,18 +95,19 @@ class PartOptions:
     """Hour of the day, 0 to 24, to which the sun is turned; lamps light the night. [default: the world's own sun]"""
 
     def parsed(self) -> dict[str, Any]:
-        """The part as arguments of `tracer.load`.
+        """The part as arguments of `tracer.load`, those that are given.
 
         Raises:
             ValueError: not as many whole numbers as wanted, or an hour that no day has.
         """
         if self.hour is not None and not 0.0 <= self.hour <= 24.0:
             raise ValueError(f"--hour must lie in 0..24, got {self.hour:g}")
-        return {
+        part = {
             "box": _numbers("--box", self.box, "X0,Y0,Z0,X1,Y1,Z1"),
             "around": _numbers("--around", self.around, "X,Z"),
             "chunks": self.chunks,
         }
+        return {name: value for name, value in part.items() if value is not None}
 
 
 def _numbers(option: str, text: str | None, form: str) -> tuple[int, ...] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
@@ -23,8 +24,9 @@ MIRRORS = 0.1  # specular albedo above which the reflected image is back-project
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
-GRAINY = 0.07  # share of the light: where noise is stronger, only stronger edges count
-AROUND = 7  # pixels, of the square over which noise is compared with light
+UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
+GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
+AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 
 
 def denoise(
@@ -72,7 +74,7 @@ def denoise(
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
-    shown, divisor, emission, mirrors = visible_layer(gbuffer, behind, before)
+    shown, divisor, emission, mirrors = _in_mirrors(gbuffer, visible_layer(gbuffer, behind), before)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -86,7 +88,7 @@ def denoise(
         sharp=True,
         distance=_image_distance(gbuffer),
     )
-    variance = _tolerated(mean, history.signals["variance"], shown.hit.to(mean))
+    variance = _tolerated(mean, history, shown.hit)
     smooth, _ = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
         iterations=iterations, phi_color=phi_color, variance=variance,
@@ -108,17 +110,16 @@ class Shown(NamedTuple):
     """``(B, 3, H, W)``: albedo, never quite black; 1 where nothing was hit."""
     emission: Tensor
     """``(B, 3, H, W)`` linear radiance."""
-    mirrors: Tensor | None
+    mirrors: Tensor | None = None
     """``(B, 1, H, W)`` bool: where the surface is seen in a mirror; None where there is no mirror."""
 
 
-def visible_layer(g: GBuffer, behind: GBuffer | None, previous: Camera | None = None) -> Shown:
-    """What each pixel shows, as the guide of filters and histories.
+def visible_layer(g: GBuffer, behind: GBuffer | None) -> Shown:
+    """What each pixel shows, mirrors being surfaces as others.
 
     Args:
         g: of the frame.
         behind: of what lies straight behind the first transmissive surface; used where that surface is clear enough.
-        previous: camera of the frame before; by default the G-buffer's.
     """
     one, none = torch.ones_like(g.normal), torch.zeros_like(g.normal)
     albedo = one if g.albedo is None else g.albedo
@@ -134,13 +135,24 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, previous: Camera | None = 
         albedo = torch.where(clear, specular + (1 - specular) * (own * albedo + through), albedo)
         emission = torch.where(clear, emission + (1 - specular) * g.transmittance * far_emission, emission)
         shown = _merged(clear, behind, g)
+    return Shown(shown, _divisor(g.hit, albedo), emission)
+
+
+def _in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None) -> Shown:
+    """What each pixel shows, with the virtual images of what mirrors reflect in place of the mirrors."""
     image = mirror_image(g, previous)
-    if image is not None:
-        albedo = torch.where(image.mask, image.albedo, albedo)
-        emission = torch.where(image.mask, emission + image.emission, emission)
-        shown = _merged(image.mask, image.gbuffer, shown)
-    divisor = torch.where(g.hit, albedo.clamp_min(MIN_ALBEDO), 1.0)
-    return Shown(shown, divisor, emission, None if image is None else image.mask)
+    if image is None:
+        return shown
+    return Shown(
+        _merged(image.mask, image.gbuffer, shown.gbuffer),
+        torch.where(image.mask, _divisor(g.hit, image.albedo), shown.divisor),
+        torch.where(image.mask, shown.emission + image.emission, shown.emission),
+        image.mask,
+    )
+
+
+def _divisor(hit: Tensor, albedo: Tensor) -> Tensor:
+    return torch.where(hit, albedo.clamp_min(MIN_ALBEDO), 1.0)
 
 
 def _merged(mask: Tensor, far: GBuffer, near: GBuffer) -> GBuffer:
@@ -150,14 +162,20 @@ def _merged(mask: Tensor, far: GBuffer, near: GBuffer) -> GBuffer:
     return near.replace(**{name: torch.where(mask, *pair) for name, pair in both.items()})
 
 
-def _tolerated(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
-    """Variance as the wavelets are told it: the larger a share of the light noise is, the more it is exaggerated.
+def _tolerated(mean: Tensor, history: History, hit: Tensor) -> Tensor:
+    """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
 
-    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much, they would show as
-    blotches, since the variance of few rare bright samples is itself uncertain.
+    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
+    would show as blotches, since the variance of few rare bright samples is itself uncertain. Much noise in a narrow
+    band is that of a penumbra, whose edges stay.
     """
-    light, noise = pooled(luminance(mean), hit, AROUND), pooled(variance, hit, AROUND)
-    return variance * (1 + noise / (GRAINY * light).square().clamp_min(1e-8))
+    variance, lit = history.signals["variance"], hit.to(mean.dtype)
+    noise, light = pooled(variance, lit, AROUND), pooled(luminance(mean), lit, AROUND)
+    grain = torch.where(hit, noise / (GRAINY * light).square().clamp_min(1e-8), torch.inf)
+    for size in ((WIDE, 1), (1, WIDE)):
+        grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))
+    unsure = UNSURE / history.length.clamp_min(1.0)
+    return variance * (1 + torch.where(hit, torch.maximum(grain, unsure), 0.0))
 
 
 def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:

@@ -120,4 +120,6 @@ def test_vox_scene(tmp_path: Path):
     scene = Path(folder) / "vox" / "scene_store8.vox"
     assert run("render", scene, "--preset", "low", *TINY, "--out", tmp_path / "out") == 0
     frame = read_exr(tmp_path / "out" / "frame_0000.exr")
-    assert 0.1 < float(frame.gbuffer.hit.float().mean()) < 1.0
+    materials = frame.gbuffer.material_id
+    assert materials is not None
+    assert len(materials.unique()) > 10
