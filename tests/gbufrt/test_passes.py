@@ -150,7 +150,7 @@ def test_tunables_by_dotted_name():
         build().with_tunables({"after.bye": 1.0})
     with pytest.raises(ValueError, match=r"did you mean ao\.estimate\.value\?"):
         build().with_tunables({"valeu": 1.0})
-    with pytest.raises(ValueError, match="has no tunable 'size'"):
+    with pytest.raises(ValueError, match="no tunable 'size' in Fill; it has signal, value"):
         Fill().tuned(size=3)
 
 

@@ -67,7 +67,7 @@ def depth_of_field(place: Place, pipeline: Pipeline) -> Outcome:
 def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair, onscreen: f.Pair) -> None:
     """Adds the figures and pictures of one kind of lens; ``onscreen`` is the part of the truth by on-screen points."""
     lens = Pipeline(given={"color"}, **{name.replace(".", "_"): stage})  # pyright: ignore[reportArgumentType]
-    found = [run(lens, [frame] * 4) for frame in frames]
+    found = [run(lens, [frame.replace(index=frame.index + n) for n in (3, 2, 1, 0)]) for frame in frames]
     hit, sources = frames[0].gbuffer.hit, [frame.read("radiance") for frame in frames]
     exposure = f.exposure_of((sources[0] + sources[1]) / 2, hit)
     blurred, sharp, wanted = (

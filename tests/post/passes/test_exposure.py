@@ -64,7 +64,7 @@ def test_adaptation_does_not_depend_on_the_frame_rate():
 
 
 def test_first_frame_adapts_at_once_then_converges():
-    stage = Exposure()
+    stage = Exposure(key=0.18)
     frame, state = stage(lit(0.5))
     assert float(frame.read("exposure")) == pytest.approx(0.36, rel=1e-4)
     factors = []
@@ -77,7 +77,7 @@ def test_first_frame_adapts_at_once_then_converges():
 
 
 def test_a_cut_adapts_at_once():
-    pipeline = Pipeline(exposure=Exposure(), given={"color"})
+    pipeline = Pipeline(exposure=Exposure(key=0.18), given={"color"})
     _, state = pipeline(lit(0.1))
     slow, _ = pipeline(lit(10.0), state)
     cut, _ = pipeline(lit(10.0).replace(cut=torch.tensor([True])), state)
