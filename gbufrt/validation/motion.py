@@ -42,8 +42,8 @@ def check_movers(g: Geometry, motion: Tensor, before: Geometry, prefix: str) -> 
     """
     expected, _ = g.camera.static_motion(before.camera, g.depth, g.hit)
     moves = g.hit & ((motion - expected).norm(dim=1, keepdim=True) > MOTION_TOLERANCE)
-    fit = _found_again(g, motion, before, moves)
-    fits = {text: _found_again(g, reading, before, moves) for text, reading in _readings(motion).items()}
+    fit = found_again(g, motion, before, moves)
+    fits = {text: found_again(g, reading, before, moves) for text, reading in _readings(motion).items()}
     best = max(fits, key=lambda text: fits[text])
     if fits[best] > fit + BETTER:
         raise ValueError(
@@ -52,7 +52,7 @@ def check_movers(g: Geometry, motion: Tensor, before: Geometry, prefix: str) -> 
         )
 
 
-def _found_again(g: Geometry, motion: Tensor, before: Geometry, moves: Tensor) -> float:
+def found_again(g: Geometry, motion: Tensor, before: Geometry, moves: Tensor) -> float:
     """The share of the pixels that move where the frame before shows the same surface at px + motion."""
     px = (g.camera.pixel_centers(dtype=motion.dtype) + motion).floor()
     inside = (px >= 0).all(1, keepdim=True) & (px[:, :1] < g.camera.width) & (px[:, 1:] < g.camera.height)

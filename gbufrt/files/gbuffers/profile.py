@@ -3,52 +3,148 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
+from typing import Any
 
-SHIPPED = ("blender", "mitsuba")
-CHOICES = {"up": ("y", "z"), "depth_kind": ("planar", "ray")}
+SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke")
+CHANNELS = ("depth", "normal", "motion", "albedo", "roughness", "metallic", "position")
+CHOICES = {
+    "up": ("y", "z", "auto"),
+    "handed": ("right", "left"),
+    "depth_kind": ("planar", "ray", "device", "reciprocal"),
+    "normal_space": ("world", "opengl", "opencv"),
+    "motion_unit": ("pixels", "uv"),
+    "motion_target": ("previous", "next"),
+    "albedo_space": ("linear", "srgb"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """Names are the ends of channel names, before ``.X`` or ``.R`` where they hold several numbers."""
+    """Names are of layers or of channels (``Depth.Z``), from the start or after a dot; ``*`` stands for anything."""
 
-    channels: dict[str, list[str]]
-    """Names to try for each of depth, normal, motion, albedo and roughness."""
+    channels: Mapping[str, tuple[str, ...]]
+    """Names to try for each of `CHANNELS`; depth must be there."""
+    header: Mapping[str, str] = field(default_factory=dict)
+    """Header attributes that only this renderer writes, and the text that each must contain."""
+    layer: str = ""
+    """What stands before the names, such as a view layer; by default that of the first depth."""
     up: str = "y"
-    """Which world axis points up: y or z, right-handed."""
+    """Which world axis points up: y, z, or auto: the one with which normals agree with depth better."""
+    handed: str = "right"
+    """right, or left: then the world is mirrored in its y axis (z up) or its z axis (y up)."""
     depth_kind: str = "planar"
-    """planar z, or the distance along the ray."""
+    """planar z, the length of the ray, device depth between near and far, or 1 / z."""
+    near: float = 0.1
+    """Planar depth of the near plane, for device depth."""
+    far: float = 1000.0
+    """Planar depth of the far plane, for device depth; inf is allowed."""
+    reversed: bool = False
+    """Device depth is 1 at the near plane and 0 at the far plane."""
     sky: float = float("inf")
-    """The depth where nothing was hit."""
-    motion_scale: tuple[float, float] = (1.0, 1.0)
-    """Factors that turn X and Y of motion to previous minus current, in pixels, y down."""
+    """What depth holds where nothing was hit."""
+    normal_space: str = "world"
+    """world, opengl (x right, y up, z to the viewer) or opencv (x right, y down, z forward)."""
+    normal_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
+    """Factors on x, y and z of normals, before their axes are converted."""
+    normal_encoded: bool = False
+    """Normals are stored in [0, 1], as (n + 1) / 2."""
+    motion_scale: tuple[float, ...] = (1.0, 1.0)
+    """Factors on X and Y of motion that make y point down, and its difference the target's place minus this one."""
+    motion_unit: str = "pixels"
+    """pixels, or uv: parts of the picture's width and height."""
+    motion_target: str = "previous"
+    """The frame that motion leads to. Motion to the next frame is negated, as if it were even over three frames."""
+    albedo_space: str = "linear"
+    """linear, or srgb: encoded for display."""
     direct: tuple[tuple[str, ...], ...] = ()
     """Products of layers whose sum is the direct light with emission and sky."""
     finished: tuple[str, ...] = ()
-    """Layers with all light in them, bounces included."""
+    """Layers with all light in them, bounces included; the empty name is the picture without a layer."""
 
 
 def load_profile(name: str | Path) -> Profile:
     """A shipped profile by name, or a user's own by its path.
 
     Raises:
-        ValueError: there is no such profile, it is not TOML, or a key or value is unknown.
+        ValueError: there is no such profile, it is not TOML, or a key or value is unknown or of a wrong type.
     """
     path = Path(__file__).parent / f"{name}.toml" if name in SHIPPED else Path(name)
     if not path.is_file():
         raise ValueError(f"profile must be one of {', '.join(SHIPPED)} or a TOML file, got {str(name)!r}")
+    table = read_toml(path)
+    known = [f.name for f in fields(Profile)]
+    for key in table:
+        if key not in known:
+            raise ValueError(f"{path}: unknown key {key!r}; known are {', '.join(known)}")
+    values = {key: _value(path, key, value) for key, value in table.items()}
+    if not values.get("channels", {}).get("depth"):
+        raise ValueError(f"{path} must name its depth: write a table [channels] with depth = [NAMES]")
+    profile = Profile(**values)
+    if not 0 < profile.near < profile.far:
+        raise ValueError(f"{path}: near and far must satisfy 0 < near < far, got {profile.near:g} and {profile.far:g}")
+    return profile
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file.
+
+    Raises:
+        ValueError: it cannot be read as TOML.
+    """
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path} is not a TOML file: {error}") from error
-    unknown = table.keys() - {field.name for field in fields(Profile)}
-    if unknown or "depth" not in table.get("channels", {}):
-        raise ValueError(
-            f"{path} must have channels.depth and no unknown keys, got {', '.join(sorted(unknown or table))}"
-        )
-    for key, choices in CHOICES.items():
-        if table.get(key, choices[0]) not in choices:
-            raise ValueError(f"{path}: {key} must be {' or '.join(choices)}, got {table[key]!r}")
-    return Profile(**table)
+
+
+def is_number(value: Any) -> bool:
+    """Whether a TOML value is a number, nan apart."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+def _is_names(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(v, str) for v in value)
+
+
+def _value(path: Path, key: str, value: Any) -> Any:
+    """The value as `Profile` holds it."""
+    if key in CHOICES:
+        if value not in CHOICES[key]:
+            raise ValueError(f"{path}: {key} must be {' or '.join(map(repr, CHOICES[key]))}, got {value!r}")
+        return value
+    if key == "channels" and isinstance(value, dict):
+        for name in value:
+            if name not in CHANNELS:
+                raise ValueError(f"{path}: unknown channel {name!r}; known are {', '.join(CHANNELS)}")
+    what, fits, make = _SHAPES[key]
+    if not fits(value):
+        raise ValueError(f"{path}: {key} must be {what}, got {value!r}")
+    return make(value)
+
+
+def _numbers(count: int) -> Callable[[Any], bool]:
+    return lambda v: isinstance(v, list) and len(v) == count and all(map(is_number, v))
+
+
+_SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
+    "channels": (
+        "a table of lists of names",
+        lambda v: isinstance(v, dict) and all(map(_is_names, v.values())),
+        lambda v: {name: tuple(names) for name, names in v.items()},
+    ),
+    "header": ("a table of texts", lambda v: isinstance(v, dict) and all(isinstance(t, str) for t in v.values()), dict),
+    "layer": ("a text", lambda v: isinstance(v, str), str),
+    "direct": (
+        "a list of lists of names",
+        lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
+        lambda v: tuple(map(tuple, v)),
+    ),
+    "finished": ("a list of names", _is_names, tuple),
+    **dict.fromkeys(("near", "far", "sky"), ("a number", is_number, float)),
+    **dict.fromkeys(("reversed", "normal_encoded"), ("true or false", lambda v: isinstance(v, bool), bool)),
+    "normal_scale": ("three numbers", _numbers(3), tuple),
+    "motion_scale": ("two numbers", _numbers(2), tuple),
+}

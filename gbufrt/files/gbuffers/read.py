@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
+import warnings
 from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
+from gbufrt.files.gbuffers.convert import distances, hit_of, linear, pixels_to_previous, planar, world_normals
+from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.guard import MAX_PIXELS, read_parts
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
-SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
-UNIT = 1e-3  # shorter normals are empty pixels
+MOST_AWAY = (
+    0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
+)
 
 
 def read_gbuffer(
@@ -24,20 +28,25 @@ def read_gbuffer(
     profile: str | Path = "auto",
     *,
     camera: Camera | None = None,
+    previous_camera: Camera | None = None,
     fov: float | None = None,
+    index: int = 0,
     max_pixels: int = MAX_PIXELS,
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
     Direct light becomes ``radiance``; where the file has the finished picture alone, that becomes ``composite``, so
-    that light is not added twice.
+    that light is not added twice. A warning says which passes of the direct light are missing.
 
     Args:
         path: the file.
-        profile: ``auto``, ``blender``, ``mitsuba``, or a TOML file with the fields of `Profile`.
+        profile: ``auto``, the name of a shipped one, or a TOML file with the fields of `Profile`.
         camera: the camera, in a world with y up.
+        previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
+            ``motion_z`` is that of a static world where the file's motion agrees.
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
             are estimated from depth, because those of the file lie in a world that is not known.
+        index: of the frame.
         max_pixels: the largest picture to accept.
 
     Raises:
@@ -46,89 +55,127 @@ def read_gbuffer(
     """
     if (camera is None) == (fov is None):
         raise ValueError("read_gbuffer needs either camera or fov; pass one of them")
+    if previous_camera is not None and camera is None:
+        raise ValueError("previous_camera needs camera; pass both, or fov alone")
     if fov is not None and not 0 < fov < 180:
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
-    layers = {n: c for p in read_parts(path, max_pixels=max_pixels) for n, c in p.channels.items()}
-    chosen = _detect(path, layers) if profile == "auto" else load_profile(profile)
-    raw = _first(layers, chosen.channels["depth"], 1)
-    if raw is None:
-        raise ValueError(f"{path} has no depth under {', '.join(chosen.channels['depth'])}; choose another profile")
-    height, width = raw.shape[-2:]
-    if camera is not None and camera.size != (height, width):
-        raise ValueError(f"camera must be of size {(height, width)} as {path}, got {camera.size}")
-    limit = chosen.sky * SKY_SHARE if chosen.sky > 0 else math.inf
-    hit = (raw > 0) & (raw < limit)
-    view = camera if camera is not None else _still(fov or 0.0, raw, hit)
-    depth = torch.where(hit, raw, view.far)
-    if chosen.depth_kind == "ray":
-        depth = torch.where(hit, depth / view.unproject(torch.ones_like(depth)).norm(dim=1, keepdim=True), view.far)
+    layers = Layers(path, read_parts(path, max_pixels=max_pixels))
+    chosen = load_profile(detect(path, max_pixels=max_pixels).name if profile == "auto" else profile)
+    return _frame(_Source(layers, chosen), camera, previous_camera, fov or 0.0, index)
+
+
+class _Source:
+    """Layers under the names of a profile, all of one layer and one size."""
+
+    def __init__(self, layers: Layers, profile: Profile) -> None:
+        self.layers, self.profile = layers, profile
+        self.layer, self.size = profile.layer, None
+        depth = self.get(profile.channels["depth"], 1)
+        if depth is None:
+            raise ValueError(
+                f"{layers.path} has no depth under {', '.join(profile.channels['depth'])}; choose another profile"
+            )
+        self.depth = depth
+        self.size = (depth.shape[-2], depth.shape[-1])
+        key = layers.find(profile.channels["depth"], 1, self.layer)[0]
+        others = [name for name in layers.layers_of(profile.channels["depth"]) if name]
+        self.layer = self.layer or layers.layer_of(key)
+        if len(others) > 1 and not profile.layer:
+            warnings.warn(
+                f"{layers.path} has depth in the layers {', '.join(others)}; took {self.layer}, set layer = "
+                "in the profile for another",
+                stacklevel=5,
+            )
+
+    def get(self, names: tuple[str, ...], count: int) -> Tensor | None:
+        """``(1, count, H, W)`` of the first name that the file has."""
+        keys = self.layers.find(names, count, self.layer)
+        return self.layers.stack(keys, self.size) if keys else None
+
+    def channel(self, name: str, count: int) -> Tensor | None:
+        """`get` by the names of one of our channels."""
+        return self.get(self.profile.channels.get(name, ()), count)
+
+
+def _frame(source: _Source, camera: Camera | None, previous: Camera | None, fov: float, index: int) -> Frame:
+    profile, raw = source.profile, source.depth
+    path, size = source.layers.path, (raw.shape[-2], raw.shape[-1])
+    if camera is not None and (camera.size, camera.batch) != (size, 1):
+        raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
+    hit = hit_of(raw, profile)
+    far = torch.where(hit, distances(raw, profile), 0.0)
+    view = camera if camera is not None else _still(fov, far)
+    depth = torch.where(hit, planar(far, profile, view), view.far)
     if bool((hit & (depth >= view.far)).any()):
-        raise ValueError(f"camera.far must exceed every depth, got {view.far} and {float(depth.max()):g}; raise it")
-    motion = _first(layers, chosen.channels.get("motion", []), 2)
-    scale = torch.tensor(chosen.motion_scale).view(1, 2, 1, 1)
-    roughness = _first(layers, chosen.channels.get("roughness", []), 1)
-    albedo = _first(layers, chosen.channels.get("albedo", []), 3)
-    radiance = _direct(layers, chosen)
+        raise ValueError(f"camera.far must exceed every depth, got {view.far:g} and {float(depth.max()):g}; raise it")
+    motion, motion_z = _motion(source, view, previous, depth, hit)
+    albedo, roughness, metallic = (source.channel(n, c) for n, c in (("albedo", 3), ("roughness", 1), ("metallic", 1)))
     gbuffer = GBuffer(
         camera=view,
+        previous_camera=previous,
         depth=depth,
         hit=hit,
-        normal=_normal(layers, chosen, view, depth, hit, posed=camera is not None),
-        motion=None if motion is None else torch.where(hit, motion * scale, 0.0),
-        albedo=None if albedo is None else torch.where(hit, albedo.clamp(0, 1), 0.0),
+        normal=_normal(source, view, depth, hit, posed=camera is not None),
+        motion=motion,
+        motion_z=motion_z,
+        albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
         roughness=None if roughness is None else torch.where(hit, roughness.clamp(0, 1), 1.0),
+        metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
     )
-    finished = None if radiance is not None else _first(layers, chosen.finished, 3)
-    return Frame(gbuffer=gbuffer, radiance=radiance, composite=finished)
+    radiance = _direct(source)
+    finished = source.get(profile.finished, 3) if radiance is None else None
+    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished)
 
 
-def _still(fov: float, raw: Tensor, hit: Tensor) -> Camera:
+def _still(fov: float, distance: Tensor) -> Camera:
     """A camera at the origin that sees as far as the file reaches."""
-    far = max(1000.0, 2 * float(torch.where(hit, raw, 0.0).max()))
-    return Camera.look_at((0, 0, 0), (0, 0, -1), size=(raw.shape[-2], raw.shape[-1]), fov_y=fov, far=far)
+    far = max(1000.0, 2 * float(distance.max()))
+    size = (distance.shape[-2], distance.shape[-1])
+    return Camera.look_at((0, 0, 0), (0, 0, -1), size=size, fov_y=fov, far=far)
 
 
-def _detect(path: str | Path, layers: dict[str, np.ndarray]) -> Profile:
-    found = {
-        name: sum(_first(layers, n, 1) is not None for n in load_profile(name).channels.values()) for name in SHIPPED
-    }
-    fits = [name for name in SHIPPED if _first(layers, load_profile(name).channels["depth"], 1) is not None]
-    if not fits:
-        raise ValueError(f"{path} fits no profile ({', '.join(SHIPPED)}); write one and pass profile='own.toml'")
-    return load_profile(max(fits, key=found.__getitem__))
+def _motion(
+    source: _Source, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
+) -> tuple[Tensor | None, Tensor | None]:
+    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves."""
+    raw = source.channel("motion", 2)
+    motion = None if raw is None else pixels_to_previous(raw, source.profile)
+    if previous is None:
+        return (None if motion is None else torch.where(hit, motion, 0.0)), None
+    static, static_z = view.static_motion(previous, depth, hit)
+    if motion is None:
+        return static, static_z
+    moves = (motion - static).norm(dim=1, keepdim=True) > 0.5
+    return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
 
 
-def _first(layers: dict[str, np.ndarray], names: list[str] | tuple[str, ...], count: int) -> Tensor | None:
-    """``(1, count, H, W)`` of the first name that the file has."""
-    for name in names:
-        for ends in ([""], [".X", ".Y", ".Z"], [".R", ".G", ".B"]):
-            keys = [k for e in ends[:count] for k in layers if k == name + e or k.split(".", 1)[-1] == name + e]
-            if len(keys) == min(count, 3):
-                return torch.from_numpy(np.stack([layers[k].astype(np.float32) for k in keys]))[None]
-    return None
-
-
-def _direct(layers: dict[str, np.ndarray], profile: Profile) -> Tensor | None:
-    total = None
-    for names in profile.direct:
-        factors = [_first(layers, [name], 3) for name in names]
+def _direct(source: _Source) -> Tensor | None:
+    total, lacking = None, []
+    for names in source.profile.direct:
+        factors = [source.get((name,), 3) for name in names]
         present = [f for f in factors if f is not None]
         if len(present) == len(factors):
             product = math.prod(present[1:], start=present[0])
             total = product if total is None else total + product
+        elif present:
+            lacking += [name for name, factor in zip(names, factors, strict=True) if factor is None]
+    if total is not None and lacking:
+        warnings.warn(
+            f"{source.layers.path} lacks {', '.join(lacking)}: its direct light is without that part; render the pass "
+            "too",
+            stacklevel=4,
+        )
     return total
 
 
-def _normal(
-    layers: dict[str, np.ndarray], profile: Profile, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool
-) -> Tensor:
+def _normal(source: _Source, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> Tensor:
     estimate = view.normals_from_depth(depth)
-    normal = _first(layers, profile.channels.get("normal", []), 3) if posed else None
-    if normal is not None:
-        x, y, z = normal.unbind(1)
-        normal = torch.stack([x, z, -y], 1) if profile.up == "z" else normal
-        size = normal.norm(dim=1, keepdim=True)
-        estimate = torch.where(size > UNIT, normal / size.clamp_min(UNIT), estimate)
+    raw = source.channel("normal", 3) if posed else None
+    if raw is not None:
+        normal, there = world_normals(raw, source.profile, view, estimate)
+        estimate = torch.where(there, normal, estimate)
         eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
-        estimate = torch.where((estimate * eye).sum(1, keepdim=True) < 0, -estimate, estimate)
+        away = hit & ((estimate * eye).sum(1, keepdim=True) < 0)
+        if int(away.sum()) < MOST_AWAY * int(hit.sum()):
+            estimate = torch.where(away, -estimate, estimate)
     return torch.where(hit, estimate, 0.0)

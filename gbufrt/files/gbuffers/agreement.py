@@ -1,0 +1,165 @@
+"""Whether a frame's channels agree with each other, and which setting of a profile would make them."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.directions import length
+from gbufrt.frame import Frame
+from gbufrt.gbuffer import GBuffer
+from gbufrt.validation.motion import found_again
+
+CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
+BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
+SMOOTH = 0.02  # relative step of depth to the next pixel up to which there is no edge
+NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
+BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
+FEW = 16  # pixels that tell nothing
+MOVES = 0.5  # pixels of motion apart from the cameras' own
+RECIPROCAL = '"reciprocal" or "device"'
+
+
+def disagreements(frame: Frame, before: Frame | None = None) -> list[str]:
+    """What of a frame by `gbufrt.files.read_gbuffer` disagrees; each line names the profile's setting to change.
+
+    Args:
+        frame: its motion is tested against the cameras where it has the one before.
+        before: the frame before, against which the motion of what moves by itself is tested.
+    """
+    g = frame.gbuffer
+    lines = [_depth_line(g), _normal_line(g)] if min(g.camera.size) > 2 else []
+    if g.motion is not None:
+        if g.previous_camera is not None:
+            lines.append(_static_line(g, g.motion, g.previous_camera))
+        if before is not None:
+            lines.append(_mover_line(g, g.motion, before.gbuffer))
+    return [line for line in dict.fromkeys(lines) if line]
+
+
+def depth_readings(g: GBuffer) -> dict[str, Tensor]:
+    """Planar depth if the file's kind of depth were another, by that kind."""
+    ray = 1.0 if g.camera.orthographic else length(g.camera.unproject(torch.ones_like(g.depth)))
+    return {'"ray"': g.depth / ray, '"planar"': g.depth * ray, RECIPROCAL: 1 / g.depth}
+
+
+def normal_readings(g: GBuffer) -> dict[str, Tensor]:
+    """World normals if a setting were another, by that setting."""
+    x, y, z = g.normal.unbind(1)
+    view, turned = g.camera.rotate_to_view(g.normal), g.camera.rotate_to_world
+    return {
+        'up = "z"': torch.stack([x, z, -y], 1),
+        'up = "y"': torch.stack([x, -z, y], 1),
+        'the other of handed = "left" and "right"': torch.stack([x, y, -z], 1),
+        "normal_scale with all signs changed": -g.normal,
+        'normal_space = "opencv"': turned(g.normal),
+        'normal_space = "opengl"': turned(torch.stack([x, -y, -z], 1)),
+        'normal_space = "world"': view,
+        "normal_encoded = true": torch.nn.functional.normalize(2 * g.normal - 1, dim=1),
+    }
+
+
+def motion_readings(motion: Tensor) -> dict[str, Tensor]:
+    """Motion if a setting were another, by that setting."""
+    height, width = motion.shape[-2:]
+    signs = {
+        "": (1, 1),
+        "motion_scale with both signs changed (or the other motion_target)": (-1, -1),
+        "motion_scale with the sign of y changed": (1, -1),
+        "motion_scale with the sign of x changed": (-1, 1),
+    }
+    units = {"": (1, 1), 'motion_unit = "uv"': (width, height), 'motion_unit = "pixels"': (1 / width, 1 / height)}
+    return {
+        " and ".join(filter(None, (unit, sign))): motion * motion.new_tensor([sx * ux, sy * uy]).view(1, 2, 1, 1)
+        for unit, (ux, uy) in units.items()
+        for sign, (sx, sy) in signs.items()
+        if unit or sign
+    }
+
+
+def _depth_line(g: GBuffer) -> str:
+    """By planarity: on a plane 1 / z is linear over the picture, and so are no lengths of rays."""
+    inside = flat(g)
+    if int(inside.sum()) < FEW:
+        return ""
+    now = _agreeing(g, g.camera, g.depth, g.normal, inside)
+    bend = _bend(g.depth, inside, orthographic=g.camera.orthographic)
+    for kind, depth in depth_readings(g).items():
+        other = _bend(depth, inside, orthographic=g.camera.orthographic)
+        if bend > BEND and other < NEARER * bend:
+            fits = _agreeing(g, g.camera, depth, g.normal, inside)
+            if fits > now + BETTER:
+                return (
+                    f"depth_kind = {kind} fits better: normals agree with depth at {fits:.0%} of the pixels instead "
+                    f"of {now:.0%}"
+                )
+            return f"depth_kind = {kind} fits better: planes bend by {other:.2g} a pixel instead of {bend:.2g}"
+    return ""
+
+
+def _normal_line(g: GBuffer) -> str:
+    inside = flat(g)
+    if int(inside.sum()) < FEW:
+        return ""
+    now = _agreeing(g, g.camera, g.depth, g.normal, inside)
+    fits = {text: _agreeing(g, g.camera, g.depth, normal, inside) for text, normal in normal_readings(g).items()}
+    best = max(fits, key=lambda text: fits[text])
+    if fits[best] <= now + BETTER:
+        return ""
+    return f"{best} fits better: normals agree with depth at {fits[best]:.0%} of the pixels instead of {now:.0%}"
+
+
+def _static_line(g: GBuffer, motion: Tensor, previous: Camera) -> str:
+    expected, _ = g.camera.static_motion(previous, g.depth, g.hit)
+    length_px = expected.norm(dim=1, keepdim=True)
+    told = g.hit & (length_px > MOVES)  # what hardly moves fits any sign
+    if int(told.sum()) < FEW:
+        return ""
+
+    def share(reading: Tensor) -> float:
+        off = (reading - expected).norm(dim=1, keepdim=True)
+        return float((off < (0.1 * length_px).clamp_min(0.1))[told].float().mean())
+
+    return _motion_line(share(motion), {text: share(m) for text, m in motion_readings(motion).items()}, "the cameras")
+
+
+def _mover_line(g: GBuffer, motion: Tensor, before: GBuffer) -> str:
+    expected, _ = g.camera.static_motion(before.camera, g.depth, g.hit)
+    moves = g.hit & ((motion - expected).norm(dim=1, keepdim=True) > 1e-3)
+    if int(moves.sum()) < FEW:
+        return ""
+    fits = {text: found_again(g, m, before, moves) for text, m in motion_readings(motion).items()}
+    return _motion_line(found_again(g, motion, before, moves), fits, "the frame before")
+
+
+def _motion_line(now: float, fits: dict[str, float], what: str) -> str:
+    best = max(fits, key=lambda text: fits[text])
+    if fits[best] <= now + BETTER:
+        return ""
+    return f"{best} fits better: motion agrees with {what} at {fits[best]:.0%} of the pixels instead of {now:.0%}"
+
+
+def flat(g: GBuffer) -> Tensor:
+    """``(B, 1, H, W)`` pixels hit, as are those around them, without an edge of depth or of normals between."""
+    inside = g.hit.clone()
+    for dim in (2, 3):
+        for step in (1, -1):
+            near = (g.depth.roll(step, dim) - g.depth).abs() < SMOOTH * g.depth
+            same = (g.normal.roll(step, dim) * g.normal).sum(1, keepdim=True) > 0.99
+            inside = inside & g.hit.roll(step, dim) & near & same
+    inside[:, :, (0, -1)] = False
+    inside[..., (0, -1)] = False
+    return inside
+
+
+def _bend(depth: Tensor, inside: Tensor, *, orthographic: bool) -> float:
+    value = depth.double() if orthographic else 1 / depth.double()
+    bends = [(value.roll(1, dim) - 2 * value + value.roll(-1, dim)).abs() / value for dim in (2, 3)]
+    return float(torch.maximum(*bends)[inside].median())
+
+
+def _agreeing(g: GBuffer, camera: Camera, depth: Tensor, normal: Tensor, inside: Tensor) -> float:
+    """The share of the pixels where the normal is within `CLOSE` of that of the depth."""
+    cosine = (camera.normals_from_depth(depth.to(g.depth)) * normal).sum(1, keepdim=True)[inside]
+    return float((cosine > torch.tensor(CLOSE).deg2rad().cos()).float().mean())

@@ -1,0 +1,78 @@
+"""Depth, normals, motion and colour of a profile's conventions by ours."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.directions import length
+from gbufrt.files.gbuffers.profile import Profile
+
+SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
+UNIT = 1e-3  # shorter normals are empty pixels
+
+
+def hit_of(raw: Tensor, profile: Profile) -> Tensor:
+    """``(B, 1, H, W)`` where depth is a surface's: finite, positive, and not the sky's."""
+    sky = math.inf if profile.sky <= 0 else profile.sky
+    hit = torch.isfinite(raw) & (raw > 0) & (raw < sky * SKY_SHARE if sky > 1 else raw != sky)
+    if profile.depth_kind == "device":
+        hit = hit & (raw < 1) if not profile.reversed else hit
+    return hit
+
+
+def distances(raw: Tensor, profile: Profile) -> Tensor:
+    """Depth as a distance, of the plane or along the ray; what was not hit may hold anything."""
+    if profile.depth_kind == "reciprocal":
+        return 1 / raw
+    if profile.depth_kind == "device":
+        share = raw if profile.reversed else 1 - raw  # 1 at the near plane, and linear in 1 / z
+        return 1 / (1 / profile.far + share.double() * (1 / profile.near - 1 / profile.far)).to(raw)
+    return raw
+
+
+def planar(distance: Tensor, profile: Profile, camera: Camera) -> Tensor:
+    """Planar view z from `distances`."""
+    if profile.depth_kind != "ray" or camera.orthographic:
+        return distance
+    return distance / length(camera.unproject(torch.ones_like(distance)))
+
+
+def world_normals(raw: Tensor, profile: Profile, camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
+    """``(B, 3, H, W)`` unit normals in our world, and where the file holds one.
+
+    ``like`` are normals estimated from depth, which tell the axis that points up where the profile leaves it open.
+    """
+    raw = (2 * raw - 1 if profile.normal_encoded else raw) * raw.new_tensor(profile.normal_scale).view(1, 3, 1, 1)
+    size = length(raw)
+    unit = raw / size.clamp_min(UNIT)
+    x, y, z = unit.unbind(1)
+    if profile.normal_space == "opengl":
+        unit = camera.rotate_to_world(torch.stack([x, -y, -z], 1))
+    elif profile.normal_space == "opencv":
+        unit = camera.rotate_to_world(unit)
+    else:
+        mirror = -1.0 if profile.handed == "left" else 1.0
+        ways = {"z": torch.stack([x, z, -mirror * y], 1), "y": torch.stack([x, y, mirror * z], 1)}
+        unit = ways.get(profile.up, max(ways.values(), key=lambda way: float((way * like).abs().sum())))
+    return unit, size > UNIT
+
+
+def pixels_to_previous(raw: Tensor, profile: Profile) -> Tensor:
+    """``(B, 2, H, W)`` previous minus current px."""
+    height, width = raw.shape[-2:]
+    unit = (width, height) if profile.motion_unit == "uv" else (1, 1)
+    sign = -1 if profile.motion_target == "next" else 1
+    factors = [sign * scale * size for scale, size in zip(profile.motion_scale, unit, strict=True)]
+    return raw * raw.new_tensor(factors).view(1, 2, 1, 1)
+
+
+def linear(colour: Tensor, profile: Profile) -> Tensor:
+    """Albedo, linear in [0, 1]. Source of the curve: IEC 61966-2-1."""
+    colour = colour.clamp(0, 1)
+    if profile.albedo_space == "linear":
+        return colour
+    return torch.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)

@@ -1,0 +1,63 @@
+"""Which renderer wrote a file, and what speaks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
+from gbufrt.files.guard import MAX_PIXELS, read_parts
+
+BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
+BY_NAMES = 0.4  # certainty when every channel that the profile names is there
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A profile's name, how certain it is (0 to 1), and why."""
+
+    name: str
+    certainty: float
+    reasons: tuple[str, ...]
+
+
+def detect(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Detection:
+    """The shipped profile that fits a file best; reads headers only.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is damaged, or no profile finds depth in it.
+    """
+    parts = read_parts(path, max_pixels=max_pixels, header_only=True)
+    layers = Layers(path, parts)
+    headers = {key: value for part in parts for key, value in part.header.items()}
+    weighed = [_weigh(name, load_profile(name), layers, headers) for name in SHIPPED]
+    best = max(weighed, key=lambda detection: detection.certainty)
+    if best.certainty == 0:
+        some = ", ".join(layers.names[:6]) + (", ..." if len(layers.names) > 6 else "")
+        raise ValueError(
+            f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; write a profile and "
+            "pass its path"
+        )
+    return best
+
+
+def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
+    depth = layers.find(profile.channels["depth"], 1)
+    if not depth:
+        return Detection(name, 0.0, ())
+    marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
+    reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
+    found = 1
+    for channel, names in profile.channels.items():
+        keys = layers.find(names, {"motion": 2, "roughness": 1, "metallic": 1}.get(channel, 3))
+        if channel != "depth" and keys:
+            found += 1
+            reasons.append(f"{channel} is {', '.join(keys)}")
+    share = found / len(profile.channels)
+    if marks:
+        return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
+    return Detection(name, round((BY_HEADER + BY_NAMES) * share * 0.9, 2), tuple(reasons))
