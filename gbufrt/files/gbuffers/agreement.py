@@ -13,7 +13,7 @@ from gbufrt.validation.motion import found_again
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
-SMOOTH = 0.02  # relative step of depth to the next pixel up to which there is no edge
+SMOOTH = 0.02  # relative second difference of depth up to which there is no edge
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
 BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
 FEW = 16  # pixels that tell nothing
@@ -47,6 +47,8 @@ def depth_readings(g: GBuffer) -> dict[str, Tensor]:
 def normal_readings(g: GBuffer) -> dict[str, Tensor]:
     """World normals if a setting were another, by that setting."""
     x, y, z = g.normal.unbind(1)
+    total = g.normal.sum(1, keepdim=True)  # the length that makes 2 n - 1 a unit vector, lost when n was normalized
+    size = (total + (total * total - 2).clamp_min(0).sqrt()) / 2
     view, turned = g.camera.rotate_to_view(g.normal), g.camera.rotate_to_world
     return {
         'up = "z"': torch.stack([x, z, -y], 1),
@@ -56,7 +58,7 @@ def normal_readings(g: GBuffer) -> dict[str, Tensor]:
         'normal_space = "opencv"': turned(g.normal),
         'normal_space = "opengl"': turned(torch.stack([x, -y, -z], 1)),
         'normal_space = "world"': view,
-        "normal_encoded = true": torch.nn.functional.normalize(2 * g.normal - 1, dim=1),
+        "normal_encoded = true": torch.nn.functional.normalize(2 * size * g.normal - 1, dim=1),
     }
 
 
@@ -129,8 +131,14 @@ def _mover_line(g: GBuffer, motion: Tensor, before: GBuffer) -> str:
     moves = g.hit & ((motion - expected).norm(dim=1, keepdim=True) > 1e-3)
     if int(moves.sum()) < FEW:
         return ""
-    fits = {text: found_again(g, m, before, moves) for text, m in motion_readings(motion).items()}
+    readings = {text: m for text, m in motion_readings(motion).items() if _moved(m, moves)}
+    fits = {text: found_again(g, m, before, moves) for text, m in readings.items()}
     return _motion_line(found_again(g, motion, before, moves), fits, "the frame before")
+
+
+def _moved(motion: Tensor, moves: Tensor) -> bool:
+    """Whether motion is long enough to tell: a step of a fraction of a pixel finds the same surface anyhow."""
+    return float(motion.norm(dim=1, keepdim=True)[moves].median()) > MOVES
 
 
 def _motion_line(now: float, fits: dict[str, float], what: str) -> str:
@@ -144,10 +152,11 @@ def flat(g: GBuffer) -> Tensor:
     """``(B, 1, H, W)`` pixels hit, as are those around them, without an edge of depth or of normals between."""
     inside = g.hit.clone()
     for dim in (2, 3):
+        bend = g.depth.roll(1, dim) - 2 * g.depth + g.depth.roll(-1, dim)
+        inside = inside & (bend.abs() < SMOOTH * g.depth)
         for step in (1, -1):
-            near = (g.depth.roll(step, dim) - g.depth).abs() < SMOOTH * g.depth
             same = (g.normal.roll(step, dim) * g.normal).sum(1, keepdim=True) > 0.99
-            inside = inside & g.hit.roll(step, dim) & near & same
+            inside = inside & g.hit.roll(step, dim) & same
     inside[:, :, (0, -1)] = False
     inside[..., (0, -1)] = False
     return inside

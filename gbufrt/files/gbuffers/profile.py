@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke")
-CHANNELS = ("depth", "normal", "motion", "albedo", "roughness", "metallic", "position")
+CHANNELS = ("depth", "normal", "motion", "albedo", "roughness", "metallic")
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),

@@ -1,0 +1,166 @@
+"""One scene in the conventions of each renderer becomes one frame; each convention broken is told by its setting."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from foreign_exr import BEFORE, CAMERA, FAR, NEAR, SIZE, truth, write, write_parts
+
+from gbufrt.files import read_gbuffer
+from gbufrt.files.gbuffers.agreement import disagreements
+from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.profile import load_profile
+
+T = truth()
+X, Y, Z = (T["normal"][..., i] for i in range(3))
+SKY = ~T["hit"]
+Z_UP = np.stack([X, -Z, Y], -1)
+UV = T["motion"] / (SIZE[1], SIZE[0])
+GREY = np.full((*SIZE, 3), 0.5)
+FILES = {
+    "blender": {
+        "A.v.Depth.Z": np.where(SKY, 1e10, T["planar"]),
+        "A.v.Normal.XYZ": Z_UP,
+        "A.v.Vector.XY": T["motion"] * (1, -1),
+        "A.v.DiffCol.RGB": GREY,
+    },
+    "mitsuba": {"far.T": np.where(SKY, 0, T["ray"]), "nn.XYZ": Z_UP, "alb.RGB": GREY},
+    "falcor": {"linearZ.R": np.where(SKY, 0, T["planar"]), "normW.RGB": T["normal"], "mvec.RG": UV},
+    "unreal": {
+        "QueueWorldDepth.R": np.where(SKY, 65504, T["planar"]),
+        "QueueWorldNormal.RGB": np.stack([X, Z, Y], -1),
+        "QueueMotionVectors.RG": UV,
+    },
+    "nuke": {
+        "depth.Z": np.where(SKY, 0, 1 / np.where(SKY, 1, T["planar"])),
+        "N.XYZ": T["normal"],
+        "backward.uv": T["motion"] * (1, -1),
+    },
+}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_each_renderer_gives_the_same_frame(name: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", FILES[name])
+    assert detect(path).name == name
+    frame = read_gbuffer(path, camera=CAMERA, previous_camera=BEFORE, index=7)
+    frame.validate()
+    g = frame.gbuffer
+    assert frame.index == 7
+    assert bool((g.hit[0, 0].numpy() == T["hit"]).all())
+    assert g.motion is not None
+    for found, true in ((g.depth, T["planar"][..., None]), (g.normal, T["normal"]), (g.motion, T["motion"])):
+        off = np.abs(found[0].permute(1, 2, 0).numpy() - true)[T["hit"]]
+        assert off.max() < 2e-3, (name, off.max())
+    assert disagreements(frame) == []
+
+
+OWN = {"depth": ["d.Z"], "normal": ["n"], "motion": ["m"], "albedo": ["a"]}
+PLAIN = {"d.Z": np.where(SKY, 0, T["planar"]), "n.XYZ": T["normal"], "m.XY": T["motion"], "a.RGB": GREY}
+
+
+def _own(folder: Path, **settings: object) -> Path:
+    lines = [f"{k} = {str(v).lower() if isinstance(v, bool) else repr(v)}" for k, v in settings.items()]
+    path = folder / "own.toml"
+    path.write_text("\n".join([*lines, "[channels]", *(f"{k} = {v}" for k, v in OWN.items())]))
+    return path
+
+
+def _view(flip: bool) -> np.ndarray:
+    rotation = CAMERA.world_from_view[0, :3, :3].double().numpy()
+    return (T["normal"] @ rotation) * ((1, -1, -1) if flip else (1, 1, 1))
+
+
+DEVICE = (1 / T["planar"] - 1 / FAR) / (1 / NEAR - 1 / FAR)
+SETTINGS = {
+    "ray": ({"depth_kind": "ray"}, {"d.Z": np.where(SKY, 0, T["ray"])}, 'depth_kind = "ray"'),
+    "reciprocal": ({"depth_kind": "reciprocal"}, {"d.Z": np.where(SKY, 0, 1 / T["planar"])}, '"reciprocal" or'),
+    "reversed": (
+        {"depth_kind": "device", "near": NEAR, "far": FAR, "reversed": True},
+        {"d.Z": np.where(SKY, 0, DEVICE)},
+        '"reciprocal" or "device"',
+    ),
+    "device": (
+        {"depth_kind": "device", "near": NEAR, "far": FAR},
+        {"d.Z": np.where(SKY, 1, 1 - DEVICE)},
+        None,
+    ),
+    "z up": ({"up": "z"}, {"n.XYZ": Z_UP}, 'up = "z"'),
+    "left": ({"handed": "left"}, {"n.XYZ": T["normal"] * (1, 1, -1) + 0.0}, None),
+    "opengl": ({"normal_space": "opengl"}, {"n.XYZ": _view(True)}, 'normal_space = "opengl"'),
+    "opencv": ({"normal_space": "opencv"}, {"n.XYZ": _view(False)}, 'normal_space = "opencv"'),
+    "negated": ({"normal_scale": [-1, -1, -1]}, {"n.XYZ": -T["normal"]}, "normal_scale with all signs"),
+    "encoded": ({"normal_encoded": True}, {"n.XYZ": (T["normal"] + 1) / 2 * T["hit"][..., None]}, "normal_encoded"),
+    "uv": ({"motion_unit": "uv"}, {"m.XY": UV}, 'motion_unit = "uv" fits'),
+    "next": ({"motion_target": "next"}, {"m.XY": -T["motion"]}, "motion_scale with both signs"),
+    "y up": ({"motion_scale": [1, -1]}, {"m.XY": T["motion"] * (1, -1)}, "motion_scale with the sign of y"),
+}
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_a_setting_converts_and_without_it_the_disagreement_names_it(name: str, tmp_path: Path) -> None:
+    settings, layers, told = SETTINGS[name]
+    path = write(tmp_path / "a.exr", PLAIN | layers)
+    frame = read_gbuffer(path, _own(tmp_path, **settings), camera=CAMERA, previous_camera=BEFORE)
+    frame.validate()
+    g = frame.gbuffer
+    assert g.motion is not None
+    for found, true in ((g.depth, T["planar"][..., None]), (g.normal, T["normal"]), (g.motion, T["motion"])):
+        assert np.abs(found[0].permute(1, 2, 0).numpy() - true)[T["hit"]].max() < 1e-2
+    assert disagreements(frame) == []
+    if told is not None:
+        lines = disagreements(read_gbuffer(path, _own(tmp_path), camera=CAMERA, previous_camera=BEFORE))
+        assert any(told in line for line in lines), lines
+
+
+def test_albedo_is_decoded(tmp_path: Path) -> None:
+    frame = read_gbuffer(write(tmp_path / "a.exr", PLAIN), _own(tmp_path, albedo_space="srgb"), camera=CAMERA)
+    assert frame.gbuffer.albedo is not None
+    assert float(frame.gbuffer.albedo.max()) == pytest.approx(0.21404, abs=1e-4)
+
+
+def test_view_layers_with_dots_are_kept_apart(tmp_path: Path) -> None:
+    planes = {f"{v}.Depth.Z": np.full(SIZE, d) for v, d in (("a.b", 2.0), ("c", 3.0))}
+    path = write(tmp_path / "a.exr", planes | {"c.Roughness.X": np.full(SIZE, 0.3)})
+    with pytest.warns(UserWarning, match=r"depth in the layers a\.b, c; took a\.b"):
+        frame = read_gbuffer(path, fov=40)
+    assert float(frame.gbuffer.depth.max()) == 2
+    assert frame.gbuffer.roughness is None  # that of the other view layer
+
+
+def test_channels_of_parts_carry_the_names_of_their_parts(tmp_path: Path) -> None:
+    parts = {"depth": {"Z": np.full(SIZE, 0.25)}, "other": {"Z": np.full(SIZE, 9.0)}}
+    assert float(read_gbuffer(write_parts(tmp_path / "a.exr", parts), fov=40).gbuffer.depth.max()) == 4
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("sky = 'x'", "sky must be a number"),
+        ("motion_scale = [1]", "motion_scale must be two numbers"),
+        ("reversed = 1", "reversed must be true or false"),
+        ("up = ['y']", "up must be 'y' or 'z'"),
+        ("channels = 3", "channels must be a table"),
+        ("[channels]\ndepth = 'd'", "channels must be a table of lists"),
+        ("[channels]\ndepht = ['d']", "unknown channel 'depht'"),
+        ("colour = 1", "unknown key 'colour'"),
+        ("near = 5\nfar = 2\n[channels]\ndepth = ['d']", "near and far must satisfy"),
+        ("", "must name its depth"),
+    ],
+)
+def test_wrong_profiles_name_the_key(text: str, told: str, tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=told.replace("[", r"\[")):
+        load_profile(path)
+
+
+def test_a_static_world_has_motion_without_a_layer_of_it(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", {"d.Z": PLAIN["d.Z"], "n.XYZ": PLAIN["n.XYZ"]})
+    g = read_gbuffer(path, _own(tmp_path), camera=CAMERA, previous_camera=BEFORE).gbuffer
+    assert g.motion is not None
+    assert g.motion_z is not None
+    assert torch.allclose(g.motion_z, CAMERA.static_motion(BEFORE, g.depth, g.hit)[1])
