@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
 
 from gbufrt.commands.checks import check_files, check_folder, check_options
-from gbufrt.commands.options import FileOptions, Flag, PassOptions
+from gbufrt.commands.options import FileOptions, Flag, PassOptions, Without, parse_names
 from gbufrt.commands.video import numbered
 
 if TYPE_CHECKING:
@@ -19,15 +23,22 @@ if TYPE_CHECKING:
 def post(
     *files: Path,
     out: Path,
+    source: Annotated[str | None, Parameter(name="--from")] = None,
+    camera: Path | None = None,
+    fov: float | None = None,
+    passes: Without = (),
     strict: Flag = False,
     options: PassOptions | None = None,
     written: FileOptions | None = None,
 ) -> None:
-    """Run the passes over EXR files that `gbufrt render` wrote, from their G-buffer and light alone.
+    """Run the passes over EXR files, of `gbufrt render` or (--from) of other renderers.
 
-    Results that passes stored in the files are not used. Without further options the pipeline is the one that the
-    files were rendered with, and the pictures are the same; --without and --set change it, --preset starts anew.
-    Frames that follow each other share their history, others start with their own.
+    Of gbufrt's own files G-buffer and light alone are used. Without further options the pipeline is the one that they
+    were rendered with, and the pictures are the same; --without and --set change it, --preset starts anew. Frames that
+    follow each other share their history, others start with their own.
+
+    Files of other renderers need a camera. What their G-buffers lack is estimated. Passes of direct light get ambient
+    occlusion, indirect light and reflections; to a finished picture no light is added.
 
     Light that is not finite, as in real renders, is mended (NaN becomes 0, infinity the largest value of its channel)
     and reported; geometry that is not finite is refused.
@@ -35,32 +46,71 @@ def post(
     Args:
         files: EXR files in order, or folders of them (their frame_*.exr).
         out: Folder to write to; made where it is missing.
+        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, or a profile of your own in TOML.
+        camera: With --from: the cameras, in TOML.
+        fov: With --from, in place of --camera: vertical field of view in degrees of a camera that stands still.
+        passes: With --from: passes to run, such as ao,gi,dof,motion_blur,denoise; by default all that fit. Exposure and
+            tone curve always run.
         strict: Mend nothing: refuse a frame in which any channel breaks a convention.
     """
     options, written = options or PassOptions(), written or FileOptions()
     check_options(options)
     check_files(written)
     check_folder(out)
+    if source is None and (camera is not None or fov is not None or passes):
+        raise ValueError("--camera, --fov and --passes are for files of other renderers; add --from auto")
     paths = gathered(files, out)
 
     from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Runner, bare, check_only, encode, open_device, precision_of, save
-    from gbufrt.files.exr import read_exr
+    from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of, save
     from gbufrt.files.precision import as_stored
 
     device = open_device(options.device)
-    recipe, notes = recorded(paths, options)
-    runner = Runner(recipe.build(), recipe.warmup)
+    check_sizes(paths)
+    if source is None:
+        recipe, notes = recorded(paths, options)
+        pipeline, frames = recipe.build(), own(paths)
+    else:
+        from gbufrt.commands.foreign import Source, pipeline_for
+        from gbufrt.commands.session import Recipe
+
+        recipe, notes = Recipe.of(options), {path: {} for path in paths}
+        frames = Source.of(paths, source, camera, fov).frames()
+        first = next(frames)
+        pipeline, frames = pipeline_for(first, recipe, parse_names(passes)), chain([first], frames)
+        if "denoise" in pipeline.stages:
+            recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
+    runner = Runner(pipeline, recipe.warmup)
     check_only(written, runner.pipeline)
     with progress("post", runner.runs(len(paths))) as doing:
-        for path in paths:
+        for path, frame in zip(paths, frames, strict=True):
             keeps = replace(written, precision=precision_of(written, notes[path]))
-            frame = sound(bare(read_exr(path)), path, strict=strict)
-            result = runner(as_stored(frame, precision_of(keeps)).to(device), doing(f"passes of {path.name}"))
+            frame = as_stored(sound(frame, path, strict=strict), precision_of(keeps))
+            result = runner(frame.to(device), doing(f"passes of {path.name}"))
             told = {**notes[path], "pipeline": recipe.to_notes()}
             save(out, path.stem, result, notes=told, debug=options.debug, files=keeps)
     print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
     encode(written, [out / f"{path.stem}.png" for path in paths], rate_of(notes[paths[0]]))
+
+
+def own(paths: list[Path]) -> Iterator[Frame]:
+    """The frames of files that `gbufrt render` wrote, as they were before the passes."""
+    from gbufrt.commands.session import bare
+    from gbufrt.files.exr import read_exr
+
+    for path in paths:
+        yield bare(read_exr(path))
+
+
+def check_sizes(paths: list[Path]) -> None:
+    """Raise ValueError where a file cannot be read or is of another size than the first; reads headers only."""
+    from gbufrt.files.guard import read_parts
+
+    sizes = {path: read_parts(path, header_only=True)[0].size for path in paths}
+    for path, (height, width) in sizes.items():
+        if (height, width) != sizes[paths[0]]:
+            first = sizes[paths[0]]
+            raise ValueError(f"{path} has {width}x{height} pixels, {paths[0]} {first[1]}x{first[0]}; run them apart")
 
 
 def rate_of(notes: dict[str, Any]) -> float:
@@ -120,18 +170,11 @@ def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path
     """The pipeline to run, and each file's notes; reads headers only, so that a bad file is found before work starts.
 
     Raises:
-        ValueError: a file cannot be read, their sizes differ, or they were rendered with different pipelines and no
-            preset is given.
+        ValueError: a file cannot be read, or they were rendered with different pipelines and no preset is given.
     """
     from gbufrt.commands.session import Recipe
     from gbufrt.files.exr import read_notes
-    from gbufrt.files.guard import read_parts
 
-    sizes = {path: read_parts(path, header_only=True)[0].size for path in paths}
-    for path, (height, width) in sizes.items():
-        if (height, width) != sizes[paths[0]]:
-            first = sizes[paths[0]]
-            raise ValueError(f"{path} has {width}x{height} pixels, {paths[0]} {first[1]}x{first[0]}; run them apart")
     notes = {path: read_notes(path) for path in paths}
     recipes = [Recipe.of_notes(note, source=str(path), warmup=options.warmup) for path, note in notes.items()]
     if options.preset is None and any(recipe != recipes[0] for recipe in recipes):

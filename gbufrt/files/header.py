@@ -62,7 +62,10 @@ def read_attribute(path: str | Path, parts: Iterable[Part]) -> dict[str, Any]:
     """
     text = next((part.header[ATTRIBUTE] for part in parts if ATTRIBUTE in part.header), None)
     if text is None:
-        raise ValueError(f"{path} was not written by gbufrt: its header has no {ATTRIBUTE!r} attribute")
+        raise ValueError(
+            f"{path} was not written by gbufrt: its header has no {ATTRIBUTE!r} attribute; files of other renderers "
+            "are read with `gbufrt post --from auto` and gbufrt.files.read_gbuffer"
+        )
     try:
         head = json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:
