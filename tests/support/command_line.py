@@ -126,9 +126,9 @@ def install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-def run(*arguments: str) -> int:
+def run(*arguments: object) -> int:
     with pytest.raises(SystemExit) as exit:
-        main(arguments)
+        main([str(argument) for argument in arguments])
     assert isinstance(exit.value.code, int)
     return exit.value.code
 

@@ -1,0 +1,124 @@
+"""`gbufrt post --from`: files of other renderers, their numbers and cameras, and the passes that fit them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import foreign_exr
+import numpy as np
+import pytest
+from command_line import run
+
+from gbufrt import Frame
+from gbufrt.commands.foreign import LIT, Source, pipeline_for
+from gbufrt.commands.session import Recipe
+from gbufrt.files.exr import read_exr
+
+CAMERA = """
+location = [0.0, -10.0, 3.0]
+rotation = [80.0, 0.0, 0.0]
+focal_length = 50.0
+sensor_width = 36.0
+convention = "opengl"
+up = "z"
+"""
+
+
+def rendered(path: Path, *, direct: bool, level: float = 0.5) -> Path:
+    """A file as Blender writes it, z up: with passes of direct light, or the finished picture alone."""
+    found = foreign_exr.truth()
+    x, y, z = np.moveaxis(found["normal"], -1, 0)
+    light = np.full((*foreign_exr.SIZE, 3), level, np.float32)
+    layers = {
+        "ViewLayer.Depth.Z": np.where(found["hit"], found["planar"], 1e10),
+        "ViewLayer.Normal.XYZ": np.stack([x, -z, y], -1),
+        "ViewLayer.Combined.RGB": light,
+    }
+    if direct:
+        layers |= {"ViewLayer.DiffDir.RGB": light, "ViewLayer.DiffCol.RGB": light}
+    return foreign_exr.write(path, layers, {"BlenderMultiChannel": "Blender V2.55.1 and newer"})
+
+
+def taken(path: Path) -> Frame:
+    return Source.of([path], "auto", None, 50.0).frame(path)
+
+
+def test_direct_light_gets_all_passes_and_a_finished_picture_no_light(tmp_path: Path) -> None:
+    direct = taken(rendered(tmp_path / "a_0001.exr", direct=True))
+    finished = taken(rendered(tmp_path / "b_0001.exr", direct=False))
+    assert finished.radiance is None
+    assert set(LIT) <= set(pipeline_for(direct, Recipe(), ()).stages)
+    stages = set(pipeline_for(finished, Recipe(), ()).stages)
+    assert not stages & set(LIT)
+    assert {"missing", "taa", "motion_blur", "tone_map", "encode"} <= stages
+    image = pipeline_for(finished, Recipe(preset="low"), ())(finished)[0].read("composite")
+    assert np.allclose(image, 0.5)
+
+
+def test_stages_are_chosen_by_name(tmp_path: Path) -> None:
+    direct = taken(rendered(tmp_path / "a_0001.exr", direct=True))
+    finished = taken(rendered(tmp_path / "b_0001.exr", direct=False))
+    chosen = list(pipeline_for(direct, Recipe(), ("denoise", "ao", "dof")).stages)
+    assert chosen == ["missing", "denoise", "ao", "composite", "depth_of_field", "exposure", "tone_map", "encode"]
+    assert list(pipeline_for(finished, Recipe(), ("dof",)).stages)[:2] == ["missing", "depth_of_field"]
+    with pytest.raises(ValueError, match=r"--passes gi would add light that the finished picture holds already"):
+        pipeline_for(finished, Recipe(), ("gi",))
+    with pytest.raises(ValueError, match=r"no stage 'motion_blurr' in --passes \(did you mean motion_blur\?\)"):
+        pipeline_for(direct, Recipe(), ("motion_blurr",))
+
+
+def test_frames_that_count_on_follow_each_other_and_others_do_not(tmp_path: Path, capfd) -> None:
+    paths = [rendered(tmp_path / f"shot_{number:04}.exr", direct=True) for number in (7, 8, 11)]
+    frames = list(Source.of(paths, "blender", None, 50.0).frames())
+    assert [frame.index for frame in frames] == [7, 8, 11]
+    assert [frame.gbuffer.previous_camera is not None for frame in frames] == [False, True, False]
+    assert "no frame 9: histories begin anew after a gap" in capfd.readouterr().err
+    with pytest.raises(ValueError, match="must count up"):
+        Source.of(paths[::-1], "blender", None, 50.0)
+
+
+def test_a_still_is_denoised_by_one_run(tmp_path: Path) -> None:
+    """More would repeat its noise, which then passes for light."""
+    path = rendered(tmp_path / "noisy_0001.exr", direct=True)
+    out = tmp_path / "out"
+    assert (
+        run("post", path, "--from", "auto", "--fov", "50", "--preset", "low", "--passes", "denoise", "--out", out) == 0
+    )
+    assert float(read_exr(out / "noisy_0001.exr").extra["radiance_history"].max()) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "was not written by gbufrt: its header has no 'gbufrt' attribute; files of other renderers"),
+        (("--from", "auto"), "--from needs the camera: give --camera FILE.toml, or --fov DEGREES"),
+        (("--from", "auto", "--fov", "181"), "--fov must lie between 0 and 180 degrees, got 181"),
+        (("--from", "blendr", "--fov", "50"), "no profile 'blendr' in --from (did you mean blender?); it has auto,"),
+        (("--fov", "50"), "--camera, --fov and --passes are for files of other renderers; add --from auto"),
+        (("--from", "auto", "--camera", "none.toml"), "none.toml does not exist"),
+        (("--from", "auto", "--fov", "50", "--passes", "aoo"), "no stage 'aoo' in --passes (did you mean ao?)"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, capfd, arguments: tuple[str, ...], message: str) -> None:
+    path = rendered(tmp_path / "a_0001.exr", direct=True)
+    assert run("post", path, *arguments, "--out", tmp_path / "out") == 2
+    assert message in capfd.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["blender4515_cycles_multilayer", "blender501_cycles_multipart", "mitsuba391_aov"])
+def test_real_files_become_pictures(tmp_path: Path, capfd, name: str) -> None:
+    folder = os.environ.get("GBUFRT_TEST_DATA")
+    if not folder:
+        pytest.skip("GBUFRT_TEST_DATA is not set: no files of other renderers")
+    camera = tmp_path / "camera.toml"
+    camera.write_text(CAMERA)
+    arguments = ("--from", "auto", "--camera", camera, "--preset", "low", "--warmup", "0", "--out", tmp_path / "out")
+    assert run("post", Path(folder) / "exr" / f"{name}.exr", *arguments) == 0
+    frame, told = read_exr(tmp_path / "out" / f"{name}.exr"), capfd.readouterr().err
+    assert f"{name}.exr: {name[:7]}" in told
+    assert "fits better" not in told
+    assert frame.image is not None
+    assert 0.1 < float(frame.image.mean()) < 0.9
+    assert (frame.gi is None) == name.startswith("mitsuba")
