@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from gbufrt.frame import Frame
     from tracer.scene.scene import Scene, View
 
-LEAD_IN = 48
-"""Frames that a shot begins early. The pictures after a seam are then more than 52 dB from those of one run (more than
-49 with 40 frames): GI's running mean, the slowest history, goes over 33 frames. More runs over the first frame
-(--warmup) do not replace them."""
+LEAD_IN = 64
+"""Frames that a shot begins early. The pictures after a seam are then 52 dB from those of one run, at 960x540 (47 with
+48 frames): GI's running mean, the slowest history, goes over 33 frames. More runs over the first frame (--warmup) do
+not replace them."""
 LONGEST = 256  # frames of a shot: so much is lost with its worker. Longer only where the lead-in would be a quarter
 
 

@@ -69,7 +69,7 @@ def render(
         resume: Make the frames that OUT lacks. Finished frames before them are read again to restore the history. On a
             cluster those of the same shot are traced again instead, and where shots begin depends on --workers.
         lead_in: With --cluster each worker makes a shot of consecutive frames, and begins so many frames early to fill
-            histories; with fewer, seams show. [default: 48]
+            histories; with fewer, seams show. [default: 64]
     """
     options, files, spread = options or PassOptions(), files or FileOptions(), spread or ClusterOptions()
     job = Job(
