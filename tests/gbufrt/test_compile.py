@@ -51,6 +51,16 @@ with torch.no_grad():
             pipeline(still.replace(index=1), state)
 print(*(cache._name(driver) for driver in cache._drivers if set(driver.overloads) - forms.get(driver, set())))
 """
+AGAIN = """
+import tracer
+from gbufrt.compute import cache
+from post import me1
+
+with cache.watch(lambda compilation: print(compilation.kernel)):
+    scene = tracer.load("valley")
+    frame = tracer.render(scene, scene.views["village"].camera(0.0, size=(24, 61)), light_samples=1)
+    me1("high")(frame)
+"""
 
 
 def process(code: str, **environment: str) -> tuple[str, str]:
@@ -72,9 +82,10 @@ def test_what_is_compiled_is_told_and_kept_for_later_processes(tmp_path: Path):
     assert process(TWICE, NUMBA_CACHE_DIR=str(tmp_path)) == ("\n\n", "")
 
 
-def test_later_frames_of_any_size_need_no_other_kernels():
+def test_later_frames_of_any_size_and_later_processes_need_no_other_kernels():
     out, _ = process(LATER)
     assert out.split() == []
+    assert process(AGAIN) == ("", "")
 
 
 def test_a_compiled_pipeline_gives_the_same_frames():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from typing import Any
 
 import boxes
@@ -100,20 +98,6 @@ def test_operator_is_registered_properly() -> None:
         arrays = pixels, torch.ones(1, 5), *surfaces, turns, noise, torch.ones(1), sky, torch.ones(9, 12)
         given = (*arrays, around.margin, 1, [0, 0], 2, 4, False, gathers)
         torch.library.opcheck(sweep_ops.sweep_cpu, given, test_utils=("test_schema", "test_faketensor"))
-
-
-def test_second_process_compiles_nothing() -> None:
-    frame = boxes.frame(boxes.camera((4, 4)))
-    occluded(frame, compiled=True)
-    gathered(frame, compiled=True)
-    code = (
-        "import torch; from gbufrt import Camera; from post import bitmask_ao, ssgi;"
-        "c = Camera.look_at((0, 0, 3), (0, 0, 0), size=(4, 4)); o = torch.ones(1, 3, 4, 4);"
-        "bitmask_ao(o[:, :1], o, c); ssgi(o[:, :1], o, c, o, o); from post.sweep.drivers import sweep_all;"
-        "print(sweep_all.misses)"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "0"
 
 
 @pytest.mark.parametrize("size", [(24, 31), (3, 2), (1, 9)])

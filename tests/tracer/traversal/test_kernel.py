@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -122,29 +119,6 @@ def test_transmission_and_runs(seed: int, reference) -> None:
     assert ((part - other).abs() > 1e-5).any(-1).float().mean() <= 0.001
     for a, b in zip(lengths, run_lengths(scene, origins, directions, hits, poses=poses, cap=5.0), strict=True):
         assert ((a - b).abs() > 1e-4).float().mean() <= 0.001
-
-
-def test_a_second_process_compiles_nothing() -> None:
-    code = """
-import sys
-sys.path.insert(0, "tests/support")
-import torch, voxels
-from tracer.traversal import kernel
-from tracer.traversal import rays as traversal
-scene = voxels.random_scene(0)
-rays = voxels.random_rays(0, 60)
-poses = scene.poses([0.0])[0]
-hits = traversal.trace(scene, *rays, poses=poses)
-traversal.transmission(scene, *rays, poses=poses)
-traversal.run_lengths(scene, *rays, hits, poses=poses)
-from tracer.traversal import drivers as k
-print(sum(f.on_cpu.misses for f in (k.surface_each, k.transmit_each, k.runs_each)))
-"""
-    exec(compile(code.rpartition("from tracer")[0], "first process", "exec"), {})
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    second = [sys.executable, "-c", code]
-    done = subprocess.run(second, cwd=ROOT, env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "0"
 
 
 def test_fakes_give_the_shapes() -> None:
