@@ -4,7 +4,7 @@ import gbufrt as gbufrt  # first: says how threads wait, before torch is loaded
 from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
 from tracer.frames import render
 from tracer.gbuffers import gbuffer
-from tracer.scene.daylight import at_hour
+from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SECONDARY, MASK_SHADOW, Instance, Scene, Sky, Sun, View
 from tracer.scene.world import World
@@ -25,6 +25,7 @@ __all__ = [
     "Scene",
     "Sky",
     "Sun",
+    "SunPath",
     "Truth",
     "View",
     "World",

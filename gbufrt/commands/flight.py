@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gbufrt.commands.checks import check_part, check_world
-from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, FileOptions, PartOptions, at_least
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, DayOptions, FileOptions, PartOptions, at_least
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ class Job:
     target: tuple[float, float, float] | None = None
     fov: float | None = None
     part: PartOptions = field(default_factory=PartOptions)
+    day: DayOptions = field(default_factory=DayOptions)
 
     def check(self) -> None:
         """Check the values, as far as possible without loading the world.
@@ -61,6 +62,7 @@ class Job:
         if self.fov is not None and not 0.1 <= self.fov <= 170:
             raise ValueError(f"--fov must be 0.1 to 170 degrees, got {self.fov:g}")
         check_part(self.world, self.part.parsed())
+        self.day.parsed()
         check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
     def load(self) -> Scene:
@@ -78,10 +80,11 @@ class Job:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
-        if self.part.hour is not None:
-            from tracer.scene.daylight import at_hour
+        if (when := self.day.parsed()) is not None:
+            from tracer.scene.daylight import SunPath, at_hour
 
-            scene = at_hour(scene, self.part.hour)
+            path = SunPath(**dict(zip(("zenith", "azimuth"), when.pop("path", ()), strict=False)))
+            scene = at_hour(scene, **when, path=path)
         if scene.world.empty and not scene.instances:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
         if not scene.views and self.eye is None:
@@ -95,7 +98,7 @@ class Job:
         keys = ("world", "view", "time", "fps", "samples", "seed")
         camera = {key: value for key in ("eye", "target", "fov") if (value := getattr(self, key)) is not None}
         camera = {key: list(value) if isinstance(value, tuple) else value for key, value in camera.items()}
-        part = {key: value for key, value in asdict(self.part).items() if value is not None}
+        part = {key: value for key, value in (asdict(self.part) | asdict(self.day)).items() if value is not None}
         return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera, **part}
 
     def seen_from(self, scene: Scene) -> View:

@@ -80,7 +80,7 @@ class ClusterOptions:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Which part of a Minecraft world is taken, and the time of its day."""
+    """Which part of a Minecraft world is taken."""
 
     box: Numbers = None
     """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
@@ -91,23 +91,63 @@ class PartOptions:
     chunks: Whole | None = None
     """How many chunks along each side are taken. [default: all of a .mca file, 24 of a save folder]"""
 
-    hour: float | None = None
-    """Hour of the day, 0 to 24, to which the sun is turned; lamps light the night. [default: the world's own sun]"""
-
     def parsed(self) -> dict[str, Any]:
         """The part as arguments of `tracer.load`, those that are given.
 
         Raises:
-            ValueError: not as many whole numbers as wanted, or an hour that no day has.
+            ValueError: not as many whole numbers as wanted.
         """
-        if self.hour is not None and not 0.0 <= self.hour <= 24.0:
-            raise ValueError(f"--hour must lie in 0..24, got {self.hour:g}")
         part = {
             "box": _numbers("--box", self.box, "X0,Y0,Z0,X1,Y1,Z1"),
             "around": _numbers("--around", self.around, "X,Z"),
             "chunks": self.chunks,
         }
         return {name: value for name, value in part.items() if value is not None}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class DayOptions:
+    """The time of day."""
+
+    hour: float | None = None
+    """Hour of the day, 0 to 24, whose sun or moon and sky the world gets; lamps light the night. [default: its own]"""
+
+    day: float | None = None
+    """With --hour: days since a full moon; 14.8 is a night without moon. [default: 0]"""
+
+    sun_path: str | None = None
+    """With --hour: ZENITH,AZIMUTH, degrees that noon's sun stands off the zenith, and off -z. [default: 30,12]"""
+
+    def parsed(self) -> dict[str, Any] | None:
+        """Arguments of `tracer.at_hour`, ``path`` as two numbers; None where the world keeps its own sun.
+
+        Raises:
+            ValueError: an hour that no day has, other numbers than two, or what goes with an hour without one.
+        """
+        if self.hour is None:
+            for option, value in (("--day", self.day), ("--sun-path", self.sun_path)):
+                if value is not None:
+                    raise ValueError(f"{option} needs --hour")
+            return None
+        if not 0.0 <= self.hour <= 24.0:
+            raise ValueError(f"--hour must lie in 0..24, got {self.hour:g}")
+        if self.day is not None:
+            at_least("--day", self.day, 0, 1_000_000)
+        path = self.sun_path and _finite(self.sun_path, 2)
+        if path == () or (path and not (abs(path[0]) <= 90 and abs(path[1]) <= 360)):
+            raise ValueError(f"--sun-path must be ZENITH,AZIMUTH, degrees up to 90 and 360, got {self.sun_path!r}")
+        given = {"hour": self.hour, "day": self.day, "path": path}
+        return {name: value for name, value in given.items() if value is not None}
+
+
+def _finite(text: str, count: int) -> tuple[float, ...]:
+    """So many finite numbers joined by commas; none where it is anything else."""
+    try:
+        numbers = tuple(map(float, text.split(",")))
+    except ValueError:
+        return ()
+    return numbers if len(numbers) == count and all(map(math.isfinite, numbers)) else ()
 
 
 def _numbers(option: str, text: str | None, form: str) -> tuple[int, ...] | None:
@@ -166,13 +206,9 @@ def parse_point(option: str, text: str | None) -> tuple[float, float, float] | N
     """
     if text is None:
         return None
-    try:
-        x, y, z = map(float, text.split(","))
-    except ValueError:
-        x = y = z = math.nan
-    if not all(map(math.isfinite, (x, y, z))):
+    if not (point := _finite(text, 3)):
         raise ValueError(f"{option} must be X,Y,Z, three numbers in world units such as 12,30,-8.5; got {text!r}")
-    return x, y, z
+    return point[0], point[1], point[2]
 
 
 def at_least(option: str, value: float, low: float, high: float = float("inf")) -> None:

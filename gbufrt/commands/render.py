@@ -12,6 +12,7 @@ from gbufrt.commands.flight import LEAD_IN, Flight, Job, Shot, cut, shoot, stem
 from gbufrt.commands.options import (
     MOST_FRAMES,
     ClusterOptions,
+    DayOptions,
     FileOptions,
     Flag,
     PartOptions,
@@ -44,6 +45,7 @@ def render(
     resume: Flag = False,
     lead_in: Whole | None = None,
     part: PartOptions | None = None,
+    day: DayOptions | None = None,
     options: PassOptions | None = None,
     files: FileOptions | None = None,
     spread: ClusterOptions | None = None,
@@ -85,6 +87,7 @@ def render(
         samples=light_samples,
         seed=seed,
         part=part or PartOptions(),
+        day=day or DayOptions(),
     )
     job.check()
     if lead_in is not None:

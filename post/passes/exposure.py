@@ -13,6 +13,7 @@ from post.filters.signals import luminance
 
 BINS = 256
 DARKEST, BRIGHTEST = -24.0, 24.0  # log2 of luminance that the histogram tells apart
+DUSK = -6.5  # log2 of luminance below which eyes adapt to a part alone: between a cave by day and a moonlit village
 UNTIMED = 1 / 30  # seconds between frames that carry no time
 
 
@@ -28,6 +29,7 @@ def exposure(
     max_ev: float = 8.0,
     speed_up: float = 3.0,
     speed_down: float = 1.0,
+    night: float = 0.5,
 ) -> tuple[Tensor, Tensor]:
     """The factor that brings a picture's typical luminance to ``key``.
 
@@ -45,6 +47,8 @@ def exposure(
         max_ev: largest gain, in stops.
         speed_up: rate per second of adapting to a brighter scene.
         speed_down: rate per second of adapting to a darker one, which eyes do more slowly.
+        night: share of the stops below dusk (a luminance of 2^-6.5) that stay dark, so that night looks like night; 0
+            shows it as bright as day.
 
     Returns:
         The factor ``(B, 1, 1, 1)`` and the log2 luminance ``(B,)`` to pass on as ``previous``.
@@ -52,7 +56,8 @@ def exposure(
     Raises:
         ValueError: a number is out of range.
 
-    Source: Reinhard et al. 2002 (log average and key); percentile window and two speeds as common in engines.
+    Source: Reinhard et al. 2002 (log average and key); percentile window and two speeds as common in engines; a key
+        that falls with luminance as in Krawczyk et al. 2005.
     """
     if not 0 <= low < high <= 1:
         raise ValueError(f"low and high must satisfy 0 <= low < high <= 1, got {low} and {high}")
@@ -60,13 +65,16 @@ def exposure(
         raise ValueError(f"key must be positive, got {key}")
     if min_ev > max_ev:
         raise ValueError(f"min_ev must not exceed max_ev, got {min_ev} and {max_ev}")
+    if not 0 <= night <= 1:
+        raise ValueError(f"night must lie in 0..1, got {night}")
     found = _typical(luminance(finite(color), 3), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
         before = torch.where(previous.isnan(), found, previous)
         seconds = torch.as_tensor(elapsed, dtype=found.dtype, device=found.device)
         rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)
         found = before + (found - before) * (1 - torch.exp(-rate * seconds))
-    return (key * torch.exp2(-found)).reshape(-1, 1, 1, 1), found
+    dark = (DUSK - found).clamp_min(0.0)
+    return (key * torch.exp2(-found - night * dark)).reshape(-1, 1, 1, 1), found
 
 
 def _typical(luminance: Tensor, low: float, high: float) -> Tensor:
@@ -98,11 +106,13 @@ class Exposure(TemporalPass):
         max_ev: float = 8.0,
         speed_up: float = 3.0,
         speed_down: float = 1.0,
+        night: float = 0.5,
     ) -> None:
         super().__init__()
         self.key, self.low, self.high = key, low, high
         self.min_ev, self.max_ev = min_ev, max_ev
         self.speed_up, self.speed_down = speed_up, speed_down
+        self.night = night
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
         previous, elapsed = _remembered(frame, state)

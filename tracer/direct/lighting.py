@@ -14,6 +14,7 @@ from tracer.direct.reference import Direct
 from tracer.lights.emitters import lamps_of
 from tracer.lights.shadows import Surface
 from tracer.lights.sky import sky_irradiance, sky_radiance, sun_radiance
+from tracer.lights.stars import stars
 from tracer.scene.scene import Scene
 
 LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
@@ -73,6 +74,8 @@ def light(
         arrived.append(_direct(scene, poses[b], surface).arriving(noise, samples))
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_radiance(scene, directions)
+    if scene.sky.stars is not None:
+        sky = sky + stars(directions, scene.sky.stars, 1 / float(camera.intrinsics[0, 1, 1]))
     if scene.sun is not None:
         sky = sky + sun_radiance(scene.sun, directions)
     shown = diffuse * torch.stack(arrived)

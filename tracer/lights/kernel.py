@@ -28,6 +28,7 @@ class Lit(NamedTuple):
     """The lights of a scene.
 
     Args:
+        picture: ``(h, w, 3)`` float32 lat-long radiance of the sky; no rows where the colours below say it.
         sky: ``(6 + G, 3)`` float64: radiance of zenith, horizon and ground; direction to the sun and its irradiance;
             the sine of its angular radius and 1, or 0 where there is none; share and g of each lobe of its glow.
         lamps: ``(R, 21)`` float32; no rows where there is no lamp.
@@ -39,6 +40,7 @@ class Lit(NamedTuple):
         sky_density: ``(D,)`` float32.
     """
 
+    picture: np.ndarray
     sky: np.ndarray
     lamps: np.ndarray
     upto: np.ndarray
@@ -63,6 +65,8 @@ def _mixed(a, b, s):
 @scalar
 def sky(lit, direction):
     """Radiance of the sky without the sun's disc."""
+    if lit.picture.shape[0] > 0:
+        return _pictured(lit.picture, direction)
     up = direction[1]
     height = min(max(up, 0.0), 1.0)
     least = 0.01**GRADIENT
@@ -78,6 +82,23 @@ def sky(lit, direction):
         share, g = lit.sky[k, 0], lit.sky[k, 1]
         lobes += share * (1 - g * g) / (1 + g * g - 2 * g * cosine) ** 1.5
     return along(light, triple(lit.sky, IRRADIANCE, 0), lobes * (1 - below))
+
+
+@scalar
+def _pictured(picture, direction):
+    """What a lat-long picture shows; see `gbufrt.environment.lookup_environment`."""
+    height, width = picture.shape[0], picture.shape[1]
+    x, y, z = direction
+    across = math.sqrt(x * x + z * z)
+    azimuth = math.atan2(x, -z) if across > 1e-6 else 0.0
+    column = (azimuth / (2 * math.pi) + 0.5) * width - 0.5
+    row = min(max(math.atan2(across, y) / math.pi * height - 0.5, 0.0), height - 1.0)
+    left, top = math.floor(column), int(row)
+    s, t = column - left, row - top
+    right, below = (left + 1) % width, min(top + 1, height - 1)
+    left = left % width
+    above = _mixed(triple(picture[top], left, 0), triple(picture[top], right, 0), s)
+    return _mixed(above, _mixed(triple(picture[below], left, 0), triple(picture[below], right, 0), s), t)
 
 
 @scalar

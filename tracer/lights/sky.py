@@ -24,8 +24,8 @@ _tables: WeakKeyDictionary[Scene, Tensor] = WeakKeyDictionary()  # scenes do not
 def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
     """Radiance of the sky without the sun's disc.
 
-    It goes from zenith to horizon by elevation, with the ground below. A glow round the sun is proportional to the
-    sun's irradiance.
+    It is looked up in the sky's picture. Where there is none it goes from zenith to horizon by elevation, with the
+    ground below, and a glow round the sun is proportional to the sun's irradiance.
 
     Args:
         scene: whose ``sky`` and ``sun``.
@@ -36,6 +36,9 @@ def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
 
     Source: Henyey and Greenstein 1941 for the lobes of the glow.
     """
+    if scene.sky.picture is not None:
+        picture = scene.sky.picture.to(directions)
+        return lookup_environment(picture, directions.flatten(2)[..., None]).view_as(directions)
     zenith, horizon, ground = (_color(c, directions) for c in (scene.sky.zenith, scene.sky.horizon, scene.sky.ground))
     up = directions[:, 1:2]
     height = up.clamp(0.0, 1.0)

@@ -74,8 +74,8 @@ class Interaction(NamedTuple):
 def assembled(arrays):
     """`Tables` from their flat arrays: numba passes no nested tuples to its threads."""
     transforms, bricks, index, entries, media, materials, scales = arrays[:7]
-    sky, lamps, upto, slots, counts, cells, sky_upto, sky_density = arrays[7:]
-    lit = Lit(sky, lamps, upto, slots, counts, cells, sky_upto, sky_density)
+    picture, sky, lamps, upto, slots, counts, cells, sky_upto, sky_density = arrays[7:]
+    lit = Lit(picture, sky, lamps, upto, slots, counts, cells, sky_upto, sky_density)
     return Tables(transforms, (bricks, index, entries, media), materials, scales, lit)
 
 

@@ -41,6 +41,7 @@ def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tupl
         *(array(grid) for grid in scene.grids.tensors),
         array(torch.cat([c.reshape(len(table), -1) for c in (*columns, table.tint)], dim=1)),
         np.array([1.0, *(i.scale for i in scene.instances)]),
+        _picture(scene),
         _sky(scene),
         *_lamps(None if lights is None else lights.lamps),
         *_sky_table(None if lights is None else lights.sky),
@@ -80,6 +81,12 @@ def picture_of(picture: Picture | None) -> np.ndarray:
     if picture is None:
         return np.zeros((0, 7), np.float32)
     return array(torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1))
+
+
+def _picture(scene: Scene) -> np.ndarray:
+    if scene.sky.picture is None:
+        return np.zeros((0, 0, 3), np.float32)
+    return array(scene.sky.picture[0].permute(1, 2, 0).float())
 
 
 def _sky(scene: Scene) -> np.ndarray:

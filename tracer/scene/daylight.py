@@ -1,70 +1,119 @@
-"""The sun and the sky by the hour."""
+"""Sun, moon and sky by the hour."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 
+from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
 from tracer.scene.material import RGB
 from tracer.scene.scene import Scene, Sky, Sun
 
-TILT = 30.0  # degrees between the sun's highest place and the zenith
-TWILIGHT = 0.16  # sine of the elevation at which the day has its full light
-MOON = (0.16, 0.21, 0.34)  # irradiance: the eye, and exposure, take it for much more
-NIGHT = Sky(zenith=(0.004, 0.007, 0.022), horizon=(0.009, 0.013, 0.029), ground=(0.005, 0.006, 0.010))
-LOW = ((1.0, 0.42, 0.16), (0.50, 0.24, 0.18))  # a low sun's colour, and the horizon's, over those of noon
+MONTH = 29.53  # days from one full moon to the next
+MOON = 1 / 300  # a full moon's light over the sun's: an eye that has adapted to the night takes it for as much
+TINGE = (0.80, 0.93, 1.20)  # of moonlight, which such an eye sees bluer than it is
+GLOW = (0.00022, 0.00030, 0.00046)  # radiance of a sky without sun and moon, for a sun of irradiance 1
+DISC = 0.27  # degrees: the radius of sun and moon
+LOWEST = -0.31  # sine of 18 degrees: further down the sun lights no part of the sky
 
 
-def at_hour(scene: Scene, hour: float) -> Scene:
-    """A scene with the sun where it is at an hour: it rises in the east (+x) at 6, and sets in the west at 18.
+@dataclass(frozen=True, kw_only=True)
+class SunPath:
+    """The circle on which sun and moon go round: up in the east (+x) at 6, down in the west at 18.
 
-    From dusk to dawn the moon stands where the sun stood twelve hours before. What the scene's own sun and sky are is
-    taken for noon; nothing else changes, so that lamps light the night.
+    Args:
+        zenith: degrees by which the circle is turned about the east-west axis, so that the sun of noon stands that far
+            from the zenith, toward -z: what it lights from straight above has no shadows to show its form.
+        azimuth: degrees by which it is then turned about the vertical, so that walls that face along the axes have
+            different light; from -z toward +x.
+
+    Source: BetterRTX's sun path.
+    """
+
+    zenith: float = 30.0
+    azimuth: float = 12.0
+
+    def __post_init__(self) -> None:
+        for name, most in (("zenith", 90.0), ("azimuth", 360.0)):
+            if not abs(getattr(self, name)) <= most:
+                raise ValueError(f"{name} must be -{most:g} to {most:g} degrees, got {getattr(self, name)}")
+
+    def sun(self, hour: float) -> RGB:
+        """Unit vector toward the sun at an hour."""
+        angle = math.pi * (hour - 6.0) / 12.0
+        return self.turned((math.cos(angle), math.sin(angle), 0.0))
+
+    def moon(self, hour: float, day: float = 0.0) -> RGB:
+        """Unit vector toward the moon: opposite the sun on day 0, when it is full, and later every day."""
+        return self.sun(hour - 12.0 - 24.0 * (day / MONTH % 1.0))
+
+    def turned(self, direction: RGB, *, inverse: bool = False) -> RGB:
+        """A direction turned with the circle, or back: for what is drawn on the sky and goes round with it."""
+        a, b = math.radians(self.zenith), math.radians(self.azimuth)
+        tilt = np.array([[1, 0, 0], [0, math.cos(a), math.sin(a)], [0, -math.sin(a), math.cos(a)]])
+        turn = np.array([[math.cos(b), 0, -math.sin(b)], [0, 1, 0], [math.sin(b), 0, math.cos(b)]])
+        matrix = turn @ tilt
+        return _rgb((matrix.T if inverse else matrix) @ np.asarray(direction))
+
+
+def at_hour(
+    scene: Scene,
+    hour: float,
+    *,
+    day: float = 0.0,
+    path: SunPath | None = None,
+    atmosphere: Atmosphere | None = None,
+) -> Scene:
+    """A scene under the sky of an hour: blue by day, red where the sun is low, and moonlit by night.
+
+    The scene's own sun says how much light noon has; the atmosphere does the rest. Nothing but sun and sky changes, so
+    that lamps light the night. Sun and moon are the size that they are, and cast sharp shadows.
 
     Args:
         scene: any scene; one without a sun gets the default one.
         hour: 0 to 24.
+        day: days since a full moon: 14.8 is a night without moon.
+        path: which way sun and moon go.
+        atmosphere: what they shine through; Earth's by default.
 
     Raises:
-        ValueError: another hour.
+        ValueError: another hour, or a day that is not finite.
     """
     if not 0.0 <= hour <= 24.0:
         raise ValueError(f"hour must lie in 0..24, got {hour}")
-    angle = math.pi * (hour - 6.0) / 12.0
-    height = math.sin(angle) * math.cos(math.radians(TILT))
-    day = min(max((height + TWILIGHT / 2) / (1.5 * TWILIGHT), 0.0), 1.0)  # dusk begins over the horizon, ends under it
-    gold = min(max(1.0 - height / 0.5, 0.0), 1.0) ** 2
+    if not math.isfinite(day):
+        raise ValueError(f"day must be finite, got {day}")
+    path, air = path or SunPath(), atmosphere or Atmosphere()
     noon = scene.sun or Sun()
-    moonlit = height < 0.0
-    turned = angle + math.pi if moonlit else angle
-    direction = (math.cos(turned), abs(height) + 0.02, -abs(math.sin(turned)) * math.sin(math.radians(TILT)) - 0.15)
-    shown = min(max(height / TWILIGHT, 0.0), 1.0)
-    strength = tuple(s * shown * (1.0 + gold * (c - 1.0)) for s, c in zip(noon.irradiance, LOW[0], strict=True))
-    moon = tuple(m * min(-height / TWILIGHT, 1.0) for m in MOON)
-    return replace(
-        scene,
-        sun=replace(noon, direction=direction, irradiance=_rgb(moon if moonlit else strength)),
-        sky=_between(NIGHT, scene.sky, day, gold),
-    )
+    brightness = sum(noon.irradiance) / max(_transmitted(air, path.sun(12.0)).sum(), 1e-3)
+    above = np.full(3, brightness)  # white, before the air takes its share
+    shape = (1 + math.cos(2 * math.pi * day / MONTH)) / 2  # the share of the moon that is lit
+    bodies = (path.sun(hour), above), (path.moon(hour, day), above * (MOON * shape**1.5) * TINGE)
+    sky = torch.tensor(above * GLOW, dtype=torch.float32).view(1, 3, 1, 1).expand(1, 3, 256, 512)
+    for toward, light in bodies:
+        if toward[1] > LOWEST and light.any():
+            sky = sky + sky_picture(air, toward, irradiance=light.tolist())
+    arriving = [light * _transmitted(air, toward) for toward, light in bodies]
+    shines = int(arriving[1].sum() > arriving[0].sum())
+    sun = replace(noon, direction=bodies[shines][0], irradiance=_rgb(arriving[shines]), angular_radius=DISC)
+    device = scene.world.device
+    axes = [path.turned(axis, inverse=True) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+    stars = torch.tensor(axes).T
+    return replace(scene, sun=sun, sky=Sky(picture=sky.to(device), stars=(_about_z(hour) @ stars).to(device)))
 
 
-def _between(night: Sky, noon: Sky, day: float, gold: float) -> Sky:
-    warm = Sky(
-        zenith=_rgb([0.55 * c for c in noon.zenith]),
-        horizon=_rgb(np.asarray(LOW[1]) * 2.0 * np.asarray(noon.horizon)),
-        ground=_rgb([0.5 * c for c in noon.ground]),
-    )
-    return Sky(
-        **{
-            part: _rgb(
-                (1 - day) * np.asarray(getattr(night, part))
-                + day * ((1 - gold) * np.asarray(getattr(noon, part)) + gold * np.asarray(getattr(warm, part)))
-            )
-            for part in ("zenith", "horizon", "ground")
-        }
-    )
+def _about_z(hour: float) -> torch.Tensor:
+    """``(3, 3)`` the turn of an hour about the axis of the circle before it is tilted."""
+    angle = -2 * math.pi * hour / 24
+    c, s = math.cos(angle), math.sin(angle)
+    return torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _transmitted(air: Atmosphere, toward: RGB) -> np.ndarray:
+    return sun_transmittance(air, toward).double().numpy()
 
 
 def _rgb(values: object) -> RGB:

@@ -59,11 +59,25 @@ class Sun:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sky:
-    """Radiance of the sky, by elevation: horizon to zenith above, ground below; linear RGB."""
+    """Radiance of the sky without the sun's disc, linear RGB.
+
+    Args:
+        zenith: straight above; between it and the horizon it goes by elevation, with a glow round the sun.
+        horizon: at eye level.
+        ground: below.
+        picture: in place of all these, a lat-long picture ``(1, 3, h, w)``, oriented as `gbufrt.environment` says.
+        stars: ``(3, 3)`` rotation from world space to the sphere of the fixed stars; the camera sees them then.
+    """
 
     zenith: tuple[float, float, float] = (0.25, 0.45, 0.95)
     horizon: tuple[float, float, float] = (0.85, 0.95, 1.05)
     ground: tuple[float, float, float] = (0.25, 0.22, 0.18)
+    picture: Tensor | None = None
+    stars: Tensor | None = None
+
+    def __post_init__(self) -> None:
+        if self.picture is not None and (self.picture.ndim != 4 or self.picture.shape[:2] != (1, 3)):
+            raise ValueError(f"picture must be (1,3,h,w), linear radiance, got {tuple(self.picture.shape)}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -27,6 +27,13 @@ WRONG = (
     ("render --chunks 3 --out out", "--chunks is for Minecraft regions and saves; leave it out for builtin"),
     ("render missing.mca --out out", "missing.mca does not exist"),
     ("render --hour 25 --out out", "--hour must lie in 0..24, got 25"),
+    ("render --hour 3 --day=-1 --out out", "--day must be 0 or more, got -1"),
+    ("render --day 3 --out out", "--day needs --hour"),
+    (
+        "render --hour 3 --sun-path 30 --out out",
+        "--sun-path must be ZENITH,AZIMUTH, degrees up to 90 and 360, got",
+    ),
+    ("render --hour 3 --sun-path 91,0 --out out", "--sun-path must be ZENITH,AZIMUTH"),
     ("render --view below --out out", "no view 'below' in world 'builtin'; it has village, lake,"),
     ("render --view vilage --out out", "no view 'vilage' in world 'builtin' (did you mean village or lake?); it has"),
     ("render --eye 1,2 --target 0,0,0 --out out", "--eye must be X,Y,Z, three numbers in world units such as"),

@@ -18,11 +18,22 @@ def lit(level: float, *, time: float = 0.0, size: tuple[int, int] = (12, 16)) ->
 
 
 def test_an_even_picture_lands_on_the_key():
-    for level in (1e-2, 0.18, 3.0, 40.0):
+    for level in (0.0125, 0.18, 3.0, 40.0):
         factor, adapted = exposure(torch.full((1, 3, 9, 9), level), key=0.18)
         assert float(factor) * level == pytest.approx(0.18, rel=1e-4)
         assert float(adapted) == pytest.approx(math.log2(level), abs=1e-4)
     assert float(exposure(torch.full((1, 3, 9, 9), 0.5), key=0.5)[0]) == pytest.approx(1.0, rel=1e-4)
+
+
+def test_night_stays_dark_by_its_share():
+    gain = lambda level, **k: float(exposure(torch.full((1, 3, 4, 4), level), **k)[0])
+    moonlit = 2.0**-8.5  # two stops below dusk
+    assert gain(moonlit, night=0.0) == pytest.approx(0.34 / moonlit, rel=1e-4)
+    assert gain(moonlit) == pytest.approx(0.34 / moonlit / 2, rel=1e-4)
+    assert gain(moonlit, night=1.0) == pytest.approx(gain(2.0**-6.5), rel=1e-4)
+    assert gain(0.02, night=1.0) == gain(0.02, night=0.0)
+    with pytest.raises(ValueError, match=r"night must lie in 0..1, got 1.5"):
+        exposure(torch.ones(1, 3, 4, 4), night=1.5)
 
 
 def test_only_the_window_counts():
@@ -87,7 +98,7 @@ def test_a_cut_adapts_at_once():
 
 def test_black_and_blinding_pictures_stay_within_the_stops():
     for level, expected in ((0.0, 2.0**6), (1e30, 2.0**-5)):
-        factor, adapted = exposure(torch.full((1, 3, 5, 7), level), min_ev=-5, max_ev=6)
+        factor, adapted = exposure(torch.full((1, 3, 5, 7), level), min_ev=-5, max_ev=6, night=0)
         assert float(factor) == pytest.approx(expected, rel=1e-4)
         assert torch.isfinite(adapted).all()
 

@@ -20,7 +20,7 @@ from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers, receivers_of
 from tracer.paths.tables import camera_of, picture_of
-from tracer.scene.scene import Scene
+from tracer.scene.scene import Scene, Sky
 from tracer.traversal.rays import trace
 
 BOUNCES = 3
@@ -114,8 +114,11 @@ def test_what_has_moved_is_looked_for_where_it_was(orthographic: bool) -> None:
     assert 0.02 < want.float().mean() < 0.9
 
 
-def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky() -> None:
-    scene = Scene(world=voxels.world((9, 3, 9), (voxels.STONE, (0, 0, 0), (9, 1, 9))), sun=None)
+@pytest.mark.parametrize("pictured", [False, True])
+def test_a_scene_without_sun_and_lamps_is_lit_by_its_sky(pictured: bool) -> None:
+    noise = torch.rand(1, 3, 12, 20, generator=torch.Generator().manual_seed(1))
+    ground = voxels.world((9, 3, 9), (voxels.STONE, (0, 0, 0), (9, 1, 9)))
+    scene = Scene(world=ground, sun=None, sky=Sky(picture=noise) if pictured else Sky())
     poses = scene.poses([0.0])[0]
     origins = torch.rand(500, 3, generator=torch.Generator().manual_seed(0)) * 9 + torch.tensor([0.0, 2.0, 0.0])
     directions = torch.tensor([0.0, -1.0, 0.0]).expand(500, 3)

@@ -1,0 +1,6 @@
+"""The atmosphere of a planet: what it scatters and absorbs, and the light of its sky."""
+
+from gbufrt.atmosphere.medium import Atmosphere
+from gbufrt.atmosphere.sky import sky_picture, sun_transmittance
+
+__all__ = ["Atmosphere", "sky_picture", "sun_transmittance"]

@@ -1,0 +1,96 @@
+"""The light of the sky seen from a place: a picture of all directions, and the air before what a camera sees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from gbufrt.atmosphere.medium import Atmosphere
+from gbufrt.atmosphere.tables import DTYPE, gathered, tables_of
+
+AROUND = 96  # columns from the sun's azimuth to the opposite one: the sky is the same on both sides of it
+
+
+def sun_transmittance(atmosphere: Atmosphere, direction: Sequence[float], *, height: float = 0.05) -> Tensor:
+    """Share of the light of the sun, or moon, that arrives.
+
+    Args:
+        atmosphere: the air.
+        direction: toward the sun, world space, y up, of any length.
+        height: of the place above the ground, kilometres.
+
+    Returns:
+        ``(3,)`` float32; 0 where the sun has set.
+    """
+    sun = _unit(direction)
+    at = torch.tensor(height, dtype=DTYPE)
+    return tables_of(atmosphere).to_sun(at.clamp(0.0, atmosphere.thickness), sun[1]).float()
+
+
+def sky_picture(
+    atmosphere: Atmosphere,
+    direction: Sequence[float],
+    *,
+    irradiance: Sequence[float] = (1.0, 1.0, 1.0),
+    height: float = 0.05,
+    size: tuple[int, int] = (256, 512),
+) -> Tensor:
+    """Radiance of the sky by direction, without the sun's disc, as `gbufrt.environment` lays it out.
+
+    Args:
+        atmosphere: the air.
+        direction: toward the sun, world space, y up, of any length; below the horizon it is dusk, then dark.
+        irradiance: of the sun above the air, on a surface that faces it, linear RGB.
+        height: of the place above the ground, kilometres; above the air the planet is seen from space.
+        size: ``(h, w)``.
+
+    Returns:
+        ``(1, 3, h, w)`` float32 linear radiance. Below the horizon it is the lit ground, behind the air before it.
+
+    Raises:
+        ValueError: ``direction`` has no length, or ``height`` is negative.
+
+    Source: Hillaire 2020.
+    """
+    if not height >= 0:
+        raise ValueError(f"height must be at least 0 kilometres, got {height}")
+    sun = _unit(direction)
+    rows, columns = size
+    up = ((torch.arange(rows, dtype=DTYPE) + 0.5) * (math.pi / rows)).cos()[:, None]
+    azimuth = (torch.arange(AROUND, dtype=DTYPE) * (math.pi / (AROUND - 1)))[None]
+    between = up * sun[1] + ((1 - up * up) * (1 - sun[1] ** 2)).clamp_min(0.0).sqrt() * azimuth.cos()
+    half = _seen(atmosphere, height, up.expand_as(between), sun[1].expand_as(between), between)
+    away = (torch.arange(columns, dtype=DTYPE) + 0.5) * (2 * math.pi / columns) - math.pi - torch.atan2(sun[0], -sun[2])
+    place = torch.remainder(away + math.pi, 2 * math.pi) - math.pi
+    place = place.abs() * ((AROUND - 1) / math.pi)
+    first = place.floor().long().clamp(0, AROUND - 2)
+    share = (place - first)[None, :, None]
+    whole = half[:, first] * (1 - share) + half[:, first + 1] * share
+    return (whole * whole.new_tensor(list(irradiance))).float().permute(2, 0, 1)[None].contiguous()
+
+
+def _seen(air: Atmosphere, height: float, up: Tensor, sun: Tensor, between: Tensor) -> Tensor:
+    """``(..., 3)`` radiance along rays from a height; from space they are followed from where they enter the air."""
+    tables = tables_of(air)
+    start = torch.full_like(up, height)
+    if height <= air.thickness:
+        return gathered(tables, start, up, sun, between)[0]
+    along = (air.radius + start) * up
+    square = along * along - (start - air.thickness) * (2 * air.radius + start + air.thickness)
+    meets = (square >= 0) & (up < 0)
+    enters = torch.where(meets, -along - square.clamp_min(0.0).sqrt(), 0.0)
+    top = torch.full_like(up, air.thickness)
+    cosine = ((air.radius + start) * up + enters) / (air.radius + top)
+    lit = ((air.radius + start) * sun + enters * between) / (air.radius + top)
+    return torch.where(meets[..., None], gathered(tables, top, cosine, lit, between)[0], 0.0)
+
+
+def _unit(direction: Sequence[float]) -> Tensor:
+    toward = torch.tensor(list(direction), dtype=DTYPE)
+    length = toward.norm()
+    if not (length > 0 and bool(torch.isfinite(length))):
+        raise ValueError(f"direction must be finite and have a length, got {tuple(direction)}")
+    return toward / length
