@@ -23,7 +23,6 @@ STEPS = 40  # along a ray; half as many where rays only fill a table
 ORDERS = 3  # of scattering that are gathered one by one
 WAYS = (20, 6)  # directions that light is gathered from to be scattered again: cosines, azimuths
 MOMENTS = 6  # of light from all sides: its mean, two of first and three of second order
-RAYLEIGH_SECOND = 0.1  # share of second moments that scattering by molecules keeps; of first ones, none
 SUN_RADIUS = 0.0047  # radians: the horizon takes the sun away over its disc
 DTYPE = torch.float64
 
@@ -79,8 +78,9 @@ class Tables:
         moments = _read(self.moments, _column(sun), row).unflatten(-1, (MOMENTS, 3))
         basis = torch.stack(_basis(sun, up, between), dim=-1)[..., None]
         mean, first, second = (part.sum(-2) for part in (moments * basis).split((1, 2, 3), dim=-2))
-        keeps_first, keeps_second = mie_moments(self.atmosphere.mie_asymmetry)
-        return mean + RAYLEIGH_SECOND * second, (mean + keeps_first * first + keeps_second * second).clamp_min(0.0)
+        kept = mie_moments(0.0), mie_moments(self.atmosphere.mie_asymmetry)  # without asymmetry they are molecules
+        by_molecules, by_aerosols = (mean + a * first + b * second for a, b in kept)
+        return by_molecules, by_aerosols.clamp_min(0.0)
 
 
 @lru_cache(maxsize=8)

@@ -10,6 +10,8 @@ import pytest
 import torch
 
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
+from gbufrt.atmosphere.medium import mie_moments
+from gbufrt.atmosphere.tables import Tables
 from gbufrt.environment import environment_directions
 
 EARTH = Atmosphere()
@@ -57,6 +59,25 @@ def test_the_sky_is_alike_on_both_sides_of_the_sun_wherever_it_stands():
     assert torch.allclose(ahead.roll(SIZE[1] // 4, dims=2), right, rtol=1e-3, atol=1e-5)
     brightest = int(right[:, : SIZE[0] // 2].mean(0).amax(0).argmax())
     assert abs(brightest - 96) <= 1, "+x lies a quarter of the width right of the middle"
+
+
+def test_light_from_one_side_is_scattered_as_phases_say():
+    """Up to second moments; a phase function's own are those of the light that it sends from a single direction."""
+    cosine = torch.linspace(-1, 1, 4001, dtype=torch.float64)
+    phase = 3 / 4 * (1 + cosine * cosine) / 2  # of molecules, integrated over azimuth
+    assert torch.trapezoid(phase, cosine) == pytest.approx(1.0, abs=1e-6)
+    second = float(torch.trapezoid(phase * (1.5 * cosine * cosine - 0.5), cosine))
+    assert mie_moments(0.0) == pytest.approx((0.0, second), abs=1e-6)
+    forward = mie_moments(0.8)
+    assert forward[0] > forward[1] > 0.4
+    light = torch.tensor([1.0, 3.0, 0.0, 5.0, 0.0, 0.0], dtype=torch.float64)  # moments of light from the zenith
+    moments = light.repeat_interleave(3).view(1, 18, 1, 1).expand(1, 18, 2, 2)
+    tables = Tables(EARTH, torch.ones(1, 3, 2, 2), moments)
+    up, sun = torch.tensor([1.0, -1.0], dtype=torch.float64), torch.tensor([0.5, 0.5], dtype=torch.float64)
+    molecules, aerosols = tables.scattered_again(torch.ones_like(up), sun, up, up * sun)
+    assert molecules[:, 0].tolist() == pytest.approx([1 + 5 * second] * 2, abs=1e-6)
+    along, back = 1 + 3 * forward[0] + 5 * forward[1], max(1 - 3 * forward[0] + 5 * forward[1], 0.0)
+    assert aerosols[:, 2].tolist() == pytest.approx([along, back], abs=1e-6)
 
 
 def test_no_air_no_light():
