@@ -24,8 +24,9 @@ HOUSE = ROOT / ".github" / "CONTRIBUTING.md"
 PUBLIC = {
     "gbufrt": """CHANNELS SIGNALS Camera Frame GBuffer History Pass Pipeline PipelineState Stage TemporalPass
         __version__""",
-    "tracer": """MASK_ALL MASK_PRIMARY MASK_SECONDARY MASK_SHADOW WORLDS Hits Instance Material MaterialTable Scene Sky
-        Sun Truth View World ambient_occlusion focus_distance gbuffer indirect_diffuse load load_vox_scene path_trace
+    "tracer": """MASK_ALL MASK_PRIMARY MASK_SECONDARY MASK_SHADOW WORLDS HitGroup Hits Instance Launch Material
+        MaterialTable Place RayType Scene Sky Sun SunPath Truth View World ambient_occlusion dispatch focus_distance
+        gbuffer indirect_diffuse load load_vox_scene path_trace
         read_vox reflection render trace transmission""",
     "post": """FXAA GTAO SSGI SSR TAA Atrous Bilateral Composite Denoise DepthOfField DisplayEncode EstimateMissing
         Exposure MarchGI MotionBlur Reduced Temporal ToneMap Vignette atrous autofocus bilateral bitmask_ao

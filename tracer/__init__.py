@@ -8,6 +8,7 @@ from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SECONDARY, MASK_SHADOW, Instance, Scene, Sky, Sun, View
 from tracer.scene.world import World
+from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
 from tracer.truth.truth import Truth, ambient_occlusion, focus_distance, indirect_diffuse, path_trace, reflection
 from tracer.worlds import WORLDS, load
@@ -18,10 +19,14 @@ __all__ = [
     "MASK_SECONDARY",
     "MASK_SHADOW",
     "WORLDS",
+    "HitGroup",
     "Hits",
     "Instance",
+    "Launch",
     "Material",
     "MaterialTable",
+    "Place",
+    "RayType",
     "Scene",
     "Sky",
     "Sun",
@@ -31,6 +36,7 @@ __all__ = [
     "World",
     "ambient_occlusion",
     "at_hour",
+    "dispatch",
     "focus_distance",
     "gbuffer",
     "indirect_diffuse",

@@ -93,7 +93,7 @@ def _pictured(picture, direction):
     azimuth = math.atan2(x, -z) if across > 1e-6 else 0.0
     column = (azimuth / (2 * math.pi) + 0.5) * width - 0.5
     row = min(max(math.atan2(across, y) / math.pi * height - 0.5, 0.0), height - 1.0)
-    left, top = math.floor(column), int(row)
+    left, top = int(math.floor(column)), int(row)  # noqa: RUF046 - CUDA floors to a float
     s, t = column - left, row - top
     right, below = (left + 1) % width, min(top + 1, height - 1)
     left = left % width

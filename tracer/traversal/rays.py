@@ -61,6 +61,7 @@ def trace(
     t_min: Tensor | float = 0.0,
     t_max: Tensor | float = torch.inf,
     beyond: Hits | None = None,
+    ignoring: bool = False,
 ) -> Hits:
     """The nearest surface of world and instances along each ray.
 
@@ -79,6 +80,7 @@ def trace(
         t_max: where they end.
         beyond: earlier hits of the same rays: continue behind each, through the transmissive material hit there, to the
             next surface. Rays whose earlier hit is opaque, or a miss, miss.
+        ignoring: with ``beyond``: continue behind opaque hits too, as if their material were not there.
 
     Returns:
         `Hits` of the shape of the rays.
@@ -89,7 +91,9 @@ def trace(
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
     left = rays.origins.new_zeros(0, 5, dtype=torch.int32)
     if beyond is not None:
-        passes = beyond.hit & (scene.materials.opacity[beyond.material.long()] < 1)
+        passes = beyond.hit
+        if not ignoring:
+            passes = passes & (scene.materials.opacity[beyond.material.long()] < 1)
         begin = torch.where(passes, beyond.t, torch.inf).reshape(-1)
         rays.spans[:, 0] = torch.maximum(rays.spans[:, 0], begin)
         left = _starts(beyond)

@@ -1,0 +1,31 @@
+"""What a pixel shows: one ray whose closest hit program hands back what it met."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+import tracer
+
+scene = tracer.load("valley")
+camera = scene.views["lake"].camera(0.0, size=(540, 960))
+
+
+@dataclass
+class Picked:
+    instance: Tensor
+    material: Tensor
+
+
+def pick(row, column):
+    origins, directions = (part[0, row, column] for part in camera.rays())
+    nothing = Picked(*torch.zeros(2, dtype=torch.int32))
+    program = lambda launch, place, payload: Picked(place.hits.instance, place.hits.material)
+    rays = {"pick": tracer.RayType(groups={"*": tracer.HitGroup(closest_hit=program)})}
+    send = lambda launch: launch.trace("pick", origins, directions, nothing)
+    return tracer.dispatch(scene, send, rays, poses=scene.poses([0.0])[0])
+
+
+for row, column in ((100, 300), (360, 545), (150, 110)):
+    got = pick(row, column)
+    print(row, column, scene.materials.names[int(got.material)], "of instance", int(got.instance))  # 0: the world
