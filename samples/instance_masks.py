@@ -12,7 +12,6 @@ from gbufrt.files.png import write_png
 
 FRONT, BACK, ALL = 0x40, 0x80, 0xFF
 LIGHT = torch.nn.functional.normalize(torch.tensor([0.4, 1.0, 0.5]), dim=0)
-SKY = torch.tensor([0.35, 0.5, 0.8])
 
 
 @dataclass
@@ -49,7 +48,7 @@ for i, color in enumerate(((0.9, 0.2, 0.1), (0.2, 0.8, 0.2), (0.2, 0.3, 0.9))):
     things.append(instance("behind", color[::-1], (6, 12, 6), (14.0 * i - 17, 0.0, -14.0), BACK))
 air = tracer.World.from_dense(torch.zeros(1, 1, 1, dtype=torch.int16), things[0].model.materials)
 scene = tracer.Scene(world=air, instances=tuple(things))
-clear = lambda launch, place, payload: Seen(payload.color + SKY, payload.covered)
+clear = lambda launch, place, payload: Seen(payload.color + torch.tensor([0.35, 0.5, 0.8]), payload.covered)
 lit = lambda launch, place, payload: Seen(payload.color + 1, payload.covered)
 groups = {"plane": tracer.HitGroup(closest_hit=floor), "*": tracer.HitGroup(closest_hit=shaded)}
 rays = {"seen": tracer.RayType(groups=groups, miss=clear), "shadow": tracer.RayType(miss=lit, first_hit=True)}
