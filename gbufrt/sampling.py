@@ -28,6 +28,20 @@ def sample(image: Tensor, px: Tensor, *, mode: Literal["bilinear", "nearest", "b
     return F.grid_sample(image, grid.to(image.dtype), mode=mode, padding_mode="border", align_corners=False)
 
 
+def sample_volume(volume: Tensor, place: Tensor) -> Tensor:
+    """Read a table of three dimensions between its entries.
+
+    Args:
+        volume: ``(B, C, D, H, W)`` float.
+        place: ``(B, 3, h, w)`` along W, H and D, where 0 is the first entry and 1 the last.
+
+    Returns:
+        ``(B, C, h, w)``; differentiable in both.
+    """
+    grid = (2 * place - 1).permute(0, 2, 3, 1)[:, None]
+    return F.grid_sample(volume, grid, mode="bilinear", padding_mode="border", align_corners=True)[:, :, 0]
+
+
 def gather(image: Tensor, x: Tensor, y: Tensor) -> Tensor:
     """Read whole pixels of any type; positions outside read the border.
 

@@ -1,6 +1,7 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
 import gbufrt as gbufrt  # first: sets how threads wait, before torch is loaded
+from post.passes.aerial_perspective import AerialPerspective, aerial_perspective
 from post.passes.atrous import Atrous, atrous
 from post.passes.bilateral import Bilateral, bilateral
 from post.passes.composite import Composite, composite
@@ -36,6 +37,7 @@ __all__ = [
     "SSGI",
     "SSR",
     "TAA",
+    "AerialPerspective",
     "Atrous",
     "Bilateral",
     "Composite",
@@ -50,6 +52,7 @@ __all__ = [
     "Temporal",
     "ToneMap",
     "Vignette",
+    "aerial_perspective",
     "atrous",
     "autofocus",
     "bilateral",

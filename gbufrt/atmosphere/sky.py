@@ -25,7 +25,7 @@ def sun_transmittance(atmosphere: Atmosphere, direction: Sequence[float], *, hei
     Returns:
         ``(3,)`` float32; 0 where the sun has set.
     """
-    sun = _unit(direction)
+    sun = unit_direction(direction)
     at = torch.tensor(height, dtype=DTYPE)
     return tables_of(atmosphere).to_sun(at.clamp(0.0, atmosphere.thickness), sun[1]).float()
 
@@ -57,7 +57,7 @@ def sky_picture(
     """
     if not height >= 0:
         raise ValueError(f"height must be at least 0 kilometres, got {height}")
-    sun = _unit(direction)
+    sun = unit_direction(direction)
     rows, columns = size
     up = ((torch.arange(rows, dtype=DTYPE) + 0.5) * (math.pi / rows)).cos()[:, None]
     azimuth = (torch.arange(AROUND, dtype=DTYPE) * (math.pi / (AROUND - 1)))[None]
@@ -88,7 +88,8 @@ def _seen(air: Atmosphere, height: float, up: Tensor, sun: Tensor, between: Tens
     return torch.where(meets[..., None], gathered(tables, top, cosine, lit, between)[0], 0.0)
 
 
-def _unit(direction: Sequence[float]) -> Tensor:
+def unit_direction(direction: Sequence[float]) -> Tensor:
+    """``(3,)`` float64 of unit length."""
     toward = torch.tensor(list(direction), dtype=DTYPE)
     length = toward.norm()
     if not (length > 0 and bool(torch.isfinite(length))):

@@ -7,6 +7,7 @@ Atmosphere Rendering Technique", for the second.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
@@ -25,6 +26,7 @@ WAYS = (20, 6)  # directions that light is gathered from to be scattered again: 
 MOMENTS = 6  # of light from all sides: its mean, two of first and three of second order
 SUN_RADIUS = 0.0047  # radians: the horizon takes the sun away over its disc
 DTYPE = torch.float64
+CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,7 @@ class Tables:
 
 
 @lru_cache(maxsize=8)
-def tables_of(atmosphere: Atmosphere, device: torch.device | None = None) -> Tables:
+def tables_of(atmosphere: Atmosphere, device: torch.device = CPU) -> Tables:
     """The tables of an atmosphere: made once, in about a second."""
     return _often(Tables(atmosphere, _transmittance(atmosphere, device)))
 
@@ -96,10 +98,11 @@ def gathered(
     sun: Tensor,
     between: Tensor,
     *,
-    end: Tensor | None = None,
     steps: int = STEPS,
 ) -> tuple[Tensor, Tensor]:
     """Light that a ray gathers, for a sun of unit irradiance, and the share of what is behind that gets through.
+
+    It ends where it leaves the air, or at the ground, which is lit.
 
     Args:
         tables: of the atmosphere; without moments only light that is scattered once is gathered.
@@ -107,15 +110,25 @@ def gathered(
         up: cosine between the ray and the zenith there.
         sun: between the sun and the zenith there.
         between: between the ray and the sun.
-        end: kilometres at which the ray ends; by default where it leaves the air or meets the ground, which is lit.
         steps: along the ray.
 
     Returns:
         ``(..., 3)`` each: radiance, and transmittance.
     """
     air = tables.atmosphere
-    limit, grounded = air.ends(height, up)
-    stop = limit if end is None else torch.minimum(end, limit)
+    stop, grounded = air.ends(height, up)
+    light, clear = deque(marched(tables, height, up, sun, between, stop, steps), maxlen=1).pop()
+    sun_here = ((air.radius + height) * sun + stop * between) / air.radius
+    below = clear * tables.to_ground(sun_here) * (air.ground_albedo / math.pi)
+    light = light + torch.where(grounded[..., None], below, 0.0)
+    return light, torch.where(grounded[..., None], 0.0, clear)
+
+
+def marched(
+    tables: Tables, height: Tensor, up: Tensor, sun: Tensor, between: Tensor, stop: Tensor, steps: int
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """As `gathered`, from the air alone, up to each of the places ``stop * (k / steps) ** 2``."""
+    air = tables.atmosphere
     light = torch.zeros(*height.shape, 3, dtype=height.dtype, device=height.device)
     clear = torch.ones_like(light)
     phases = rayleigh_phase(between)[..., None], mie_phase(between, air.mie_asymmetry)[..., None]
@@ -132,12 +145,7 @@ def gathered(
         gain, clear_after = _through(air, here, step, clear)
         light = light + gain * (molecules * by_molecules + aerosols * by_aerosols)
         clear = clear_after
-    if end is None:
-        sun_here = ((air.radius + height) * sun + stop * between) / air.radius
-        below = clear * tables.to_ground(sun_here) * (air.ground_albedo / math.pi)
-        light = light + torch.where(grounded[..., None], below, 0.0)
-        clear = torch.where(grounded[..., None], 0.0, clear)
-    return light, clear
+        yield light, clear
 
 
 def _steps(stop: Tensor, count: int) -> Iterator[tuple[Tensor, Tensor]]:
@@ -154,7 +162,7 @@ def _through(air: Atmosphere, height: Tensor, step: Tensor, clear: Tensor) -> tu
     return clear * ((1 - passed) / lost.clamp_min(1e-12)), clear * passed
 
 
-def _transmittance(air: Atmosphere, device: torch.device | None) -> Tensor:
+def _transmittance(air: Atmosphere, device: torch.device) -> Tensor:
     rows, columns = TRANSMITTANCE
     whole = _rho(air, torch.tensor(air.thickness, dtype=DTYPE, device=device))
     rho = (torch.linspace(0, 1, rows, dtype=DTYPE, device=device) * whole)[:, None]

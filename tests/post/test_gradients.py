@@ -54,6 +54,7 @@ CASES = {
     "Denoise": Case(post.Denoise(signal="gi"), "gi"),
     "Temporal": Case(post.Temporal(signal="gi"), "gi"),
     "Composite": Case(post.Composite(reflection_intensity=0.8), "radiance"),
+    "AerialPerspective": Case(post.AerialPerspective(unit=0.1), "color"),
     "TAA": Case(post.TAA(), "color"),
     "FXAA": Case(post.FXAA(), "image"),
     "MotionBlur": Case(post.MotionBlur(samples=6), "color"),

@@ -17,6 +17,7 @@ SIZE = (72, 96)
 AT = (40, 50)  # row and column, on the floor before the box
 BAD = {"NaN": torch.nan, "inf": torch.inf, "-inf": -torch.inf}
 REACH = {  # pixels from the bad one beyond which nothing may change, after two frames; None: see DRIFT
+    "AerialPerspective": 0,
     "Atrous": 32,  # taps of the widest of its kernels
     "Bilateral": 5,
     "Composite": 0,
