@@ -6,12 +6,24 @@ from tracer.frames import render
 from tracer.gbuffers import gbuffer
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SECONDARY, MASK_SHADOW, Instance, Scene, Sky, Sun, View
+from tracer.scene.scene import (
+    MASK_ALL,
+    MASK_PRIMARY,
+    MASK_SECONDARY,
+    MASK_SHADOW,
+    Haze,
+    Instance,
+    Scene,
+    Sky,
+    Sun,
+    View,
+)
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
 from tracer.truth.truth import Truth, ambient_occlusion, focus_distance, indirect_diffuse, path_trace, reflection
 from tracer.worlds import WORLDS, load
+from tracer.worlds.stream import Stream, stream
 
 __all__ = [
     "MASK_ALL",
@@ -19,6 +31,7 @@ __all__ = [
     "MASK_SECONDARY",
     "MASK_SHADOW",
     "WORLDS",
+    "Haze",
     "HitGroup",
     "Hits",
     "Instance",
@@ -29,6 +42,7 @@ __all__ = [
     "RayType",
     "Scene",
     "Sky",
+    "Stream",
     "Sun",
     "SunPath",
     "Truth",
@@ -46,6 +60,7 @@ __all__ = [
     "read_vox",
     "reflection",
     "render",
+    "stream",
     "trace",
     "transmission",
 ]

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
+from tracer.lights.haze import Air, air_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import variation
 from tracer.traversal.rays import Hits, run_lengths, trace
@@ -64,10 +65,11 @@ def layers(
     first = trace(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
     )
+    air = None if scene.haze is None else air_before(scene, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
     if not bool((scene.materials.opacity[1:] < 1).any()):
-        return _gbuffer(scene, rays, first, solid, run), None
+        return _gbuffer(scene, rays, first, solid, run, air), None
     second = trace(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
     )
@@ -75,7 +77,8 @@ def layers(
         scene, rays.origins, rays.directions, second, poses=rays.poses, cap=MAX_THICKNESS
     )
     inner = torch.where(first.back_face, run, torch.minimum(run, second.t - first.t))
-    return _gbuffer(scene, rays, first, solid, inner), _gbuffer(scene, rays, second, solid_behind, run_behind)
+    front = _gbuffer(scene, rays, first, solid, inner, air)
+    return front, _gbuffer(scene, rays, second, solid_behind, run_behind)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,6 +104,7 @@ def _primary_rays(
 ) -> _PrimaryRays:
     origins, directions = camera.rays()
     along = (directions * camera.forward[:, None, None, :]).sum(-1)
+    far = camera.far / along
     times = seconds(time, camera.batch)
     before = times if previous_time is None else seconds(previous_time, camera.batch, "previous_time")
     poses = scene.poses(times).to(camera.device)
@@ -110,7 +114,7 @@ def _primary_rays(
         origins=origins,
         directions=directions,
         near=camera.near / along,
-        far=camera.far / along,
+        far=far if scene.haze is None else torch.minimum(far, range_of(scene.haze, directions)),
         poses=poses,
         poses_before=poses if before == times else scene.poses(before).to(camera.device),
     )
@@ -128,7 +132,9 @@ def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> li
     return times
 
 
-def _gbuffer(scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, run: Tensor) -> GBuffer:
+def _gbuffer(
+    scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, run: Tensor, air: Air | None = None
+) -> GBuffer:
     """The channels of one layer; ``run`` is how far light from behind goes through the material that was hit."""
     camera, table, which = rays.camera, scene.materials, hits.material.long()
     hit = hits.hit[:, None]
@@ -154,6 +160,8 @@ def _gbuffer(scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, ru
         "object_id": hits.instance[:, None],
         "thickness": thickness[:, None],
     }
+    if air is not None:
+        values |= air.over(values)
     for name, value in values.items():
         if name not in ("depth", "motion_z"):
             values[name] = torch.where(hit, value, CHANNELS[name].clear).to(value.dtype)

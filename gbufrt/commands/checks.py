@@ -34,6 +34,8 @@ WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "t
 """Built-in worlds, and the names of their views."""
 ENDINGS = (".vox", ".schem", ".schematic", ".mca")
 """Endings of the files that hold worlds."""
+WINDOW = (4, 64)
+"""Least and most chunks along a window."""
 SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 MOST_WORKERS = 65536
 SECONDS_TO_ANSWER = 5.0

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gbufrt.commands.checks import check_part, check_world
+from gbufrt.commands.checks import WINDOW, check_part, check_world
 from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, DayOptions, FileOptions, PartOptions, at_least
 from gbufrt.names import unknown
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from gbufrt.commands.session import Recipe, Runner
     from gbufrt.frame import Frame
     from tracer.scene.scene import Scene, View
+    from tracer.worlds.stream import Stream
 
 LEAD_IN = 64
 """Frames that a shot begins early. The pictures after a seam are then 52 dB from those of one run, at 960x540 (47 with
@@ -61,20 +62,25 @@ class Job:
             raise ValueError(f"--target must not be where --eye is, got {self.target} for both")
         if self.fov is not None and not 0.1 <= self.fov <= 170:
             raise ValueError(f"--fov must be 0.1 to 170 degrees, got {self.fov:g}")
+        if self.part.window is not None:
+            at_least("--window", self.part.window, *WINDOW)
         check_part(self.world, self.part.parsed())
         self.day.parsed()
         check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
-    def load(self) -> Scene:
-        """The world.
+    def load(self) -> Scene | Stream:
+        """The world, or with a window what reads it as the camera flies.
 
         Raises:
             ValueError: there is no such world or view, or nothing in it.
             FileNotFoundError: there is no such file.
         """
         from tracer.worlds import WORLDS, builtin, load
+        from tracer.worlds.stream import stream
 
-        if self.seed is None:
+        if self.part.window is not None:
+            scene = stream(self.world, **self.part.parsed())
+        elif self.seed is None:
             scene = load(self.world, **self.part.parsed())
         elif self.world == "builtin" or self.world in WORLDS:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
@@ -85,7 +91,7 @@ class Job:
 
             path = SunPath(**dict(zip(("zenith", "azimuth"), when.pop("path", ()), strict=False)))
             scene = at_hour(scene, **when, path=path)
-        if scene.world.empty and not scene.instances:
+        if scene.empty:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
         if not scene.views and self.eye is None:
             raise ValueError(f"world {self.world!r} has no views to look from")
@@ -101,7 +107,7 @@ class Job:
         part = {key: value for key, value in (asdict(self.part) | asdict(self.day)).items() if value is not None}
         return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera, **part}
 
-    def seen_from(self, scene: Scene) -> View:
+    def seen_from(self, scene: Scene | Stream) -> View:
         """Where the camera is and looks to: a view of the scene, or `eye` and `target`."""
         from tracer.scene.scene import View
 
@@ -111,7 +117,7 @@ class Job:
         view = scene.views[self.view or next(iter(scene.views))]
         return view if self.fov is None else replace(view, fov_y=self.fov)
 
-    def trace(self, scene: Scene, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
+    def trace(self, scene: Scene | Stream, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
         """G-buffer and light of one frame."""
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
@@ -124,7 +130,7 @@ class Job:
 
         more = {} if self.samples is None else {"light_samples": self.samples}
         frame = trace_frame(
-            scene,
+            scene.around(view.eye(self.time + index / self.fps)),
             camera(index),
             previous_camera=camera(index - 1),
             time=self.time + index / self.fps,
@@ -183,7 +189,7 @@ class Flight:
     """A job, its world, and the pipeline that finishes its frames."""
 
     job: Job
-    scene: Scene
+    scene: Scene | Stream
     recipe: Recipe
     jitter: bool
     notes: dict[str, Any]

@@ -91,8 +91,12 @@ class PartOptions:
     chunks: Whole | None = None
     """How many chunks along each side are taken. [default: all of a .mca file, 24 of a save folder]"""
 
+    window: Whole | None = None
+    """Chunks along each side that are in memory at once: they follow the camera over a region or a save of any size,
+    and haze hides their border. Such a world has the view flight. [default: the whole part is loaded]"""
+
     def parsed(self) -> dict[str, Any]:
-        """The part as arguments of `tracer.load`, those that are given.
+        """The part as arguments of `tracer.load`, or of `tracer.stream` with a window; those that are given.
 
         Raises:
             ValueError: not as many whole numbers as wanted.
@@ -101,6 +105,7 @@ class PartOptions:
             "box": _numbers("--box", self.box, "X0,Y0,Z0,X1,Y1,Z1"),
             "around": _numbers("--around", self.around, "X,Z"),
             "chunks": self.chunks,
+            "window": self.window,
         }
         return {name: value for name, value in part.items() if value is not None}
 

@@ -12,8 +12,9 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.noise.noise import blue_noise
 from tracer.direct.reference import Direct
 from tracer.lights.emitters import lamps_of
+from tracer.lights.haze import sky_behind
 from tracer.lights.shadows import Surface
-from tracer.lights.sky import sky_irradiance, sky_radiance, sun_radiance
+from tracer.lights.sky import sky_irradiance, sun_radiance
 from tracer.lights.stars import stars
 from tracer.scene.scene import Scene
 
@@ -73,9 +74,10 @@ def light(
         )
         arrived.append(_direct(scene, poses[b], surface).arriving(noise, samples))
     directions = camera.rays()[1].permute(0, 3, 1, 2)
-    sky = sky_radiance(scene, directions)
+    sky = sky_behind(scene, directions)
     if scene.sky.stars is not None:
-        sky = sky + stars(directions, scene.sky.stars, 1 / float(camera.intrinsics[0, 1, 1]))
+        night = stars(directions, scene.sky.stars, 1 / float(camera.intrinsics[0, 1, 1]))
+        sky = sky + torch.where(directions[:, 1:2] > 0, night, 0.0)  # none below the horizon, where land may be hazy
     if scene.sun is not None:
         sky = sky + sun_radiance(scene.sun, directions)
     shown = diffuse * torch.stack(arrived)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
 
+from tracer.scene.grids import PART
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.scene.world import BRICK, World
 
 GROUPS = (4, 8, 16, 32)  # side, in voxels, of the cells that group lamps: the first that gives at most MANY lamps
-MANY = 2048
+MANY = 1 << 14
 _known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and finding lamps takes time
 
 
@@ -84,7 +86,7 @@ def _found(world: World) -> Lamps:
     cells, lamp = ids[:, None], ids
     for group in GROUPS:
         key = torch.cat([torch.div(faces, group, rounding_mode="floor"), ids[:, None]], dim=1)
-        cells, lamp = torch.unique(key, dim=0, return_inverse=True)
+        cells, lamp, _ = _unique_rows(key)
         if len(cells) <= MANY:
             break
     low, high, sides, lamp = _merged(faces, sides, lamp)
@@ -108,14 +110,15 @@ def _exposed_faces(world: World) -> tuple[Tensor, Tensor, Tensor]:
 
 def _emissive_voxels(world: World) -> tuple[Tensor, Tensor]:
     """World voxel coordinates ``(V, 3)`` and ids ``(V,)`` of everything that emits."""
-    shines = torch.zeros_like(world.bricks, dtype=torch.bool)
-    for number in (world.materials.emission.amax(dim=1) > 0).nonzero()[:, 0].tolist():
-        shines |= world.bricks == number
-    cells = shines.flatten(1).any(dim=1)[world.index.long()].nonzero()
-    bricks = world.index[tuple(cells.unbind(dim=1))].long()
-    which, *inner = shines[bricks].nonzero(as_tuple=True)
+    emits = world.materials.emission.amax(dim=1) > 0
+    shining = world.shining
+    if shining is None:
+        shining = torch.cat([emits[part.long()].flatten(1).any(dim=1) for part in world.bricks.split(PART)])
+    cells = shining[world.index.long()].nonzero()
+    bricks = world.bricks[world.index[tuple(cells.unbind(dim=1))].long()]
+    which, *inner = emits[bricks.long()].nonzero(as_tuple=True)
     origin = torch.tensor(world.origin, device=world.device)
-    return cells[which] * BRICK + torch.stack(inner, dim=1) + origin, world.bricks[bricks[which], *inner].long()
+    return cells[which] * BRICK + torch.stack(inner, dim=1) + origin, bricks[which, *inner].long()
 
 
 def _merged(faces: Tensor, sides: Tensor, lamp: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -125,7 +128,7 @@ def _merged(faces: Tensor, sides: Tensor, lamp: Tensor) -> tuple[Tensor, Tensor,
     low = faces + along * (sides % 2)[:, None]
     high = low + 1 - along
     key = torch.stack([lamp, sides, low.gather(1, axis)[:, 0]], dim=1)
-    plane, group, count = torch.unique(key, dim=0, return_inverse=True, return_counts=True)
+    plane, group, count = _unique_rows(key)
     spread = group[:, None].expand(-1, 3)
     least = torch.zeros_like(low[: len(plane)]).scatter_reduce(0, spread, low, "amin", include_self=False)
     most = torch.zeros_like(low[: len(plane)]).scatter_reduce(0, spread, high, "amax", include_self=False)
@@ -134,6 +137,16 @@ def _merged(faces: Tensor, sides: Tensor, lamp: Tensor) -> tuple[Tensor, Tensor,
     pairs = ((least[full], low[rest]), (most[full], high[rest]), (plane[full, 1], sides[rest]))
     low, high, sides = (torch.cat(pair) for pair in pairs)
     return low, high, sides, torch.cat([plane[full, 0], lamp[rest]])
+
+
+def _unique_rows(rows: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """`torch.unique` of rows of integers, with inverse and counts, by one number for each: twenty times faster."""
+    low = rows.amin(dim=0)
+    sizes = (rows.amax(dim=0) - low + 1).tolist()
+    steps = rows.new_tensor([math.prod(sizes[k + 1 :]) for k in range(len(sizes))])
+    found, inverse, counts = torch.unique(((rows - low) * steps).sum(dim=1), return_inverse=True, return_counts=True)
+    columns = torch.div(found[:, None], steps, rounding_mode="floor") % rows.new_tensor(sizes)
+    return columns + low, inverse, counts
 
 
 def _assembled(low: Tensor, high: Tensor, sides: Tensor, lamp: Tensor, radiance: Tensor) -> Lamps:

@@ -11,14 +11,14 @@ from torch import Tensor
 
 from gbufrt.directions import length
 from gbufrt.environment import environment_directions, environment_solid_angles, lookup_environment
-from tracer.scene.scene import Scene, Sun
+from tracer.scene.scene import Scene, Sky, Sun
 
 GRADIENT = 0.45  # exponent of elevation between horizon and zenith: the pale band is narrow
 HAZE = 0.12  # sine of the depression over which the horizon fades into the ground
 GLOW = ((0.010, 0.55), (0.004, 0.86))  # share of the sun's irradiance and Henyey-Greenstein g of each lobe
 INTEGRATION = (64, 128)  # pixels of the lat-long picture that irradiance is summed over
 TABLE = (32, 64)  # pixels of the irradiance table: irradiance is a smooth function of the normal
-_tables: WeakKeyDictionary[Scene, Tensor] = WeakKeyDictionary()  # scenes do not change
+_tables: WeakKeyDictionary[Sky, tuple[Sun | None, Tensor]] = WeakKeyDictionary()  # skies do not change; worlds may
 
 
 def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
@@ -121,9 +121,11 @@ def sky_irradiance(scene: Scene, normals: Tensor) -> Tensor:
 
 def irradiance_table(scene: Scene) -> Tensor:
     """``(1, 3, h, w)`` irradiance of the unoccluded sky on surfaces that face each direction, lat-long."""
-    if scene not in _tables:
-        _tables[scene] = _integrated(scene)
-    return _tables[scene]
+    sun, table = _tables.get(scene.sky, (None, None))
+    if table is None or sun is not scene.sun or table.device != scene.world.device:
+        table = _integrated(scene)
+        _tables[scene.sky] = scene.sun, table
+    return table
 
 
 def _integrated(scene: Scene) -> Tensor:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 import torch
 
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
 from tracer.scene.material import RGB
-from tracer.scene.scene import Scene, Sky, Sun
+from tracer.scene.scene import Sky, Sun
 
 MONTH = 29.53  # days from one full moon to the next
 MOON = 1 / 300  # a full moon's light over the sun's: an eye that has adapted to the night takes it for as much
@@ -59,21 +60,35 @@ class SunPath:
         return _rgb((matrix.T if inverse else matrix) @ np.asarray(direction))
 
 
+class Lit(Protocol):
+    """A dataclass with a sun and a sky: a `Scene`, or a `tracer.worlds.stream.Stream`."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+    @property
+    def sun(self) -> Sun | None: ...
+    @property
+    def device(self) -> torch.device | str: ...
+
+
+L = TypeVar("L", bound=Lit)
+
+
 def at_hour(
-    scene: Scene,
+    scene: L,
     hour: float,
     *,
     day: float = 0.0,
     path: SunPath | None = None,
     atmosphere: Atmosphere | None = None,
-) -> Scene:
+) -> L:
     """A scene under the sky of an hour: blue by day, red where the sun is low, and moonlit by night.
 
     The scene's own sun says how much light noon has; the atmosphere does the rest. Nothing but sun and sky changes, so
     that lamps light the night. Sun and moon are the size that they are, and cast sharp shadows.
 
     Args:
-        scene: any scene; one without a sun gets the default one.
+        scene: any scene or stream; one without a sun gets the default one.
         hour: 0 to 24.
         day: days since a full moon: 14.8 is a night without moon.
         path: which way sun and moon go.
@@ -99,7 +114,7 @@ def at_hour(
     arriving = [light * _transmitted(air, toward) for toward, light in bodies]
     shines = int(arriving[1].sum() > arriving[0].sum())
     sun = replace(noon, direction=bodies[shines][0], irradiance=_rgb(arriving[shines]), angular_radius=DISC)
-    device = scene.world.device
+    device = scene.device
     axes = [path.turned(axis, inverse=True) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     stars = torch.tensor(axes).T
     return replace(scene, sun=sun, sky=Sky(picture=sky.to(device), stars=(_about_z(hour) @ stars).to(device)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,7 @@ from gbufrt.tree import map_tensors
 from tracer.scene.material import MaterialTable
 
 BRICK = 16
-MAX_REACH = 64
+REACHES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # that are told apart; each at most twice the one before
 PART = 1024  # bricks at a time
 (MASK, MATERIAL, INDEX, NX, NY, NZ, LOW, HIGH, ORIGIN) = (0, 1, 2, 3, 4, 5, 6, 9, 12)
 """Columns of `Grids.entries`; the last three begin triples."""
@@ -26,7 +27,8 @@ class Grid:
 
     Args:
         bricks: ``(N, 16, 16, 16)`` int16: a voxel id, or -k where the aligned cube of side 2^k around it is empty.
-        index: ``(X, Y, Z)`` int32: a brick, or -r where all bricks fewer than r cells away along each axis are empty.
+        index: ``(X, Y, Z)`` int32: a brick, or -r, one of `REACHES`, where all bricks fewer than r cells away along
+            each axis are empty.
         low: low corner of the occupied voxels, counted from the corner of ``index``.
         high: high corner; equal to ``low`` where there is no voxel.
     """
@@ -39,9 +41,13 @@ class Grid:
     @staticmethod
     def of(bricks: Tensor, index: Tensor) -> Grid:
         """The grid of a world's ``bricks`` and ``index``; see `tracer.scene.world.World`."""
-        solid = bricks > 0
-        low, high = _occupied(solid, index)
-        return Grid(bricks=_with_cubes(bricks), index=_with_reach(index), low=low, high=high)
+        return Grid.over(with_cubes(bricks), layers_of(bricks), index)
+
+    @staticmethod
+    def over(coded: Tensor, layers: Tensor, index: Tensor) -> Grid:
+        """The grid of bricks as `with_cubes` gives them, of their `layers_of`, and of a world's ``index``."""
+        low, high = _occupied(layers, index)
+        return Grid(bricks=coded, index=_with_reach(index), low=low, high=high)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,8 +80,9 @@ class Grids:
 
 
 def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> Grids:
-    """Flatten worlds, the static one first. Worlds and tables that occur twice are stored once."""
+    """Flatten worlds, the static one first. Bricks, indices and tables that occur twice are stored once."""
     tables: list[MaterialTable] = []
+    numbers: dict[int, int] = {}
     stored: dict[tuple[int, ...], int] = {}
     offsets: dict[tuple[int, ...], int] = {}
     bricks, indices, rows, labels = [], [], [], list[str]()
@@ -87,10 +94,12 @@ def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> G
             offsets[same_table] = len(labels) - 1 if tables else 0
             labels += _labels(table, name, labels) if tables else list(table.names)
             tables.append(table)
-        if same_voxels not in stored:
-            first = sum(len(b) for b in bricks)
-            stored[same_voxels] = sum(i.numel() for i in indices)
+        if id(world.bricks) not in numbers:
+            numbers[id(world.bricks)] = sum(len(b) for b in bricks)
             bricks.append(grid.bricks)
+        if same_voxels not in stored:
+            first = numbers[id(world.bricks)]
+            stored[same_voxels] = sum(i.numel() for i in indices)
             indices.append(torch.where(grid.index > 0, grid.index + first, grid.index).flatten())
         offset, place = offsets[same_table], stored[same_voxels]
         rows.append([mask, offset, place, *grid.index.shape, *grid.low, *grid.high, *world.origin])
@@ -123,7 +132,8 @@ def _merge(tables: Sequence[MaterialTable], names: Sequence[str]) -> MaterialTab
     return MaterialTable(names=tuple(names), **columns)
 
 
-def _with_cubes(bricks: Tensor) -> Tensor:
+def with_cubes(bricks: Tensor) -> Tensor:
+    """Voxel ids, and in empty places the size of the empty cube around them; see `Grid`."""
     coded = bricks.clone()
     for part in coded.split(PART):  # so that what is made on the way stays small
         solid = part > 0
@@ -139,28 +149,37 @@ def _with_cubes(bricks: Tensor) -> Tensor:
 def _with_reach(index: Tensor) -> Tensor:
     filled = index > 0
     reach = torch.zeros_like(index, dtype=torch.uint8)
-    for _ in range(min(MAX_REACH, max(index.shape))):
-        if bool(filled.all()):
+    for before, now in itertools.pairwise((0, *REACHES)):
+        if before >= max(index.shape) or bool(filled.all()):
             break
-        reach += ~filled
-        for axis, length in enumerate(index.shape):
-            before, after = filled.narrow(axis, 0, length - 1), filled.narrow(axis, 1, length - 1)
-            wider = filled.clone()
-            wider.narrow(axis, 1, length - 1).logical_or_(before)
-            wider.narrow(axis, 0, length - 1).logical_or_(after)
-            filled = wider
+        if before:  # so that bricks fewer than `now` cells away from one that holds something count as filled
+            for axis in range(3):
+                filled = _widened(filled, axis, now - before)
+        reach.add_(~filled, alpha=now - before)
     return torch.where(index > 0, index, -reach.to(torch.int32)).contiguous()
 
 
-def _occupied(solid: Tensor, index: Tensor) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+def _widened(filled: Tensor, axis: int, step: int) -> Tensor:
+    wider, left = filled.clone(), filled.shape[axis] - step
+    if left > 0:
+        wider.narrow(axis, step, left).logical_or_(filled.narrow(axis, 0, left))
+        wider.narrow(axis, 0, left).logical_or_(filled.narrow(axis, step, left))
+    return wider
+
+
+def layers_of(bricks: Tensor) -> Tensor:
+    """``(N, 3, 16)`` bool: which layers of each brick, across x, y and z, hold a voxel."""
+    parts = [part > 0 for part in bricks.split(PART)]
+    return torch.cat([torch.stack([p.any(3).any(2), p.any(3).any(1), p.any(2).any(1)], dim=1) for p in parts])
+
+
+def _occupied(layers: Tensor, index: Tensor) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
     cells = (index > 0).nonzero()
     low, high = [0, 0, 0], [0, 0, 0]
     numbers = index[tuple(cells.T)].long()
     place = torch.arange(BRICK, device=index.device)
     for axis in range(3):
-        others = [dim for dim in (3, 2, 1) if dim != axis + 1]
-        layers = solid.any(others[0]).any(others[1])[numbers]
-        positions = (cells[:, axis : axis + 1] * BRICK + place)[layers]
+        positions = (cells[:, axis : axis + 1] * BRICK + place)[layers[numbers, axis]]
         if positions.numel():
             low[axis], high[axis] = int(positions.min()), int(positions.max()) + 1
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])

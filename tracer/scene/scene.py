@@ -81,6 +81,19 @@ class Sky:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Haze:
+    """Air that takes what is far off into the colour of the sky behind it, in G-buffers and frames, not in truth.
+
+    Args:
+        begin: distance along the ground from which on it is seen, world units.
+        end: distance from which on nothing else is.
+    """
+
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class View:
     """A named viewpoint or camera path: ``camera(time)`` gives eye and target in world space."""
 
@@ -104,6 +117,12 @@ class Scene:
     sky: Sky = field(default_factory=Sky)
     views: Mapping[str, View] = field(default_factory=dict)
     """The first one is the default."""
+    haze: Haze | None = None
+
+    def around(self, eye: Sequence[float]) -> Scene:
+        """What a camera there can see: this scene. `tracer.worlds.stream.Stream` has another one for other places."""
+        del eye
+        return self
 
     def poses(self, times: Sequence[float]) -> Tensor:
         """``(B, I, 4, 4)``: world from model of every instance at every time."""
@@ -124,6 +143,11 @@ class Scene:
     def materials(self) -> MaterialTable:
         """Materials of world and instances in one table; the world's voxel ids keep their rows."""
         return self.grids.materials
+
+    @property
+    def device(self) -> torch.device:
+        """The device of the voxels."""
+        return self.world.device
 
     @property
     def empty(self) -> bool:

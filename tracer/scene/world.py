@@ -23,6 +23,9 @@ class World:
         index: ``(X, Y, Z)`` int32: which brick fills each 16-cubed cell; 0 where it is empty.
         origin: voxel coordinates of the low corner of ``index[0, 0, 0]``.
         materials: what the ids mean.
+        prepared: the same voxels in the form that rays traverse, where a `tracer.scene.pool.Pool` keeps both; then
+            nothing is checked, since that takes longer than to exchange a few bricks.
+        shining: ``(N,)`` bool: bricks that hold what emits light, where that is known.
 
     Raises:
         ValueError: a shape or an id breaks a rule above.
@@ -33,8 +36,12 @@ class World:
     index: Tensor
     origin: tuple[int, int, int]
     materials: MaterialTable
+    prepared: Grid | None = None
+    shining: Tensor | None = None
 
     def __post_init__(self) -> None:
+        if self.prepared is not None:
+            return
         if self.bricks.ndim != 4 or self.bricks.shape[1:] != (BRICK,) * 3 or self.bricks.shape[0] < 1:
             raise ValueError(f"bricks must be (N,16,16,16) with N at least 1, got {tuple(self.bricks.shape)}")
         if self.index.ndim != 3:
@@ -81,13 +88,13 @@ class World:
 
     @property
     def empty(self) -> bool:
-        """Whether there is no voxel at all."""
-        return not bool(self.bricks.any())
+        """Whether there is no voxel at all; never so of a world from a pool, to which some may yet come."""
+        return self.prepared is None and not bool(self.bricks.any())
 
     @cached_property
     def grid(self) -> Grid:
         """The voxels in the form that rays traverse."""
-        return Grid.of(self.bricks, self.index)
+        return self.prepared or Grid.of(self.bricks, self.index)
 
     @property
     def device(self) -> torch.device:

@@ -25,6 +25,9 @@ WRONG = (
     ("render --box 1,2,3 --out out", "--box must be X0,Y0,Z0,X1,Y1,Z1 in whole blocks"),
     ("render r.0.0.mca --around 1 --out out", "--around must be X,Z in whole blocks"),
     ("render --chunks 3 --out out", "--chunks is for Minecraft regions and saves; leave it out for builtin"),
+    ("render --window 8 --out out", "--window is for Minecraft regions and saves; leave it out for builtin"),
+    ("render missing.mca --window 3 --out out", "--window must be 4 or more, got 3"),
+    ("render missing.mca --window 65 --out out", "--window must be at most 64, got 65"),
     ("render missing.mca --out out", "missing.mca does not exist"),
     ("render --hour 25 --out out", "--hour must lie in 0..24, got 25"),
     ("render --hour 3 --day=-1 --out out", "--day must be 0 or more, got -1"),
@@ -121,6 +124,7 @@ def test_names_are_those_of_the_code():
     from gbufrt.files.video import CODECS
     from post.passes.composite import Mode
     from post.presets import Preset
+    from tracer.formats.minecraft.window import LEAST, MOST
     from tracer.worlds import FORMATS, WORLDS, terrain
     from tracer.worlds.views import views
 
@@ -130,6 +134,7 @@ def test_names_are_those_of_the_code():
     assert checks.SUBJECTS[: len(SIGNALS)] == SIGNALS
     assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
     assert tuple(FORMATS) == checks.ENDINGS
+    assert (LEAST, MOST) == checks.WINDOW
     assert tuple(views()) == checks.WORLDS["builtin"] == checks.WORLDS["valley"]
     assert tuple(terrain((16, 16, 16)).views) == checks.WORLDS["terrain"]
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 import voxels
 
-from tracer.scene.grids import BRICK, MAX_REACH, Grid
+from tracer.scene.grids import BRICK, REACHES, Grid
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene
 from tracer.scene.world import World
@@ -108,13 +108,23 @@ def test_errors_name_what_is_wrong() -> None:
     ("shape", "share"), [((7, 4, 9), 0.1), ((1, 3, 40), 0.03), ((5, 5, 5), 1.0), ((3, 80, 2), 0.0)]
 )
 def test_reach_is_the_distance_to_the_nearest_brick(shape: tuple[int, int, int], share: float) -> None:
-    """Cells away along the axis where they are most, and no further than it is counted."""
+    """Cells away along the axis where they are most, in the steps in which it is counted."""
     filled = torch.rand(shape, generator=torch.Generator().manual_seed(2)) < share
     bricks = torch.zeros(2, BRICK, BRICK, BRICK, dtype=torch.int16)
     bricks[1, 0, 0, 0] = 1
     cells = torch.stack(torch.meshgrid(*(torch.arange(n) for n in shape), indexing="ij"), dim=-1).view(-1, 3)
     far = (cells[:, None] - filled.nonzero()).abs().amax(dim=2)
-    most = min(MAX_REACH, max(shape))
-    wanted = far.amin(dim=1).clamp_max(most) if filled.any() else torch.full((len(cells),), most)
+    nearest = far.amin(dim=1) if filled.any() else torch.full((len(cells),), max(shape))
+    wanted = [max((reach for reach in REACHES if reach <= n), default=0) for n in nearest.tolist()]
     reach = -Grid.of(bricks, filled.to(torch.int32)).index.flatten()
-    assert torch.equal(reach.clamp_min(0).long(), wanted)
+    assert reach.clamp_min(0).tolist() == wanted
+
+
+def test_worlds_that_share_bricks_store_them_once() -> None:
+    first, second = (World.from_dense(torch.ones(n, 16, 16, dtype=torch.int16), voxels.TABLE) for n in (40, 20))
+    other = World(bricks=second.bricks, index=second.index.flip(0), origin=(0, 0, 0), materials=voxels.TABLE)
+    still = torch.eye(4)
+    models = [Instance(model=model, pose=lambda _: still) for model in (second, other)]
+    grids = Scene(world=first, instances=tuple(models)).grids
+    assert len(grids.bricks) == len(first.bricks) + len(second.bricks)
+    assert grids.index.tolist() == [1, 2, 3, 5, 6, 6, 5]

@@ -19,6 +19,12 @@ NAME = re.compile(r"r\.(-?\d{1,7})\.(-?\d{1,7})\.mca", re.IGNORECASE)
 Place = tuple[int, int]
 
 
+def region_place(path: Path) -> Place:
+    """Which region a file is by its name, ``r.X.Z.mca``; another name stands for 0, 0."""
+    named = NAME.fullmatch(path.name)
+    return (int(named[1]), int(named[2])) if named else (0, 0)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Region:
     """A region file's table of contents.
@@ -33,7 +39,7 @@ class Region:
 
     @staticmethod
     def of(path: Path) -> Region:
-        """The region of a file, whose name says where it is: ``r.X.Z.mca``; another name stands for 0, 0.
+        """The region of a file, whose name says where it is; see `region_place`.
 
         Raises:
             ValueError: the file is shorter than its table.
@@ -44,8 +50,7 @@ class Region:
             return Region(path=path, sectors={})  # the game leaves empty files behind
         if len(table) < SECTOR:
             raise ValueError(f"{path} has {len(table)} bytes, but a region begins with a table of {SECTOR}; no region?")
-        named = NAME.fullmatch(path.name)
-        x0, z0 = (SIDE * int(number) for number in named.groups()) if named else (0, 0)
+        x0, z0 = (SIDE * number for number in region_place(path))
         entries = np.frombuffer(table, ">u4").astype(np.int64)
         used = np.flatnonzero(entries >> 8)
         return Region(

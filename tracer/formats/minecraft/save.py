@@ -13,7 +13,7 @@ import numpy as np
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.nbt import part, read_nbt
 from tracer.formats.minecraft.region import NAME, Place, Region
-from tracer.formats.minecraft.sections import sections
+from tracer.formats.minecraft.sections import Section, sections
 
 WIDTH = 16  # blocks along a chunk
 CHUNKS = 24  # along each side of what is taken of a save folder, unless told
@@ -23,6 +23,7 @@ FURTHEST = 30_000_000  # blocks from the middle: the game's own limit
 NAMED = 3  # of what is damaged; the rest is counted
 
 Box = tuple[int, int, int, int, int, int]
+Keep = tuple[slice, slice, slice]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +63,13 @@ class Selection:
         first = round(x / WIDTH - count / 2), round(z / WIDTH - count / 2)
         return first, (first[0] + count, first[1] + count)
 
+    def takes(self, place: Place) -> bool:
+        """Whether a chunk lies in the part: all do where neither a box nor a place is told."""
+        if self.box is None and self.around is None:
+            return True
+        low, high = self.chunk_range((0, 0))
+        return all(a <= p < b for a, p, b in zip(low, place, high, strict=True))
+
 
 def read_minecraft(path: str | PathLike[str], selection: Selection | None = None) -> Blocks:
     """The blocks of a region file (``.mca``) or of a save folder.
@@ -77,7 +85,7 @@ def read_minecraft(path: str | PathLike[str], selection: Selection | None = None
         FileNotFoundError: there is no such file.
     """
     path, chosen = Path(path), selection or Selection()
-    regions = _regions(path)
+    regions = [Region.of(file) for file in region_files(path)]
     there = [place for region in regions for place in region.sectors]
     if not there:
         raise ValueError(f"{path} holds no chunks")
@@ -119,16 +127,22 @@ def tell_unknown(path: Path, blocks: Blocks) -> None:
         warnings.warn(f"{path}: {len(blocks.unknown)} unknown blocks are drawn grey: {names}", stacklevel=4)
 
 
-def _regions(path: Path) -> list[Region]:
+def region_files(path: Path) -> list[Path]:
+    """The region files of a save folder, or the one that ``path`` is.
+
+    Raises:
+        ValueError: a folder without such files.
+        FileNotFoundError: there is no such file or folder.
+    """
     if path.is_file():
-        return [Region.of(path)]
+        return [path]
     if not path.is_dir():
         raise FileNotFoundError(f"{path} does not exist")
     folder = path / "region" if (path / "region").is_dir() else path
     files = sorted(file for file in folder.glob("*.mca") if NAME.fullmatch(file.name))
     if not files:
         raise ValueError(f"{path} holds no region files (region/r.X.Z.mca); give a save folder or a .mca file")
-    return [Region.of(file) for file in files]
+    return files
 
 
 def _middle(path: Path, there: Iterable[Place]) -> Place:
@@ -156,7 +170,17 @@ def _players(path: Path) -> Iterator[Place]:
 
 def _add(builder: Builder, region: Region, place: Place, box: Box | None) -> None:
     """Add the sections of a chunk that the box touches; all of a damaged chunk are left out."""
-    kept = []
+    for section, keep in chunk_sections(region, place, box):
+        builder.add(place[0], place[1], section, keep)
+
+
+def chunk_sections(region: Region, place: Place, box: Box | None) -> list[tuple[Section, Keep | None]]:
+    """The sections of a chunk that the box touches, and which of their blocks are kept; None for all.
+
+    Raises:
+        ValueError: the chunk is damaged.
+    """
+    kept = list[tuple[Section, Keep | None]]()
     for section in list(sections(region.chunk(place))):
         at = (place[0], section.y, place[1])
         keep = None if box is None else _kept(at, box)
@@ -164,11 +188,10 @@ def _add(builder: Builder, region: Region, place: Place, box: Box | None) -> Non
             kept.append((section, None if keep == (slice(0, WIDTH),) * 3 else keep))
     if len({section.y for section, _ in kept}) < len(kept):
         raise ValueError("a section comes twice")
-    for section, keep in kept:
-        builder.add(place[0], place[1], section, keep)
+    return kept
 
 
-def _kept(at: tuple[int, int, int], box: Box) -> tuple[slice, slice, slice]:
+def _kept(at: tuple[int, int, int], box: Box) -> Keep:
     x, y, z = (
         slice(min(max(box[axis] - WIDTH * at[axis], 0), WIDTH), max(min(box[axis + 3] - WIDTH * at[axis], WIDTH), 0))
         for axis in range(3)
