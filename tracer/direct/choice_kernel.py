@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import allocating, scalar
-from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
+from tracer.direct.kernel import AREA, CENTER, FACING, MEAN, MOVED, OFFSET, RADIUS
 from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, SHARE_ALONE, SHARE_FINE
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
@@ -27,10 +27,28 @@ MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 @scalar
 def importance(sources, number, point, normal):
     """See `tracer.direct.reference`."""
-    rectangles, first, lamps = sources.rectangles, sources.first, sources.lamps
+    rectangles, first = sources.rectangles, sources.first
     shown = 0.0
     for k in range(first[number], first[number + 1]):
         shown += max(dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET], 0.0)
+    return _arriving(sources, number, point, normal, shown)
+
+
+@scalar
+def roughly(sources, number, point, normal):
+    """`importance`, at most; of a lamp of many rectangles those that face one way count as one."""
+    sides, shown = sources.sides[number], 0.0
+    if sides[0, AREA] < 0:
+        return importance(sources, number, point, normal)
+    for k in range(len(sides)):
+        shown += max(dot(triple(sides, k, 0), point) - sides[k, MOVED], 0.0)
+    return _arriving(sources, number, point, normal, shown)
+
+
+@scalar
+def _arriving(sources, number, point, normal, shown):
+    """What a lamp may send to a point that sees so much of its area times the distance over its plane."""
+    lamps = sources.lamps
     if shown <= 0:
         return 0.0
     way = along(triple(lamps, number, CENTER), point, -1.0)
@@ -44,14 +62,18 @@ def importance(sources, number, point, normal):
 @scalar
 def bound(sources, number, center, reach, low, high):
     """The most that `importance` is within ``reach`` of a point, for normals between ``low`` and ``high``."""
-    rectangles, first, lamps = sources.rectangles, sources.first, sources.lamps
+    rectangles, first, lamps, sides = sources.rectangles, sources.first, sources.lamps, sources.sides[number]
     shown = 0.0
-    for k in range(first[number], first[number + 1]):
-        facing = triple(rectangles, k, FACING)
-        shown += max(dot(facing, center) + math.sqrt(dot(facing, facing)) * reach - rectangles[k, OFFSET], 0.0)
+    way, radius = along(triple(lamps, number, CENTER), center, -1.0), lamps[number, RADIUS]
+    if sides[0, AREA] >= 0:  # all rectangles lie in the lamp's sphere
+        for k in range(len(sides)):
+            shown += max(sides[k, AREA] * (radius + reach) - dot(triple(sides, k, 0), way), 0.0)
+    else:
+        for k in range(first[number], first[number + 1]):
+            facing = triple(rectangles, k, FACING)
+            shown += max(dot(facing, center) + math.sqrt(dot(facing, facing)) * reach - rectangles[k, OFFSET], 0.0)
     if shown <= 0:
         return 0.0
-    way, radius = along(triple(lamps, number, CENTER), center, -1.0), lamps[number, RADIUS]
     distance = max(math.sqrt(dot(way, way)) - reach, 1e-6)
     above = reach
     for axis in range(3):
@@ -100,7 +122,7 @@ def find_candidates(sources, few, point, normal, known, low, high, candidates, o
     numbers, upto = others
     total = known
     for number in range(lamps):
-        upto[number] = importance(sources, number, point, normal)
+        upto[number] = roughly(sources, number, point, normal)
         total += upto[number]
     found, count, rest, sent = 0, 0, 0.0, 0.0
     for number in range(lamps):

@@ -30,6 +30,8 @@ from tracer.traversal.rays import grid_from_world
 
 CHUNK = 64  # pixels handed out at a time
 BAND = 1 << 17  # pixels whose samples are in memory together, and fewer
+MANY = 8  # rectangles of a lamp from which on they are summed by where they face
+ALIKE = 1e-6  # part of the sum of their areas by which facings that count as one may differ
 LONG = 32  # where their lists may have more entries than that
 
 
@@ -216,7 +218,22 @@ def sources_of(lamps: Lamps, sun: Sun | None) -> Sources:
     return Sources(
         rectangles=array(torch.cat([corner, edge_u, edge_v, facing, offset], dim=1)),
         first=array(first),
+        sides=array(_sides(used, facing, offset)),
         lamps=array(ball.double()),
         sun=array(torch.cat([basis.T, torch.full((1, 3), sine)]).double()),
         colors=array(torch.cat([lamps.radiance, color])),
     )
+
+
+def _sides(used: Tensor, facing: Tensor, offset: Tensor) -> Tensor:
+    """`Sources.sides` of lamps with rectangles where ``used`` ``(L, K)`` is set; see `Sources` for the other two."""
+    lamp, area = used.nonzero()[:, 0], facing.norm(dim=1, keepdim=True)
+    axis = facing.abs().argmax(dim=1)
+    up = facing.gather(1, axis[:, None])[:, 0] > 0
+    sums = facing.new_zeros(6 * len(used), 5)
+    sums.index_add_(0, 6 * lamp + 2 * axis + up, torch.cat([facing, offset, area], dim=1))
+    unlike = sums[:, 4] - sums[:, :3].norm(dim=1) > ALIKE * sums[:, 4]
+    sides = sums.view(-1, 6, 5)
+    alone = unlike.view(-1, 6).any(dim=1) | (used.sum(dim=1) < MANY)
+    sides[alone, 0, 4] = -1.0
+    return sides
