@@ -16,13 +16,14 @@ from hills import LONG, WIDE, save_of_hills
 import tracer
 from gbufrt import Frame
 from gbufrt.gbuffer import CHANNELS
-from tracer.scene.scene import Haze, Scene, View
+from tracer.scene.scene import Haze, Scene, Sky, View
 from tracer.worlds.stream import Stream, stream
 
 DOWN = View(
     eye=lambda t: (200.0 + 4.0 * t, 34.0, 48.0), target=lambda t: (204.0 + 4.0 * t, 0.0, 48.0), fov_y=40.0
 )  # 4 blocks a second; a window of 8 chunks moves after 4 s and after 8 s
 SIZE = (24, 40)
+BLACK = (0.0, 0.0, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_frames_and_motion_are_those_of_the_whole_world(save: Path):
 
 def test_lamps_come_and_go_with_their_chunks(tmp_path: Path):
     save = save_of_hills(tmp_path)
-    night = tracer.at_hour(stream(save, window=8), 0.0)
+    night = replace(stream(save, window=8), sun=None, sky=Sky(**dict.fromkeys(("zenith", "horizon", "ground"), BLACK)))
     for x in (200.0, 232.0):
         view = replace(DOWN, eye=lambda _, x=x: (x, 34.0, 48.0), target=lambda _, x=x: (x + 4.0, 0.0, 48.0))
         low = round(x / 16) * 16 - 64
