@@ -15,6 +15,7 @@ camera = valley.views["village"].camera(0.0, size=(270, 480))
 pictures = []
 for hour, day in hours:
     scene = tracer.at_hour(valley, hour, day=day)
+    assert scene.sun is not None
     frame = tracer.render(scene, camera, light_samples=4)
     air = AerialPerspective(sun=scene.sun.direction, irradiance=scene.sun.irradiance, unit=0.004)
     pipeline = me1("high").with_stage("air", air, after="composite")
