@@ -15,7 +15,7 @@ from gbufrt.commands.ablation.front import EFFECTS, Effect, Setting, front, sett
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.sections import SECTIONS, Section
 from gbufrt.commands.ablation.variants import FULL
-from gbufrt.commands.charts import COLOURS, NARROW, STYLE, WIDTH, Point, dots, scatter, sheet
+from gbufrt.commands.charts.drawing import COLOURS, NARROW, STYLE, WIDTH, Point, dots, scatter, sheet
 from gbufrt.files.output import write_text
 
 JPEG_QUALITY = 88

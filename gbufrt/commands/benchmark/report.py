@@ -80,7 +80,7 @@ def show_series(found: Mapping[str, list[Series]]) -> None:
 
 def chart_of(found: Mapping[str, list[Series]]) -> str:
     """The series as a sheet of charts with logarithmic axes, an SVG file."""
-    from gbufrt.commands.charts import HUES, NARROW, lines, sheet
+    from gbufrt.commands.charts.drawing import HUES, NARROW, lines, sheet
 
     charts = {}
     names = dict.fromkeys(one.name for series in found.values() for one in series)

@@ -16,7 +16,7 @@ from gbufrt.commands.ablation.cache import Cache, digest
 from gbufrt.commands.ablation.measure import Allocations
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.trivial import constant_per_object
-from gbufrt.commands.charts import Point, dots, scatter
+from gbufrt.commands.charts.drawing import Point, dots, scatter
 
 
 def test_relative_energy_and_the_constant_per_object():

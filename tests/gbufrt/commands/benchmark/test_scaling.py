@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from gbufrt.commands.axes import Axis
 from gbufrt.commands.bench import bench
 from gbufrt.commands.benchmark import frames, process, rays, report, run, scaling
 from gbufrt.commands.benchmark.scaling import Series
-from gbufrt.commands.charts import END, NARROW, Point, lines, scatter, sheet
+from gbufrt.commands.charts.axes import Axis
+from gbufrt.commands.charts.drawing import END, NARROW, Point, lines, scatter, sheet
 from gbufrt.commands.cli import main
 from tracer.worlds import terrain
 

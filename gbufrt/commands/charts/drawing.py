@@ -9,7 +9,7 @@ from html import escape
 from itertools import count, cycle
 from types import MappingProxyType
 
-from gbufrt.commands.axes import Axis, short
+from gbufrt.commands.charts.axes import Axis, short
 
 WIDTH, LEFT, RIGHT, ROW = 760, 190, 24, 24
 HEIGHT, TOP, BOTTOM = 340, 16, 44

@@ -1,0 +1,1 @@
+"""Charts that the reports of ablate and bench share."""
