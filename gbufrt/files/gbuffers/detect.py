@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
+from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.guard import MAX_PIXELS, read_parts
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
@@ -53,7 +53,7 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
     found = 1
     for channel, names in profile.channels.items():
-        keys = layers.find(names, {"motion": 2, "roughness": 1, "metallic": 1}.get(channel, 3))
+        keys = layers.find(names, CHANNELS[channel])
         if channel != "depth" and keys:
             found += 1
             reasons.append(f"{channel} is {', '.join(keys)}")

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke")
-CHANNELS = ("depth", "normal", "motion", "albedo", "roughness", "metallic")
+CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1}
+"""What a profile may name, and how many numbers a pixel has."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from pathlib import Path
 
@@ -13,7 +12,8 @@ from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.convert import distances, hit_of, linear, pixels_to_previous, planar, world_normals
 from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.profile import Profile, load_profile
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import load_profile
 from gbufrt.files.guard import MAX_PIXELS, read_parts
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
@@ -61,45 +61,20 @@ def read_gbuffer(
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
     layers = Layers(path, read_parts(path, max_pixels=max_pixels))
     chosen = load_profile(detect(path, max_pixels=max_pixels).name if profile == "auto" else profile)
-    return _frame(_Source(layers, chosen), camera, previous_camera, fov or 0.0, index)
+    named = Named(layers, chosen)
+    if len(named.others) > 1:
+        warnings.warn(
+            f"{path} has depth in the layers {', '.join(named.others)}; took {named.layer}, set layer = in the profile "
+            "for another",
+            stacklevel=2,
+        )
+    return _frame(named, camera, previous_camera, fov or 0.0, index)
 
 
-class _Source:
-    """Layers under the names of a profile, all of one layer and one size."""
-
-    def __init__(self, layers: Layers, profile: Profile) -> None:
-        self.layers, self.profile = layers, profile
-        self.layer, self.size = profile.layer, None
-        depth = self.get(profile.channels["depth"], 1)
-        if depth is None:
-            raise ValueError(
-                f"{layers.path} has no depth under {', '.join(profile.channels['depth'])}; choose another profile"
-            )
-        self.depth = depth
-        self.size = (depth.shape[-2], depth.shape[-1])
-        key = layers.find(profile.channels["depth"], 1, self.layer)[0]
-        others = [name for name in layers.layers_of(profile.channels["depth"]) if name]
-        self.layer = self.layer or layers.layer_of(key)
-        if len(others) > 1 and not profile.layer:
-            warnings.warn(
-                f"{layers.path} has depth in the layers {', '.join(others)}; took {self.layer}, set layer = "
-                "in the profile for another",
-                stacklevel=5,
-            )
-
-    def get(self, names: tuple[str, ...], count: int) -> Tensor | None:
-        """``(1, count, H, W)`` of the first name that the file has."""
-        keys = self.layers.find(names, count, self.layer)
-        return self.layers.stack(keys, self.size) if keys else None
-
-    def channel(self, name: str, count: int) -> Tensor | None:
-        """`get` by the names of one of our channels."""
-        return self.get(self.profile.channels.get(name, ()), count)
-
-
-def _frame(source: _Source, camera: Camera | None, previous: Camera | None, fov: float, index: int) -> Frame:
-    profile, raw = source.profile, source.depth
-    path, size = source.layers.path, (raw.shape[-2], raw.shape[-1])
+def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int) -> Frame:
+    profile, path = named.profile, named.layers.path
+    raw = named.layers.stack(named.keys("depth"))
+    size = (raw.shape[-2], raw.shape[-1])
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
     hit = hit_of(raw, profile)
@@ -108,23 +83,28 @@ def _frame(source: _Source, camera: Camera | None, previous: Camera | None, fov:
     depth = torch.where(hit, planar(far, profile, view), view.far)
     if bool((hit & (depth >= view.far)).any()):
         raise ValueError(f"camera.far must exceed every depth, got {view.far:g} and {float(depth.max()):g}; raise it")
-    motion, motion_z = _motion(source, view, previous, depth, hit)
-    albedo, roughness, metallic = (source.channel(n, c) for n, c in (("albedo", 3), ("roughness", 1), ("metallic", 1)))
+    motion, motion_z = _motion(named, view, previous, depth, hit)
+    albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
         depth=depth,
         hit=hit,
-        normal=_normal(source, view, depth, hit, posed=camera is not None),
+        normal=_normal(named, view, depth, hit, posed=camera is not None),
         motion=motion,
         motion_z=motion_z,
         albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
         roughness=None if roughness is None else torch.where(hit, roughness.clamp(0, 1), 1.0),
         metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
     )
-    radiance = _direct(source)
-    finished = source.get(profile.finished, 3) if radiance is None else None
+    radiance, finished = _light(named, size)
     return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished)
+
+
+def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:
+    """``(1, C, H, W)`` as the file holds it."""
+    keys = named.keys(name)
+    return named.layers.stack(keys, size) if keys else None
 
 
 def _still(fov: float, distance: Tensor) -> Camera:
@@ -135,11 +115,11 @@ def _still(fov: float, distance: Tensor) -> Camera:
 
 
 def _motion(
-    source: _Source, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
+    named: Named, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
 ) -> tuple[Tensor | None, Tensor | None]:
     """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves."""
-    raw = source.channel("motion", 2)
-    motion = None if raw is None else pixels_to_previous(raw, source.profile)
+    raw = _channel(named, "motion", view.size)
+    motion = None if raw is None else pixels_to_previous(raw, named.profile)
     if previous is None:
         return (None if motion is None else torch.where(hit, motion, 0.0)), None
     static, static_z = view.static_motion(previous, depth, hit)
@@ -149,30 +129,26 @@ def _motion(
     return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
 
 
-def _direct(source: _Source) -> Tensor | None:
-    total, lacking = None, []
-    for names in source.profile.direct:
-        factors = [source.get((name,), 3) for name in names]
-        present = [f for f in factors if f is not None]
-        if len(present) == len(factors):
-            product = math.prod(present[1:], start=present[0])
-            total = product if total is None else total + product
-        elif present:
-            lacking += [name for name, factor in zip(names, factors, strict=True) if factor is None]
-    if total is not None and lacking:
+def _light(named: Named, size: tuple[int, int]) -> tuple[Tensor | None, Tensor | None]:
+    """Direct light, or else the finished picture."""
+    light = named.light()
+    if light.lacking:
         warnings.warn(
-            f"{source.layers.path} lacks {', '.join(lacking)}: its direct light is without that part; render the pass "
-            "too",
+            f"{named.layers.path} lacks {', '.join(light.lacking)}: its direct light is without that part; render the "
+            "pass too",
             stacklevel=4,
         )
-    return total
+    products = [torch.stack([named.layers.stack(keys, size) for keys in f]).prod(0) for f in light.products]
+    if products:
+        return torch.stack(products).sum(0), None
+    return None, named.layers.stack(light.finished, size) if light.finished else None
 
 
-def _normal(source: _Source, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> Tensor:
+def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> Tensor:
     estimate = view.normals_from_depth(depth)
-    raw = source.channel("normal", 3) if posed else None
+    raw = _channel(named, "normal", view.size) if posed else None
     if raw is not None:
-        normal, there = world_normals(raw, source.profile, view, estimate)
+        normal, there = world_normals(raw, named.profile, view, estimate)
         estimate = torch.where(there, normal, estimate)
         eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
         away = hit & ((estimate * eye).sum(1, keepdim=True) < 0)

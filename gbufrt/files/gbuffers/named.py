@@ -1,0 +1,61 @@
+"""What a file gives under the names of a profile: channels, direct light, finished pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.profile import CHANNELS, Profile
+
+
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """Where a frame's light comes from.
+
+    Args:
+        products: layers whose products make the direct light when summed, as channels; those that are there whole.
+        lacking: names of layers that are missing from products of which another factor is there.
+        finished: channels of the picture with all its light.
+    """
+
+    products: list[list[list[str]]]
+    lacking: list[str]
+    finished: list[str]
+
+
+class Named:
+    """Channels of one layer of a file, such as a view layer, by what a profile calls them.
+
+    Args:
+        layers: of the file.
+        profile: its names.
+
+    Raises:
+        ValueError: the file has no depth by that profile.
+    """
+
+    def __init__(self, layers: Layers, profile: Profile) -> None:
+        self.layers, self.profile = layers, profile
+        names = profile.channels["depth"]
+        depth = layers.find(names, CHANNELS["depth"], profile.layer)
+        if not depth:
+            raise ValueError(f"{layers.path} has no depth under {', '.join(names)}; choose another profile")
+        self.layer = profile.layer or layers.layer_of(depth[0])
+        self.others = () if profile.layer else tuple(name for name in layers.layers_of(names) if name)
+        """All layers that have depth, where the profile does not choose one."""
+
+    def keys(self, channel: str) -> list[str]:
+        """The file's channels that make one of `CHANNELS`; none where it lacks it."""
+        return self.layers.find(self.profile.channels.get(channel, ()), CHANNELS[channel], self.layer)
+
+    def light(self) -> Light:
+        """The file's channels that hold light."""
+        products, lacking = [], []
+        for names in self.profile.direct:
+            factors = {name: self.layers.find((name,), 3, self.layer) for name in names}
+            if all(factors.values()):
+                products.append(list(factors.values()))
+            elif any(factors.values()):
+                lacking += [name for name, keys in factors.items() if not keys]
+        finished = self.layers.find(self.profile.finished, 3, self.layer)
+        return Light(products=products, lacking=lacking if products else [], finished=finished)
