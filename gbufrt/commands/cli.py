@@ -14,6 +14,7 @@ from cyclopts.config import Dict
 from gbufrt import __version__
 from gbufrt.commands.ablate import ablate
 from gbufrt.commands.bench import bench
+from gbufrt.commands.inspect import inspect
 from gbufrt.commands.options import load_config
 from gbufrt.commands.passes import passes
 from gbufrt.commands.post import post
@@ -29,7 +30,7 @@ Start with `gbufrt render --out out`, which writes out/frame_0000.png and an EXR
 def build() -> App:
     """The command with its subcommands."""
     app = App(name="gbufrt", help=HELP, version=__version__, suppress_keyboard_interrupt=False)
-    for command in (render, post, video, passes, bench, ablate):
+    for command in (render, post, inspect, video, passes, bench, ablate):
         app.command(command)
     return app
 

@@ -45,12 +45,12 @@ class Source:
     _told: set[str] = field(default_factory=set)
 
     @staticmethod
-    def of(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
-        """The source that the command line names; says what each kind of file is taken for.
+    def named(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
+        """The source that the command line names.
 
         Raises:
-            ValueError: a profile or camera is missing or wrong, a file fits none, or numbers run backwards.
-            FileNotFoundError: there is no such profile or camera file.
+            ValueError: a profile or camera is missing or wrong.
+            FileNotFoundError: there is no such camera file.
         """
         if (camera is None) == (fov is None):
             raise ValueError(
@@ -60,7 +60,17 @@ class Source:
             raise ValueError(f"--fov must lie between 0 and 180 degrees, got {fov:g}")
         if profile not in ("auto", *SHIPPED) and not Path(profile).is_file():
             raise ValueError(unknown("profile", profile, "--from", ("auto", *SHIPPED)) + ", or give a .toml file")
-        source = Source(paths=paths, profile=profile, cameras=None if camera is None else load_cameras(camera), fov=fov)
+        return Source(paths=paths, profile=profile, cameras=None if camera is None else load_cameras(camera), fov=fov)
+
+    @staticmethod
+    def of(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
+        """Files in order; says what they are taken for.
+
+        Raises:
+            ValueError: see `named`; a file fits no profile, or numbers run backwards.
+            FileNotFoundError: see `named`.
+        """
+        source = Source.named(paths, profile, camera, fov)
         numbers = source.numbers
         if numbers != sorted(set(numbers)):
             raise ValueError("frame numbers in the files' names must count up; give the files in order")
@@ -94,26 +104,31 @@ class Source:
             yield before
 
     def frame(self, path: Path, before: Frame | None = None) -> Frame:
-        """The frame of one of the files; ``before`` is the one before it, if there is one."""
-        number = self.numbers[self.paths.index(path)]
-        known: dict[str, Any] = {"fov": self.fov}
-        follows = before is not None and before.index == number - 1
-        if self.cameras is not None:
-            size = read_parts(path, header_only=True)[0].size
-            known = {"camera": self.cameras.at(number, size)}
-            if follows:
-                known["previous_camera"] = self.cameras.at(number - 1, size)
-        frame = read_gbuffer(path, self.profile, index=number, **known)
-        if follows and self.cameras is None:
-            g = frame.gbuffer
-            frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
-        for line in disagreements(frame, before if follows else None):
+        """The frame of one of the files, ready for the passes; ``before`` is the one before it, if there is one."""
+        frame, wrong = self.read(path, before)
+        for line in wrong:
             self.tell(f"{path}: {line}")
         if frame.radiance is None:
             if frame.composite is None:
                 raise ValueError(f"{path} holds no light: neither passes of direct light nor a finished picture")
             frame = frame.replace(color=frame.composite)
         return frame
+
+    def read(self, path: Path, before: Frame | None = None) -> tuple[Frame, list[str]]:
+        """The frame of one of the files, and what of it disagrees; ``before`` is used where it is the one before."""
+        number = self.numbers[self.paths.index(path)]
+        known: dict[str, Any] = {"fov": self.fov}
+        follows = before is not None and before.index == number - 1
+        if self.cameras is not None:
+            size = read_parts(path, header_only=True)[0].size
+            known = {"camera": self.cameras.at(number, size)}
+            if follows or number - 1 in self.cameras.tables:
+                known["previous_camera"] = self.cameras.at(number - 1, size)
+        frame = read_gbuffer(path, self.profile, index=number, **known)
+        if follows and self.cameras is None:
+            g = frame.gbuffer
+            frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
+        return frame, disagreements(frame, before if follows else None)
 
 
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:

@@ -22,10 +22,11 @@ from gbufrt.commands.options import (
     parse_settings,
 )
 from gbufrt.commands.progress import Tick
+from gbufrt.files.color_maps import to_srgb
 from gbufrt.files.exr import best_picture, write_exr
 from gbufrt.files.png import to_pil, write_png
 from gbufrt.files.precision import Precision
-from gbufrt.files.views import debug_names, debug_view, sheet_of, to_srgb
+from gbufrt.files.views import debug_names, debug_view, sheet_of
 from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState

@@ -6,27 +6,18 @@ import math
 from collections.abc import Callable, Mapping
 
 import torch
-from kornia.color import linear_rgb_to_rgb
-from PIL import Image, ImageDraw, ImageOps
+from PIL import Image, ImageDraw, ImageFont, ImageOps
 from torch import Tensor
 
+from gbufrt.files.color_maps import flow, ids, signed, to_srgb, viridis
 from gbufrt.files.exr import best_picture
 from gbufrt.files.png import to_pil
 from gbufrt.frame import Frame
-from gbufrt.noise.noise import GOLDEN
 
-# Viridis (Smith and van der Walt 2015, CC0) as a polynomial of degree six, lowest first (Zucker's fit, CC0).
-VIRIDIS = (
-    (0.2777273, 0.0054073, 0.3340998),
-    (0.1050930, 1.4046135, 1.3845902),
-    (-0.3308618, 0.2148476, 0.0950952),
-    (-4.6342305, -5.7991010, -19.3324410),
-    (6.2282699, 14.1799334, 56.6905526),
-    (4.7763850, -13.7451454, -65.3530326),
-    (-5.4354559, 4.6458526, 26.3124352),
-)
 MOTION_SCALE = 16.0  # pixels a frame that are shown at full brightness
 LENGTH_SCALE = 32.0  # frames of history at the end of the colour map
+LABEL = 22  # pixels over each picture of a sheet
+GAP = 6  # pixels between pictures of a sheet
 MIDDLE_GREY = 0.18
 NEAR_POWER = 1.5  # steeper than the plain reciprocal, which leaves the ends of the colour map unused
 LIGHTS = {"emission", "radiance", "ambient", "environment", "gi", "reflection", "composite", "color"}
@@ -84,29 +75,16 @@ def contact_sheet(frame: Frame, *, columns: int = 5, width: int = 320, names: tu
 
 def sheet_of(pictures: Mapping[str, Image.Image], *, columns: int = 5, width: int = 320) -> Image.Image:
     """Pictures on one page, each with its name; the first one's shape is that of a cell."""
-    first, label = next(iter(pictures.values())), 18
+    first, font = next(iter(pictures.values())), ImageFont.load_default(LABEL - 9)
     height, columns = max(1, round(width * first.height / first.width)), min(columns, len(pictures))
-    page = Image.new("RGB", (columns * width, math.ceil(len(pictures) / columns) * (height + label)), (24, 24, 24))
+    step_x, step_y = width + GAP, height + LABEL
+    page = Image.new("RGB", (columns * step_x - GAP, math.ceil(len(pictures) / columns) * step_y), (24, 24, 24))
     pen = ImageDraw.Draw(page)
     for place, (name, picture) in enumerate(pictures.items()):
-        x, y = place % columns * width, place // columns * (height + label)
-        page.paste(ImageOps.contain(picture, (width, height)), (x, y + label))
-        pen.text((x + 4, y + 3), name, fill=(235, 235, 235))
+        x, y = place % columns * step_x, place // columns * step_y
+        page.paste(ImageOps.contain(picture, (width, height)), (x, y + LABEL))
+        pen.text((x + 4, y + 2), name, fill=(235, 235, 235), font=font)
     return page
-
-
-def viridis(value: Tensor) -> Tensor:
-    """The colour map: ``(B, 1, H, W)`` in [0, 1] to display-referred ``(B, 3, H, W)``."""
-    value = value.clamp(0, 1)
-    result = value.new_zeros(value.shape[0], 3, *value.shape[2:])
-    for row in reversed(VIRIDIS):
-        result = result * value + value.new_tensor(row)[None, :, None, None]
-    return result.clamp(0, 1)
-
-
-def to_srgb(linear: Tensor) -> Tensor:
-    """Linear light ``(B, 3, H, W)``, clamped to [0, 1], to display-referred sRGB (IEC 61966-2-1)."""
-    return linear_rgb_to_rgb(linear.clamp(0, 1))
 
 
 def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, Tensor], Tensor]:
@@ -122,13 +100,13 @@ def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, 
     if name in DIRECTIONS:
         return lambda frame, t: torch.where(t.square().sum(1, keepdim=True) > 0, t * 0.5 + 0.5, 0.0)
     if components == 2:
-        return lambda frame, t: _motion(t / motion_scale)
+        return lambda frame, t: flow(t / motion_scale)
     if name in SHARES:
         return lambda frame, t: t.to(torch.float32).expand(-1, 3, -1, -1)
     if whole:
-        return lambda frame, t: _ids(t)
+        return lambda frame, t: ids(t)
     if name.endswith("motion_z"):
-        return lambda frame, t: _signed(t)
+        return lambda frame, t: signed(t)
     if name.endswith(("history", "length")):
         return lambda frame, t: viridis(t / LENGTH_SCALE)
     if name in ("depth", "reflection_distance", "thickness"):
@@ -171,27 +149,3 @@ def _behind(frame: Frame, behind: Frame) -> Tensor:
     """What arrives from behind the first surface."""
     through = frame.gbuffer.transmittance
     return _light(frame, best_picture(behind) * (1.0 if through is None else through))
-
-
-def _motion(motion: Tensor) -> Tensor:
-    """Hue from the direction, brightness from the root of the length, so that slow movement shows."""
-    hue = torch.atan2(motion[:, 1:2], motion[:, :1]) / (2 * math.pi)
-    return _hue(hue) * motion.norm(dim=1, keepdim=True).clamp(0, 1).sqrt()
-
-
-def _ids(ids: Tensor) -> Tensor:
-    """Neighbouring numbers far apart in hue; 0 is dark grey."""
-    value = 0.65 + 0.35 * (ids * GOLDEN * 7 % 1)
-    return torch.where(ids == 0, 0.15, _hue(ids * GOLDEN % 1) * value)
-
-
-def _signed(value: Tensor) -> Tensor:
-    """Blue below zero, red above, black at zero."""
-    share = (value / (1 + value.abs())).clamp(-1, 1)
-    return torch.cat([share.clamp_min(0), share.abs() * 0.25, (-share).clamp_min(0)], dim=1)
-
-
-def _hue(turn: Tensor) -> Tensor:
-    """Smooth colours round a circle; ``turn`` counts full turns."""
-    shift = turn.new_tensor([0.0, 1 / 3, 2 / 3]).to(torch.float32)[None, :, None, None]
-    return 0.5 + 0.5 * torch.cos(2 * math.pi * (turn.to(torch.float32) - shift))

@@ -14,7 +14,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.commands.ablation.trivial import constant_per_object, reflected_sky, untouched
-from gbufrt.files.views import to_srgb, viridis
+from gbufrt.files.color_maps import to_srgb, viridis
 from gbufrt.frame import Frame
 from gbufrt.metrics.image import masked_mean, rmse, ssim
 

@@ -13,6 +13,7 @@ from torch import Tensor
 from gbufrt.files.guard import Part
 
 ENDS = ("XYZ", "RGB", "xyz", "rgb", "uv", "UV")
+ORDER = "RGBAXYZWUVTIrgbaxyzwuv"  # in which letters of channels are said
 
 
 class Layers:
@@ -45,6 +46,25 @@ class Layers:
                     if all(key in self._parts for key in keys):
                         return keys
         return []
+
+    def groups(self) -> dict[str, list[str]]:
+        """Channels by what comes before their last dot, R before G before B, X before Y before Z."""
+        found: dict[str, list[str]] = {}
+        for name in self.names:
+            found.setdefault(name.rpartition(".")[0], []).append(name)
+        rank = {letter: place for place, letter in enumerate(ORDER)}
+        for names in found.values():
+            names.sort(key=lambda name: rank.get(name.rpartition(".")[2], len(rank)))
+        return found
+
+    def pixels(self, key: str) -> np.ndarray:
+        """``(H, W)`` of a channel, in the type of the file."""
+        part, name = self._parts[key]
+        return part.channels[name]
+
+    def part(self, key: str) -> Part:
+        """The part that holds a channel."""
+        return self._parts[key][0]
 
     def layers_of(self, names: Iterable[str]) -> tuple[str, ...]:
         """What stands before each of the channels of one number that ``names`` fit."""

@@ -66,6 +66,8 @@ WRONG = (
     ("post file.exr --out out --preset huge", "--preset must be"),
     ("post file.exr --out out --set =3", "--set must be NAME=VALUE"),
     ("post file.exr --out out --device tpu", "--device must be cpu or cuda"),
+    ("inspect missing.exr", "missing.exr does not exist"),
+    ("inspect file", "file is of a kind that is not read"),
     ("passes --preset huge", "--preset must be"),
     ("ablate --out out --size 4", "--size must be"),
     ("ablate --out out --frames 0", "--frames must be 1 or more"),

@@ -11,8 +11,9 @@ import torch
 from PIL import Image
 
 from gbufrt import Frame
+from gbufrt.files.color_maps import to_srgb, viridis
 from gbufrt.files.png import to_pil, write_png
-from gbufrt.files.views import contact_sheet, debug_names, debug_view, to_srgb, viridis
+from gbufrt.files.views import GAP, LABEL, contact_sheet, debug_names, debug_view
 
 SIZE = (20, 31)
 
@@ -134,7 +135,7 @@ def test_contact_sheet_and_pictures():
     frame = whole_frame()
     sheet = contact_sheet(frame, columns=4, width=31)
     rows = -(-len(debug_names(frame)) // 4)
-    assert sheet.size == (4 * 31, rows * (20 + 18))
+    assert sheet.size == (4 * 31 + 3 * GAP, rows * (20 + LABEL))
     assert to_pil(torch.tensor([0.0, 0.5, 1.0]).view(3, 1, 1)).getpixel((0, 0)) == (0, 128, 255)
     with pytest.raises(ValueError, match=r"picture must be \(3,H,W\)"):
         to_pil(torch.zeros(2, 3, 4, 4))

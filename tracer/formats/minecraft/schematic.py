@@ -39,9 +39,8 @@ def read_schematic(path: str | PathLike[str]) -> Blocks:
         FileNotFoundError: there is no such file.
     """
     path = Path(path)
-    tags = read_nbt(path, limit=MAX_FILE)
     try:
-        root = part(tags, "Schematic", dict) if "Schematic" in tags else tags
+        root = root_of(path)
         sides = [int(part(root, side, int)) & 0xFFFF for side in ("Height", "Length", "Width")]
         volume = sides[0] * sides[1] * sides[2]
         if not 0 < volume <= MAX_BLOCKS:
@@ -52,6 +51,12 @@ def read_schematic(path: str | PathLike[str]) -> Blocks:
         raise ValueError(f"{path}: {error}") from None
     tell_unknown(path, blocks)
     return blocks
+
+
+def root_of(path: Path) -> Tags:
+    """The tags that tell of a schematic, of whatever version; raises as `read_schematic`."""
+    tags = read_nbt(path, limit=MAX_FILE)
+    return part(tags, "Schematic", dict) if "Schematic" in tags else tags
 
 
 def _sponge(root: Tags, volume: int) -> tuple[list[str], Numbers]:

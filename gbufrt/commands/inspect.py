@@ -1,0 +1,65 @@
+"""`gbufrt inspect`: what files hold, and what they are taken for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from gbufrt.commands.checks import ENDINGS, check_folder
+
+
+def inspect(
+    *files: Path,
+    source: Annotated[str, Parameter(name="--from")] = "auto",
+    camera: Path | None = None,
+    fov: float | None = None,
+    out: Path | None = None,
+) -> None:
+    """Print what files hold, what they are taken for, and why.
+
+    Of an EXR file: layers with type, range of values and pixels that are not finite; who wrote it; which of gbufrt's
+    channels it gives, and from what; what is missing, and what is done about it. With a camera, also whether the
+    channels agree with each other, and the setting of the profile that would make them. Of a Minecraft region, save or
+    schematic and of a .vox file: size, version, blocks.
+
+    Args:
+        files: EXR files, of gbufrt or any other program, and worlds. Frames that count on test each other's motion.
+        source: What wrote the EXR files: auto, blender, mitsuba, falcor, unreal, nuke, or a profile of your own in
+            TOML.
+        camera: The cameras, in TOML.
+        fov: In place of --camera: vertical field of view in degrees of a camera that stands still.
+        out: Folder for a contact sheet of each EXR file: every layer as the file has it, then as gbufrt reads it.
+    """
+    if not files:
+        raise ValueError("no files given; give EXR files or worlds")
+    if camera is not None and fov is not None:
+        raise ValueError("--camera and --fov exclude each other; leave one out")
+    for file in files:
+        if not file.exists():
+            raise FileNotFoundError(f"{file} does not exist; check the path")
+    if out is not None:
+        check_folder(out)
+
+    known = (*ENDINGS, ".exr")
+    for file in files:
+        if not file.is_dir() and file.suffix.lower() not in known:
+            raise ValueError(f"{file} is of a kind that is not read; give {', '.join(known)} or a save folder")
+
+    from rich.console import Console
+
+    from gbufrt.commands.foreign import Source
+    from gbufrt.commands.inspection.exr import Inspector
+    from gbufrt.commands.inspection.world import show_world
+
+    pictures = [file for file in files if file.suffix.lower() == ".exr"]
+    told = camera is not None or fov is not None
+    inspector = Inspector(pictures, source, Source.named(pictures, source, camera, fov) if told else None)
+    console = Console(highlight=False)
+    for place, file in enumerate(files):
+        console.print("\n" * (place > 0), end="")
+        if file in pictures:
+            inspector.show(console, file, out)
+        else:
+            show_world(console, file)

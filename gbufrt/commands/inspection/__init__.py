@@ -1,0 +1,1 @@
+"""What `gbufrt inspect` finds out about files, and how it shows it."""

@@ -1,0 +1,69 @@
+"""What a file of voxels or blocks holds, from its tables alone."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def show_world(console: Console, path: Path) -> None:
+    """Print kind, size, version and contents.
+
+    Raises:
+        ValueError: the file is damaged, or a folder is no save.
+    """
+    from rich.markup import escape
+
+    ending = "" if path.is_dir() else path.suffix.lower()
+    facts = _vox(path) if ending == ".vox" else _blocks(path) if ending in ("", ".mca") else _schematic(path)
+    console.print(f"[bold]{escape(str(path))}[/bold]: {escape(facts)}", soft_wrap=True)
+
+
+def _vox(path: Path) -> str:
+    from tracer.formats.vox.chunks import read_chunks
+
+    data = path.read_bytes()
+    chunks = read_chunks(data, str(path))
+    sizes = sorted((model.size for model in chunks.models), key=math.prod)
+    largest = f"{'the largest ' if len(sizes) > 1 else ''}{' x '.join(map(str, sizes[-1]))}" if sizes else "empty"
+    filled = sum(len(model.voxels) for model in chunks.models)
+    return (
+        f"MagicaVoxel {int.from_bytes(data[4:8], 'little')}, {_count(len(sizes), 'model')}, {largest}, the last number "
+        f"upwards; {filled} voxels, {_count(len(chunks.materials), 'material')}"
+    )
+
+
+def _schematic(path: Path) -> str:
+    from tracer.formats.minecraft.schematic import root_of
+
+    tags = root_of(path)
+    sides = " x ".join(str(int(tags[side]) & 0xFFFF) for side in ("Width", "Height", "Length"))
+    kind = f"Sponge schematic {int(tags['Version'])}" if "Version" in tags else "MCEdit schematic"
+    data = f", Minecraft's data version {int(tags['DataVersion'])}" if "DataVersion" in tags else ""
+    return f"{kind}, {sides} blocks, the middle number upwards{data}"
+
+
+def _blocks(path: Path) -> str:
+    from tracer.formats.minecraft.region import Region
+    from tracer.formats.minecraft.save import WIDTH, region_files
+
+    regions = [Region.of(file) for file in region_files(path)]
+    places = [place for region in regions for place in region.sectors]
+    if not places:
+        return "Minecraft, without chunks"
+    (x0, z0), (x1, z1) = (tuple(end(axis) for axis in zip(*places, strict=True)) for end in (min, max))
+    first = next(region for region in regions if region.sectors)
+    version = int(first.chunk(next(iter(first.sectors))).get("DataVersion", 0)) or "from before 1.9"
+    kind = "Minecraft save" if path.is_dir() else "Minecraft region"
+    return (
+        f"{kind}, data version {version}, {_count(len(places), 'chunk')} in {_count(len(regions), 'file')}, in x "
+        f"{x0 * WIDTH}..{(x1 + 1) * WIDTH} and z {z0 * WIDTH}..{(z1 + 1) * WIDTH}"
+    )
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
