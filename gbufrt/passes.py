@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -59,9 +59,9 @@ class Stage(nn.Module):
             if frame.get(name) is None:
                 raise ValueError(f"{type(self).__name__} reads {name!r}, which the frame lacks: {_remedy(name)}")
 
-    def left_out(self, frame: Frame) -> list[str]:
-        """What this pass leaves out for want of an input, and the remedies."""
-        absent = [name for name in self.lacks if frame.get(name) is None]
+    def left_out(self, frame: Frame, written: Collection[str] = ()) -> list[str]:
+        """What this pass leaves out for want of an input, and the remedies, those ``written`` before it apart."""
+        absent = [name for name in self.lacks if name not in written and frame.get(name) is None]
         return [f"{self.lacks[name]}, because the frame has no {name}: {_remedy(name)}" for name in absent]
 
     def extra_repr(self) -> str:

@@ -170,7 +170,10 @@ class Pipeline(Branch):
         """Warn of it, once a pipeline."""
         if not self._told:
             self._told = True
-            left_out = [f"{name}: {what}" for name, stage in self.passes() for what in stage.left_out(frame)]
+            left_out, written = list[str](), set[str]()
+            for name, stage in self.passes():
+                left_out += [f"{name}: {what}" for what in stage.left_out(frame, written)]
+                written |= stage.writes
             if left_out:
                 warnings.warn(f"{'; '.join(left_out)} (told once a pipeline)", stacklevel=3)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -134,8 +135,9 @@ class Source:
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:
     """The passes that fit a frame of another renderer.
 
-    Direct light goes through all of them, and what the G-buffer lacks is estimated first. A finished picture has its
-    indirect light, shadows and reflections: none is added again.
+    Direct light goes through all of them, and what the G-buffer lacks is estimated first; but reflections on a guess of
+    roughness must be asked for. A finished picture has its indirect light, shadows and reflections: none is added
+    again. Ambient occlusion may be asked for as a layer, which leaves the picture as it is.
 
     Args:
         frame: the first one.
@@ -153,12 +155,18 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
     for name in names:
         if name not in (*stages, "denoise"):
             raise ValueError(unknown("stage", name, "--passes", (*stages, "denoise")))
-        if finished and name in LIT:
+        if finished and name in LIT and name != "ao":
             raise ValueError(
                 f"--passes {name} would add light that the finished picture holds already; render the passes of direct "
                 "light too"
             )
-    left_out = set(LIT) if finished else set()
+    left_out = set(LIT) - set(names) if finished else set()
+    if not finished and not names and frame.gbuffer.roughness is None:
+        left_out.add("reflection")
+        warnings.warn(
+            "the files hold no roughness, so that reflections are left out; --passes reflection,ao,gi,... guesses it",
+            stacklevel=2,
+        )
     if names:
         always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
         left_out |= set(stages) - set(names) - always

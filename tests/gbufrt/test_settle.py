@@ -10,7 +10,7 @@ import torch
 
 from gbufrt import Frame, History, Pass, Pipeline, TemporalPass
 from gbufrt.noise.noise import blue_noise
-from post import SSR
+from post import SSR, EstimateMissing
 
 
 class Noise(Pass):
@@ -111,3 +111,6 @@ def test_what_is_left_out_for_want_of_an_input_is_told_once():
     plain = bare.replace(gbuffer=frame.gbuffer.replace(metallic=None))
     with pytest.warns(UserWarning, match=r"mirrors show black.*; estimate: metals mirror.*no metallic"):
         Pipeline(estimate=SSR(samples=1))(plain)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Pipeline(missing=EstimateMissing(), mirrors=SSR(samples=1))(plain.replace(environment=frame.environment))

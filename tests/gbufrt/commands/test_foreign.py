@@ -31,6 +31,7 @@ def rendered(path: Path, *, direct: bool, level: float = 0.5) -> Path:
     x, y, z = np.moveaxis(found["normal"], -1, 0)
     light = np.full((*foreign_exr.SIZE, 3), level, np.float32)
     layers = {
+        "ViewLayer.Roughness.X": np.full(foreign_exr.SIZE, 0.5),
         "ViewLayer.Depth.Z": np.where(found["hit"], found["planar"], 1e10),
         "ViewLayer.Normal.XYZ": np.stack([x, -z, y], -1),
         "ViewLayer.Combined.RGB": light,
@@ -54,6 +55,25 @@ def test_direct_light_gets_all_passes_and_a_finished_picture_no_light(tmp_path: 
     assert {"missing", "taa", "motion_blur", "tone_map", "encode"} <= stages
     image = pipeline_for(finished, Recipe(preset="low"), ())(finished)[0].read("composite")
     assert np.allclose(image, 0.5)
+
+
+def test_reflections_on_a_guess_of_roughness_must_be_asked_for(tmp_path: Path) -> None:
+    frame = taken(rendered(tmp_path / "a_0001.exr", direct=True))
+    guessed = frame.replace(gbuffer=frame.gbuffer.replace(roughness=None))
+    with pytest.warns(UserWarning, match="no roughness, so that reflections are left out"):
+        stages = pipeline_for(guessed, Recipe(), ()).stages
+    assert set(LIT) - set(stages) == {"reflection"}
+    assert "reflection" in pipeline_for(guessed, Recipe(), ("reflection", "ao")).stages
+
+
+def test_a_finished_picture_may_have_occlusion_as_a_layer(tmp_path: Path) -> None:
+    finished = taken(rendered(tmp_path / "b_0001.exr", direct=False))
+    pipeline = pipeline_for(finished, Recipe(preset="low"), ("ao",))
+    assert list(pipeline.stages) == ["missing", "ao", "exposure", "tone_map", "encode"]
+    result, _ = pipeline(finished)
+    assert float(result.read("ao").min()) < 0.9
+    assert result.bent_normal is not None
+    assert np.allclose(result.read("color"), 0.5)
 
 
 def test_stages_are_chosen_by_name(tmp_path: Path) -> None:

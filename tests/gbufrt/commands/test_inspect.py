@@ -55,7 +55,7 @@ def test_a_file_of_another_renderer(tmp_path: Path, capfd, cameras: Path) -> Non
     assert "a_0007.exr: 64x48, 1 part, ZIP" in text
     assert "V.Combined R G B float32 0.5 3 " in text
     assert "V.Depth Z float32" in text
-    assert "taken for blender, 92% sure: the header has BlenderMultiChannel" in text
+    assert "taken for blender, 87% sure: the header has BlenderMultiChannel" in text
     assert "normal V.Normal.XYZ (world space, z up)" in text
     assert "motion V.Vector.XY (pixels to the previous frame)" in text
     assert "roughness estimated from how much colour varies" in text
@@ -151,7 +151,7 @@ def test_real_files_of_other_renderers(tmp_path: Path, capfd, name: str) -> None
         'location = [0, -10, 3]\nrotation = [80, 0, 0]\nfocal_length = 50\nconvention = "opengl"\nup = "z"\n'
     )
     text = told(capfd, Path(folder) / "exr" / f"{name}.exr", "--camera", camera)
-    assert f"taken for {name[:7]}, 100% sure" in text
+    assert f"taken for {name[:7]}, {93 if name.startswith('blender') else 100}% sure" in text
     assert text.endswith("agrees: depth with normals")
 
 
