@@ -1,0 +1,75 @@
+"""Agreement tests: what moves by itself tells the sign and unit of motion, and little pictures tell nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import boxes
+import foreign_exr
+import numpy as np
+import pytest
+import torch
+
+from gbufrt import Frame
+from gbufrt.files import read_gbuffer
+from gbufrt.files.gbuffers.agreement import disagreements
+
+CAMERA = boxes.camera((54, 72))
+STEP = torch.tensor([2.0, 1.2, 0.5])  # of the box in the middle, from the frame before
+
+
+def moved(step: torch.Tensor = STEP) -> tuple[Frame, Frame]:
+    """A frame in which the box has moved, with its true motion, and the one before."""
+    room = boxes.ROOM.clone()
+    room[2] += step
+    frame = boxes.frame(CAMERA, boxes=room)
+    g = frame.gbuffer
+    box = g.hit & (boxes.trace(CAMERA, room)[1] == 2)[:, None]
+    now = CAMERA.to_world(CAMERA.unproject(g.depth))
+    before = CAMERA.to_view(now - box * step.view(1, 3, 1, 1))
+    motion = torch.where(g.hit, CAMERA.project(before) - CAMERA.project(CAMERA.to_view(now)), 0.0)
+    motion_z = torch.where(g.hit, before[:, 2:] - g.depth, 0.0)
+    g = g.replace(motion=motion, motion_z=motion_z, previous_camera=None)
+    return frame.replace(gbuffer=g), boxes.frame(CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("factors", "setting"),
+    [
+        ((1, 1), None),
+        ((-1, -1), "motion_scale with both signs changed (or the other motion_target)"),
+        ((1, -1), "motion_scale with the sign of y changed"),
+        ((-1, 1), "motion_scale with the sign of x changed"),
+        ((1 / 72, 1 / 54), 'motion_unit = "uv"'),
+        ((72, 54), 'motion_unit = "pixels"'),
+        ((-1 / 72, 1 / 54), 'motion_unit = "uv" and motion_scale with the sign of x changed'),
+    ],
+)
+def test_what_moves_by_itself_tells_the_setting(factors: tuple[float, float], setting: str | None) -> None:
+    frame, before = moved()
+    g = frame.gbuffer
+    assert g.motion is not None
+    motion = g.motion * g.motion.new_tensor(factors).view(1, 2, 1, 1)
+    lines = disagreements(frame.replace(gbuffer=g.replace(motion=motion)), before)
+    if setting is None:
+        assert lines == []
+    else:
+        (line,) = lines
+        assert line.startswith(f"{setting} fits better: motion agrees with the frame before at ")
+        share, instead = (float(word.strip("%")) for word in line.split() if word.endswith("%"))
+        assert share > 80 > 60 > instead
+
+
+@pytest.mark.parametrize(("length", "known"), [(1.0, False), (0.01, True)])
+def test_without_the_frame_before_or_with_a_step_too_short_nothing_is_told(length: float, known: bool) -> None:
+    frame, before = moved(STEP * length)
+    g = frame.gbuffer
+    assert g.motion is not None
+    wrong = frame.replace(gbuffer=g.replace(motion=-g.motion))
+    assert disagreements(wrong, before if known else None) == []
+
+
+def test_a_picture_of_few_pixels_tells_nothing(tmp_path: Path) -> None:
+    layers = {"V.Depth.Z": np.full((2, 2), 5.0), "V.Normal.XYZ": np.ones((2, 2, 3))}
+    camera = foreign_exr.Camera.look_at((0, 0, 5), (0, 0, 0), size=(2, 2), fov_y=50)
+    assert disagreements(read_gbuffer(foreign_exr.write(tmp_path / "a.exr", layers), camera=camera)) == []

@@ -1,0 +1,61 @@
+"""Detection: which profile, how sure, and why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import foreign_exr
+import numpy as np
+import pytest
+
+from gbufrt.files.gbuffers.detect import Detection, detect
+
+PLANE = np.ones(foreign_exr.SIZE)
+RGB = np.ones((*foreign_exr.SIZE, 3))
+BLENDER = {"BlenderMultiChannel": "Blender V2.55.1 and newer"}
+
+
+def test_a_mark_in_the_header_and_all_names_make_certain(tmp_path: Path) -> None:
+    layers = {"V.Depth.Z": PLANE, "V.Normal.XYZ": RGB, "V.Vector.XY": RGB[..., :2], "V.DiffCol.RGB": RGB}
+    layers |= {"V.Roughness.X": PLANE, "V.Metallic.X": PLANE}
+    found = detect(foreign_exr.write(tmp_path / "a.exr", layers, BLENDER))
+    assert found == Detection(
+        "blender",
+        1.0,
+        (
+            "the header has BlenderMultiChannel = 'Blender V2.55.1 and newer'",
+            "depth is V.Depth.Z",
+            "normal is V.Normal.X, V.Normal.Y, V.Normal.Z",
+            "motion is V.Vector.X, V.Vector.Y",
+            "albedo is V.DiffCol.R, V.DiffCol.G, V.DiffCol.B",
+            "roughness is V.Roughness.X",
+            "metallic is V.Metallic.X",
+        ),
+    )
+    unmarked = detect(foreign_exr.write(tmp_path / "b.exr", layers))
+    assert (unmarked.name, unmarked.certainty, len(unmarked.reasons)) == ("blender", 0.9, 6)
+
+
+def test_a_mark_weighs_more_than_names(tmp_path: Path) -> None:
+    """Three of Nuke's four channels and two of Blender's six in one file: the header decides, else the names."""
+    layers = {"V.Depth.Z": PLANE, "V.Normal.XYZ": RGB, "depth.Z": PLANE, "N.XYZ": RGB, "backward.uv": RGB[..., :2]}
+    assert detect(foreign_exr.write(tmp_path / "a.exr", layers)).name == "nuke"
+    found = detect(foreign_exr.write(tmp_path / "b.exr", layers, BLENDER))
+    assert (found.name, found.certainty) == ("blender", 0.73)
+
+
+def test_a_mark_of_another_text_does_not_count(tmp_path: Path) -> None:
+    layers = {"dd.T": PLANE, "nn.XYZ": RGB}
+    by = [foreign_exr.write(tmp_path / f"{n}.exr", layers, {"generatedBy": n}) for n in ("Mitsuba version 3", "Other")]
+    sure, unsure = map(detect, by)
+    assert sure.name == unsure.name == "mitsuba"
+    assert sure.certainty > 0.8 > 0.7 > unsure.certainty > 0.5
+    assert not any("header" in reason for reason in unsure.reasons)
+
+
+def test_without_depth_no_profile_fits(tmp_path: Path) -> None:
+    layers = {f"{name}.RGB": RGB for name in "abc"}
+    with pytest.raises(
+        ValueError, match=r"fits no profile \(blender, .*\): none finds its depth among .*, \.\.\.; write a"
+    ):
+        detect(foreign_exr.write(tmp_path / "a.exr", layers, BLENDER))
