@@ -11,6 +11,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from gbufrt.commands.session import Recipe
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
@@ -21,10 +23,13 @@ from gbufrt.files.guard import read_parts
 from gbufrt.frame import Frame
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
+from post import Denoise, EstimateMissing, normals_from_depth
 
 LIT = ("ao", "gi", "reflection", "behind", "composite")
 """Stages that make light of direct light; a finished picture holds it already."""
 DISPLAY = ("exposure", "tone_map", "encode")
+ESTIMATED = ("motion", "motion_z", "thickness")
+GUESSED = ("roughness", "metallic")
 SHORT = {"dof": "depth_of_field"}
 
 
@@ -109,6 +114,11 @@ class Source:
         frame, wrong = self.read(path, before)
         for line in wrong:
             self.tell(f"{path}: {line}")
+        guessed = frame.extra.get("normal_estimated")
+        if guessed is not None:
+            g = frame.gbuffer
+            normal = torch.where(guessed > 0, normals_from_depth(g.depth, g.camera, hit=g.hit), g.normal)
+            frame = frame.replace(gbuffer=g.replace(normal=normal))
         if frame.radiance is None:
             if frame.composite is None:
                 raise ValueError(f"{path} holds no light: neither passes of direct light nor a finished picture")
@@ -135,9 +145,10 @@ class Source:
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:
     """The passes that fit a frame of another renderer.
 
-    Direct light goes through all of them, and what the G-buffer lacks is estimated first; but reflections on a guess of
-    roughness must be asked for. A finished picture has its indirect light, shadows and reflections: none is added
-    again. Ambient occlusion may be asked for as a layer, which leaves the picture as it is.
+    Direct light goes through all of them. Motion and thickness that the G-buffer lacks are estimated first; roughness
+    and metalness, whose estimates are worse than none, only for reflections that are asked for. A finished picture has
+    its indirect light, shadows and reflections: none is added again. Ambient occlusion may be asked for as a layer,
+    which leaves the picture as it is.
 
     Args:
         frame: the first one.
@@ -147,8 +158,6 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
     Raises:
         ValueError: no such stage, or one that adds light to a finished picture.
     """
-    from post import Denoise, EstimateMissing
-
     finished = frame.radiance is None
     stages = dict(recipe.build().stages.items())
     names = [SHORT.get(name, name) for name in wanted]
@@ -172,7 +181,8 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
         left_out |= set(stages) - set(names) - always
     kept = {name: stage for name, stage in stages.items() if name not in left_out}
     light = "color" if finished else "radiance"
-    first: dict[str, Any] = {"missing": EstimateMissing()}
+    guessed = GUESSED if "reflection" in kept and frame.gbuffer.roughness is None else ()
+    first: dict[str, Any] = {"missing": EstimateMissing(channels=(*ESTIMATED, *guessed))}
     if "denoise" in names:
         first["denoise"] = Denoise(signal=light)
     return Pipeline(given={"color"} if finished else (), **first, **kept)  # pyright: ignore[reportArgumentType]

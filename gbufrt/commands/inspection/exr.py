@@ -30,8 +30,8 @@ MISSING = {
     "normal": "estimated from depth",
     "motion": "that of a world that stands still, from depth and cameras",
     "albedo": "absent",
-    "roughness": "estimated from how much colour varies",
-    "metallic": "estimated from how saturated colour is",
+    "roughness": "absent: no reflections, unless --passes asks for them on a guess",
+    "metallic": "absent: nothing counts as metal",
     "thickness": "estimated from widths and sides in the picture",
 }
 

@@ -36,7 +36,8 @@ def read_gbuffer(
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
     Direct light becomes ``radiance``; where the file has the finished picture alone, that becomes ``composite``, so
-    that light is not added twice. A warning says which passes of the direct light are missing.
+    that light is not added twice. A warning says which passes of the direct light are missing. Where the file has no
+    normal, the one of the depth is taken, and the extra signal ``normal_estimated`` is 1.
 
     Args:
         path: the file.
@@ -83,6 +84,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     depth = torch.where(hit, planar(far, profile, view), view.far)
     if bool((hit & (depth >= view.far)).any()):
         raise ValueError(f"camera.far must exceed every depth, got {view.far:g} and {float(depth.max()):g}; raise it")
+    normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
     motion, motion_z = _motion(named, view, previous, depth, hit)
     albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
     gbuffer = GBuffer(
@@ -90,7 +92,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         previous_camera=previous,
         depth=depth,
         hit=hit,
-        normal=_normal(named, view, depth, hit, posed=camera is not None),
+        normal=normal,
         motion=motion,
         motion_z=motion_z,
         albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
@@ -98,7 +100,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
     )
     radiance, finished = _light(named, size)
-    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished)
+    extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
+    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished, extra=extra)
 
 
 def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:
@@ -144,14 +147,15 @@ def _light(named: Named, size: tuple[int, int]) -> tuple[Tensor | None, Tensor |
     return None, named.layers.stack(light.finished, size) if light.finished else None
 
 
-def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> Tensor:
-    estimate = view.normals_from_depth(depth)
+def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:
+    """Normals, and where they are estimates; of the file where it has them and the camera's pose is known."""
+    normal, there = view.normals_from_depth(depth), torch.zeros_like(hit)
     raw = _channel(named, "normal", view.size) if posed else None
     if raw is not None:
-        normal, there = world_normals(raw, named.profile, view, estimate)
-        estimate = torch.where(there, normal, estimate)
+        given, there = world_normals(raw, named.profile, view, normal)
+        normal = torch.where(there, given, normal)
         eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
-        away = hit & ((estimate * eye).sum(1, keepdim=True) < 0)
+        away = hit & ((normal * eye).sum(1, keepdim=True) < 0)
         if int(away.sum()) < MOST_AWAY * int(hit.sum()):
-            estimate = torch.where(away, -estimate, estimate)
-    return torch.where(hit, estimate, 0.0)
+            normal = torch.where(away, -normal, normal)
+    return torch.where(hit, normal, 0.0), hit & ~there

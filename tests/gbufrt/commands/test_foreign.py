@@ -8,6 +8,7 @@ from pathlib import Path
 import foreign_exr
 import numpy as np
 import pytest
+import torch
 from command_line import run
 
 from gbufrt import Frame
@@ -61,9 +62,32 @@ def test_reflections_on_a_guess_of_roughness_must_be_asked_for(tmp_path: Path) -
     frame = taken(rendered(tmp_path / "a_0001.exr", direct=True))
     guessed = frame.replace(gbuffer=frame.gbuffer.replace(roughness=None))
     with pytest.warns(UserWarning, match="no roughness, so that reflections are left out"):
-        stages = pipeline_for(guessed, Recipe(), ()).stages
-    assert set(LIT) - set(stages) == {"reflection"}
-    assert "reflection" in pipeline_for(guessed, Recipe(), ("reflection", "ao")).stages
+        pipeline = pipeline_for(guessed, Recipe(), ())
+    assert set(LIT) - set(pipeline.stages) == {"reflection"}
+    assert pipeline.writes.isdisjoint(("roughness", "metallic"))
+    asked = pipeline_for(guessed, Recipe(), ("reflection", "ao"))
+    assert "reflection" in asked.stages
+    assert asked.writes >= {"roughness", "metallic", "thickness", "motion"}
+    known = pipeline_for(frame, Recipe(), ())
+    assert "reflection" in known.stages
+    assert known.writes.isdisjoint(("roughness", "metallic"))
+
+
+def test_normals_that_the_file_lacks_are_estimated_with_care_for_edges(tmp_path: Path) -> None:
+    path = rendered(tmp_path / "a_0001.exr", direct=True)
+    frame = taken(path)
+    g, true = frame.gbuffer, torch.from_numpy(foreign_exr.truth()["normal"]).movedim(-1, 0)[None].float()
+    assert bool((frame.read("normal_estimated") == g.hit).all())
+    off = [
+        torch.rad2deg(torch.arccos((foreign_exr.CAMERA.rotate_to_view(true) * view).sum(1).clamp(-1, 1)))[g.hit[:, 0]]
+        for view in (g.camera.rotate_to_view(n) for n in (g.normal, g.camera.normals_from_depth(g.depth)))
+    ]
+    assert float(off[0].mean()) < 0.2 * float(off[1].mean())
+    camera = tmp_path / "camera.toml"
+    camera.write_text(f"fov = 50\nworld_from_view = {foreign_exr.CAMERA.world_from_view[0].tolist()}\n")
+    posed = Source.of([path], "auto", camera, None).frame(path)
+    assert "normal_estimated" not in posed.extra
+    assert np.allclose(posed.gbuffer.normal, true, atol=1e-5)
 
 
 def test_a_finished_picture_may_have_occlusion_as_a_layer(tmp_path: Path) -> None:

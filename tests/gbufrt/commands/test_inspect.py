@@ -58,7 +58,7 @@ def test_a_file_of_another_renderer(tmp_path: Path, capfd, cameras: Path) -> Non
     assert "taken for blender, 87% sure: the header has BlenderMultiChannel" in text
     assert "normal V.Normal.XYZ (world space, z up)" in text
     assert "motion V.Vector.XY (pixels to the previous frame)" in text
-    assert "roughness estimated from how much colour varies" in text
+    assert "roughness absent: no reflections, unless --passes asks" in text
     assert "radiance V.DiffDir.RGB x V.DiffCol.RGB without GlossCol, which should be rendered too" in text
     assert text.endswith("agrees: depth with normals, motion with the cameras")
 

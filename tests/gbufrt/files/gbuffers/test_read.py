@@ -6,6 +6,7 @@ import os
 import warnings
 from pathlib import Path
 
+import foreign_exr
 import numpy as np
 import OpenEXR
 import pytest
@@ -133,3 +134,16 @@ def test_the_pass_of_direct_light_that_is_missing_is_named(tmp_path: Path) -> No
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_gbuffer(whole, fov=40)
+
+
+def test_where_the_file_has_no_normal_it_is_estimated_and_flagged(tmp_path: Path) -> None:
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), size=(4, 6), fov_y=50)
+    planes = {"V.Depth.Z": np.full((4, 6), 5.0), "V.Normal.XYZ": np.zeros((4, 6, 3))}
+    planes["V.Normal.XYZ"][:2] = 0.0, -0.6, 0.8
+    planes["V.Depth.Z"][:, 5] = 1e10
+    frame = read_gbuffer(foreign_exr.write(tmp_path / "a.exr", planes), camera=camera)
+    flag = frame.read("normal_estimated")[0, 0]
+    assert torch.equal(flag[:, :5], torch.tensor([0.0, 0, 1, 1])[:, None].expand(4, 5))
+    assert float(flag[:, 5].max()) == 0
+    assert torch.allclose(frame.gbuffer.normal[0, :, 0, 0], torch.tensor([0.0, 0.8, 0.6]))
+    assert torch.allclose(frame.gbuffer.normal[0, :, 3, 0], torch.tensor([0.0, 0.0, 1.0]), atol=1e-5)
