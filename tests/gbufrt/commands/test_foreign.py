@@ -106,6 +106,8 @@ def test_stages_are_chosen_by_name(tmp_path: Path) -> None:
     chosen = list(pipeline_for(direct, Recipe(), ("denoise", "ao", "dof")).stages)
     assert chosen == ["missing", "denoise", "ao", "composite", "depth_of_field", "exposure", "tone_map", "encode"]
     assert list(pipeline_for(finished, Recipe(), ("dof",)).stages)[:2] == ["missing", "depth_of_field"]
+    for frame, signal in ((direct, "radiance"), (finished, "color")):
+        assert dict(pipeline_for(frame, Recipe(), ("denoise",)).passes())["denoise"].tunables()["signal"] == signal
     with pytest.raises(ValueError, match=r"--passes gi would add light that the finished picture holds already"):
         pipeline_for(finished, Recipe(), ("gi",))
     with pytest.raises(ValueError, match=r"no stage 'motion_blurr' in --passes \(did you mean motion_blur\?\)"):
@@ -114,6 +116,10 @@ def test_stages_are_chosen_by_name(tmp_path: Path) -> None:
 
 def test_frames_that_count_on_follow_each_other_and_others_do_not(tmp_path: Path, capfd) -> None:
     paths = [rendered(tmp_path / f"shot_{number:04}.exr", direct=True) for number in (7, 8, 11)]
+    Source.of(paths[:2], "auto", None, 50.0)
+    told = capfd.readouterr().err
+    assert "shot_0007.exr: blender (" in told
+    assert "--fov: the camera is taken to stand still; moving ones need --camera" in told
     frames = list(Source.of(paths, "blender", None, 50.0).frames())
     assert [frame.index for frame in frames] == [7, 8, 11]
     assert [frame.gbuffer.previous_camera is not None for frame in frames] == [False, True, False]

@@ -78,3 +78,20 @@ def test_colours_up_to_one_are_shown_as_they_are_and_brighter_ones_fit(tmp_path:
 def test_whole_numbers_are_told_apart(tmp_path: Path) -> None:
     view = next(iter(shown(tmp_path, {"id.X": np.arange(80, dtype=np.uint32).reshape(SIZE)}).values()))
     assert float((view[:, :, 1:] - view[:, :, :-1]).abs().amax(0).min()) > 0.1
+
+
+def test_pairs_are_shown_as_motion_up_to_their_longest(tmp_path: Path) -> None:
+    right, left = shown(
+        tmp_path,
+        {f"{name}.{c}": RAMP * size if c == "X" else RAMP * 0 for name, size in (("a", 40), ("b", -0.1)) for c in "XY"},
+    ).values()
+    assert right[:, 0, -1].tolist() == pytest.approx([1.0, 0.25, 0.25], abs=1e-3)
+    assert left[:, 0, -1].tolist() == pytest.approx([0.0, 0.75, 0.75], abs=1e-3)
+    assert float(right[:, 0, 0].max()) == 0
+
+
+def test_numbers_are_scaled_from_their_lowest_and_nothing_but_sky_is_black(tmp_path: Path) -> None:
+    ramp, sky = shown(tmp_path, {"a.q": RAMP + 100, "b.q": RAMP * 0 + 1e9}).values()
+    assert ramp[:, 0, 0].tolist() == pytest.approx([0.267, 0.005, 0.329], abs=0.03)
+    assert ramp[:, 0, -1].tolist() == pytest.approx([0.993, 0.906, 0.144], abs=0.03)
+    assert float(sky.max()) == 0
