@@ -12,7 +12,7 @@ from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, air_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
-from tracer.texture import variation
+from tracer.texture import look
 from tracer.traversal.rays import Hits, run_lengths, trace
 
 MAX_THICKNESS = 64.0
@@ -141,19 +141,17 @@ def _gbuffer(
     along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
     depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
     motion, motion_z = _motion(scene, rays, hits, depth)
-    facing = (hits.normal * rays.directions).sum(-1).abs()
-    scales = depth.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
-    footprint = camera.pixels_per_unit(depth)[:, 0] * scales * facing.clamp_min(1e-3).sqrt()
-    tone = 1 + table.variation[which] * variation(hits, hits.instance, footprint)
+    seen = look(scene, hits, rays.directions, camera.pixels_per_unit(depth)[:, 0], poses=rays.poses)
     passed = (1 - table.opacity[which])[..., None] * table.tint[which] ** run.clamp_min(0)[..., None]
     values = {
         "depth": depth,
-        "normal": _planes(hits.normal),
+        "normal": _planes(seen.normal),
+        "normal_geo": _planes(hits.normal),
         "motion_z": motion_z,
-        "albedo": _planes((table.albedo[which] * tone[..., None]).clamp(0.0, 1.0)),
-        "roughness": table.roughness[which][:, None],
-        "metallic": table.metallic[which][:, None],
-        "emission": _planes(table.emission[which]),
+        "albedo": _planes(seen.albedo),
+        "roughness": seen.roughness[:, None],
+        "metallic": seen.metallic[:, None],
+        "emission": _planes(seen.emission),
         "opacity": table.opacity[which][:, None],
         "transmittance": _planes(passed),
         "material_id": hits.material[:, None],
@@ -165,9 +163,9 @@ def _gbuffer(
     for name, value in values.items():
         if name not in ("depth", "motion_z"):
             values[name] = torch.where(hit, value, CHANNELS[name].clear).to(value.dtype)
-    return GBuffer(
-        camera=camera, previous_camera=rays.previous, hit=hit, normal_geo=values["normal"], motion=motion, **values
-    )
+    if seen.normal is hits.normal:
+        values["normal_geo"] = values["normal"]
+    return GBuffer(camera=camera, previous_camera=rays.previous, hit=hit, motion=motion, **values)
 
 
 def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor) -> tuple[Tensor, Tensor]:

@@ -1,14 +1,103 @@
-"""Colour variation over the faces of voxels, so that they are not flat."""
+"""What the surface is like where a ray hits it: the voxel's material, its texture, or a variation of its colour."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
+from tracer.scene.scene import Scene
+from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
 from tracer.traversal.rays import Hits
 
 OCTAVES = ((8, 0.55), (2, 0.2), (1, 0.45))
 """Cells along a face's side and their amplitude: the texels, coarse blotches, and the whole face."""
+GRAZING = 0.05  # least cosine between a textured normal and the way back along the ray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Look:
+    """Surfaces, of any shape ``(...)``; see `tracer.scene.material.Material`.
+
+    Args:
+        albedo: ``(..., 3)``.
+        roughness: ``(...)``.
+        metallic: ``(...)``.
+        emission: ``(..., 3)``.
+        normal: ``(..., 3)`` unit length, world space, facing the ray: that of the face, turned by its texture.
+    """
+
+    albedo: Tensor
+    roughness: Tensor
+    metallic: Tensor
+    emission: Tensor
+    normal: Tensor
+
+
+def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, *, poses: Tensor) -> Look:
+    """The surfaces that rays hit.
+
+    A texture shows its nearest texel, on the mip level whose texels span about a pixel.
+
+    Args:
+        scene: what is there.
+        hits: of any shape ``(...)``.
+        directions: ``(..., 3)`` of the rays, world space, unit length.
+        pixels_per_unit: ``(...)`` how many pixels a world unit spans in the picture, at each hit.
+        poses: ``(I, 4, 4)`` of the instances, or ``(B, I, 4, 4)`` for hits ``(B, ...)``.
+    """
+    table, which = scene.materials, hits.material.long()
+    scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
+    pixels = pixels_per_unit * (hits.normal * directions).sum(-1).abs().clamp_min(1e-3).sqrt()
+    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels * scales)
+    plain = Look(
+        albedo=(table.albedo[which] * tone[..., None]).clamp(0.0, 1.0),
+        roughness=table.roughness[which],
+        metallic=table.metallic[which],
+        emission=table.emission[which],
+        normal=hits.normal,
+    )
+    if table.textures is None:
+        return plain
+    faces = table.textures.faces[which, hits.face.long()].long()
+    here = (hits.hit & (faces[..., 1] > 0)).nonzero(as_tuple=True)
+    first, side = faces[here].unbind(dim=-1)
+    rows = table.textures.texels[first + _texel(hits.uv(scales)[here], side, pixels[here])]
+    columns = {
+        "albedo": rows[:, COLOR : COLOR + 3],
+        "roughness": rows[:, ROUGH],
+        "metallic": rows[:, METAL],
+        "emission": rows[:, GLOW : GLOW + 3],
+        "normal": _turned(rows[:, TILT : TILT + 2], hits, directions[here], here, poses),
+    }
+    return replace(plain, **{name: getattr(plain, name).index_put(here, c) for name, c in columns.items()})
+
+
+def _texel(uv: Tensor, side: Tensor, pixels: Tensor) -> Tensor:
+    """``(n,)`` which row of a texture of ``side`` texels shows where it spans ``pixels`` pixels."""
+    level = (side / pixels.clamp_min(1e-9)).clamp_min(1.0).log2().add(0.5).floor().clamp_max(side.log2()).long()
+    width = side >> level
+    column, row = (uv * width[:, None]).long().clamp_max(width[:, None] - 1).unbind(dim=-1)
+    return (4 * (side * side - width * width)) // 3 + row * width + column
+
+
+def _turned(tilt: Tensor, hits: Hits, directions: Tensor, here: tuple[Tensor, ...], poses: Tensor) -> Tensor:
+    """``(n, 3)`` normals of faces with a ``tilt`` ``(n, 2)`` along their two axes; none is turned away from its ray."""
+    poses = (poses if poses.ndim == 4 else poses[None]).to(tilt.device)
+    still = torch.eye(3, device=tilt.device).expand(len(poses), 1, 3, 3)
+    axes = torch.cat([still, poses[..., :3, :3].to(tilt.dtype)], dim=1)  # columns are the grids' axes in world space
+    axes = axes[here[0] if len(poses) > 1 else torch.zeros_like(here[0]), hits.instance[here].long()]
+    axis = hits.face[here].long() // 2
+    along = [torch.where(axis == 0, 1, 0), torch.where(axis == 2, 1, 2)]
+    u, v = (axes.gather(2, k[:, None, None].expand(-1, 3, 1))[..., 0] for k in along)
+    up = (1 - tilt.square().sum(dim=-1, keepdim=True)).clamp_min(0).sqrt()
+    flat = hits.normal[here]
+    normal = tilt[:, :1] * u + tilt[:, 1:] * v + up * flat
+    least = (flat * directions).sum(dim=-1, keepdim=True).neg().clamp_max(GRAZING)
+    behind = (least + (normal * directions).sum(dim=-1, keepdim=True)).clamp_min(0)
+    return F.normalize(normal - behind * directions, dim=-1)
 
 
 def variation(hits: Hits, texture_ids: Tensor, pixels_per_voxel: Tensor) -> Tensor:

@@ -99,9 +99,23 @@ def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = Non
 
 
 def check_part(world: str, part: Mapping[str, Any]) -> None:
-    """Raise ValueError where a part is asked of what is no Minecraft region or save."""
-    if part and (world in WORLDS or not (Path(world).suffix.lower() == ".mca" or Path(world).is_dir())):
-        raise ValueError(f"--{next(iter(part))} is for Minecraft regions and saves; leave it out for {world}")
+    """Check that a part, and textures, are asked of a world that has them, and that the pack is there.
+
+    Raises:
+        ValueError: it is asked of another world.
+        FileNotFoundError: there is no such pack.
+    """
+    ending = Path(world).suffix.lower()
+    whole = world not in WORLDS and (ending == ".mca" or Path(world).is_dir())
+    textured = whole or (world not in WORLDS and ending in (".schem", ".schematic"))
+    if "pack" in part and not textured:
+        raise ValueError(f"--pack is for Minecraft worlds and schematics; leave it out for {world}")
+    if "pack" in part and "window" in part:
+        raise ValueError("--pack is not read with --window; leave one of them out")
+    if "pack" in part and not Path(part["pack"]).exists():
+        raise FileNotFoundError(f"--pack {part['pack']} does not exist; check the path")
+    if chosen := [name for name in part if name != "pack" and not whole]:
+        raise ValueError(f"--{chosen[0]} is for Minecraft regions and saves; leave it out for {world}")
 
 
 def check_folder(path: Path) -> Path:

@@ -80,7 +80,7 @@ class ClusterOptions:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Which part of a Minecraft world is taken."""
+    """Which part of a Minecraft world is taken, and its textures."""
 
     box: Numbers = None
     """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
@@ -95,6 +95,9 @@ class PartOptions:
     """Chunks along each side that are in memory at once: they follow the camera over a region or a save of any size,
     and haze hides their border. Such a world has the view flight. [default: the whole part is loaded]"""
 
+    pack: str | None = None
+    """Resource pack (jar, zip or folder) with textures for the blocks of a Minecraft world or a schematic."""
+
     def parsed(self) -> dict[str, Any]:
         """The part as arguments of `tracer.load`, or of `tracer.stream` with a window; those that are given.
 
@@ -106,6 +109,7 @@ class PartOptions:
             "around": _numbers("--around", self.around, "X,Z"),
             "chunks": self.chunks,
             "window": self.window,
+            "pack": self.pack,
         }
         return {name: value for name, value in part.items() if value is not None}
 

@@ -130,14 +130,14 @@ def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
     size = path.stat().st_size
     if decoded > MAX_RATIO * size + SLACK:
         raise ValueError(f"{path} is damaged: {size} bytes cannot hold the {decoded} that its header claims")
-    if decoded > (most := _most_bytes()):
+    if decoded > (most := most_bytes()):
         raise ValueError(
             f"{path} claims {decoded / 2**30:.1f} GB of pixels, more than the limit of {most / 2**30:g}; if true, set "
             "GBUFRT_MAX_GB"
         )
 
 
-def _most_bytes() -> float:
+def most_bytes() -> float:
     """Of the environment variable GBUFRT_MAX_GB, or `MAX_GB`."""
     text = os.environ.get("GBUFRT_MAX_GB", "")
     try:

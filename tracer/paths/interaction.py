@@ -15,7 +15,7 @@ from tracer.lights.samples import Lights, LightSample
 from tracer.lights.shadows import SHORT
 from tracer.sampling.scatter import dot
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW, Scene
-from tracer.texture import variation
+from tracer.texture import look
 from tracer.traversal.rays import Hits, run_lengths, trace, transmission
 
 LAYERS = 16  # transmissive surfaces that a ray goes through at most
@@ -30,7 +30,8 @@ class Vertices:
 
     Args:
         points: ``(N, 3)`` world space, a little above the surface.
-        normals: ``(N, 3)`` unit length, world space, facing where the ray came from.
+        normals: ``(N, 3)`` unit length, world space, facing where the ray came from; of the texture, where it has any.
+            A direction that goes below the surface itself hits it at once, as in a crevice.
         toward: ``(N, 3)`` unit length, back along the ray.
         albedo: ``(N, 3)`` linear.
         roughness: ``(N,)`` perceptual.
@@ -154,7 +155,7 @@ def intersect(
     rows = hits.hit.nonzero()[:, 0]
     pixels = torch.as_tensor(detail, dtype=hits.t.dtype, device=rows.device).expand_as(hits.t)[rows]
     pixels = pixels / hits.t[rows].clamp_min(1e-9) if spreads else pixels
-    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels)
+    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels, poses)
     return Interaction(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
 
 
@@ -209,23 +210,20 @@ def _at(hits: Hits, rows: Tensor) -> Hits:
 
 
 def _vertices(
-    scene: Scene, origins: Tensor, directions: Tensor, hits: Hits, inside: Tensor, pixels: Tensor
+    scene: Scene, origins: Tensor, directions: Tensor, hits: Hits, inside: Tensor, pixels: Tensor, poses: Tensor
 ) -> Vertices:
     """Surfaces where rays hit; ``pixels`` ``(N,)`` a world unit spans there."""
-    table, which = scene.materials, hits.material.long()
-    scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
-    facing = dot(hits.normal, directions).abs().clamp_min(1e-3).sqrt()
-    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels * scales * facing)
+    seen = look(scene, hits, directions, pixels, poses=poses)
     lift = (LIFT + LIFT_RELATIVE * hits.t)[:, None]
     return Vertices(
         points=origins + directions * hits.t[:, None] + (hits.normal - directions) * lift,
-        normals=hits.normal,
+        normals=seen.normal,
         toward=-directions,
-        albedo=(table.albedo[which] * tone[:, None]).clamp(0.0, 1.0),
-        roughness=table.roughness[which],
-        metallic=table.metallic[which],
-        opacity=table.opacity[which],
-        emission=table.emission[which],
+        albedo=seen.albedo,
+        roughness=seen.roughness,
+        metallic=seen.metallic,
+        opacity=scene.materials.opacity[hits.material.long()],
+        emission=seen.emission,
         inside=inside,
         instances=hits.instance,
     )

@@ -12,6 +12,7 @@ from tracer.direct.lighting import LIFT, LIFT_RELATIVE
 from tracer.lights.kernel import NOTHING, Lit
 from tracer.lights.shadows import SHORT
 from tracer.paths.interaction import LAYERS, MAX_RUN
+from tracer.paths.texture_kernel import SIDE, size, texel, turned, variation
 from tracer.sampling.scatter_kernel import (
     along,
     dot,
@@ -19,11 +20,11 @@ from tracer.sampling.scatter_kernel import (
     scaled,
     times,
 )
-from tracer.texture import OCTAVES
+from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH
 from tracer.traversal.kernel import nearest, run_length, transmitted, triple
 from tracer.traversal.rays import FARTHEST
 
-ALBEDO, ROUGHNESS, METALLIC, OPACITY, EMISSION, VARIATION, TINT = 0, 3, 4, 5, 6, 9, 10
+OPACITY, TINT, VARIATION = 0, 1, 4
 """Columns of `Tables.materials`."""
 WHITE = (1.0, 1.0, 1.0)
 OUTSIDE = (-1, 0, (0, 0, 0))
@@ -35,15 +36,16 @@ class Tables(NamedTuple):
     Args:
         transforms: ``(I + 1, 4, 4)`` float64, see `tracer.traversal.op`.
         grids: see `tracer.scene.grids.Grids.tensors`.
-        materials: ``(M, 13)`` float32.
-        scales: ``(I + 1,)`` float64, world units a voxel.
+        materials: ``(M, 17)`` float32: opacity, tint, variation; and of each face's texture the first row in
+            ``texels`` and the side, 0 for none.
+        texels: ``(M + T, 10)`` float32: of each material, then those of `tracer.scene.textures.Textures`.
         lit: sun, sky and lamps.
     """
 
     transforms: np.ndarray
     grids: tuple[np.ndarray, ...]
     materials: np.ndarray
-    scales: np.ndarray
+    texels: np.ndarray
     lit: Lit
 
 
@@ -73,10 +75,10 @@ class Interaction(NamedTuple):
 @scalar
 def assembled(arrays):
     """`Tables` from their flat arrays: numba passes no nested tuples to its threads."""
-    transforms, bricks, index, entries, media, materials, scales = arrays[:7]
+    transforms, bricks, index, entries, media, materials, texels = arrays[:7]
     picture, sky, lamps, upto, slots, counts, cells, sky_upto, sky_density = arrays[7:]
     lit = Lit(picture, sky, lamps, upto, slots, counts, cells, sky_upto, sky_density)
-    return Tables(transforms, (bricks, index, entries, media), materials, scales, lit)
+    return Tables(transforms, (bricks, index, entries, media), materials, texels, lit)
 
 
 @scalar
@@ -122,8 +124,7 @@ def _run(tables, origin, direction, hit):
 def _normal(tables, hit):
     """Normal of the surface that was hit, facing where the ray came from."""
     row, face = tables.transforms[hit[1], hit[3] // 2], hit[3]
-    size = math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
-    return scaled((row[0], row[1], row[2]), (1 if face % 2 else -1) / size)
+    return scaled((row[0], row[1], row[2]), (1 if face % 2 else -1) / size(row))
 
 
 @scalar
@@ -158,47 +159,26 @@ def _surface(tables, origin, direction, hit, inside, detail, spreads):
     t, entry, material, face, _, voxel, place = hit
     if entry < 0:
         return Surface(origin, NOTHING, NOTHING, NOTHING, 0.0, 0.0, 0.0, NOTHING, False, 0)
-    normal = _normal(tables, hit)
+    flat = _normal(tables, hit)
     if spreads:
         detail = detail / max(t, 1e-9)
-    facing = math.sqrt(max(abs(dot(normal, direction)), 1e-3))
-    strays = _variation(voxel, place, face, entry, detail * tables.scales[entry] * facing)
-    tone = 1 + tables.materials[material, VARIATION] * strays
-    albedo = scaled(triple(tables.materials, material, ALBEDO), tone)
+    pixels = detail * math.sqrt(max(abs(dot(flat, direction)), 1e-3))
+    row, normal, tone, scale = material, flat, 1.0, 1 / size(tables.transforms[entry, face // 2])
+    if tables.materials[material, SIDE + face] > 0:
+        row = texel(tables.materials, hit, scale, pixels)
+        normal = turned(tables.transforms[entry], face, flat, direction, tables.texels[row])
+    else:
+        tone += tables.materials[material, VARIATION] * variation(voxel, place, face, entry, pixels * scale)
+    albedo = scaled(triple(tables.texels, row, COLOR), tone)
     return Surface(
-        along(along(origin, direction, t), along(normal, direction, -1.0), LIFT + LIFT_RELATIVE * t),
+        along(along(origin, direction, t), along(flat, direction, -1.0), LIFT + LIFT_RELATIVE * t),
         normal,
         scaled(direction, -1.0),
         (min(max(albedo[0], 0.0), 1.0), min(max(albedo[1], 0.0), 1.0), min(max(albedo[2], 0.0), 1.0)),
-        np.float64(tables.materials[material, ROUGHNESS]),
-        np.float64(tables.materials[material, METALLIC]),
+        np.float64(tables.texels[row, ROUGH]),
+        np.float64(tables.texels[row, METAL]),
         np.float64(tables.materials[material, OPACITY]),
-        triple(tables.materials, material, EMISSION),
+        triple(tables.texels, row, GLOW),
         inside,
         entry,
     )
-
-
-@scalar
-def _variation(voxel, place, face, entry, pixels):
-    """See `tracer.texture.variation`."""
-    key = voxel[0] * 73856093 + voxel[1] * 19349663 + voxel[2] * 83492791 + (face + 6 * entry) * 2654435761
-    key, axis = _mix(key), face // 2
-    u = place[0] - voxel[0] if axis != 0 else place[1] - voxel[1]
-    v = place[2] - voxel[2] if axis != 2 else place[1] - voxel[1]
-    u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
-    total = 0.0
-    for side, amplitude in OCTAVES:
-        onscreen = min(max((pixels / side - 0.75) / 1.25, 0.0), 1.0)
-        cell = min(int(u * side), side - 1) * side + min(int(v * side), side - 1)
-        number = _mix(key + (cell + 64 * side) * 668265263)
-        total += amplitude * onscreen * (number * (2.0 / 0xFFFFFFFF) - 1.0)
-    return total
-
-
-@scalar
-def _mix(value):
-    value = value & 0xFFFFFFFF
-    value = ((value ^ (value >> 16)) * 0x7FEB352D) & 0xFFFFFFFF
-    value = ((value ^ (value >> 15)) * 0x846CA68B) & 0xFFFFFFFF
-    return value ^ (value >> 16)

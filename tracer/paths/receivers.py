@@ -59,7 +59,8 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
     one, none = torch.ones_like(gbuffer.depth), torch.zeros_like(gbuffer.depth)
     planes = {
         "points": points,
-        "normals": gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo,
+        "normals": gbuffer.normal,
+        "outward": gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo,
         "toward": toward,
         "albedo": gbuffer.albedo,
         "emission": torch.zeros_like(gbuffer.albedo) if gbuffer.emission is None else gbuffer.emission,
@@ -75,7 +76,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
         for name in ("roughness", "metallic", "opacity", "instances"):
             rows[name] = rows[name][:, 0]
         rows["instances"] = rows["instances"].int()
-        inside = _inside(scene, rows["points"], rows["normals"], poses[b])
+        inside = _inside(scene, rows["points"], rows.pop("outward"), poses[b])
         found.append(
             Receivers(
                 pixels=pixels,

@@ -14,7 +14,9 @@ from tracer.lights.samples import Lights
 from tracer.lights.sky_table import SkyTable
 from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
+from tracer.scene.material import MaterialTable
 from tracer.scene.scene import Scene
+from tracer.scene.textures import Textures
 from tracer.traversal.rays import grid_from_world
 
 COLUMNS = {
@@ -34,18 +36,26 @@ COLUMNS = {
 
 def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[np.ndarray, ...]:
     """The arrays that `interaction_kernel.assembled` takes: the scene at ``poses``, with its lights where wanted."""
-    table = scene.materials
-    columns = (table.albedo, table.roughness, table.metallic, table.opacity, table.emission, table.variation)
+    materials, texels = _materials(scene.materials)
     return (
         array(grid_from_world(scene, poses, poses.device)[0]),
         *(array(grid) for grid in scene.grids.tensors),
-        array(torch.cat([c.reshape(len(table), -1) for c in (*columns, table.tint)], dim=1)),
-        np.array([1.0, *(i.scale for i in scene.instances)]),
+        materials,
+        texels,
         _picture(scene),
         _sky(scene),
         *_lamps(None if lights is None else lights.lamps),
         *_sky_table(None if lights is None else lights.sky),
     )
+
+
+def _materials(table: MaterialTable) -> tuple[np.ndarray, np.ndarray]:
+    """See `interaction_kernel.Tables`: a face without a texture shows the one texel that is its material."""
+    textures, flat = table.textures or Textures.none(len(table), table.albedo), torch.zeros_like(table.tint[:, :2])
+    first, side = textures.faces.float().unbind(dim=-1)
+    columns = [table.opacity[:, None], table.tint, table.variation[:, None], first + len(table), side]
+    own = [table.albedo, flat, table.roughness[:, None], table.metallic[:, None], table.emission]
+    return array(torch.cat(columns, dim=1)), array(torch.cat([torch.cat(own, dim=1), textures.texels]))
 
 
 def surfaces_of(vertices: Vertices) -> np.ndarray:

@@ -11,14 +11,13 @@ import torch
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
-from tracer.scene.material import MaterialTable
+from tracer.scene.material import COLUMNS, MaterialTable
 
 BRICK = 16
 REACHES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # that are told apart; each at most twice the one before
 PART = 1024  # bricks at a time
 (MASK, MATERIAL, INDEX, NX, NY, NZ, LOW, HIGH, ORIGIN) = (0, 1, 2, 3, 4, 5, 6, 9, 12)
 """Columns of `Grids.entries`; the last three begin triples."""
-COLUMNS_OF_TABLE = ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -88,7 +87,8 @@ def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> G
     bricks, indices, rows, labels = [], [], [], list[str]()
     for world, mask, name in zip(worlds, masks, names, strict=True):
         grid, table = world.grid, world.materials
-        same_table = tuple(id(getattr(table, key)) for key in COLUMNS_OF_TABLE)
+        columns = [getattr(table, key) for key in COLUMNS]
+        same_table = tuple(map(id, [*columns, None if table.textures is None else table.textures.faces]))
         same_voxels = (id(world.bricks), id(world.index))
         if same_table not in offsets:
             offsets[same_table] = len(labels) - 1 if tables else 0
@@ -103,7 +103,7 @@ def join(worlds: Sequence[Any], masks: Sequence[int], names: Sequence[str]) -> G
             indices.append(torch.where(grid.index > 0, grid.index + first, grid.index).flatten())
         offset, place = offsets[same_table], stored[same_voxels]
         rows.append([mask, offset, place, *grid.index.shape, *grid.low, *grid.high, *world.origin])
-    materials = _merge(tables, labels)
+    materials = MaterialTable.joined(tables, labels) if len(tables) > 1 else tables[0]
     return Grids(
         bricks=torch.cat(bricks).contiguous() if len(bricks) > 1 else bricks[0].contiguous(),
         index=torch.cat(indices).contiguous(),
@@ -123,13 +123,6 @@ def _labels(table: MaterialTable, name: str, taken: Sequence[str]) -> list[str]:
         used.add(unique)
         labels.append(unique)
     return labels
-
-
-def _merge(tables: Sequence[MaterialTable], names: Sequence[str]) -> MaterialTable:
-    if len(tables) == 1:
-        return tables[0]
-    columns = {key: torch.cat([getattr(t, key)[min(i, 1) :] for i, t in enumerate(tables)]) for key in COLUMNS_OF_TABLE}
-    return MaterialTable(names=tuple(names), **columns)
 
 
 def with_cubes(bricks: Tensor) -> Tensor:

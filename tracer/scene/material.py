@@ -10,8 +10,11 @@ import torch
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
+from tracer.scene.textures import Textures
 
 RGB = tuple[float, float, float]
+COLUMNS = ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
+"""The tensors of a `MaterialTable`, a row for each material."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +67,8 @@ class MaterialTable:
         opacity: ``(M,)``.
         tint: ``(M, 3)`` transmitted share per world unit.
         variation: ``(M,)`` relative.
+        textures: of their faces; they take the place of albedo, roughness, metallic and emission where a face has one.
+            The emission of the material is then their mean, by which its voxels light others.
     """
 
     names: tuple[str, ...]
@@ -74,6 +79,7 @@ class MaterialTable:
     opacity: Tensor
     tint: Tensor
     variation: Tensor
+    textures: Textures | None = None
 
     @staticmethod
     def of(materials: Sequence[Material]) -> MaterialTable:
@@ -90,11 +96,21 @@ class MaterialTable:
             )
         if len(rows) > 32767:
             raise ValueError(f"at most 32766 materials fit int16 voxel ids, got {len(materials)}")
-        columns = {
-            key: torch.tensor([getattr(m, key) for m in rows], dtype=torch.float32)
-            for key in ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
-        }
+        columns: dict[str, Any] = {}
+        for key in COLUMNS:
+            columns[key] = torch.tensor([getattr(m, key) for m in rows], dtype=torch.float32)
         return MaterialTable(names=names, **columns)
+
+    @staticmethod
+    def joined(tables: Sequence[MaterialTable], names: Sequence[str]) -> MaterialTable:
+        """Tables in one: the rows of the first, and those of each other without its air. ``names`` are of all rows."""
+        pairs = [(table, min(number, 1)) for number, table in enumerate(tables)]
+        columns = {key: torch.cat([getattr(table, key)[first:] for table, first in pairs]) for key in COLUMNS}
+        textures = None
+        if any(table.textures is not None for table in tables):
+            own = [(table.textures or Textures.none(len(table), table.albedo), first) for table, first in pairs]
+            textures = Textures.joined([Textures(faces=t.faces[first:], texels=t.texels) for t, first in own])
+        return MaterialTable(names=tuple(names), textures=textures, **columns)
 
     def __len__(self) -> int:
         return len(self.names)

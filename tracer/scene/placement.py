@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tracer.scene.cells import Cells, Ids, cells_of_world, world_of_cells
@@ -137,13 +136,9 @@ def _ground(low: Cells, high: Cells, reach: int, thickness: int) -> tuple[Cells,
 
 
 def _joined(first: MaterialTable, second: MaterialTable) -> MaterialTable:
-    """Two tables in one: the second's rows follow without its air, and are renamed where a name is taken."""
-    columns = {
-        key: torch.cat([getattr(first, key).cpu(), getattr(second, key)[1:]])
-        for key in ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
-    }
+    """Two tables in one: the second's rows are renamed where a name is taken."""
     names = [name if name not in first.names else f"{name} of placement" for name in second.names[1:]]
-    return MaterialTable(names=(*first.names, *names), **columns)
+    return MaterialTable.joined([first.to("cpu"), second], (*first.names, *names))
 
 
 def _turned(v: Vector, angle: float) -> Vector:

@@ -43,9 +43,16 @@ class Hits:
     face: Tensor
     back_face: Tensor
 
-    def uv(self) -> Tensor:
-        """``(..., 2)`` in [0, 1]: the hit point on the face, along the grid's two other axes in order."""
+    def uv(self, scales: Tensor | None = None) -> Tensor:
+        """``(..., 2)`` in [0, 1]: the hit point on the face, along the grid's two other axes in order.
+
+        Args:
+            scales: ``(...)`` world units a voxel, for the face of the world unit that the voxel is part of.
+        """
         inner = (self.local - self.cell).clamp(0.0, 1.0)
+        if scales is not None:
+            begin = self.cell * scales[..., None]
+            inner = (begin - begin.floor() + inner * scales[..., None]).clamp(0.0, 1.0)
         axis = self.face.long() // 2
         first, second = torch.where(axis == 0, 1, 0), torch.where(axis == 2, 1, 2)
         return inner.gather(-1, torch.stack([first, second], dim=-1))

@@ -25,8 +25,8 @@ WORLDS: Mapping[str, Callable[..., Scene]] = MappingProxyType({"valley": valley,
 """Built-in worlds by name; each takes ``seed``. The first is the default."""
 
 
-def _blocks(path: Path, **part: Any) -> Scene:
-    blocks = read_minecraft(path, Selection(**part))
+def _blocks(path: Path, pack: str | PathLike[str] | None = None, **part: Any) -> Scene:
+    blocks = read_minecraft(path, Selection(**part), pack)
     return landscape(blocks.world, blocks.instances)
 
 
@@ -42,6 +42,7 @@ def load(
     box: tuple[int, int, int, int, int, int] | None = None,
     around: tuple[int, int] | None = None,
     chunks: int | None = None,
+    pack: str | PathLike[str] | None = None,
 ) -> Scene:
     """A built-in world by its name, or a file's by its path: MagicaVoxel, Minecraft Java, or a schematic.
 
@@ -51,9 +52,10 @@ def load(
         box: of a Minecraft world, the blocks from x0, y0, z0 up to x1, y1, z1, these not included.
         around: of a Minecraft world, the place x, z round which chunks are taken.
         chunks: how many along each side; by default all of a region file, and 24 of a save, round its player.
+        pack: of a Minecraft world or a schematic, the jar, zip or folder of a resource pack with textures.
 
     Raises:
-        ValueError: neither a name nor a path of such a file, the file is broken, or a part was asked of another world.
+        ValueError: neither a name nor a path of such a file, a file is broken, or a part was asked of another world.
         FileNotFoundError: there is no such file.
     """
     name, part = fspath(name_or_path), {"box": box, "around": around, "chunks": chunks}
@@ -63,10 +65,13 @@ def load(
         if any(choice is not None for choice in part.values()):
             raise ValueError(f"box, around and chunks are for Minecraft regions and saves; leave them out for {name}")
         part = {}
+    textured = read is not None and read is not load_vox_scene and name not in builtins
+    if pack is not None and not textured:
+        raise ValueError(f"pack is for Minecraft worlds and schematics; leave it out for {name}")
     if name in builtins:
         return builtins[name]()
     if read is None:
         raise ValueError(no_world(name, builtins, FORMATS))
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {', '.join(builtins)}")
-    return read(path, **part)
+    return read(path, **part, pack=pack) if textured else read(path)

@@ -65,6 +65,8 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
         36 s) and ``flight`` (a round over the land, 48 s).
     """
     ground = _map_of(world)
+    for instance in instances:
+        _raise(ground, instance)
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
     return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=views)
 
@@ -87,6 +89,25 @@ def _map_of(world: World) -> _Map:
         x0=world.origin[0],
         z0=world.origin[2],
     )
+
+
+def _raise(ground: _Map, shapes: Instance) -> None:
+    """Raise a map to the blocks of an instance that fill their upper side, as leaves do and plants do not."""
+    model, side = shapes.model, round(1 / shapes.scale)
+    bricks, index, each = model.bricks.cpu().numpy(), model.index.cpu().numpy(), BRICK // side
+    upper = bricks[:, :, side - 1 :: side].reshape(-1, each, side, each, each, side)  # x, y in blocks, z
+    filled, kind = (upper > 0).mean(axis=(2, 5)) >= 0.5, upper.max(axis=(2, 5))
+    cells = np.argwhere(index > 0)
+    which = index[tuple(cells.T)]
+    n, i, j, k = np.nonzero(filled[which])
+    x, y, z = ((np.array(model.origin) + BRICK * cells[n]) // side + np.stack([i, j, k], axis=1)).T
+    inside = (x >= ground.x0) & (x < ground.x0 + len(ground.top)) & (z >= ground.z0)
+    inside &= z < ground.z0 + ground.top.shape[1]
+    upward = np.flatnonzero(inside)[np.argsort(y[inside], kind="stable")]  # what is higher is written later
+    a, b, height = x[upward] - ground.x0, z[upward] - ground.z0, y[upward] + 1.0
+    higher = height > ground.top[a, b]
+    a, b = a[higher], b[higher]
+    ground.top[a, b], ground.kind[a, b] = height[higher], kind[which[n], i, j, k][upward[higher]]
 
 
 def _best(ground: _Map) -> View:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.sections import Section
 from tracer.formats.minecraft.shapes import SIDE
 from tracer.formats.minecraft.states import GROUPS, States
@@ -31,11 +32,13 @@ class Blocks:
         world: the blocks that are cubes, and the water that others stand in.
         shaped: the others, at eight voxels a block, over the world; None where all are cubes.
         unknown: names of blocks that the colour table does not know.
+        untextured: names of blocks that the pack has no texture of.
     """
 
     world: World
     shaped: Instance | None
     unknown: tuple[str, ...]
+    untextured: tuple[str, ...] = ()
 
     @property
     def instances(self) -> tuple[Instance, ...]:
@@ -45,10 +48,10 @@ class Blocks:
 
 @final
 class Builder:
-    """Collects sections and makes voxels of them, once."""
+    """Collects sections and makes voxels of them, once; with the textures of a pack, if one is given."""
 
-    def __init__(self) -> None:
-        self._states = States()
+    def __init__(self, pack: Pack | None = None) -> None:
+        self._states = States(pack)
         self._bricks: list[NDArray[np.int16]] = [np.zeros((BRICK,) * 3, np.int16)]
         self._uniform: dict[int, int] = {0: 0}
         self._places: dict[Cell, int] = {}
@@ -99,7 +102,12 @@ class Builder:
             origin=_triple(low * BRICK),
             materials=materials,
         )
-        return Blocks(world=world, shaped=self._instance(materials), unknown=tuple(sorted(self._states.unknown)))
+        return Blocks(
+            world=world,
+            shaped=self._instance(materials),
+            unknown=tuple(sorted(self._states.unknown)),
+            untextured=self._states.untextured,
+        )
 
     def _uniformly(self, number: int) -> int:
         if number not in self._uniform:

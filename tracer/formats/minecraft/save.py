@@ -12,6 +12,8 @@ import numpy as np
 
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.nbt import part, read_nbt
+from tracer.formats.minecraft.pack.archive import PackError
+from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.region import NAME, Place, Region
 from tracer.formats.minecraft.sections import Section, sections
 
@@ -71,7 +73,9 @@ class Selection:
         return all(a <= p < b for a, p, b in zip(low, place, high, strict=True))
 
 
-def read_minecraft(path: str | PathLike[str], selection: Selection | None = None) -> Blocks:
+def read_minecraft(
+    path: str | PathLike[str], selection: Selection | None = None, pack: str | PathLike[str] | None = None
+) -> Blocks:
     """The blocks of a region file (``.mca``) or of a save folder.
 
     Chunks that are missing are empty. Damaged ones are left out, and a warning names them.
@@ -79,6 +83,7 @@ def read_minecraft(path: str | PathLike[str], selection: Selection | None = None
     Args:
         path: of the file, or of a folder with region files in it or in its ``region``.
         selection: which part; by default all of a region file, and of a save what is round its player.
+        pack: a resource pack with textures; see `tracer.formats.minecraft.pack.pack.Pack` for its errors.
 
     Raises:
         ValueError: no region file, nothing but air, or all chunks damaged; names the file and what to do.
@@ -91,13 +96,15 @@ def read_minecraft(path: str | PathLike[str], selection: Selection | None = None
         raise ValueError(f"{path} holds no chunks")
     everything = path.is_file() and chosen == Selection()
     low, high = ((-FURTHEST,) * 2, (FURTHEST,) * 2) if everything else chosen.chunk_range(_middle(path, there))
-    builder, damaged, found = Builder(), list[str](), 0
+    builder, damaged, found = Builder(None if pack is None else Pack(pack)), list[str](), 0
     for region in regions:
         for place in region.sectors:
             if all(a <= p < b for a, p, b in zip(low, place, high, strict=True)):
                 found += 1
                 try:
                     _add(builder, region, place, chosen.box)
+                except PackError:
+                    raise
                 except ValueError as error:
                     damaged.append(f"chunk {place[0]},{place[1]} of {region.path.name}: {error}")
     if not found:
@@ -121,10 +128,12 @@ def _finished(path: Path, builder: Builder, damaged: list[str], found: int) -> B
 
 
 def tell_unknown(path: Path, blocks: Blocks) -> None:
-    """Warn of blocks that the colour table does not know."""
-    if blocks.unknown:
-        names = ", ".join(blocks.unknown[:8]) + (", ..." if len(blocks.unknown) > 8 else "")
-        warnings.warn(f"{path}: {len(blocks.unknown)} unknown blocks are drawn grey: {names}", stacklevel=4)
+    """Warn of blocks that the colour table does not know, and of those that the pack has no texture of."""
+    what = {"unknown blocks are drawn grey": blocks.unknown, "blocks have no texture in the pack": blocks.untextured}
+    for told, found in what.items():
+        if found:
+            names = ", ".join(found[:8]) + (", ..." if len(found) > 8 else "")
+            warnings.warn(f"{path}: {len(found)} {told}: {names}", stacklevel=4)
 
 
 def region_files(path: Path) -> list[Path]:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.legacy import AIR, legacy_state
 from tracer.formats.minecraft.nbt import Tags, part, read_nbt
+from tracer.formats.minecraft.pack.archive import PackError
+from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.save import tell_unknown
 from tracer.formats.minecraft.sections import Section
 from tracer.scene.grids import BRICK
@@ -25,20 +27,20 @@ BIOME = ("minecraft:plains",)
 Numbers = NDArray[np.int32]
 
 
-def load_schematic(path: str | PathLike[str]) -> Scene:
+def load_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None = None) -> Scene:
     """A schematic on ground under the sky; see `read_schematic` for errors, and `tracer.scene.placement.place`."""
-    blocks = read_schematic(path)
+    blocks = read_schematic(path, pack)
     return replace(place(blocks.world), instances=blocks.instances)
 
 
-def read_schematic(path: str | PathLike[str]) -> Blocks:
-    """The blocks of a schematic, its low corner at the origin.
+def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None = None) -> Blocks:
+    """The blocks of a schematic, its low corner at the origin, with the textures of a ``pack`` if one is given.
 
     Raises:
         ValueError: damaged, of an unknown version, too large, or nothing but air; names the file.
         FileNotFoundError: there is no such file.
     """
-    path = Path(path)
+    path, builder = Path(path), Builder(None if pack is None else Pack(pack))
     try:
         root = root_of(path)
         sides = [int(part(root, side, int)) & 0xFFFF for side in ("Height", "Length", "Width")]
@@ -46,7 +48,9 @@ def read_schematic(path: str | PathLike[str]) -> Blocks:
         if not 0 < volume <= MAX_BLOCKS:
             raise ValueError(f"it must have 1 to {MAX_BLOCKS} blocks, got {sides[2]} x {sides[0]} x {sides[1]}")
         states, numbers = _sponge(root, volume) if "Version" in root else _mcedit(root, volume)
-        blocks = _built(states, numbers.reshape(sides))
+        blocks = _built(builder, states, numbers.reshape(sides))
+    except PackError:
+        raise
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     tell_unknown(path, blocks)
@@ -108,10 +112,10 @@ def _mcedit(root: Tags, volume: int) -> tuple[list[str], Numbers]:
     return [legacy_state(int(n) >> 4, int(n) & 15) for n in used], which.astype(np.int32)
 
 
-def _built(states: list[str], blocks: Numbers) -> Blocks:
+def _built(builder: Builder, states: list[str], blocks: Numbers) -> Blocks:
     """Blocks in the order y, z, x, cut into sections and filled up with air."""
     padded = np.pad(blocks, [(0, -side % BRICK) for side in blocks.shape], constant_values=len(states))
-    names, builder = [*states, AIR], Builder()
+    names = [*states, AIR]
     for y, z, x in np.ndindex(*(side // BRICK for side in padded.shape)):
         cut = padded[tuple(slice(BRICK * n, BRICK * (n + 1)) for n in (y, z, x))]
         used, which = np.unique(cut, return_inverse=True)

@@ -86,6 +86,28 @@ def _blossoms() -> Mask:
     return _crossed(0, 8) & (y >= 2) & ((x + 2 * y) % 3 > 0)
 
 
+def is_plant(name: str) -> bool:
+    """Whether a block is two upright pictures that cross."""
+    plant = PLANTS.fullmatch(name) is not None and name not in SOLID_STEMS
+    return plant or GREEN_STALK.fullmatch(name) is not None or name in TALL_FLOWERS
+
+
+def cut_out(solid: Mask, *, crossed: bool) -> Mask:
+    """The shape of a picture with holes: of two that cross, or of a hollow cube.
+
+    Args:
+        solid: ``(6, 8, 8)`` where each face is there; see `tracer.formats.minecraft.pack.pack.Dressed`.
+        crossed: whether it is a plant.
+    """
+    x, y, z = np.indices((SIDE,) * 3)
+    if crossed:
+        return ((x == z) | (x == SIDE - 1 - z)) & solid[5, y, x]
+    mask = np.zeros((SIDE,) * 3, bool)
+    for face, (place, row, column) in enumerate(((x, z, y), (x, z, y), (y, z, x), (y, z, x), (z, y, x), (z, y, x))):
+        mask |= (place == (SIDE - 1) * (face % 2)) & solid[face, row, column]
+    return mask
+
+
 def _plant(name: str) -> Shape:
     return ((name, _crossed(0, 8 if name.startswith(("tall", "large", "sugar", "kelp", "cob")) else 6)),)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import final
 
 import numpy as np
@@ -10,10 +12,12 @@ from numpy.typing import NDArray
 
 from tracer.formats.minecraft import shapes
 from tracer.formats.minecraft.colors import known, material, table, tint_kind
+from tracer.formats.minecraft.pack.pack import NONE, Dressed, Faces, Pack
 from tracer.formats.minecraft.sections import Section
 from tracer.scene.grids import BRICK
 from tracer.scene.material import Material, MaterialTable
 
+NOTHING_TOLD: Mapping[str, str] = MappingProxyType({})
 WET = ("seagrass", "tall_seagrass", "kelp", "kelp_plant", "bubble_column")
 GROUPS = BRICK // 2  # of 2 x 2 x 2 blocks, along a section
 
@@ -36,12 +40,18 @@ class Voxels:
 
 @final
 class States:
-    """Gives numbers to block states in the order in which they come; numbers that are given stay."""
+    """Gives numbers to block states in the order in which they come; numbers that are given stay.
 
-    def __init__(self) -> None:
+    Args:
+        pack: whose textures they have, if any.
+    """
+
+    def __init__(self, pack: Pack | None = None) -> None:
         self.unknown: set[str] = set()
+        self._pack = pack
         self._materials: dict[str, Material] = {}
-        self._numbers: dict[str, int] = {}
+        self._faces: list[Faces] = []
+        self._numbers: dict[tuple[str, Faces], int] = {}
         self._rows: dict[tuple[str, str], tuple[int, int]] = {}
         self._kinds: list[NDArray[np.int16]] = [np.zeros((shapes.SIDE,) * 3, np.int16)]
         self._kind_of: dict[bytes, int] = {}
@@ -51,7 +61,13 @@ class States:
 
     def materials(self) -> MaterialTable:
         """What the voxel ids mean."""
-        return MaterialTable.of(list(self._materials.values()))
+        table = MaterialTable.of(list(self._materials.values()))
+        return table if self._pack is None else replace(table, textures=self._pack.textures(self._faces))
+
+    @property
+    def untextured(self) -> tuple[str, ...]:
+        """Names of blocks that the pack has no texture of."""
+        return () if self._pack is None else tuple(sorted(self._pack.missing))
 
     def voxels(self, section: Section, keep: tuple[slice, slice, slice] | None = None) -> Voxels:
         """A section as voxels; ``keep`` says which of its blocks, in the order x, y, z, by default all."""
@@ -80,35 +96,57 @@ class States:
 
     def _made(self, state: str, biome: str) -> tuple[int, int]:
         name, told = shapes.parse_state(state)
+        block = name
         wet = name in WET or told.get("waterlogged") == "true"
         if shapes.is_nothing(name) or name == "bubble_column":
-            return (self._number("water", biome) if wet else 0), 0
+            return (self._number("water", biome, "water") if wet else 0), 0
         if told.get("lit") == "true" and f"lit_{name}" in table()["emission"]:
             name = f"lit_{name}"
-        try:
-            parts = shapes.shape_of(name, told)
-        except (ValueError, KeyError):  # properties that no game writes
-            parts = None
+        parts = self._parts(name, block, told, biome)
         if parts is None:
-            return self._number(name, biome), 0
+            return self._number(name, biome, block, told), 0
         voxels = np.zeros((shapes.SIDE,) * 3, np.int16)
         for part, mask in parts:
-            voxels[mask] = self._number(part, biome)
+            voxels[mask] = self._number(part, biome, block if part == name else None, told)
         key = voxels.tobytes()
         if key not in self._kind_of:
             self._kind_of[key] = len(self._kinds)
             self._kinds.append(voxels)
-        return (self._number("water", biome) if wet else 0), self._kind_of[key]
+        return (self._number("water", biome, "water") if wet else 0), self._kind_of[key]
 
-    def _number(self, name: str, biome: str) -> int:
-        """The voxel id of a block's material."""
-        if not known(name) and name not in table()["emission"]:
+    def _parts(self, name: str, block: str, told: Mapping[str, str], biome: str) -> shapes.Shape | None:
+        """The shape of a block, or None for a cube; plants and leaves have that of their picture, if they have one."""
+        try:
+            parts = shapes.shape_of(name, told)
+        except (ValueError, KeyError):  # properties that no game writes
+            parts = None
+        plant = shapes.is_plant(name)
+        if plant or parts is None:
+            dressed = self._dressed(name, biome, block, told)
+            if dressed.solid is not None and dressed.material.opacity == 1.0:
+                return ((name, shapes.cut_out(dressed.solid, crossed=plant)),)
+        return parts
+
+    def _number(self, name: str, biome: str, block: str | None, told: Mapping[str, str] = NOTHING_TOLD) -> int:
+        """The voxel id of a material; ``block`` is the block whose texture it has, if any."""
+        dressed = self._dressed(name, biome, block, told)
+        if dressed.faces == NONE and not known(name) and name not in table()["emission"]:
             self.unknown.add(name)
-        made = material(name, biome.rpartition(":")[2] if tint_kind(name) else "")
-        if made.name not in self._numbers:
-            self._numbers[made.name] = len(self._materials) + 1
-            self._materials[made.name] = made
-        return self._numbers[made.name]
+        made, key = dressed.material, (dressed.material.name, dressed.faces)
+        if key not in self._numbers:
+            self._numbers[key] = len(self._materials) + 1
+            label = made.name if made.name not in self._materials else f"{made.name}, {len(self._materials)}"
+            self._materials[label] = replace(made, name=label)
+            self._faces.append(dressed.faces)
+        return self._numbers[key]
+
+    def _dressed(self, name: str, biome: str, block: str | None, told: Mapping[str, str]) -> Dressed:
+        """The material of a block, with textures where there is a pack."""
+        biome = biome.rpartition(":")[2] if tint_kind(name) else ""
+        plain = material(name, biome)
+        if self._pack is None or block is None:
+            return Dressed(material=plain)
+        return self._pack.dress(plain, block, told, biome)
 
 
 def _grouped(kind: NDArray[np.uint16]) -> tuple[NDArray[np.int64], NDArray[np.uint16]]:

@@ -1,0 +1,347 @@
+"""Resource packs: which texture lies how on which face, its maps, its tint, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zipfile
+import zlib
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from pack_writer import JAVA, flat, json_files, png, textures, write_pack
+
+from tracer.formats.minecraft.build import Builder
+from tracer.formats.minecraft.colors import material, tint_of
+from tracer.formats.minecraft.pack.pack import Pack
+from tracer.formats.minecraft.sections import Section
+from tracer.scene.material import MaterialTable
+from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
+from tracer.worlds.landscape import landscape
+
+FACES = ("west", "east", "down", "up", "north", "south")
+A, B, C, D = 188, 137, 99, 0  # sRGB of 0.5, 0.25, about 0.125 and 0: from left to right, then downward
+CORNERS = np.array([[A, B], [C, D]], np.uint8)[..., None].repeat(3, axis=-1)
+LOOK = {  # as the game draws it: which of x, y, z a picture's right and down are, and whether they fall
+    "up": ((0, False), (2, False)),
+    "down": ((0, False), (2, True)),
+    "south": ((0, False), (1, True)),
+    "north": ((0, True), (1, True)),
+    "west": ((2, False), (1, True)),
+    "east": ((2, True), (1, True)),
+}
+
+
+def table_of(pack: Path, *states: str, biome: str = "plains") -> tuple[MaterialTable, torch.Tensor]:
+    """The materials of blocks with a pack, and their numbers in the order of ``states``."""
+    builder, blocks = Builder(Pack(pack)), np.zeros(4096, np.int64)
+    blocks[:: 4096 // 16][: len(states)] = np.arange(1, len(states) + 1)  # along y, apart
+    given = ("minecraft:air", *(f"minecraft:{state}" for state in states))
+    builder.add(0, 0, Section(y=0, states=given, blocks=blocks, biomes=(biome,), biome=None))
+    world = builder.build().world
+    return world.materials, world.at(torch.tensor([[0, y, 0] for y in range(len(states))])).long()
+
+
+def tile(table: MaterialTable, number: Any, face: str) -> torch.Tensor:
+    """``(S, S, 10)`` texels of a face; rows go along its second axis."""
+    assert table.textures is not None
+    first, side = table.textures.faces[int(number), FACES.index(face)].tolist()
+    return table.textures.texels[first : first + side * side].view(side, side, -1)
+
+
+def at(table: MaterialTable, number: Any, face: str, place: tuple[float, float, float]) -> torch.Tensor:
+    """The texel at a place on a face of a block."""
+    own, axis = tile(table, number, face), FACES.index(face) // 2
+    column, row = (int(place[k] * len(own)) for k in range(3) if k != axis)
+    return own[row, column]
+
+
+def seen_from_outside(table: MaterialTable, number: Any, face: str) -> list[list[float]]:
+    """Albedo at the four corners of a face, as the game's viewer sees them: rows from the top, from left to right."""
+    (right, mirrored), (down, flipped) = LOOK[face]
+    rows = []
+    for t in (0.25, 0.75):
+        row = []
+        for s in (0.25, 0.75):
+            place = [0.0, 0.0, 0.0]
+            place[right], place[down] = 1 - s if mirrored else s, 1 - t if flipped else t
+            row.append(round(float(at(table, number, face, (place[0], place[1], place[2]))[COLOR]), 2))
+        rows.append(row)
+    return rows
+
+
+UPRIGHT = [[0.5, 0.25], [0.12, 0.0]]
+
+
+@pytest.mark.parametrize("where", ["pack.zip", "pack", "pack.jar"])
+def test_pictures_stand_upright_on_every_side(tmp_path: Path, where: str):
+    table, (number,) = table_of(write_pack(tmp_path / where, textures(stone=CORNERS)), "stone")
+    for face in FACES:
+        assert seen_from_outside(table, number, face) == UPRIGHT, face
+
+
+def test_logs_lie_along_their_axis(tmp_path: Path):
+    """By names alone: the bark's picture, which stands upright on a tree, points along the axis."""
+    pack = write_pack(tmp_path / "a.zip", textures(oak_log=CORNERS, oak_log_top=flat(A, A, A)))
+    table, (up, x, z) = table_of(pack, "oak_log[axis=y]", "oak_log[axis=x]", "oak_log[axis=z]")
+    for number, ends in ((up, ("up", "down")), (x, ("east", "west")), (z, ("north", "south"))):
+        whole = {face: len(set(tile(table, number, face)[..., COLOR].flatten().tolist())) == 1 for face in FACES}
+        assert {face for face, one in whole.items() if one} == set(ends)
+    assert seen_from_outside(table, up, "south") == UPRIGHT
+    above = [[float(at(table, x, "up", (a, 1.0, b))[COLOR]) for a in (0.25, 0.75)] for b in (0.25, 0.75)]
+    columns = {round(sum(pair), 2) for pair in zip(*above, strict=True)}
+    assert columns == {0.75, 0.12}, "the picture's rows must lie across x"
+
+
+CUBE = {"from": [0, 0, 0], "to": [16, 16, 16]}
+
+
+def test_models_follow_parents_references_uv_and_rotation(tmp_path: Path):
+    faces: dict[str, Any] = {face: {"texture": "#around"} for face in FACES}
+    faces["up"] = {"texture": "#lid", "rotation": 90}
+    faces["north"] = {"texture": "#lid", "uv": [16, 0, 0, 16]}
+    pack = write_pack(
+        tmp_path / "a.zip",
+        textures(side=flat(B, B, B), lid=CORNERS)
+        | json_files(
+            models__block__base={"elements": [{**CUBE, "faces": faces}], "textures": {"around": "block/lid"}},
+            models__block__child={"parent": "block/base", "textures": {"lid": "#real", "around": "block/side"}},
+            models__block__barrel={"parent": "minecraft:block/child", "textures": {"real": "minecraft:block/lid"}},
+            blockstates__barrel={
+                "variants": {
+                    "facing=up": {"model": "block/barrel"},
+                    "facing=east": [{"model": "block/barrel", "y": 90}, {"model": "block/none"}],
+                    "facing=north": {"model": "block/barrel", "x": 90},
+                }
+            },
+        ),
+    )
+    table, (up, east, north) = table_of(pack, *(f"barrel[facing={way}]" for way in ("up", "east", "north")))
+    turned, mirrored = [[0.12, 0.5], [0.0, 0.25]], [[0.25, 0.5], [0.0, 0.12]]
+    assert seen_from_outside(table, up, "up") == turned
+    assert seen_from_outside(table, up, "north") == mirrored
+    assert seen_from_outside(table, up, "south") == [[0.25, 0.25], [0.25, 0.25]]
+    assert seen_from_outside(table, east, "east") == mirrored, "y = 90 turns north to east"
+    assert seen_from_outside(table, east, "up") == [[0.0, 0.12], [0.25, 0.5]], "the lid turns with it"
+    assert seen_from_outside(table, north, "north") == [[0.25, 0.0], [0.5, 0.12]], "x = 90 turns up to north"
+
+
+def test_biomes_tint_what_is_grey(tmp_path: Path):
+    overlay = np.zeros((2, 2, 4), np.uint8)
+    overlay[0] = (A, A, A, 255)
+    pack = write_pack(
+        tmp_path / "a.zip",
+        textures(
+            grass_block_top=flat(A, A, A),
+            grass_block_side=flat(B, B, B),
+            grass_block_side_overlay=overlay,
+            stone=CORNERS,
+        )
+        | textures(dirt=flat(C, C, C), spruce_leaves=flat(A, A, A)),
+    )
+    for biome in ("plains", "desert"):
+        table, (grass, leaves) = table_of(pack, "grass_block", "spruce_leaves", biome=biome)
+        tint = torch.tensor(tint_of("grass", biome))
+        torch.testing.assert_close(at(table, grass, "up", (0.5, 1, 0.5))[:3], 0.5 * tint, atol=0.01, rtol=0)
+        torch.testing.assert_close(at(table, grass, "south", (0.5, 0.8, 1))[:3], 0.5 * tint, atol=0.01, rtol=0)
+        assert at(table, grass, "south", (0.5, 0.2, 1))[:3].tolist() == pytest.approx([0.25] * 3, abs=0.01)
+        assert at(table, grass, "down", (0.5, 0, 0.5))[:3].tolist() == pytest.approx([0.12] * 3, abs=0.01)
+        own = material("spruce_leaves", "").albedo
+        assert at(table, leaves, "up", (0.5, 1, 0.5))[:3].tolist() == pytest.approx(own, abs=0.01)
+
+
+def test_shaped_blocks_and_families_have_the_texture_of_what_they_are_made_of(tmp_path: Path):
+    pack = write_pack(tmp_path / "a.zip", textures(oak_planks=CORNERS, stone_bricks=flat(A, A, A)))
+    builder = Builder(Pack(pack))
+    states = ("minecraft:oak_stairs[facing=north]", "minecraft:stone_brick_slab[type=bottom]", "minecraft:torch")
+    blocks = np.arange(4096) % 3
+    builder.add(0, 0, Section(y=0, states=states, blocks=blocks, biomes=("plains",), biome=None))
+    built = builder.build()
+    textures_of = built.world.materials.textures
+    assert built.shaped is not None
+    assert textures_of is not None
+    has = dict(zip(built.world.materials.names, (textures_of.faces[..., 1] > 0).all(dim=1).tolist(), strict=True))
+    assert has["oak_stairs"]
+    assert has["stone_brick_slab"]
+    assert not has["stick"]
+    assert built.untextured == ()
+    assert built.shaped.model.materials is built.world.materials
+
+
+def test_what_has_no_texture_keeps_its_colour_and_is_told(tmp_path: Path):
+    builder = Builder(Pack(write_pack(tmp_path / "a.zip", textures(stone=CORNERS))))
+    blocks = np.arange(4096) % 2
+    builder.add(0, 0, Section(y=0, states=("stone", "gold_block"), blocks=blocks, biomes=("plains",), biome=None))
+    built = builder.build()
+    number = built.world.materials.id("gold_block")
+    assert built.untextured == ("gold_block",)
+    assert built.world.materials.albedo[number].tolist() == pytest.approx(material("gold_block", "").albedo)
+    assert built.world.materials.textures is not None
+    assert not built.world.materials.textures.faces[number].any()
+
+
+def test_lab_pbr(tmp_path: Path):
+    """Smoothness, metals from 230 on, emission up to 254 (255 is none), and normals that are x right and y down."""
+    normal = np.full((2, 2, 4), 255, np.uint8)
+    normal[..., 0], normal[..., 1] = 204, 166  # 0.6 rightward, 0.3 downward
+    lab = np.array([[[255, 10, 0, 255], [0, 229, 0, 254]], [[51, 230, 0, 127], [51, 255, 0, 0]]], np.uint8)
+    pack = write_pack(tmp_path / "a.zip", textures(stone=flat(A, A, A), stone_n=normal, stone_s=lab))
+    table, (number,) = table_of(pack, "stone")
+    top = tile(table, number, "up")  # rows along z, columns along x: as in the picture
+    torch.testing.assert_close(top[..., ROUGH], torch.tensor([[0.0, 1.0], [0.8, 0.8]]), atol=1e-3, rtol=0)
+    assert top[..., METAL].tolist() == [[0, 0], [1, 1]]
+    glow = top[..., GLOW]
+    assert glow[0, 0] == glow[1, 1] == 0
+    assert float(glow[0, 1]) == pytest.approx(2 * float(glow[1, 0]))
+    assert float(table.emission[number, 0]) == pytest.approx(float(glow.mean()), rel=1e-4), "voxels light by the mean"
+    tilts = {"up": (0.6, 0.3), "south": (0.6, -0.3), "north": (-0.6, -0.3), "east": (-0.3, -0.6), "west": (-0.3, 0.6)}
+    for face, tilt in tilts.items():
+        assert tile(table, number, face)[0, 0, TILT : TILT + 2].tolist() == pytest.approx(tilt, abs=0.01), face
+
+
+def test_bedrock_texture_sets(tmp_path: Path):
+    told = {"minecraft:texture_set": {"color": "stone", "metalness_emissive_roughness": "stone_mer"}}
+    files = {
+        "textures/blocks/stone.png": png(CORNERS),
+        "textures/blocks/stone_mer.png": png(flat(255, 51, 102)),
+        "textures/blocks/stone.texture_set.json": json.dumps(told).encode(),
+    }
+    table, (number,) = table_of(write_pack(tmp_path / "a.zip", files), "stone")
+    texel = at(table, number, "up", (0.1, 1, 0.1))
+    assert texel[METAL] == 1
+    assert float(texel[ROUGH]) == pytest.approx(0.4)
+    assert float(texel[GLOW]) == pytest.approx(0.5 * 0.2 * 5.0, rel=0.02)
+
+
+def test_lamps_keep_their_power(tmp_path: Path):
+    """A lamp sends as much light with textures as without, but its dark texels less than its bright ones."""
+    table, (number,) = table_of(write_pack(tmp_path / "a.zip", textures(glowstone=CORNERS)), "glowstone")
+    assert table.emission[number].tolist() == pytest.approx(material("glowstone", "").emission, rel=1e-4)
+    glow = tile(table, number, "up")[..., GLOW]
+    assert float(glow[0, 0]) > 1.5 * float(glow[0, 1]) > 0
+
+
+def test_animations_show_their_first_frame_and_holes_the_mean_colour(tmp_path: Path):
+    frames = np.concatenate([flat(A, A, A, 255), flat(0, 0, 0, 255), flat(0, 0, 0, 255)])
+    frames[1, 1] = 0
+    table, _ = table_of(write_pack(tmp_path / "a.zip", textures(stone=frames)), "stone")
+    assert tile(table, table.id("stone"), "up")[..., COLOR].flatten().tolist() == pytest.approx([0.5] * 4, abs=0.01)
+
+
+def test_cutouts_are_seen_through(tmp_path: Path):
+    """Leaves are hollow, with the holes of their picture; plants are two pictures that cross; glass stays whole."""
+    leaves, plant = np.full((16, 16, 4), 255, np.uint8), np.zeros((16, 16, 4), np.uint8)
+    leaves[4:8, 2:6], plant[8:, 6:10] = 0, 255
+    pack = Pack(write_pack(tmp_path / "a.zip", textures(oak_leaves=leaves, poppy=plant, glass=leaves)))
+    builder, states = Builder(pack), ("air", "oak_leaves", "poppy", "glass")
+    blocks = np.zeros(4096, np.int64)
+    blocks[[0, 2, 4]] = 1, 2, 3
+    builder.add(0, 0, Section(y=0, states=states, blocks=blocks, biomes=("plains",), biome=None))
+    built = builder.build()
+    assert built.shaped is not None
+    place = torch.stack(torch.meshgrid(*[torch.arange(8)] * 3, indexing="ij"), dim=-1)
+    hollow = built.shaped.model.at(place) > 0
+    front = torch.ones(8, 8, dtype=torch.bool)
+    front[1:3, 4:6] = False  # as x, y from below: the picture's rows 4 to 8, its columns 2 to 6
+    assert torch.equal(hollow[:, :, 7], front)
+    assert torch.equal(hollow[:, :, 0], front.flip(0))
+    assert not hollow[1:7, 1:7, 1:7].any()
+    crossed = built.shaped.model.at(place + torch.tensor([16, 0, 0])) > 0
+    assert crossed.nonzero().tolist() == [[x, y, z] for x in (3, 4) for y in range(4) for z in (3, 4)]
+    assert built.world.at(torch.tensor([[0, 0, 0], [2, 0, 0]])).tolist() == [0, 0]
+    assert int(built.world.at(torch.tensor([4, 0, 0]))) == built.world.materials.id("glass")
+
+
+def test_views_are_the_same_over_leaves_with_holes(tmp_path: Path):
+    """They are found on a map of heights, which leaves belong to, with holes or without."""
+    leaves = np.full((16, 16, 4), 255, np.uint8)
+    leaves[4:8, 2:8] = 0
+    pack, views = write_pack(tmp_path / "a.zip", textures(oak_leaves=leaves)), []
+    blocks = np.zeros((16, 16, 16), np.int64)  # y, z, x
+    blocks[0], blocks[7:10, 3:9, 4:12], blocks[1, 12] = 1, 2, 3
+    for own in (None, Pack(pack)):
+        builder = Builder(own)
+        states = ("air", "stone", "oak_leaves", "poppy")
+        builder.add(0, 0, Section(y=2, states=states, blocks=blocks.reshape(-1), biomes=("plains",), biome=None))
+        built = builder.build()
+        views.append(landscape(built.world, built.instances).views)
+    assert built.world.at(torch.tensor([5, 40, 5])) == 0
+    for name in views[0]:
+        for time in (0.0, 7.0):
+            assert views[0][name].eye(time) == pytest.approx(views[1][name].eye(time)), name
+
+
+def claimed(width: int, height: int) -> bytes:
+    """A PNG that claims a size and holds nothing."""
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(b"\0")), (b"IEND", b""))
+    parts = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+
+
+STONE = f"{JAVA}textures/block/stone.png"
+CIRCLE = {"blockstates__stone": {"variants": {"": {"model": "block/a"}}}, "models__block__a": {"parent": "block/b"}}
+WRONG: dict[str, dict[str, bytes]] = {
+    "has no textures of blocks": {"pack.mcmeta": b"{}", f"{JAVA}textures/item/stick.png": b""},
+    "leads out of it": {STONE: png(CORNERS), "../stone.png": b""},
+    "stone.png is damaged": {STONE: png(CORNERS)[:45]},
+    "3600000000 pixels": {STONE: claimed(60000, 60000)},
+    "claims 16 x 4000000": {STONE: claimed(16, 4000000)},
+    "round in a circle": {STONE: png(CORNERS), **json_files(**CIRCLE, models__block__b={"parent": "block/a"})},
+    "not a JSON object": {STONE: png(CORNERS), f"{JAVA}blockstates/stone.json": b"[" * 100000},
+    "unpacks to more": {STONE: bytes(1 << 25)},
+}
+
+
+@pytest.mark.parametrize("message", WRONG)
+def test_bad_packs_are_refused_in_one_line(tmp_path: Path, message: str):
+    pack = write_pack(tmp_path / "a.zip", WRONG[message])
+    with pytest.raises(ValueError, match=message) as refused:
+        table_of(pack, "stone")
+    assert "\n" not in str(refused.value)
+    assert str(pack) in str(refused.value)
+
+
+def test_damaged_archives_are_refused(tmp_path: Path):
+    whole = write_pack(tmp_path / "a.zip", textures(stone=np.random.default_rng(0).integers(0, 255, (16, 16, 3))))
+    data = whole.read_bytes()
+    for cut in (0, 10, len(data) // 2, len(data) - 5):
+        whole.write_bytes(data[:cut])
+        with pytest.raises(ValueError, match="truncated"):
+            Pack(whole)
+    for place in range(0, len(data), 7):
+        whole.write_bytes(data[:place] + bytes([data[place] ^ 0x41]) + data[place + 1 :])
+        with suppress(ValueError):  # and nothing else
+            table_of(whole, "stone")
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        Pack(tmp_path / "none.zip")
+
+
+def test_the_limit_counts_what_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    pack = write_pack(tmp_path / "a.zip", textures(stone=CORNERS, dirt=CORNERS.copy()))
+    bytes_of_one = len(png(CORNERS))
+    monkeypatch.setenv("GBUFRT_MAX_GB", str(1.5 * bytes_of_one / 2**30))
+    with pytest.raises(ValueError, match="GBUFRT_MAX_GB"):
+        table_of(pack, "stone", "dirt")
+
+
+def test_links_out_of_a_folder_are_not_followed(tmp_path: Path):
+    (tmp_path / "secret.png").write_bytes(png(flat(A, A, A)))
+    pack = write_pack(tmp_path / "pack", textures(dirt=CORNERS))
+    (pack / STONE).symlink_to(tmp_path / "secret.png")
+    builder = Builder(Pack(pack))
+    builder.add(0, 0, Section(y=0, states=("stone",), blocks=np.zeros(1, np.int64), biomes=("plains",), biome=None))
+    assert builder.build().untextured == ("stone",)
+
+
+def test_odd_names_stay_in_the_archive(tmp_path: Path):
+    """A model may name what it likes: it finds nothing outside the list of files."""
+    odd = {"variants": {"": {"model": "../../../etc/passwd"}}}
+    pack = write_pack(tmp_path / "a.zip", textures(stone=CORNERS) | json_files(blockstates__stone=odd))
+    assert zipfile.ZipFile(pack).namelist()
+    table, (number,) = table_of(pack, "stone")
+    assert seen_from_outside(table, number, "up") == UPRIGHT, "by its name"

@@ -1,0 +1,1 @@
+"""Resource packs: the textures of blocks, from a jar, a zip or a folder."""
