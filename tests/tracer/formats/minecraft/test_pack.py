@@ -17,6 +17,7 @@ from pack_writer import JAVA, flat, json_files, png, textures, write_pack
 
 from tracer.formats.minecraft.build import Builder
 from tracer.formats.minecraft.colors import material, tint_of
+from tracer.formats.minecraft.pack.archive import Archive
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.sections import Section
 from tracer.scene.material import MaterialTable
@@ -325,8 +326,12 @@ def test_the_limit_counts_what_is_unpacked(tmp_path: Path, monkeypatch: pytest.M
     pack = write_pack(tmp_path / "a.zip", textures(stone=CORNERS, dirt=CORNERS.copy()))
     bytes_of_one = len(png(CORNERS))
     monkeypatch.setenv("GBUFRT_MAX_GB", str(1.5 * bytes_of_one / 2**30))
+    archive = Archive(pack)
+    assert archive.read(STONE)
+    with pytest.raises(ValueError, match="left of the limit"):
+        archive.read(STONE.replace("stone", "dirt"))
     with pytest.raises(ValueError, match="GBUFRT_MAX_GB"):
-        table_of(pack, "stone", "dirt")
+        table_of(pack, "stone")
 
 
 def test_links_out_of_a_folder_are_not_followed(tmp_path: Path):
@@ -336,6 +341,32 @@ def test_links_out_of_a_folder_are_not_followed(tmp_path: Path):
     builder = Builder(Pack(pack))
     builder.add(0, 0, Section(y=0, states=("stone",), blocks=np.zeros(1, np.int64), biomes=("plains",), biome=None))
     assert builder.build().untextured == ("stone",)
+
+
+def deep(count: int) -> dict[str, Any]:
+    return {"facing": "up"} if count == 0 else {"OR": [deep(count - 1)]}
+
+
+ODD = {
+    "infinite turns": {"variants": {"": {"model": "block/odd", "x": float("inf"), "y": float("nan")}}},
+    "text for turns": {"variants": {"": {"model": "block/odd", "x": "90", "uvlock": 3}}},
+    "deep conditions": {"multipart": [{"when": deep(200), "apply": []}, {"when": deep(3), "apply": [[]]}]},
+    "no variants": {"variants": []},
+    "numbers": {"variants": {"": 7}},
+}
+
+
+@pytest.mark.parametrize("what", ODD)
+def test_odd_block_states_and_models_break_nothing(tmp_path: Path, what: str):
+    face = {"texture": "#a", "uv": [0, float("inf"), "x", 16], "rotation": float("nan")}
+    model = {"textures": {"a": "#b", "b": "#a", "c": "block/stone", "d": 5}, "elements": [7, {"from": 1, "faces": 2}]}
+    model["elements"] += [{"from": [0] * 3, "to": [0] * 3, "faces": {"up": face, "down": {**face, "texture": "#c"}}}]
+    pack = write_pack(
+        tmp_path / "a.zip", textures(stone=CORNERS) | json_files(blockstates__stone=ODD[what], models__block__odd=model)
+    )
+    table, (number,) = table_of(pack, "stone")
+    assert table.textures is not None
+    assert (table.textures.faces[number, :, 1] == 2).all()
 
 
 def test_odd_names_stay_in_the_archive(tmp_path: Path):

@@ -10,7 +10,7 @@ from typing import Any
 from tracer.formats.minecraft.colors import tint_kind
 from tracer.formats.minecraft.pack.archive import Archive, PackError
 
-MAX_DEPTH = 32  # parents, and names of textures that stand for one another
+MAX_DEPTH = 32  # of parents, of names of textures that stand for one another, and of conditions
 SIDES = ("west", "east", "down", "up", "north", "south")
 """The faces of a voxel in the order of `tracer.traversal.rays.Hits.face`."""
 Rect = tuple[float, float, float, float]
@@ -116,28 +116,28 @@ def _entries(states: Mapping[str, Any], told: Mapping[str, str]) -> Iterator[Map
             yield first
 
 
-def _fits(wanted: Any, told: Mapping[str, str]) -> bool:
-    if not isinstance(wanted, dict):
+def _fits(wanted: Any, told: Mapping[str, str], depth: int = 0) -> bool:
+    if not isinstance(wanted, dict) or depth > MAX_DEPTH:
         return False
     if isinstance(any_of := wanted.get("OR"), list):
-        return any(_fits(case, told) for case in any_of)
+        return any(_fits(case, told, depth + 1) for case in any_of)
     if isinstance(all_of := wanted.get("AND"), list):
-        return all(_fits(case, told) for case in all_of)
+        return all(_fits(case, told, depth + 1) for case in all_of)
     values = {key: str(value).lower() for key, value in wanted.items()}
     return all(told.get(key, value.split("|")[0]) in value.split("|") for key, value in values.items())
 
 
 def _part(archive: Archive, entry: Mapping[str, Any], grey: bool) -> Part:
-    turns = [int(n) // 90 % 4 if isinstance(n := entry.get(axis, 0), (int, float)) else 0 for axis in ("x", "y")]
+    x, y = (int((_numbers([entry.get(axis, 0)], 1) or [0.0])[0] * 16) // 90 % 4 for axis in ("x", "y"))
     sides = _sides(archive, str(entry.get("model", "")), grey)
-    return Part(sides=sides, x=turns[0], y=turns[1], locked=entry.get("uvlock") is True)
+    return Part(sides=sides, x=x, y=y, locked=entry.get("uvlock") is True)
 
 
 def _sides(archive: Archive, model: str, grey: bool) -> dict[str, tuple[Layer, ...]]:
     textures, elements, seen = dict[str, Any](), None, list[str]()
     while model:
         if model in seen or len(seen) > MAX_DEPTH:
-            raise PackError(f"pack {archive.path}: parents of model {seen[0]} go round in a circle, or never end")
+            raise PackError(f"pack {archive.path}: parents of model {seen[0]!r} go round in a circle, or never end")
         seen.append(model)
         space, _, path = model.rpartition(":")
         found = archive.json(f"assets/{space or 'minecraft'}/models/{path}.json")
