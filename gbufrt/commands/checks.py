@@ -110,8 +110,6 @@ def check_part(world: str, part: Mapping[str, Any]) -> None:
     textured = whole or (world not in WORLDS and ending in (".schem", ".schematic"))
     if "pack" in part and not textured:
         raise ValueError(f"--pack is for Minecraft worlds and schematics; leave it out for {world}")
-    if "pack" in part and "window" in part:
-        raise ValueError("--pack is not read with --window; leave one of them out")
     if "pack" in part and not Path(part["pack"]).exists():
         raise FileNotFoundError(f"--pack {part['pack']} does not exist; check the path")
     if chosen := [name for name in part if name != "pack" and not whole]:

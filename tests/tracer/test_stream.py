@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 
 import torch
 from hills import LONG, WIDE, save_of_hills
+from pack_writer import textures, write_pack
 
 import tracer
 from gbufrt import Frame
@@ -45,6 +47,27 @@ def check_same(found: Frame, wanted: Frame, *, but: str = "") -> None:
     hit = wanted.gbuffer.hit
     for name in ("radiance", "ambient"):
         assert torch.equal(*(torch.where(hit, frame.read(name), 0.0) for frame in (found, wanted))), name
+
+
+def test_packs_dress_what_streams_in_as_they_dress_the_whole(save: Path, tmp_path: Path):
+    pixels = torch.randint(0, 255, (8, 8, 3), generator=torch.Generator().manual_seed(0)).numpy()
+    pack = write_pack(tmp_path / "pack.zip", textures(stone=pixels, grass_block_top=pixels[::-1]))
+    box = (0, -64, 0, 16 * LONG, 64, 16 * WIDE)
+    with pytest.warns(UserWarning, match="blocks have no texture in the pack"):
+        flown, whole = stream(save, window=8, pack=pack), tracer.load(save, box=box, pack=pack)
+    whole = replace(whole, sun=flown.sun, sky=flown.sky)
+    for time in (1, 5):
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            found = frame_at(flown, time).gbuffer
+        assert sum("no texture in the pack: " in str(warning.message) for warning in told) == (time == 1)
+        wanted, plain = frame_at(whole, time).gbuffer, frame_at(stream(save, window=8), time).gbuffer
+        assert found.albedo is not None
+        assert wanted.albedo is not None
+        assert torch.equal(found.albedo, wanted.albedo)
+        assert float((found.albedo != plain.albedo).float().mean()) > 0.3
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        stream(save, pack=tmp_path / "nothing.zip")
 
 
 def test_frames_and_motion_are_those_of_the_whole_world(save: Path):

@@ -46,6 +46,7 @@ class Stream:
         sun: as of a `Scene`.
         sky: as of a `Scene`.
         device: where the voxels lie.
+        pack: a resource pack with textures, if any.
     """
 
     path: Path
@@ -55,6 +56,7 @@ class Stream:
     sun: Sun | None = SUN
     sky: Sky = SKY
     device: Any = "cpu"
+    pack: str | PathLike[str] | None = None
 
     def around(self, eye: Sequence[float]) -> Scene:
         """The scene round a place, in the world's own coordinates: the same one as before where no chunk came or went.
@@ -74,7 +76,7 @@ class Stream:
 
     @cached_property
     def _chunks(self) -> Window:
-        return Window(self.path, chunks=self.window, selection=self.selection, device=self.device)
+        return Window(self.path, chunks=self.window, selection=self.selection, device=self.device, pack=self.pack)
 
     @cached_property
     def _scene(self) -> Callable[[Blocks], Scene]:
@@ -101,6 +103,7 @@ def stream(
     box: Box | None = None,
     around: tuple[int, int] | None = None,
     chunks: int | None = None,
+    pack: str | PathLike[str] | None = None,
 ) -> Stream:
     """A Minecraft region file or save folder, of which only what is round the camera is ever in memory.
 
@@ -110,6 +113,7 @@ def stream(
         box: as for `tracer.load`: nothing beyond is taken. By default the whole world is there to be flown over.
         around: likewise.
         chunks: likewise, with ``around``.
+        pack: likewise.
 
     Returns:
         A `Stream` with the view ``flight``, a round over the land at 10 blocks a second; ``stream.around(eye)`` is the
@@ -123,9 +127,10 @@ def stream(
     if chunks is not None and around is None:
         raise ValueError("chunks needs around where there is a window; leave it out to fly over all that is there")
     path, part = Path(path), Selection(box=box, around=around, chunks=chunks)
-    Window(path, chunks=window)  # its errors now, rather than at the first frame
+    Window(path, chunks=window, pack=pack)  # its errors now, rather than at the first frame
     extent = Extent.of(path, part).land()
-    return Stream(path=path, window=window, selection=part, views={"flight": _flight(extent, reach_of(window))})
+    views = {"flight": _flight(extent, reach_of(window))}
+    return Stream(path=path, window=window, selection=part, views=views, pack=pack)
 
 
 def _flight(extent: Extent, reach: float) -> View:

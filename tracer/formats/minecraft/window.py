@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import final
 
@@ -14,6 +15,8 @@ import torch
 from numpy.typing import NDArray
 
 from tracer.formats.minecraft.build import Blocks, instance_of
+from tracer.formats.minecraft.pack.archive import PackError
+from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.region import SIDE, Place, Region, region_place
 from tracer.formats.minecraft.save import NAMED, WIDTH, Selection, chunk_sections, region_files
 from tracer.formats.minecraft.states import GROUPS, States, Voxels
@@ -47,6 +50,7 @@ class Window:
         chunks: N; from any place in the middle at least `reach` blocks are there on every side.
         selection: the part of the world beyond which nothing is taken; by default all.
         device: where the voxels lie.
+        pack: a resource pack with textures; see `tracer.formats.minecraft.pack.pack.Pack` for its errors.
 
     Raises:
         ValueError: N is out of range, or the path holds no regions.
@@ -54,7 +58,13 @@ class Window:
     """
 
     def __init__(
-        self, path: Path, *, chunks: int, selection: Selection | None = None, device: torch.device | str = "cpu"
+        self,
+        path: Path,
+        *,
+        chunks: int,
+        selection: Selection | None = None,
+        device: torch.device | str = "cpu",
+        pack: str | PathLike[str] | None = None,
     ) -> None:
         if not LEAST <= chunks <= MOST:
             raise ValueError(f"window must lie in {LEAST}..{MOST} chunks, got {chunks}")
@@ -63,10 +73,10 @@ class Window:
         self._selection = selection or Selection()
         self._files = {region_place(file): file for file in region_files(path)}
         self._regions: dict[Place, Region] = {}
-        self._states, self._table = States(), MaterialTable.of([])
+        self._states, self._table = States(None if pack is None else Pack(pack)), MaterialTable.of([])
         self._emits = torch.zeros(1, dtype=torch.bool)
         self._held: dict[Place, _Chunk] = {}
-        self._damaged, self._unknown = 0, set[str]()
+        self._damaged, self._told = 0, set[str]()
         self._low: Place | None = None
         self._blocks: Blocks | None = None
 
@@ -98,10 +108,14 @@ class Window:
             for place in _places(region, low, high):
                 if place not in self._held and self._selection.takes(place):
                     self._held[place] = self._read(region, place)
-        if fresh := sorted(self._states.unknown - self._unknown):
-            self._unknown.update(fresh)
-            names = ", ".join(fresh[:8]) + (", ..." if len(fresh) > 8 else "")
-            warnings.warn(f"{len(fresh)} unknown blocks are drawn grey: {names}", stacklevel=4)
+        self._tell(self._states.unknown, "unknown blocks are drawn grey")
+        self._tell(self._states.untextured, "blocks have no texture in the pack")
+
+    def _tell(self, names: Iterable[str], what: str) -> None:
+        """Warn of blocks that have not been told before."""
+        if fresh := sorted(set(names) - self._told):
+            self._told.update(fresh)
+            warnings.warn(f"{len(fresh)} {what}: {', '.join(fresh[:8])}{', ...' * (len(fresh) > 8)}", stacklevel=5)
 
     def _open(self, low: Place, high: Place) -> None:
         """Keep the tables of the regions that the window touches, and no others."""
@@ -116,6 +130,8 @@ class Window:
         try:
             parts = chunk_sections(region, place, self._selection.box)
             made = [(section.y, self._states.voxels(section, keep)) for section, keep in parts]
+        except PackError:
+            raise
         except ValueError as error:
             self._damaged += 1
             if self._damaged <= NAMED:
@@ -152,7 +168,7 @@ class Window:
         table, held = self._table.to(self.device), list(self._held.values())
         cubes = self._world([c.cells for c in held], [c.bricks for c in held], low, 1, table)
         shapes = self._world([c.groups for c in held], [c.pieces for c in held], low, GROUPS, table)
-        return Blocks(world=cubes, shaped=instance_of(shapes), unknown=tuple(sorted(self._unknown)))
+        return Blocks(world=cubes, shaped=instance_of(shapes), unknown=tuple(sorted(self._states.unknown)))
 
     def _world(
         self,
