@@ -1,30 +1,30 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
 import gbufrt as gbufrt  # first: sets how threads wait, before torch is loaded
-from post.passes.aerial_perspective import AerialPerspective, aerial_perspective
-from post.passes.atrous import Atrous, atrous
-from post.passes.bilateral import Bilateral, bilateral
-from post.passes.composite import Composite, composite
-from post.passes.denoise import Denoise, denoise
-from post.passes.depth_of_field import DepthOfField, depth_of_field
-from post.passes.estimate import (
+from post.passes.denoising.atrous import Atrous, atrous
+from post.passes.denoising.bilateral import Bilateral, bilateral
+from post.passes.denoising.denoise import Denoise, denoise
+from post.passes.denoising.temporal import Temporal, temporal
+from post.passes.display.exposure import Exposure, exposure
+from post.passes.display.fxaa import FXAA, fxaa
+from post.passes.display.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
+from post.passes.display.vignette import Vignette, vignette
+from post.passes.lens.depth_of_field import DepthOfField, depth_of_field
+from post.passes.lens.motion_blur import MotionBlur, motion_blur
+from post.passes.lens.taa import TAA, taa
+from post.passes.light.aerial_perspective import AerialPerspective, aerial_perspective
+from post.passes.light.composite import Composite, composite
+from post.passes.light.estimate import (
     EstimateMissing,
     metallic_from_color,
     motion_from_depth,
     normals_from_depth,
     roughness_from_color,
 )
-from post.passes.exposure import Exposure, exposure
-from post.passes.fxaa import FXAA, fxaa
-from post.passes.gtao import GTAO, gtao
-from post.passes.march_gi import MarchGI, march_gi
-from post.passes.motion_blur import MotionBlur, motion_blur
-from post.passes.ssgi import SSGI, ssgi
-from post.passes.ssr import SSR, ssr
-from post.passes.taa import TAA, taa
-from post.passes.temporal import Temporal, temporal
-from post.passes.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
-from post.passes.vignette import Vignette, vignette
+from post.passes.light.gtao import GTAO, gtao
+from post.passes.light.march_gi import MarchGI, march_gi
+from post.passes.light.ssgi import SSGI, ssgi
+from post.passes.light.ssr import SSR, ssr
 from post.presets import me1
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao

@@ -8,20 +8,20 @@ from typing import Any, Literal, get_args
 
 from gbufrt import Pipeline
 from gbufrt.names import meant
-from post.passes.atrous import Atrous
-from post.passes.bilateral import Bilateral
-from post.passes.composite import Composite, Mode
-from post.passes.depth_of_field import DepthOfField
-from post.passes.exposure import Exposure
-from post.passes.fxaa import FXAA
-from post.passes.gtao import GTAO
-from post.passes.motion_blur import MotionBlur
-from post.passes.ssgi import SSGI
-from post.passes.ssr import SSR
-from post.passes.taa import TAA
-from post.passes.temporal import Temporal
-from post.passes.tone_map import DisplayEncode, ToneMap
-from post.passes.vignette import Vignette
+from post.passes.denoising.atrous import Atrous
+from post.passes.denoising.bilateral import Bilateral
+from post.passes.denoising.temporal import Temporal
+from post.passes.display.exposure import Exposure
+from post.passes.display.fxaa import FXAA
+from post.passes.display.tone_map import DisplayEncode, ToneMap
+from post.passes.display.vignette import Vignette
+from post.passes.lens.depth_of_field import DepthOfField
+from post.passes.lens.motion_blur import MotionBlur
+from post.passes.lens.taa import TAA
+from post.passes.light.composite import Composite, Mode
+from post.passes.light.gtao import GTAO
+from post.passes.light.ssgi import SSGI
+from post.passes.light.ssr import SSR
 from post.upsampling.reduced import Reduced
 
 Preset = Literal["low", "medium", "high", "ultra"]

@@ -146,12 +146,20 @@ def test_no_circles():
 @pytest.mark.parametrize(
     ("file", "line", "finds"),
     [
-        ("post/sweep/slices.py", "from post.passes.gtao import gtao", "post.sweep.slices -> post.passes.gtao"),
+        (
+            "post/sweep/slices.py",
+            "from post.passes.light.gtao import gtao",
+            "post.sweep.slices -> post.passes.light.gtao",
+        ),
         ("post/sweep/slices.py", "def f():\n    from post.presets import me1", "post.sweep.slices -> post.presets"),
         ("post/march/rays.py", "import tracer", "post.march.rays -> tracer"),
         ("gbufrt/camera.py", "def f():\n    import post.presets", "gbufrt.camera -> post.presets"),
         ("tracer/scene/grids.py", "if TYPE_CHECKING:\n    from tracer import Hits", "tracer.scene.grids -> "),
-        ("post/passes/ssr.py", "from gbufrt.commands.session import Runner", "post.passes.ssr -> gbufrt.commands.s"),
+        (
+            "post/passes/light/ssr.py",
+            "from gbufrt.commands.session import Runner",
+            "post.passes.light.ssr -> gbufrt.commands.s",
+        ),
         ("post/filters/edges.py", "from post.march.rays import Hits", "post.filters.edges -> post.march.rays"),
     ],
 )

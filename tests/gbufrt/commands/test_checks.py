@@ -124,7 +124,7 @@ def test_names_are_those_of_the_code():
     from gbufrt.files.layers import COMPRESSIONS
     from gbufrt.files.precision import PRECISIONS
     from gbufrt.files.video import CODECS
-    from post.passes.composite import Mode
+    from post.passes.light.composite import Mode
     from post.presets import Preset
     from tracer.formats.minecraft.window import LEAST, MOST
     from tracer.worlds import FORMATS, WORLDS, terrain

@@ -21,7 +21,7 @@ def spins(code: str, **environment: str) -> set[str]:
     return set(re.findall(r"GOMP_SPINCOUNT = '(\w+)'", told))
 
 
-@pytest.mark.parametrize("package", ["gbufrt.camera", "tracer.scene.world", "post.passes.gtao"])
+@pytest.mark.parametrize("package", ["gbufrt.camera", "tracer.scene.world", "post.passes.light.gtao"])
 def test_threads_that_wait_sleep(package: str):
     assert spins(f"import {package}") == {"0"}
 

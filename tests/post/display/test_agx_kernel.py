@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from post.display.op import agx_cpu, tone_curve
-from post.passes.tone_map import tone_map
+from post.passes.display.tone_map import tone_map
 
 LOOK = ("agx", 1.2, 1.2, 4.0)
 

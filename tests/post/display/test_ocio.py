@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from post.passes.tone_map import ToneMap, display_encode, tone_map
+from post.passes.display.tone_map import ToneMap, display_encode, tone_map
 
 ocio = pytest.importorskip("PyOpenColorIO", reason="OpenColorIO is not installed: pip install gbufrt[color]")
 

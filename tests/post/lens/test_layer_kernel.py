@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from post.lens.op import layer_radii, layers_cpu, spread_layers
-from post.passes.depth_of_field import depth_of_field
+from post.passes.lens.depth_of_field import depth_of_field
 from post.shading.thin_lens import circle_of_confusion
 
 STEP = 0.12

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from gbufrt import Frame, Pass
-from post.passes.gtao import GTAO
-from post.passes.ssgi import SSGI
+from post.passes.light.gtao import GTAO
+from post.passes.light.ssgi import SSGI
 
 
 @pytest.mark.parametrize(("stage", "read"), [(GTAO, "ao"), (SSGI, "sky_visibility")])

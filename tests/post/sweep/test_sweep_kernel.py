@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame
 from post.margin.op import scene
-from post.passes.ssgi import ssgi
+from post.passes.light.ssgi import ssgi
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies, bodies_cpu
 from post.sweep.turns import table

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.passes.fxaa import FXAA, fxaa
+from post.passes.display.fxaa import FXAA, fxaa
 
 
 def picture(supersample: int, size: int = 96) -> Tensor:

@@ -10,7 +10,7 @@ import torch.nn.functional as F
 from gbufrt import Camera
 from gbufrt.atmosphere import Atmosphere, air_before
 from gbufrt.atmosphere.tables import DTYPE, gathered, tables_of
-from post.passes.aerial_perspective import AerialPerspective, aerial_perspective
+from post.passes.light.aerial_perspective import AerialPerspective, aerial_perspective
 
 SUN = (0.3, 0.5, -0.8)
 

@@ -14,8 +14,8 @@ from post.filters.signals import MIN_ALBEDO, luminance
 from post.filters.surfaces import surface
 from post.history.antilag import alike, into_shadow, pooled
 from post.history.reproject import history_for
-from post.passes.atrous import atrous
-from post.passes.temporal import temporal
+from post.passes.denoising.atrous import atrous
+from post.passes.denoising.temporal import temporal
 from post.shading.ggx import specular_albedo
 from post.shading.mirrors import mirror_image
 

@@ -13,8 +13,8 @@ from torch import Tensor
 from gbufrt import Frame
 from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
-from post.passes.march_gi import MarchGI
-from post.passes.ssr import SSR
+from post.passes.light.march_gi import MarchGI
+from post.passes.light.ssr import SSR
 
 ROOM = smooth.corner((18, 24), uneven=False)
 FLOOR = (ROOM.gbuffer.normal[:, 1:2] > 0.5).double()

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.frame import Frame
-from post.passes.gtao import GTAO, gtao, horizon_ao
+from post.passes.light.gtao import GTAO, gtao, horizon_ao
 
 SIZE = (36, 48)
 METHODS = ("bitmask", "horizon")

@@ -14,7 +14,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from gbufrt.sampling import sample
 from gbufrt.tree import map_tensors
-from post.passes.march_gi import MarchGI, march_gi
+from post.passes.light.march_gi import MarchGI, march_gi
 from post.shading.sent_light import bounce_light, feedback_gain
 
 

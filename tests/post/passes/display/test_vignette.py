@@ -6,7 +6,7 @@ import boxes
 import pytest
 import torch
 
-from post.passes.vignette import Vignette, vignette
+from post.passes.display.vignette import Vignette, vignette
 
 
 def test_profile():

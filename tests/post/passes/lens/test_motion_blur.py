@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pipeline
-from post.passes.motion_blur import MotionBlur, motion_blur
+from post.passes.lens.motion_blur import MotionBlur, motion_blur
 
 MOVER = 2  # the box in the middle
 SIZE = (90, 120)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame
-from post.passes.atrous import Atrous, atrous
+from post.passes.denoising.atrous import Atrous, atrous
 
 PLAIN = {"signal": "light", "demodulate": False}
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Pipeline
-from post.passes.composite import Composite, composite
+from post.passes.light.composite import Composite, composite
 from post.shading.ggx import specular_albedo
 
 

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pipeline
-from post.passes.depth_of_field import DepthOfField, depth_of_field
+from post.passes.lens.depth_of_field import DepthOfField, depth_of_field
 from post.shading.thin_lens import autofocus, circle_of_confusion
 
 SIZE = (90, 120)

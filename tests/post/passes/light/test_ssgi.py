@@ -13,7 +13,7 @@ from cornell import cornell
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
-from post.passes.ssgi import SSGI, ssgi
+from post.passes.light.ssgi import SSGI, ssgi
 from post.shading.sent_light import sent_light
 
 SIZE = (24, 32)

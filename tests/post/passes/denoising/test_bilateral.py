@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pipeline
 from gbufrt.tree import map_tensors
-from post.passes.bilateral import Bilateral, bilateral
+from post.passes.denoising.bilateral import Bilateral, bilateral
 
 
 def shaded(frame: Frame) -> Tensor:

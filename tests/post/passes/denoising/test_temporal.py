@@ -11,8 +11,8 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
 from gbufrt.noise.noise import halton_jitter
-from post.passes.atrous import Atrous
-from post.passes.temporal import Temporal, temporal
+from post.passes.denoising.atrous import Atrous
+from post.passes.denoising.temporal import Temporal, temporal
 
 SIZE = (36, 48)
 

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from gbufrt import Frame, Pipeline
-from post.passes.exposure import Exposure, exposure
+from post.passes.display.exposure import Exposure, exposure
 
 
 def lit(level: float, *, time: float = 0.0, size: tuple[int, int] = (12, 16)) -> Frame:

@@ -11,7 +11,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
-from post.passes.ssr import SSR, ssr
+from post.passes.light.ssr import SSR, ssr
 from post.shading.lobes import Surface, ggx_ray, reuse_neighbors
 from post.shading.sent_light import outgoing_light
 

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame
-from post.passes.estimate import (
+from post.passes.light.estimate import (
     EstimateMissing,
     metallic_from_color,
     motion_from_depth,

@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.passes.tone_map import DisplayEncode, Operator, ToneMap, display_encode, tone_map
+from post.passes.display.tone_map import DisplayEncode, Operator, ToneMap, display_encode, tone_map
 
 OPERATORS: tuple[Operator, ...] = ("agx", "aces", "pbr_neutral", "reinhard", "linear")
 

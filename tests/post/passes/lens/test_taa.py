@@ -12,7 +12,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pipeline
 from gbufrt.noise.noise import halton_jitter
 from post.history.catmull_rom import catmull_rom
-from post.passes.taa import TAA, taa
+from post.passes.lens.taa import TAA, taa
 
 SIZE = (48, 64)
 

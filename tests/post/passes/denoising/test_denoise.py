@@ -17,7 +17,7 @@ from post.filters.surfaces import surface
 from post.history.antilag import into_shadow
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
-from post.passes.denoise import _filled
+from post.passes.denoising.denoise import _filled
 from post.shading.mirrors import mirror_image
 from tracer.gbuffers import gbuffer
 

@@ -18,7 +18,7 @@ from post.history.antilag import pooled, sample_variance
 from post.history.constants import YOUNG
 from post.history.op import accumulate, read_history
 from post.history.reproject import geometry_of, history_for, motion_of
-from post.passes.atrous import atrous
+from post.passes.denoising.atrous import atrous
 
 STORED = ("signal", "fast", "moments", "share")
 SAME_PLANE = 0.3  # pixel footprints: a sharp history counts a step in a wall as another surface

@@ -1,0 +1,1 @@
+"""Noise out of signals, in space and over time."""

@@ -1,0 +1,1 @@
+"""What a lens and its shutter do, and anti-aliasing over time."""

@@ -1,0 +1,1 @@
+"""Estimates of light, and how they make a picture."""
