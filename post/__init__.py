@@ -7,6 +7,7 @@ from post.passes.denoising.denoise import Denoise, denoise
 from post.passes.denoising.temporal import Temporal, temporal
 from post.passes.display.exposure import Exposure, exposure
 from post.passes.display.fxaa import FXAA, fxaa
+from post.passes.display.overlay import Overlay, overlay
 from post.passes.display.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
 from post.passes.display.vignette import Vignette, vignette
 from post.passes.lens.depth_of_field import DepthOfField, depth_of_field
@@ -48,6 +49,7 @@ __all__ = [
     "Exposure",
     "MarchGI",
     "MotionBlur",
+    "Overlay",
     "Reduced",
     "Temporal",
     "ToneMap",
@@ -71,6 +73,7 @@ __all__ = [
     "motion_blur",
     "motion_from_depth",
     "normals_from_depth",
+    "overlay",
     "roughness_from_color",
     "ssgi",
     "ssr",

@@ -13,6 +13,7 @@ from post.passes.denoising.bilateral import Bilateral
 from post.passes.denoising.temporal import Temporal
 from post.passes.display.exposure import Exposure
 from post.passes.display.fxaa import FXAA
+from post.passes.display.overlay import Overlay
 from post.passes.display.tone_map import DisplayEncode, ToneMap
 from post.passes.display.vignette import Vignette
 from post.passes.lens.depth_of_field import DepthOfField
@@ -187,4 +188,5 @@ def _finish(composite: Mode) -> dict[str, Any]:
         "vignette": Vignette(),
         "encode": DisplayEncode(),
         "fxaa": FXAA(),
+        "ui": Overlay(),
     }

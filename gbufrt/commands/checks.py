@@ -50,6 +50,8 @@ def check_options(options: PassOptions) -> None:
         check_name("--composite", options.composite, COMPOSITES)
     if options.warmup is not None:
         at_least("--warmup", options.warmup, 0, MOST_WARMUP)
+    if options.ui is not None and not options.ui.is_file():
+        raise FileNotFoundError(f"--ui {options.ui} does not exist; check the path")
     parse_settings(options.set)
     check_device(options.device)
 

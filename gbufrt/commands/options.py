@@ -52,6 +52,9 @@ class PassOptions:
     set: Without = ()
     """Tunable to change, as NAME=VALUE (gtao.radius=2.0); may be repeated. `gbufrt passes` lists the names."""
 
+    ui: Path | None = None
+    """Picture with alpha (PNG), as large as the frames, to lay over them last: --set ui.picture=FILE."""
+
     warmup: Whole | None = None
     """Times that the passes run over the first frame, taken as standing still, to fill their history. [default: 3]"""
 

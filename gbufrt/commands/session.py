@@ -58,7 +58,8 @@ class Recipe:
         warmup = base.warmup if options.warmup is None else options.warmup
         at_least("--warmup", warmup, 0, MOST_WARMUP)
         without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
-        settings = {**base.set, **parse_settings(options.set)}
+        layer = {} if options.ui is None else {"ui.picture": str(options.ui)}
+        settings = {**base.set, **layer, **parse_settings(options.set)}
         return replace(base, without=without, set=settings, warmup=warmup)
 
     @staticmethod

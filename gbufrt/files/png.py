@@ -12,6 +12,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from torch import Tensor
 
+from gbufrt.files.guard import MAX_PIXELS
 from gbufrt.files.output import atomic
 
 LEVEL = 4  # of deflate
@@ -53,6 +54,33 @@ def write_png(path: str | Path, picture: Tensor | Image.Image, *, bits: int = 8)
     tags.add(b"sRGB", PERCEPTUAL)
     with atomic(path) as part:
         image.save(part, format="PNG", compress_level=LEVEL, pnginfo=tags)
+
+
+def read_rgba(path: str | Path) -> Tensor:
+    """A picture with alpha.
+
+    Args:
+        path: of a file that Pillow reads, such as a PNG.
+
+    Returns:
+        ``(1, 4, H, W)`` encoded values in [0, 1], alpha last and not multiplied into colour.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no picture, is too large, or has no alpha.
+    """
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"{path} does not exist; check the path")
+    try:
+        with Image.open(path) as image:
+            if image.width * image.height > MAX_PIXELS:
+                raise ValueError(f"{path} has more than {MAX_PIXELS} pixels")
+            if not image.has_transparency_data:
+                raise ValueError(f"{path} has no alpha, and would hide the whole frame; save it with transparency")
+            levels = np.array(image.convert("RGBA"))
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:  # SyntaxError: how Pillow names broken PNGs
+        raise ValueError(f"{path} is no picture that can be read: {error}") from error
+    return torch.from_numpy(levels).permute(2, 0, 1)[None].float() / 255
 
 
 def _levels(picture: Tensor, most: int) -> np.ndarray:

@@ -27,6 +27,7 @@ REACH = {  # pixels from the bad one beyond which nothing may change, after two 
     "EstimateMissing": 3,
     "FXAA": 25,  # how far it looks along an edge
     "GTAO": 16,  # its radius there
+    "Overlay": 0,
     "MotionBlur": 32,  # its largest path
     "TAA": 2,
     "Temporal": 4,
