@@ -8,6 +8,7 @@ from post.passes.denoising.temporal import Temporal, temporal
 from post.passes.display.exposure import Exposure, exposure
 from post.passes.display.fxaa import FXAA, fxaa
 from post.passes.display.overlay import Overlay, overlay
+from post.passes.display.pulse import Pulse, pulse
 from post.passes.display.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
 from post.passes.display.vignette import Vignette, vignette
 from post.passes.lens.depth_of_field import DepthOfField, depth_of_field
@@ -50,6 +51,7 @@ __all__ = [
     "MarchGI",
     "MotionBlur",
     "Overlay",
+    "Pulse",
     "Reduced",
     "Temporal",
     "ToneMap",
@@ -74,6 +76,7 @@ __all__ = [
     "motion_from_depth",
     "normals_from_depth",
     "overlay",
+    "pulse",
     "roughness_from_color",
     "ssgi",
     "ssr",

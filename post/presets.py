@@ -14,6 +14,7 @@ from post.passes.denoising.temporal import Temporal
 from post.passes.display.exposure import Exposure
 from post.passes.display.fxaa import FXAA
 from post.passes.display.overlay import Overlay
+from post.passes.display.pulse import Pulse
 from post.passes.display.tone_map import DisplayEncode, ToneMap
 from post.passes.display.vignette import Vignette
 from post.passes.lens.depth_of_field import DepthOfField
@@ -82,6 +83,12 @@ QUALITIES: Mapping[str, Quality] = {
         reflection_samples=16, reflection_steps=128, reflection_distance=100,
     ),
 }  # fmt: skip
+
+STATUSES: Mapping[str, Mapping[str, float]] = {
+    "blindness": {"composite.sight": 5.0, "composite.sight_begin": 0.25},
+    "darkness": {"composite.sight": 15.0, "composite.sight_begin": 0.75, "pulse.strength": 0.45},
+}
+"""Tunables of Minecraft's status effects: in blocks, which are world units where a world's voxels are its blocks."""
 
 
 def me1(
@@ -184,6 +191,7 @@ def _finish(composite: Mode) -> dict[str, Any]:
         "motion_blur": MotionBlur(),
         "depth_of_field": DepthOfField(),
         "exposure": Exposure(),
+        "pulse": Pulse(),
         "tone_map": ToneMap(),
         "vignette": Vignette(),
         "encode": DisplayEncode(),

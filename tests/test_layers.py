@@ -29,10 +29,10 @@ PUBLIC = {
         gbuffer indirect_diffuse load load_vox_scene path_trace
         read_vox reflection render trace transmission""",
     "post": """FXAA GTAO SSGI SSR TAA Atrous Bilateral Composite Denoise DepthOfField DisplayEncode EstimateMissing
-        Exposure MarchGI MotionBlur Overlay Reduced Temporal ToneMap Vignette atrous autofocus bilateral bitmask_ao
-        circle_of_confusion composite denoise depth_of_field display_encode exposure fxaa gtao march_gi me1
-        metallic_from_color motion_blur motion_from_depth normals_from_depth overlay roughness_from_color ssgi ssr taa
-        temporal tone_map vignette""",
+        Exposure MarchGI MotionBlur Overlay Pulse Reduced Temporal ToneMap Vignette atrous autofocus bilateral
+        bitmask_ao circle_of_confusion composite denoise depth_of_field display_encode exposure fxaa gtao march_gi me1
+        metallic_from_color motion_blur motion_from_depth normals_from_depth overlay pulse roughness_from_color ssgi
+        ssr taa temporal tone_map vignette""",
 }
 
 

@@ -26,6 +26,7 @@ from gbufrt.names import meant, no_world, unknown
 
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
+STATUSES = ("blindness", "darkness")
 PRECISIONS = ("half", "float")
 COMPRESSIONS = ("zip", "dwaa")
 VIDEOS = (".mp4", ".mov")
@@ -50,6 +51,8 @@ def check_options(options: PassOptions) -> None:
         check_name("--composite", options.composite, COMPOSITES)
     if options.warmup is not None:
         at_least("--warmup", options.warmup, 0, MOST_WARMUP)
+    if options.status is not None:
+        check_name("--status", options.status, STATUSES)
     if options.ui is not None and not options.ui.is_file():
         raise FileNotFoundError(f"--ui {options.ui} does not exist; check the path")
     parse_settings(options.set)

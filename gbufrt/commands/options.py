@@ -52,6 +52,9 @@ class PassOptions:
     set: Without = ()
     """Tunable to change, as NAME=VALUE (gtao.radius=2.0); may be repeated. `gbufrt passes` lists the names."""
 
+    status: str | None = None
+    """blindness or darkness: sight ends after 5 or 15 world units, and exposure pulses in darkness. [default: none]"""
+
     ui: Path | None = None
     """Picture with alpha (PNG), as large as the frames, to lay over them last: --set ui.picture=FILE."""
 

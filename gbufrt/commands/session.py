@@ -58,8 +58,12 @@ class Recipe:
         warmup = base.warmup if options.warmup is None else options.warmup
         at_least("--warmup", warmup, 0, MOST_WARMUP)
         without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
-        layer = {} if options.ui is None else {"ui.picture": str(options.ui)}
-        settings = {**base.set, **layer, **parse_settings(options.set)}
+        short: dict[str, Any] = {} if options.ui is None else {"ui.picture": str(options.ui)}
+        if options.status is not None:
+            from post.presets import STATUSES
+
+            short |= STATUSES[options.status]
+        settings = {**base.set, **short, **parse_settings(options.set)}
         return replace(base, without=without, set=settings, warmup=warmup)
 
     @staticmethod

@@ -63,6 +63,7 @@ CASES = {
     "ToneMap": Case(post.ToneMap(), "color", absent=("exposure",)),
     "Vignette": Case(post.Vignette(), "image"),
     "DisplayEncode": Case(post.DisplayEncode(), "image"),
+    "Pulse": Case(post.Pulse(strength=0.5), "image"),
     "Overlay": Case(post.Overlay(), "image"),
     "EstimateMissing": Case(
         post.EstimateMissing(),

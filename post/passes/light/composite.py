@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from post.shading.ggx import specular_albedo
+from post.shading.sight import within_sight
 
 Mode = Literal["physical", "me1"]
 
@@ -86,12 +87,20 @@ class Composite(Pass):
     """See `composite`. What is behind is transmittance x the composite of ``frame.behind``.
 
     ``physical`` reads ``sky_visibility`` and falls back to ``ao``; ``me1`` reads ``ao``.
+
+    Args:
+        mode: see `composite`, as the intensities.
+        sight: distance from which on nothing is seen, world units, as under the effects Blindness and Darkness of
+            Minecraft; surfaces, mirrors and what is behind glass and water fade by the whole way of their light. None
+            for clear air.
+        sight_begin: share of ``sight`` up to which nothing fades.
     """
 
     reads = frozenset({"radiance"})
     optional = frozenset(
         {
             *("ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance"),
+            *("reflection_confidence", "reflection_distance"),  # for limited sight
             *("depth", "normal", "hit", "roughness"),  # for the specular albedo, where there is a reflection
         }
     )
@@ -104,18 +113,22 @@ class Composite(Pass):
         ao_intensity: float = 1.0,
         gi_intensity: float = 1.0,
         reflection_intensity: float = 1.0,
+        sight: float | None = None,
+        sight_begin: float = 0.25,
     ) -> None:
         super().__init__()
         self.mode: Mode = mode
         self.ao_intensity = ao_intensity
         self.gi_intensity = gi_intensity
         self.reflection_intensity = reflection_intensity
+        self.sight, self.sight_begin = sight, sight_begin
 
     def forward(self, frame: Frame) -> Frame:
+        seen = frame if self.sight is None else within_sight(frame, self.sight, self.sight_begin)
         behind = None
-        if frame.behind is not None and frame.gbuffer.transmittance is not None:
-            behind = frame.gbuffer.transmittance * self._surface(frame.behind)
-        result = self._surface(frame, behind)
+        if seen.behind is not None and seen.gbuffer.transmittance is not None:
+            behind = seen.gbuffer.transmittance * self._surface(seen.behind)
+        result = self._surface(seen, behind)
         return frame.replace(composite=result, color=result)
 
     def _surface(self, frame: Frame, behind: Tensor | None = None) -> Tensor:
@@ -129,5 +142,8 @@ class Composite(Pass):
             reflection=frame.reflection,
             behind=behind,
             specular=None if frame.reflection is None else specular_albedo(frame.gbuffer),
-            **self.tunables(),
+            mode=self.mode,
+            ao_intensity=self.ao_intensity,
+            gi_intensity=self.gi_intensity,
+            reflection_intensity=self.reflection_intensity,
         )

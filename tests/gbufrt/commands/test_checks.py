@@ -125,11 +125,12 @@ def test_names_are_those_of_the_code():
     from gbufrt.files.precision import PRECISIONS
     from gbufrt.files.video import CODECS
     from post.passes.light.composite import Mode
-    from post.presets import Preset
+    from post.presets import STATUSES, Preset
     from tracer.formats.minecraft.window import LEAST, MOST
     from tracer.worlds import FORMATS, WORLDS, terrain
     from tracer.worlds.views import views
 
+    assert tuple(STATUSES) == checks.STATUSES
     assert get_args(Preset) == checks.PRESETS
     assert (PRECISIONS, COMPRESSIONS, tuple(CODECS)) == (checks.PRECISIONS, checks.COMPRESSIONS, checks.VIDEOS)
     assert get_args(Mode) == checks.COMPOSITES

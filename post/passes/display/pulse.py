@@ -1,0 +1,50 @@
+"""Pulse: exposure that sinks and comes back, as a heart beats."""
+
+from __future__ import annotations
+
+import math
+
+from torch import Tensor
+
+from gbufrt import Frame, Pass
+
+
+def pulse(exposure: Tensor, time: float, *, strength: float = 0.0, period: float = 4.0) -> Tensor:
+    """Take from the exposure in the first and last quarter of each period.
+
+    Args:
+        exposure: factor on colour, of any shape.
+        time: seconds.
+        strength: the largest share that is taken, at the beginning of each period; 0 changes nothing.
+        period: seconds.
+
+    Returns:
+        Of the same shape.
+
+    Raises:
+        ValueError: ``strength`` is outside [0, 1], or ``period`` is not positive.
+
+    Source: the effect Darkness of Minecraft, whose period is 80 ticks of a twentieth of a second, its strength 0.45.
+    """
+    if not 0 <= strength <= 1:
+        raise ValueError(f"strength must lie in [0, 1], got {strength}")
+    if not period > 0:
+        raise ValueError(f"period must be positive, in seconds, got {period}")
+    return exposure * (1 - strength * max(0.0, math.cos(2 * math.pi * time / period)))
+
+
+class Pulse(Pass):
+    """See `pulse`. Adaptation of the exposure does not follow it."""
+
+    optional = frozenset({"exposure"})
+    writes = frozenset({"exposure"})
+
+    def __init__(self, *, strength: float = 0.0, period: float = 4.0) -> None:
+        super().__init__()
+        self.strength, self.period = strength, period
+
+    def forward(self, frame: Frame) -> Frame:
+        present = frame.exposure
+        if present is None:
+            present = frame.gbuffer.depth.new_ones(frame.gbuffer.camera.batch, 1, 1, 1)
+        return frame.replace(exposure=pulse(present, frame.time, **self.tunables()))
