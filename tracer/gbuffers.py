@@ -14,6 +14,7 @@ from tracer.lights.haze import Air, air_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
 from tracer.traversal.rays import Hits, run_lengths, trace
+from tracer.weather.wet import wet
 
 MAX_THICKNESS = 64.0
 """World units beyond which a solid counts as infinitely thick."""
@@ -93,6 +94,7 @@ class _PrimaryRays:
     far: Tensor
     poses: Tensor
     poses_before: Tensor
+    times: list[float]
 
 
 def _primary_rays(
@@ -116,6 +118,7 @@ def _primary_rays(
         near=camera.near / along,
         far=far if scene.haze is None else torch.minimum(far, range_of(scene.haze, directions)),
         poses=poses,
+        times=times,
         poses_before=poses if before == times else scene.poses(before).to(camera.device),
     )
 
@@ -141,7 +144,9 @@ def _gbuffer(
     along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
     depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
     motion, motion_z = _motion(scene, rays, hits, depth)
-    seen = look(scene, hits, rays.directions, camera.pixels_per_unit(depth)[:, 0], poses=rays.poses)
+    pixels = camera.pixels_per_unit(depth)[:, 0]
+    seen = look(scene, hits, rays.directions, pixels, poses=rays.poses)
+    seen = wet(scene, rays.origins, rays.directions, hits, seen, pixels, poses=rays.poses, times=rays.times)
     passed = (1 - table.opacity[which])[..., None] * table.tint[which] ** run.clamp_min(0)[..., None]
     values = {
         "depth": depth,
