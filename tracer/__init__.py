@@ -18,7 +18,7 @@ from tracer.scene.scene import (
     Sun,
     View,
 )
-from tracer.scene.weather import Rain
+from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
@@ -50,6 +50,7 @@ __all__ = [
     "SunPath",
     "Truth",
     "View",
+    "Waves",
     "World",
     "ambient_occlusion",
     "at_hour",

@@ -95,6 +95,10 @@ class Job:
             from tracer.weather.rain import raining
 
             scene = raining(scene, self.day.rain)
+        if self.day.waves is not None:
+            from tracer.scene.weather import Waves
+
+            scene = replace(scene, waves=Waves(amplitude=self.day.waves))
         if scene.empty:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
         if not scene.views and self.eye is None:

@@ -17,6 +17,7 @@ from tracer.lights.shadows import Surface
 from tracer.lights.sky import sky_irradiance, sun_radiance
 from tracer.lights.stars import stars
 from tracer.scene.scene import Scene
+from tracer.weather.waves import above_waves
 
 LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
 LIFT_RELATIVE = 2e-6  # of the depth, whose rounding grows with it
@@ -62,7 +63,7 @@ def light(
         diffuse = diffuse * (1 - gbuffer.metallic)
     if gbuffer.opacity is not None:
         diffuse = diffuse * gbuffer.opacity
-    points = lifted(gbuffer)
+    points = above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
     arrived = []
     for b in range(batch):

@@ -14,7 +14,7 @@ from gbufrt.camera import Camera
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import Grids, join
 from tracer.scene.material import MaterialTable
-from tracer.scene.weather import Rain
+from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 
 Pose = Callable[[float], Tensor]
@@ -124,6 +124,7 @@ class Scene:
     """The first one is the default."""
     haze: Haze | None = None
     rain: Rain | None = None
+    waves: Waves | None = None
 
     def around(self, eye: Sequence[float]) -> Scene:
         """What a camera there can see: this scene. `tracer.worlds.stream.Stream` has another one for other places."""

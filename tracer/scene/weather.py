@@ -1,4 +1,4 @@
-"""What weather there is in a scene: rain. `tracer.weather` says what it looks like."""
+"""What weather there is in a scene: rain, and waves of water. `tracer.weather` says what it looks like."""
 
 from __future__ import annotations
 
@@ -50,3 +50,27 @@ class Rain:
             raise ValueError(f"puddle_low must be less than puddle_high, got {self.puddle_low} and {self.puddle_high}")
         if self.puddle_scale < 1e-3:
             raise ValueError(f"puddle_scale of rain must be 0.001 or more, got {self.puddle_scale}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Waves:
+    """Waves on water, in G-buffers and direct light; rays that are not the camera's find it flat.
+
+    Args:
+        amplitude: of the highest waves, world units; their crests are as high as still water.
+        frequency: cells of the coarsest noise a world unit, along x; twice as many along z.
+        speed: cells a second by which the waves go on.
+        caustics: how far from the water sunlight that it reflects is seen, world units; 0 for none.
+
+    Source: BetterRTX's water parallax.
+    """
+
+    amplitude: float = 0.1
+    frequency: float = 0.3
+    speed: float = 0.6
+    caustics: float = 16.0
+
+    def __post_init__(self) -> None:
+        for name, most in (("amplitude", 0.45), ("frequency", 10.0), ("speed", 100.0), ("caustics", 1000.0)):
+            if not (math.isfinite(value := getattr(self, name)) and 0.0 <= value <= most):
+                raise ValueError(f"{name} of waves must lie in 0..{most:g}, got {value}")

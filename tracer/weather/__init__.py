@@ -1,1 +1,1 @@
-"""Weather: rain and the sky that it falls from, puddles, and rings round drops."""
+"""Weather: rain and the sky that it falls from, puddles, rings round drops, and waves of water."""

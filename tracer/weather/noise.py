@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
@@ -9,6 +12,7 @@ from tracer.texture import mix
 
 PRIMES = (73856093, 19349663, 83492791)  # Teschner et al. 2003
 MOST = 0xFFFFFFFF
+SIDE = 256  # cells after which a lattice repeats: a power of two
 
 
 def noise3(points: Tensor, *, seed: int = 0) -> Tensor:
@@ -49,3 +53,48 @@ def unit(number: Tensor, dtype: torch.dtype) -> Tensor:
 
 def _hashes(cell: Tensor, prime: int) -> tuple[Tensor, Tensor]:
     return cell * prime, (cell + 1) * prime
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Lattice:
+    """A slice of `noise3`, for many look-ups: random numbers at whole coordinates that repeat.
+
+    Args:
+        numbers: ``(SIDE * SIDE,)``.
+    """
+
+    numbers: Tensor
+
+    @staticmethod
+    def of(third: float, device: torch.device | str) -> Lattice:
+        """The slice at a third coordinate."""
+        slow = math.floor(third)
+        cells = torch.arange(SIDE, device=device)
+        flat = cells[:, None] * PRIMES[0] + cells * PRIMES[1]
+        before, after = (unit(mix(flat + (slow + k) * PRIMES[2]), torch.float32) for k in range(2))
+        share = fade(before.new_tensor(third - slow))
+        return Lattice(numbers=torch.lerp(before, after, share).flatten())
+
+    def value(self, places: Tensor) -> Tensor:
+        """``(...)`` in [0, 1] at ``(..., 2)``."""
+        (a, b, c, d), u, v = self._corners(places)
+        return torch.lerp(torch.lerp(a, b, fade(v)), torch.lerp(c, d, fade(v)), fade(u))
+
+    def slopes(self, places: Tensor) -> Tensor:
+        """``(..., 2)`` derivatives of the value."""
+        (a, b, c, d), u, v = self._corners(places)
+        first = torch.lerp(c - a, d - b, fade(v)) * _faded(u)
+        second = torch.lerp(b - a, d - c, fade(u)) * _faded(v)
+        return torch.stack([first, second], dim=-1)
+
+    def _corners(self, places: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
+        corner = places.floor()
+        u, v = (places - corner).unbind(dim=-1)
+        i, j = corner.long().unbind(dim=-1)
+        rows, columns = (((i + k) & SIDE - 1) * SIDE for k in range(2)), [(j + k) & SIDE - 1 for k in range(2)]
+        return [self.numbers[row + column].to(u.dtype) for row in rows for column in columns], u, v
+
+
+def _faded(t: Tensor) -> Tensor:
+    """The slope of `fade`."""
+    return 30 * t * t * (t * (t - 2) + 1)

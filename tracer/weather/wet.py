@@ -58,6 +58,9 @@ def wet(
     points = origins + directions * torch.where(hits.hit, hits.t, 0.0)[..., None]
     up, water = hits.normal[..., 1], scene.materials.water[hits.material.long()] & hits.hit
     exposed = hits.hit & (up > -0.01) & ~hits.back_face & ~(water & (up < LEVEL))
+    if scene.waves is not None:  # from waves, rays begin over still water, out of its voxels
+        level = torch.where(water & (up > LEVEL), (points[..., 1] - 1e-2).ceil(), points[..., 1])
+        points = torch.stack([points[..., 0], torch.maximum(level, points[..., 1]), points[..., 2]], dim=-1)
     lifted = points + hits.normal * (LIFT + LIFT_RELATIVE * hits.t)[..., None]
     surfaces = zip(lifted, hits.normal, exposed, poses, strict=True)
     reached = torch.stack([_reached(scene, rain, *surface) for surface in surfaces])

@@ -18,7 +18,7 @@ from tracer.formats.minecraft.extent import Extent
 from tracer.formats.minecraft.save import Box, Selection
 from tracer.formats.minecraft.window import Window, reach_of
 from tracer.scene.scene import Haze, Scene, Sky, Sun, View
-from tracer.scene.weather import Rain
+from tracer.scene.weather import Rain, Waves
 from tracer.worlds.landscape import SKY, SUN
 from tracer.worlds.views import Point, loop
 
@@ -48,6 +48,7 @@ class Stream:
         sky: as of a `Scene`.
         haze: what hides more than the window's border, if anything does.
         rain: as of a `Scene`.
+        waves: likewise.
         device: where the voxels lie.
         pack: a resource pack with textures, if any.
     """
@@ -60,6 +61,7 @@ class Stream:
     sky: Sky = SKY
     haze: Haze | None = None
     rain: Rain | None = None
+    waves: Waves | None = None
     device: Any = "cpu"
     pack: str | PathLike[str] | None = None
 
@@ -97,6 +99,7 @@ class Stream:
                 views=self.views,
                 haze=haze,
                 rain=self.rain,
+                waves=self.waves,
             )
 
         return lru_cache(maxsize=1)(scene)

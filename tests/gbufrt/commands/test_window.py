@@ -24,7 +24,22 @@ def test_a_flight_has_a_window_round_each_eye(monkeypatch: pytest.MonkeyPatch, c
     eyes = list[float]()
     around = Stream.around
     monkeypatch.setattr(Stream, "around", lambda self, eye: (eyes.append(eye[2]), around(self, eye))[1])
-    fly = ("render", "save", "--fps", "0.5", "--frames", "4", "--hour", "20", "--rain", "0.5", *SMALL, "--window")
+    fly = (
+        "render",
+        "save",
+        "--fps",
+        "0.5",
+        "--frames",
+        "4",
+        "--hour",
+        "20",
+        "--rain",
+        "0.5",
+        "--waves",
+        "0.1",
+        *SMALL,
+        "--window",
+    )
     assert run(*fly, "4", "--out", "a") == 0
     assert len(set(eyes)) == 4
     assert run(*fly, "4", "--out", "b") == 0

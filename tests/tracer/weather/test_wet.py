@@ -11,7 +11,9 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from tracer import Rain, Scene, gbuffer
-from tracer.scene.scene import Instance
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SHADOW, Instance
+from tracer.scene.world import World
 from tracer.weather.noise import noise3
 from tracer.weather.ripples import CELL, LIFE, ripple_slopes
 from tracer.weather.wet import RAYS
@@ -108,6 +110,25 @@ def test_puddles_are_not_on_what_moves():
     ratio = (read(wet, "albedo") / read(dry, "albedo"))[0][read(wet, "object_id")[0] == 1]
     assert len(ratio) > 200
     torch.testing.assert_close(ratio, torch.full_like(ratio, 1 - 0.45 * HARD.runoff), atol=1e-5, rtol=0)
+
+
+def test_what_casts_no_shadow_keeps_nothing_dry_and_metals_dull():
+    table = MaterialTable.of([Material(name="iron", metallic=1.0, variation=0.0)])
+    plate = World.from_dense(torch.ones(20, 1, 20, dtype=torch.int16), table)
+    scene, camera = Scene(world=plate), Camera.look_at((10.0, 5.0, 10.1), (10.0, 0.0, 10.0), size=(8, 8))
+    full = replace(HARD, puddle_low=0.0, puddle_high=1e-6, metalness_reduction=0.7)
+    for mask, share in ((MASK_ALL & ~MASK_SHADOW, 1.0), (MASK_ALL & ~MASK_PRIMARY, 0.0)):
+        cover = Instance(model=plate, pose=lambda _: voxels.pose((0.0, 3.0, 0.0)), mask=mask & ~MASK_PRIMARY)
+        wet = gbuffer(replace(scene, instances=(cover,), rain=full), camera)
+        metallic = read(wet, "metallic")
+        torch.testing.assert_close(metallic, torch.full_like(metallic, 1 - 0.3 * share))
+
+
+def test_falling_water_has_no_rings():
+    scene = Scene(world=voxels.world((20, 20, 20), (voxels.WATER, (4, 4, 4), (16, 16, 16))))
+    camera = Camera.look_at((10.5, 10.2, 20.0), (10.4, 10.1, 10.0), size=(64, 64), fov_y=30.0)
+    wet, dry = (gbuffer(replace(scene, rain=rain), camera) for rain in (Rain(level=1.0), None))
+    assert torch.equal(wet.normal, dry.normal)
 
 
 def test_water_is_only_rippled_where_rain_falls_and_rings_move_and_fade_with_distance():
