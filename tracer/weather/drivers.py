@@ -1,4 +1,4 @@
-"""Run `tracer.weather.kernel` over many rays, on the CPU or on a GPU."""
+"""Run `tracer.weather.kernel` over many rays or points, on the CPU or on a GPU."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from torch import Tensor
 
 from gbufrt.compute.each import Each
 from tracer.weather import kernel
+from tracer.weather.reference import finest
 from tracer.weather.water import Water
 
-meet_each = Each(kernel.meet)
+meet_each, focused_each = Each(kernel.meet), Each(kernel.focused)
 
 
 def meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor) -> Tensor:
@@ -18,4 +19,13 @@ def meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tens
     rays = [x.contiguous() for x in (origins, directions, t, end)]
     numbers = waves.amplitude, waves.frequency, water.shift
     meet_each(len(t), *rays, water.lattice.numbers, eye[0], eye[2], *map(float, numbers), found)
+    return found
+
+
+def focused(water: Water, points: Tensor, normals: Tensor, levels: Tensor, sun: Tensor) -> Tensor:
+    """See `tracer.weather.reference.focused`."""
+    found, waves, eye = torch.empty_like(levels), water.waves, water.eye.tolist()
+    given = [x.contiguous() for x in (points, normals, levels)]
+    numbers = *sun.tolist(), eye[0], eye[2], waves.amplitude, waves.frequency, water.shift, finest(water)
+    focused_each(len(levels), *given, water.lattice.numbers, *map(float, numbers), found)
     return found

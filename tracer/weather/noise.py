@@ -87,6 +87,13 @@ class Lattice:
         second = torch.lerp(b - a, d - c, fade(u)) * _faded(v)
         return torch.stack([first, second], dim=-1)
 
+    def curvatures(self, places: Tensor) -> tuple[Tensor, Tensor]:
+        """``(..., 2)`` derivatives of the value, and the second ones ``(..., 3)``: by the first, both, the second."""
+        (a, b, c, d), u, v = self._corners(places)
+        across, along = torch.lerp(c - a, d - b, fade(v)), torch.lerp(b - a, d - c, fade(u))
+        bends = torch.stack([across * _bent(u), (d - c - b + a) * _faded(u) * _faded(v), along * _bent(v)], dim=-1)
+        return torch.stack([across * _faded(u), along * _faded(v)], dim=-1), bends
+
     def _corners(self, places: Tensor) -> tuple[list[Tensor], Tensor, Tensor]:
         corner = places.floor()
         u, v = (places - corner).unbind(dim=-1)
@@ -98,3 +105,8 @@ class Lattice:
 def _faded(t: Tensor) -> Tensor:
     """The slope of `fade`."""
     return 30 * t * t * (t * (t - 2) + 1)
+
+
+def _bent(t: Tensor) -> Tensor:
+    """The second derivative of `fade`."""
+    return 60 * t * (t - 1) * (2 * t - 1)

@@ -15,8 +15,9 @@ OCTAVES = ((1, 1.0, math.inf, math.inf), (2, 0.5, 60.0, 68.0), (4, 0.25, 30.0, 3
 """Scale of the frequency, weight, and distances from the camera from which on it fades and is gone."""
 WHOLE = 2 * 4 / 7  # of the sum of octaves to twice the amplitude
 ALONG = (1.0, 2.0)  # frequency along x and z
+TOP = 3  # the face +y of a voxel
 DRIFT = 0.75  # of time, through the noise
-STEEPEST = 1.875  # most slope of the noise along an axis
+STEEPEST, USUAL = 1.875, 0.38  # slope of the noise along an axis: the most, and its root mean square
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,13 +64,33 @@ class Water:
         most = STEEPEST * WHOLE * self.waves.amplitude * self.waves.frequency * total
         return most * ALONG[0], most * ALONG[1]
 
+    def curvatures(self, places: Tensor, distances: Tensor) -> tuple[Tensor, Tensor]:
+        """Slopes along x and z ``(..., 2)`` and their derivatives, by x, both, and z ``(..., 3)``.
+
+        Octaves are as fine as they are at ``distances`` ``(...)`` from the camera.
+        """
+        slopes, bends = torch.zeros_like(places), torch.zeros(*places.shape[:-1], 3).to(places)
+        for at, weight in self._octaves(places, distances):
+            slope, bend = self.lattice.curvatures(at[0])
+            slopes = slopes + weight[..., None] * at[1] * slope
+            bends = bends + weight[..., None] * torch.stack([at[1][0] ** 2, at[1].prod(), at[1][1] ** 2]) * bend
+        size = WHOLE * self.waves.amplitude
+        return slopes * size, bends * size
+
+    def usual(self, distances: Tensor) -> Tensor:
+        """``(...)`` root mean square of the slope along z, the steeper, at distances from the camera."""
+        total = torch.zeros_like(distances)
+        for scale, weight, *ends in OCTAVES:
+            total = total + (scale * weight * _left(distances, *ends)) ** 2
+        return total.sqrt() * (USUAL * WHOLE * self.waves.amplitude * self.waves.frequency * ALONG[1])
+
     def away(self, places: Tensor) -> Tensor:
         """``(...)`` distance from the camera, along the ground."""
         return (places - self.eye[[0, 2]].to(places)).square().sum(dim=-1).sqrt()
 
-    def _octaves(self, places: Tensor) -> list[tuple[tuple[Tensor, Tensor], Tensor]]:
+    def _octaves(self, places: Tensor, distances: Tensor | None = None) -> list[tuple[tuple[Tensor, Tensor], Tensor]]:
         """Of each: coordinates in the lattice and their frequency, and the weight there."""
-        distances = self.away(places)
+        distances = self.away(places) if distances is None else distances
         found = []
         for scale, weight, *ends in OCTAVES:
             often = places.new_tensor(ALONG) * (self.waves.frequency * scale)

@@ -17,9 +17,7 @@ from tracer.scene.scene import Scene
 from tracer.texture import facing
 from tracer.traversal.rays import Hits
 from tracer.weather.reference import meet
-from tracer.weather.water import Water
-
-TOP = 3  # the face +y of a voxel
+from tracer.weather.water import TOP, Water
 
 
 def on_waves(
@@ -54,7 +52,7 @@ def on_waves(
     """
     assert scene.waves is not None
     top = scene.materials.water[first.material.long()] & first.hit & ~first.back_face
-    top = top & (first.face == TOP) & (first.instance == 0) & (directions[..., 1] < 0)
+    top = top & (first.face == TOP) & (first.instance == 0)
     t, normal, rises = first.t.clone(), first.normal.clone(), torch.zeros_like(first.t)
     dry = torch.zeros_like(first.hit)
     for b in range(len(origins)):

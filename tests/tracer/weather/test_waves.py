@@ -89,6 +89,16 @@ def test_depth_is_where_rays_first_meet_the_height_field():
     assert float((second.depth - behind.depth)[0, 0][waved(first)].abs().max()) < 1e-4
 
 
+def test_where_the_bank_comes_before_the_wave_it_is_seen_with_nothing_behind():
+    first, second = seen()
+    flat, _ = seen(NEAR, lake(waves=None))
+    bank = waved(flat) & ~waved(first)
+    assert int(bank.sum()) > 10
+    assert bool((first.normal[0, 1][bank] == 0).all())  # its sides
+    assert not bool(second.hit[0, 0][bank].any())
+    assert bool(second.hit[0, 0][waved(first)].all())
+
+
 def test_the_kernel_meets_what_its_reference_meets():
     origins, directions = (x[0].flatten(0, 1) for x in NEAR.rays())
     t = (TOP - origins[:, 1]) / directions[:, 1]

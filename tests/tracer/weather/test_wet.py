@@ -10,7 +10,7 @@ import voxels
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
-from tracer import Rain, Scene, gbuffer
+from tracer import Rain, Scene, Waves, gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SHADOW, Instance
 from tracer.scene.world import World
@@ -151,6 +151,15 @@ def test_water_is_only_rippled_where_rain_falls_and_rings_move_and_fade_with_dis
     assert 8 < float(torch.rad2deg(tilt.max())) < 30
     far = seen(shed(water=True), rain, size=40)
     assert torch.equal(read(far, "normal"), read(seen(shed(water=True), None, size=40), "normal"))
+
+
+def test_rain_falls_on_waves_too():
+    """Waves lie inside the voxels of still water, which are no cover."""
+    lake = replace(shed(water=True), waves=Waves(amplitude=0.3))
+    wet, dry = (seen(lake, rain, span=20.0, size=320) for rain in (Rain(level=1.0), None))
+    turned = (read(wet, "normal") != read(dry, "normal")).any(dim=0)
+    assert float(turned[:10].float().mean()) > 0.02
+    assert not bool(turned[100:220, 100:220].any())
 
 
 def test_rings_have_no_edges_and_less_rain_has_fewer():
