@@ -13,6 +13,7 @@ from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, air_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
+from tracer.traversal.panes import through_panes
 from tracer.traversal.rays import Hits, run_lengths, trace
 from tracer.weather.waves import on_waves
 from tracer.weather.wet import wet
@@ -54,9 +55,10 @@ def layers(
         previous_time: of the frame before; by default ``time``, so that nothing moves.
 
     Returns:
-        Two G-buffers with every channel. In the second, ``hit`` is False where the first surface is opaque or there is
-        nothing behind it, and lengths are counted from its own surface. It is None where no material of the scene is
-        transmissive.
+        Two G-buffers with every channel. The second shows what is opaque: of transmissive surfaces before it, such as a
+        second pane, only what they take from its light is left, in the first one's ``transmittance``. Its ``hit`` is
+        False where the first surface is opaque or there is nothing behind it, and lengths are counted from its own
+        surface. It is None where no material of the scene is transmissive.
 
     Raises:
         ValueError: no voxels, or times or cameras that do not fit each other.
@@ -75,16 +77,22 @@ def layers(
     if second is not None and scene.waves is not None:
         moments = {"times": rays.times, "before": rays.times_before, "eyes": camera.position}
         first, second, rises = on_waves(scene, rays.origins, rays.directions, first, second, **moments)
+    through = None
+    if second is not None:
+        given = {"poses": rays.poses, "t_max": rays.far}
+        second, through = through_panes(scene, rays.origins, rays.directions, second, **given)
     air = None if scene.haze is None else air_before(scene, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
-    if second is None:
+    if second is None or through is None:
         return _gbuffer(scene, rays, first, solid, run, air), None
     solid_behind, run_behind = run_lengths(
         scene, rays.origins, rays.directions, second, poses=rays.poses, cap=MAX_THICKNESS
     )
     inner = torch.where(first.back_face, run, torch.minimum(run, second.t - first.t))
     front = _gbuffer(scene, rays, first, solid, inner, air, rises)
+    assert front.transmittance is not None
+    front = front.replace(transmittance=front.transmittance * _planes(through))
     return front, _gbuffer(scene, rays, second, solid_behind, run_behind)
 
 

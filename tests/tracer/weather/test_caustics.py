@@ -157,7 +157,7 @@ def test_they_are_part_of_direct_light_and_move():
     points = frames[0].gbuffer.camera.to_world(frames[0].gbuffer.points_view())[0].flatten(1).T
     normals = torch.tensor([[0.0, 0.0, 1.0]]).expand_as(points)
     lit = torch.ones(len(points), dtype=torch.bool)
-    eye = camera.position[0]
+    eye = camera.position[0]  # of which the octaves depend
     wanted = caustics(pool(), points + normals * 1e-3, normals, lit, poses=torch.zeros(0, 4, 4), time=1.0, eye=eye)
     albedo = frames[0].gbuffer.albedo
     assert albedo is not None
