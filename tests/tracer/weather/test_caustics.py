@@ -75,7 +75,7 @@ def photons(count: int, bins: int) -> Tensor:
 
 def test_energy_and_structure_are_those_of_light_tracing():
     bins, fine = 20, 60
-    truth = photons(2_000_000, bins)
+    truth = photons(1_000_000, bins)
     found = F.avg_pool2d(arrived(*wall(fine)).view(1, 1, fine, 2 * fine), fine // bins)[0, 0]
     energy = float(found.mean() / truth.mean())
     both = torch.stack([found.flatten(), truth.flatten()])
@@ -95,7 +95,7 @@ def test_still_water_mirrors_the_sun_evenly():
 
 
 def test_the_kernel_is_its_reference():
-    points, normals = wall(6)
+    points, normals = wall(4)
     levels = torch.full((len(points),), TOP - WAVES.amplitude)
     for sun, eye in ((TOWARD, EYE), (torch.tensor([0.0, 1.0, 0.0]), EYE + 32.0)):
         water = Water.of(WAVES, TIME, eye)
