@@ -25,9 +25,9 @@ PUBLIC = {
     "gbufrt": """CHANNELS SIGNALS Camera Frame GBuffer History Pass Pipeline PipelineState Stage TemporalPass
         __version__""",
     "tracer": """MASK_ALL MASK_PRIMARY MASK_SECONDARY MASK_SHADOW WORLDS HitGroup Hits Instance Launch Material
-        MaterialTable Place RayType Scene Sky Sun SunPath Truth View World ambient_occlusion dispatch focus_distance
-        gbuffer indirect_diffuse load load_vox_scene path_trace
-        read_vox reflection render trace transmission""",
+        MaterialTable Place Rain RayType Scene Sky Sun SunPath Truth View Waves World ambient_occlusion dispatch
+        focus_distance gbuffer indirect_diffuse load load_vox_scene path_trace
+        raining read_vox reflection render trace transmission""",
     "post": """FXAA GTAO SSGI SSR TAA Atrous Bilateral Composite Denoise DepthOfField DisplayEncode EstimateMissing
         Exposure MarchGI MotionBlur Overlay Pulse Reduced Temporal ToneMap Vignette atrous autofocus bilateral
         bitmask_ao circle_of_confusion composite denoise depth_of_field display_encode exposure fxaa gtao march_gi me1

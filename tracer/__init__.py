@@ -18,10 +18,12 @@ from tracer.scene.scene import (
     Sun,
     View,
 )
+from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
 from tracer.truth.truth import Truth, ambient_occlusion, focus_distance, indirect_diffuse, path_trace, reflection
+from tracer.weather.rain import raining
 from tracer.worlds import WORLDS, load
 from tracer.worlds.stream import Stream, stream
 
@@ -39,6 +41,7 @@ __all__ = [
     "Material",
     "MaterialTable",
     "Place",
+    "Rain",
     "RayType",
     "Scene",
     "Sky",
@@ -47,6 +50,7 @@ __all__ = [
     "SunPath",
     "Truth",
     "View",
+    "Waves",
     "World",
     "ambient_occlusion",
     "at_hour",
@@ -57,6 +61,7 @@ __all__ = [
     "load",
     "load_vox_scene",
     "path_trace",
+    "raining",
     "read_vox",
     "reflection",
     "render",

@@ -46,7 +46,7 @@ def render(
     picture = picture.expand(camera.batch, *picture.shape[1:])
 
     def lit(gbuffer: GBuffer, behind: Frame | None) -> Frame:
-        radiance, ambient = light(scene, gbuffer, poses=poses, samples=light_samples, index=index)
+        radiance, ambient = light(scene, gbuffer, poses=poses, samples=light_samples, index=index, times=times)
         return Frame(
             gbuffer=gbuffer,
             index=index,

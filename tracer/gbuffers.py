@@ -13,7 +13,10 @@ from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, air_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
+from tracer.traversal.panes import through_panes
 from tracer.traversal.rays import Hits, run_lengths, trace
+from tracer.weather.waves import on_waves
+from tracer.weather.wet import wet
 
 MAX_THICKNESS = 64.0
 """World units beyond which a solid counts as infinitely thick."""
@@ -52,9 +55,10 @@ def layers(
         previous_time: of the frame before; by default ``time``, so that nothing moves.
 
     Returns:
-        Two G-buffers with every channel. In the second, ``hit`` is False where the first surface is opaque or there is
-        nothing behind it, and lengths are counted from its own surface. It is None where no material of the scene is
-        transmissive.
+        Two G-buffers with every channel. The second shows what is opaque: of transmissive surfaces before it, such as a
+        second pane, only what they take from its light is left, in the first one's ``transmittance``. Its ``hit`` is
+        False where the first surface is opaque or there is nothing behind it, and lengths are counted from its own
+        surface. It is None where no material of the scene is transmissive.
 
     Raises:
         ValueError: no voxels, or times or cameras that do not fit each other.
@@ -65,19 +69,30 @@ def layers(
     first = trace(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
     )
+    second = rises = None
+    if bool((scene.materials.opacity[1:] < 1).any()):
+        second = trace(
+            scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
+        )
+    if second is not None and scene.waves is not None:
+        moments = {"times": rays.times, "before": rays.times_before, "eyes": camera.position}
+        first, second, rises = on_waves(scene, rays.origins, rays.directions, first, second, **moments)
+    through = None
+    if second is not None:
+        given = {"poses": rays.poses, "t_max": rays.far}
+        second, through = through_panes(scene, rays.origins, rays.directions, second, **given)
     air = None if scene.haze is None else air_before(scene, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
-    if not bool((scene.materials.opacity[1:] < 1).any()):
+    if second is None or through is None:
         return _gbuffer(scene, rays, first, solid, run, air), None
-    second = trace(
-        scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
-    )
     solid_behind, run_behind = run_lengths(
         scene, rays.origins, rays.directions, second, poses=rays.poses, cap=MAX_THICKNESS
     )
     inner = torch.where(first.back_face, run, torch.minimum(run, second.t - first.t))
-    front = _gbuffer(scene, rays, first, solid, inner, air)
+    front = _gbuffer(scene, rays, first, solid, inner, air, rises)
+    assert front.transmittance is not None
+    front = front.replace(transmittance=front.transmittance * _planes(through))
     return front, _gbuffer(scene, rays, second, solid_behind, run_behind)
 
 
@@ -93,6 +108,8 @@ class _PrimaryRays:
     far: Tensor
     poses: Tensor
     poses_before: Tensor
+    times: list[float]
+    times_before: list[float]
 
 
 def _primary_rays(
@@ -116,6 +133,8 @@ def _primary_rays(
         near=camera.near / along,
         far=far if scene.haze is None else torch.minimum(far, range_of(scene.haze, directions)),
         poses=poses,
+        times=times,
+        times_before=before,
         poses_before=poses if before == times else scene.poses(before).to(camera.device),
     )
 
@@ -133,15 +152,27 @@ def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> li
 
 
 def _gbuffer(
-    scene: Scene, rays: _PrimaryRays, hits: Hits, thickness: Tensor, run: Tensor, air: Air | None = None
+    scene: Scene,
+    rays: _PrimaryRays,
+    hits: Hits,
+    thickness: Tensor,
+    run: Tensor,
+    air: Air | None = None,
+    rises: Tensor | None = None,
 ) -> GBuffer:
-    """The channels of one layer; ``run`` is how far light from behind goes through the material that was hit."""
+    """The channels of one layer.
+
+    ``run`` is how far light from behind goes through the material that was hit, and ``rises`` how much higher the
+    surface was a frame ago, where it is not an instance that moves.
+    """
     camera, table, which = rays.camera, scene.materials, hits.material.long()
     hit = hits.hit[:, None]
     along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
     depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
-    motion, motion_z = _motion(scene, rays, hits, depth)
-    seen = look(scene, hits, rays.directions, camera.pixels_per_unit(depth)[:, 0], poses=rays.poses)
+    motion, motion_z = _motion(scene, rays, hits, depth, rises)
+    pixels = camera.pixels_per_unit(depth)[:, 0]
+    seen = look(scene, hits, rays.directions, pixels, poses=rays.poses)
+    seen = wet(scene, rays.origins, rays.directions, hits, seen, pixels, poses=rays.poses, times=rays.times)
     passed = (1 - table.opacity[which])[..., None] * table.tint[which] ** run.clamp_min(0)[..., None]
     values = {
         "depth": depth,
@@ -168,10 +199,14 @@ def _gbuffer(
     return GBuffer(camera=camera, previous_camera=rays.previous, hit=hit, motion=motion, **values)
 
 
-def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor) -> tuple[Tensor, Tensor]:
-    """Motion and motion_z: of a static world, and on instances of the same point of the model."""
+def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor, rises: Tensor | None) -> tuple[Tensor, Tensor]:
+    """Motion and motion_z: of a static world, on instances of the same point of the model, and of water that rises."""
     camera, previous = rays.camera, rays.previous
     motion, motion_z = camera.static_motion(previous, depth, hits.hit[:, None])
+    if rises is not None and bool(rises.any()):
+        points = camera.to_world(camera.unproject(depth.double()))
+        points[:, 1] += rises
+        motion, motion_z = _moved(rays, depth, points, (rises != 0)[:, None], motion, motion_z)
     if not scene.instances or not bool((hits.instance > 0).any()):
         return motion, motion_z
     matrices = scene.world_from_model(rays.poses_before.double())
@@ -180,9 +215,15 @@ def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor) -> tupl
     )
     chosen = matrices[torch.arange(camera.batch, device=depth.device)[:, None, None], hits.instance.long()]
     points = (chosen[..., :3, :3] @ hits.local.double()[..., None])[..., 0] + chosen[..., :3, 3]
-    before = previous.to_view(points.permute(0, 3, 1, 2))
-    moved = (previous.project(before) - camera.pixel_centers(dtype=torch.float64)).to(depth.dtype)
-    moves = (hits.instance > 0)[:, None]
+    return _moved(rays, depth, points.permute(0, 3, 1, 2), (hits.instance > 0)[:, None], motion, motion_z)
+
+
+def _moved(
+    rays: _PrimaryRays, depth: Tensor, points: Tensor, moves: Tensor, motion: Tensor, motion_z: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Motion and motion_z, where ``moves`` those of what was at ``points`` ``(B, 3, H, W)`` a frame ago."""
+    before = rays.previous.to_view(points)
+    moved = (rays.previous.project(before) - rays.camera.pixel_centers(dtype=torch.float64)).to(depth.dtype)
     change = (before[:, 2:] - depth).to(depth.dtype)
     return torch.where(moves, moved, motion), torch.where(moves, change, motion_z)
 

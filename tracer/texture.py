@@ -94,7 +94,11 @@ def _turned(tilt: Tensor, hits: Hits, directions: Tensor, here: tuple[Tensor, ..
     u, v = (axes.gather(2, k[:, None, None].expand(-1, 3, 1))[..., 0] for k in along)
     up = (1 - tilt.square().sum(dim=-1, keepdim=True)).clamp_min(0).sqrt()
     flat = hits.normal[here]
-    normal = tilt[:, :1] * u + tilt[:, 1:] * v + up * flat
+    return facing(tilt[:, :1] * u + tilt[:, 1:] * v + up * flat, flat, directions)
+
+
+def facing(normal: Tensor, flat: Tensor, directions: Tensor) -> Tensor:
+    """``(n, 3)`` unit normals on a face of normal ``flat``; none is turned away from the ray that hits it."""
     least = (flat * directions).sum(dim=-1, keepdim=True).neg().clamp_max(GRAZING)
     behind = (least + (normal * directions).sum(dim=-1, keepdim=True)).clamp_min(0)
     return F.normalize(normal - behind * directions, dim=-1)
@@ -116,17 +120,17 @@ def variation(hits: Hits, texture_ids: Tensor, pixels_per_voxel: Tensor) -> Tens
     """
     uv = hits.uv()
     x, y, z = (hits.cell[..., k].long() for k in range(3))
-    face = _mix(x * 73856093 + y * 19349663 + z * 83492791 + (hits.face.long() + 6 * texture_ids.long()) * 2654435761)
+    face = mix(x * 73856093 + y * 19349663 + z * 83492791 + (hits.face.long() + 6 * texture_ids.long()) * 2654435761)
     total = torch.zeros_like(pixels_per_voxel)
     for side, amplitude in OCTAVES:
         cell = (uv * side).long().clamp_max(side - 1)
-        number = _mix(face + (cell[..., 0] * side + cell[..., 1] + 64 * side) * 668265263)
+        number = mix(face + (cell[..., 0] * side + cell[..., 1] + 64 * side) * 668265263)
         visible = ((pixels_per_voxel / side - 0.75) / 1.25).clamp(0.0, 1.0)  # from 3/4 of a pixel to two
         total = total + amplitude * visible * (number.to(total.dtype) * (2.0 / 0xFFFFFFFF) - 1.0)
     return total
 
 
-def _mix(value: Tensor) -> Tensor:
+def mix(value: Tensor) -> Tensor:
     """32 well mixed bits of an integer, in 64-bit arithmetic. Source: Wellons 2018, "lowbias32"."""
     value = value & 0xFFFFFFFF
     value = ((value ^ (value >> 16)) * 0x7FEB352D) & 0xFFFFFFFF

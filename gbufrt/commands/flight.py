@@ -91,6 +91,14 @@ class Job:
 
             path = SunPath(**dict(zip(("zenith", "azimuth"), when.pop("path", ()), strict=False)))
             scene = at_hour(scene, **when, path=path)
+        if self.day.rain is not None:
+            from tracer.weather.rain import raining
+
+            scene = raining(scene, self.day.rain)
+        if self.day.waves is not None:
+            from tracer.scene.weather import Waves
+
+            scene = replace(scene, waves=Waves(amplitude=self.day.waves))
         if scene.empty:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
         if not scene.views and self.eye is None:

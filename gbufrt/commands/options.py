@@ -123,7 +123,7 @@ class PartOptions:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class DayOptions:
-    """The time of day."""
+    """The time of day, and the weather."""
 
     hour: float | None = None
     """Hour of the day, 0 to 24, whose sun or moon and sky the world gets; lamps light the night. [default: its own]"""
@@ -134,12 +134,23 @@ class DayOptions:
     sun_path: str | None = None
     """With --hour: ZENITH,AZIMUTH, degrees that noon's sun stands off the zenith, and off -z. [default: 30,12]"""
 
+    rain: float | None = None
+    """How hard it rains, 0 to 1: grey sky, haze, and what is under the open sky wet. [default: not at all]"""
+
+    waves: float | None = None
+    """Height of waves on water over its mean, world units, 0 to 0.45, such as 0.1. [default: still water]"""
+
     def parsed(self) -> dict[str, Any] | None:
         """Arguments of `tracer.at_hour`, ``path`` as two numbers; None where the world keeps its own sun.
 
         Raises:
-            ValueError: an hour that no day has, other numbers than two, or what goes with an hour without one.
+            ValueError: an hour that no day has, other numbers than two, what goes with an hour without one, or
+                rain or waves that cannot be.
         """
+        if self.rain is not None and not 0.0 <= self.rain <= 1.0:
+            raise ValueError(f"--rain must lie in 0..1, got {self.rain:g}")
+        if self.waves is not None and not 0.0 <= self.waves <= 0.45:
+            raise ValueError(f"--waves must lie in 0..0.45, got {self.waves:g}")
         if self.hour is None:
             for option, value in (("--day", self.day), ("--sun-path", self.sun_path)):
                 if value is not None:

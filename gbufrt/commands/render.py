@@ -205,8 +205,9 @@ def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -
 def _check_fits(path: Path, found: dict[str, Any], notes: dict[str, Any]) -> None:
     for part, wanted in notes.items():
         stored = found.get(part)
-        for key, value in wanted.items():
-            there = stored.get(key) if isinstance(stored, dict) else None
+        stored = stored if isinstance(stored, dict) else {}
+        for key in {**wanted, **stored}:  # what only the file has was an option that is left out now
+            there, value = stored.get(key), wanted.get(key)
             if there != value:
                 raise ValueError(f"cannot resume: {path} has {key} {there!r}, not {value!r}; use another --out")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -17,21 +18,30 @@ from tracer.lights.shadows import Surface
 from tracer.lights.sky import sky_irradiance, sun_radiance
 from tracer.lights.stars import stars
 from tracer.scene.scene import Scene
+from tracer.weather.caustics import caustics
+from tracer.weather.waves import above_waves
 
 LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
 LIFT_RELATIVE = 2e-6  # of the depth, whose rounding grows with it
 
 
 def light(
-    scene: Scene, gbuffer: GBuffer, *, poses: Tensor | None = None, samples: int = 16, index: int = 0, seed: int = 0
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    samples: int = 16,
+    index: int = 0,
+    seed: int = 0,
+    times: Sequence[float] | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Direct light and sky light that leave every pixel's surface toward the camera.
 
     ``radiance`` is emission + diffuse albedo / pi x irradiance from the sun's disc and from emissive blocks, both with
-    soft shadows; where nothing was hit it is the sky, with the sun's disc. ``ambient`` is diffuse albedo / pi x
-    irradiance of the unoccluded sky. Diffuse albedo is albedo x (1 - metallic) x opacity: metals only reflect, and
-    a transmissive surface shows its own share, to which the light from behind it, times the transmittance, is added
-    later.
+    soft shadows, and from the sun by way of waves on water; where nothing was hit it is the sky, with the sun's disc.
+    ``ambient`` is diffuse albedo / pi x irradiance of the unoccluded sky. Diffuse albedo is albedo x (1 - metallic) x
+    opacity: metals only reflect, and a transmissive surface shows its own share, to which the light from behind it,
+    times the transmittance, is added later.
 
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
     off: those that may give a pixel at most 1/128 of the light it could get are represented by up to eight of them,
@@ -44,6 +54,7 @@ def light(
         samples: most shadow rays a pixel to the sun, and to each lamp that matters there.
         index: frame number, from which the noise comes.
         seed: another seed, another noise.
+        times: B, seconds, of the waves that reflect the sun, where there are any; by default 0.
 
     Returns:
         ``radiance`` and ``ambient``, both ``(B, 3, H, W)`` outgoing linear radiance.
@@ -62,7 +73,7 @@ def light(
         diffuse = diffuse * (1 - gbuffer.metallic)
     if gbuffer.opacity is not None:
         diffuse = diffuse * gbuffer.opacity
-    points = lifted(gbuffer)
+    points = above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
     arrived = []
     for b in range(batch):
@@ -73,6 +84,10 @@ def light(
             size=camera.size,
         )
         arrived.append(_direct(scene, poses[b], surface).arriving(noise, samples))
+        if scene.waves is not None:
+            rows = surface.points.T.contiguous(), surface.normals.T.contiguous(), surface.lit
+            moment = {"time": 0.0 if times is None else times[b], "eye": camera.position[b].float()}
+            arrived[b] = arrived[b] + caustics(scene, *rows, poses=poses[b], **moment).T.view_as(arrived[b])
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_behind(scene, directions)
     if scene.sky.stars is not None:

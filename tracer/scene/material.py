@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,7 @@ from tracer.scene.textures import Textures
 RGB = tuple[float, float, float]
 COLUMNS = ("albedo", "roughness", "metallic", "emission", "opacity", "tint", "variation")
 """The tensors of a `MaterialTable`, a row for each material."""
+WATER = re.compile(r"(?:.*:)?water\b")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +126,11 @@ class MaterialTable:
         if name not in self.names:
             raise ValueError(f"no material {name!r}; there are {', '.join(self.names)}")
         return self.names.index(name)
+
+    @property
+    def water(self) -> Tensor:
+        """``(M,)`` bool: which are called water, with or without a name space before it and a biome after it."""
+        return torch.tensor([bool(WATER.match(name)) for name in self.names], device=self.albedo.device)
 
     def to(self, *args: Any, **kwargs: Any) -> MaterialTable:
         """The table on another device; arguments as `torch.Tensor.to`."""

@@ -14,6 +14,7 @@ from gbufrt.camera import Camera
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import Grids, join
 from tracer.scene.material import MaterialTable
+from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 
 Pose = Callable[[float], Tensor]
@@ -92,6 +93,10 @@ class Haze:
     begin: float
     end: float
 
+    def and_also(self, other: Haze | None) -> Haze:
+        """The haze that hides what either of two hides."""
+        return self if other is None else Haze(begin=min(self.begin, other.begin), end=min(self.end, other.end))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class View:
@@ -118,6 +123,8 @@ class Scene:
     views: Mapping[str, View] = field(default_factory=dict)
     """The first one is the default."""
     haze: Haze | None = None
+    rain: Rain | None = None
+    waves: Waves | None = None
 
     def around(self, eye: Sequence[float]) -> Scene:
         """What a camera there can see: this scene. `tracer.worlds.stream.Stream` has another one for other places."""

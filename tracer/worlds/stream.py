@@ -18,6 +18,7 @@ from tracer.formats.minecraft.extent import Extent
 from tracer.formats.minecraft.save import Box, Selection
 from tracer.formats.minecraft.window import Window, reach_of
 from tracer.scene.scene import Haze, Scene, Sky, Sun, View
+from tracer.scene.weather import Rain, Waves
 from tracer.worlds.landscape import SKY, SUN
 from tracer.worlds.views import Point, loop
 
@@ -45,6 +46,9 @@ class Stream:
         views: where to look from.
         sun: as of a `Scene`.
         sky: as of a `Scene`.
+        haze: what hides more than the window's border, if anything does.
+        rain: as of a `Scene`.
+        waves: likewise.
         device: where the voxels lie.
         pack: a resource pack with textures, if any.
     """
@@ -55,6 +59,9 @@ class Stream:
     views: Mapping[str, View] = field(default_factory=dict)
     sun: Sun | None = SUN
     sky: Sky = SKY
+    haze: Haze | None = None
+    rain: Rain | None = None
+    waves: Waves | None = None
     device: Any = "cpu"
     pack: str | PathLike[str] | None = None
 
@@ -81,7 +88,7 @@ class Stream:
     @cached_property
     def _scene(self) -> Callable[[Blocks], Scene]:
         reach = reach_of(self.window)
-        haze = Haze(begin=CLEAR * reach, end=reach)
+        haze = Haze(begin=CLEAR * reach, end=reach).and_also(self.haze)
 
         def scene(blocks: Blocks) -> Scene:
             return Scene(
@@ -91,6 +98,8 @@ class Stream:
                 sky=self.sky,
                 views=self.views,
                 haze=haze,
+                rain=self.rain,
+                waves=self.waves,
             )
 
         return lru_cache(maxsize=1)(scene)

@@ -32,6 +32,10 @@ WRONG = (
     ("render --hour 25 --out out", "--hour must lie in 0..24, got 25"),
     ("render --hour 3 --day=-1 --out out", "--day must be 0 or more, got -1"),
     ("render --day 3 --out out", "--day needs --hour"),
+    ("render --rain 2 --out out", "--rain must lie in 0..1, got 2"),
+    ("render --rain=-0.5 --out out", "--rain must lie in 0..1, got -0.5"),
+    ("render --waves 0.5 --out out", "--waves must lie in 0..0.45, got 0.5"),
+    ("render --rain nan --out out", "--rain must lie in 0..1, got nan"),
     (
         "render --hour 3 --sun-path 30 --out out",
         "--sun-path must be ZENITH,AZIMUTH, degrees up to 90 and 360, got",

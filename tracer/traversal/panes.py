@@ -1,0 +1,54 @@
+"""What lies behind several transmissive surfaces, and how much of its light they let through."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import torch
+from torch import Tensor
+
+from tracer.scene.scene import MASK_PRIMARY, Scene
+from tracer.traversal.rays import Hits, run_lengths, trace
+
+MOST = 4  # surfaces that are looked through
+THICK = 64.0  # world units that are looked into one
+
+
+def through_panes(
+    scene: Scene, origins: Tensor, directions: Tensor, hits: Hits, *, poses: Tensor, t_max: Tensor
+) -> tuple[Hits, Tensor]:
+    """Go on through transmissive surfaces to what is opaque, or the sky.
+
+    What these surfaces send themselves is left out.
+
+    Args:
+        scene: what is there.
+        origins: ``(B, H, W, 3)`` of the rays, world space.
+        directions: likewise, unit length.
+        hits: of these rays.
+        poses: ``(B, I, 4, 4)`` of the instances.
+        t_max: ``(B, H, W)`` where the rays end.
+
+    Returns:
+        The hits, and ``(B, H, W, 3)`` the share of the light from there that comes through what was hit before.
+    """
+    table, share = scene.materials, torch.ones_like(origins)
+    columns = {f.name: getattr(hits, f.name).clone() for f in fields(Hits)}
+    for b in range(len(origins)):
+        for _ in range(MOST):
+            clear = columns["hit"][b] & (table.opacity[columns["material"][b].long()] < 1)
+            rows = clear.nonzero(as_tuple=True)
+            if not len(rows[0]):
+                break
+            pane, way = (
+                Hits(**{name: x[b][rows] for name, x in columns.items()}),
+                (origins[b][rows], directions[b][rows]),
+            )
+            behind = trace(scene, *way, poses=poses[b], mask=MASK_PRIMARY, t_max=t_max[b][rows], beyond=pane)
+            run = run_lengths(scene, *way, pane, poses=poses[b], cap=THICK)[1]
+            run = torch.minimum(run, behind.t - pane.t).clamp_min(0)[:, None]
+            which = pane.material.long()
+            share[b][rows] *= (1 - table.opacity[which])[:, None] * table.tint[which] ** run
+            for name, x in columns.items():
+                x[b][rows] = getattr(behind, name)
+    return Hits(**columns), share

@@ -1,0 +1,1 @@
+"""Weather: rain and the sky that it falls from, puddles, rings round drops; waves, and the sun that they reflect."""
