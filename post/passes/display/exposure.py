@@ -78,15 +78,20 @@ def exposure(
 
 
 def _typical(luminance: Tensor, low: float, high: float) -> Tensor:
-    """``(B,)``: mean log2 luminance of the pixels between two percentiles, bins at the ends counting in part."""
+    """``(B,)``: mean log2 luminance of the pixels between two percentiles, bins at the ends counting in part.
+
+    Pixels without any light, such as what lies beyond limited sight, count only where all are so.
+    """
+    lit = (luminance.flatten(1) > 0).to(luminance.dtype)
+    counted = torch.where(lit.amax(1, keepdim=True) > 0, lit, 1.0)
     stops = luminance.flatten(1).clamp(2.0**DARKEST, 2.0**BRIGHTEST).log2()
     place = ((stops.detach() - DARKEST) * (BINS / (BRIGHTEST - DARKEST))).long().clamp(0, BINS - 1)
     empty = stops.new_zeros(stops.shape[0], BINS)
-    count = empty.scatter_add(1, place, torch.ones_like(stops))
-    total = empty.scatter_add(1, place, stops)
+    count = empty.scatter_add(1, place, counted)
+    total = empty.scatter_add(1, place, stops * counted)
     last = count.cumsum(1)
-    pixels = stops.shape[1]
-    inside = (last.clamp(max=high * pixels) - (last - count).clamp(min=low * pixels)).clamp_min(0)
+    pixels = last[:, -1:]
+    inside = (torch.minimum(last, high * pixels) - torch.maximum(last - count, low * pixels)).clamp_min(0)
     return (total * inside / count.clamp_min(1)).sum(1) / inside.sum(1)
 
 

@@ -130,3 +130,13 @@ def test_bad_input():
         exposure(torch.rand(1, 3, 4, 4), low=0.9, high=0.5)
     with pytest.raises(ValueError, match="key must be positive"):
         exposure(torch.rand(1, 3, 4, 4), key=0.0)
+
+
+def test_pixels_without_light_do_not_count_unless_all_are_so():
+    lit = torch.rand(1, 3, 8, 10) + 0.1
+    black = torch.zeros_like(lit)
+    alone, beside = exposure(lit)[0], exposure(torch.cat([lit, black], dim=3))[0]
+    assert torch.allclose(alone, beside)
+    assert torch.isfinite(exposure(black)[0]).all()
+    both = exposure(torch.cat([torch.cat([lit, black], dim=3), torch.cat([black, black], dim=3)]))[0]
+    assert torch.allclose(both[:1], alone), "batch equals loop"
