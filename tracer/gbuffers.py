@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
-from tracer.lights.haze import Air, air_before, range_of
+from tracer.lights.haze import Air, haze_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
 from tracer.traversal.rays import Hits, run_lengths, trace
@@ -65,7 +65,7 @@ def layers(
     first = trace(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
     )
-    air = None if scene.haze is None else air_before(scene, rays.directions, first)
+    air = None if scene.haze is None else haze_before(scene, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
     if not bool((scene.materials.opacity[1:] < 1).any()):
