@@ -15,6 +15,7 @@ from post.passes.estimate import (
     roughness_from_color,
 )
 from post.passes.exposure import Exposure, exposure
+from post.passes.fog import Fog, fog
 from post.passes.fxaa import FXAA, fxaa
 from post.passes.gtao import GTAO, gtao
 from post.passes.march_gi import MarchGI, march_gi
@@ -25,7 +26,7 @@ from post.passes.taa import TAA, taa
 from post.passes.temporal import Temporal, temporal
 from post.passes.tone_map import DisplayEncode, ToneMap, display_encode, tone_map
 from post.passes.vignette import Vignette, vignette
-from post.presets import me1
+from post.presets import me1, with_fog
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import thickness_from_depth
@@ -46,6 +47,7 @@ __all__ = [
     "DisplayEncode",
     "EstimateMissing",
     "Exposure",
+    "Fog",
     "MarchGI",
     "MotionBlur",
     "Reduced",
@@ -63,6 +65,7 @@ __all__ = [
     "depth_of_field",
     "display_encode",
     "exposure",
+    "fog",
     "fxaa",
     "gtao",
     "march_gi",
@@ -79,4 +82,5 @@ __all__ = [
     "thickness_from_depth",
     "tone_map",
     "vignette",
+    "with_fog",
 ]

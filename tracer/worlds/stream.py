@@ -17,6 +17,7 @@ from tracer.formats.minecraft.build import Blocks
 from tracer.formats.minecraft.extent import Extent
 from tracer.formats.minecraft.save import Box, Selection
 from tracer.formats.minecraft.window import Window, reach_of
+from tracer.scene.fog import Fog
 from tracer.scene.scene import Haze, Scene, Sky, Sun, View
 from tracer.worlds.landscape import SKY, SUN
 from tracer.worlds.views import Point, loop
@@ -45,6 +46,7 @@ class Stream:
         views: where to look from.
         sun: as of a `Scene`.
         sky: as of a `Scene`.
+        fog: as of a `Scene`.
         device: where the voxels lie.
         pack: a resource pack with textures, if any.
     """
@@ -55,6 +57,7 @@ class Stream:
     views: Mapping[str, View] = field(default_factory=dict)
     sun: Sun | None = SUN
     sky: Sky = SKY
+    fog: Fog | None = None
     device: Any = "cpu"
     pack: str | PathLike[str] | None = None
 
@@ -89,6 +92,7 @@ class Stream:
                 instances=blocks.instances,
                 sun=self.sun,
                 sky=self.sky,
+                fog=self.fog,
                 views=self.views,
                 haze=haze,
             )
