@@ -18,6 +18,7 @@ from tracer.lights.emitters import lamps_of
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.shadows import SHORT
 from tracer.lights.sky import sky_along
+from tracer.lights.sky_table import SkyTable
 from tracer.sampling.sequence import BELOW_ONE, disc
 from tracer.scene.fog import Fog
 from tracer.scene.scene import Scene, Sun
@@ -87,7 +88,7 @@ def scattered(scene: Scene, segments: Segments, noise: Tensor, *, poses: Tensor,
     Returns:
         ``(N, 3)`` linear radiance; 0 where fog takes nothing.
 
-    Source: Kulla and Fajardo 2012 (importance sampling in participating media).
+    Source: Kulla and Fajardo 2012 (importance sampling in participating media); Veach and Guibas 1995 for the sky.
     """
     assert scene.fog is not None
     light = segments.origins.new_zeros(len(segments.begin), 3)
@@ -129,14 +130,21 @@ class _March:
     def sky(self, noise: Tensor, index: int) -> Tensor:
         g, light = self.fog.anisotropy, torch.zeros_like(self.segments.origins)
         across, other = tangent_frame(self.segments.directions)
-        for u in _points(noise, SKY_STEPS, index):
+        table = SkyTable.of(self.scene)
+        if table is None:
+            return light
+        for step, u in enumerate(_points(noise, SKY_STEPS, index)):
             # the cosine that Henyey and Greenstein's function gives for a number in [0, 1)
             x = (1 - g * g) / (1 - g + 2 * g * u[1])
             cosine = (1 + g * g - x * x) / (2 * g) if abs(g) > 1e-3 else 1 - 2 * u[1]
             cosine = cosine.clamp(-1, 1)[:, None]
             sine, angle = (1 - cosine * cosine).sqrt(), 2 * math.pi * u[2, :, None]
             ways = across * (sine * angle.cos()) + other * (sine * angle.sin()) + self.segments.directions * cosine
-            light = light + self._seen(self._place(u[0]), ways) * sky_along(self.scene, ways)
+            if step % 2:  # half by the phase function, half by the sky's light: both know peaks of their own
+                ways, _ = table.sample(u[1:])
+            share = phase(self.fog, (ways * self.segments.directions).sum(1))
+            share = 2 * share / (share + table.density_of(ways))
+            light = light + self._seen(self._place(u[0]), ways) * sky_along(self.scene, ways) * share[:, None]
         return light / SKY_STEPS
 
     def lamps(self, table: LampTable, noise: Tensor, index: int) -> Tensor:
