@@ -43,6 +43,13 @@ class Frame:
     radiance: Tensor | None = channel(3, "direct light and emission, outgoing linear radiance")
     ambient: Tensor | None = channel(3, "sky light as if nothing blocked it, outgoing linear radiance")
     environment: Tensor | None = channel(3, "lat-long sky radiance, linear", full_size=False)
+    fog_transmittance: Tensor | None = channel(1, "share of light that fog before the surface or sky lets through")
+    fog_light: Tensor | None = channel(
+        3, "mean radiance that fog there scatters over the share it takes, of every second pixel", full_size=False
+    )
+    fog_mirrored: Tensor | None = channel(
+        4, "the same along the mirrored ray, then the share that fog lets through there", full_size=False
+    )
 
     ao: Tensor | None = channel(1, "ambient visibility, 1 open", clear=1.0)
     sky_visibility: Tensor | None = channel(1, "visibility of the sky at unlimited radius, 1 open", clear=1.0)
@@ -51,6 +58,8 @@ class Frame:
     reflection: Tensor | None = channel(3, "specular light, Fresnel included, linear radiance")
     reflection_confidence: Tensor | None = channel(1, "share of the reflection found on screen, 0 to 1")
     reflection_distance: Tensor | None = channel(1, "distance from the surface to what it mirrors, world units")
+    fog: Tensor | None = channel(3, "light that fog adds before the surface or sky, linear radiance")
+    fog_reflection: Tensor | None = channel(4, "light that fog adds along the mirrored ray, and its transmittance")
     composite: Tensor | None = channel(3, "all light together, linear radiance")
     color: Tensor | None = channel(3, "the composite after lens and anti-aliasing passes, linear radiance")
     exposure: Tensor | None = channel(1, "factor on colour before the tone curve, (B,1,1,1)", full_size=False)
@@ -188,5 +197,5 @@ class Frame:
 
 SIGNALS = channels_of(Frame)
 MOTION = ("motion", "motion_z")
-LIGHT = ("radiance", "ambient", "environment")
+LIGHT = ("radiance", "ambient", "environment", "fog_transmittance", "fog_light", "fog_mirrored")
 """Signals that come with the frame rather than from a pass."""

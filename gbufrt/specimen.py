@@ -25,5 +25,8 @@ def specimen() -> Frame:
         material_id=one.int(), object_id=one.int(),
     )  # fmt: skip
     light = torch.cat([across, down, one], dim=1)
-    frame = Frame(gbuffer=gbuffer, radiance=light, ambient=light, environment=torch.ones(1, 3, 8, 16))
+    frame = Frame(
+        gbuffer=gbuffer, radiance=light, ambient=light, environment=torch.ones(1, 3, 8, 16),
+        fog_light=light[..., ::2, ::2], fog_transmittance=one / 2,
+    )  # fmt: skip
     return frame.replace(behind=frame)

@@ -23,11 +23,12 @@ from post.passes.light.estimate import (
     normals_from_depth,
     roughness_from_color,
 )
+from post.passes.light.fog import Fog, fog
 from post.passes.light.gtao import GTAO, gtao
 from post.passes.light.march_gi import MarchGI, march_gi
 from post.passes.light.ssgi import SSGI, ssgi
 from post.passes.light.ssr import SSR, ssr
-from post.presets import me1
+from post.presets import me1, with_fog
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import thickness_from_depth
@@ -48,6 +49,7 @@ __all__ = [
     "DisplayEncode",
     "EstimateMissing",
     "Exposure",
+    "Fog",
     "MarchGI",
     "MotionBlur",
     "Overlay",
@@ -67,6 +69,7 @@ __all__ = [
     "depth_of_field",
     "display_encode",
     "exposure",
+    "fog",
     "fxaa",
     "gtao",
     "march_gi",
@@ -85,4 +88,5 @@ __all__ = [
     "thickness_from_depth",
     "tone_map",
     "vignette",
+    "with_fog",
 ]

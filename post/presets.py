@@ -21,6 +21,7 @@ from post.passes.lens.depth_of_field import DepthOfField
 from post.passes.lens.motion_blur import MotionBlur
 from post.passes.lens.taa import TAA
 from post.passes.light.composite import Composite, Mode
+from post.passes.light.fog import Fog
 from post.passes.light.gtao import GTAO
 from post.passes.light.ssgi import SSGI
 from post.passes.light.ssr import SSR
@@ -131,6 +132,23 @@ def me1(
         raise ValueError(f"units_per_metre must be positive, got {units_per_metre}")
     pipeline = Pipeline(**_light(QUALITIES[preset], composite, units_per_metre), **_finish(composite))
     return pipeline.with_tunables(tunables or {})
+
+
+def with_fog(pipeline: Pipeline) -> Pipeline:
+    """A pipeline whose composite lies in fog, also behind glass and water, and in what mirrors show.
+
+    Args:
+        pipeline: with a stage ``composite``, as of `me1`.
+
+    Returns:
+        One that also reads the fog that the tracer marched.
+
+    Raises:
+        ValueError: there is no such stage.
+    """
+    behind = Pipeline(layer="behind", fog=Fog())
+    pipeline = pipeline.with_stage("fog", Fog(), before="composite")
+    return pipeline.with_stage("fog_behind", behind, before="composite")
 
 
 def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipeline]:

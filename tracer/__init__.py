@@ -5,6 +5,7 @@ from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
 from tracer.frames import render
 from tracer.gbuffers import gbuffer
 from tracer.scene.daylight import SunPath, at_hour
+from tracer.scene.fog import Fog
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import (
     MASK_ALL,
@@ -33,6 +34,7 @@ __all__ = [
     "MASK_SECONDARY",
     "MASK_SHADOW",
     "WORLDS",
+    "Fog",
     "Haze",
     "HitGroup",
     "Hits",

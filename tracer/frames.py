@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gbufrt import Camera, Frame, GBuffer
+from tracer.direct.fog import foggy
 from tracer.direct.lighting import light
 from tracer.gbuffers import layers, seconds
 from tracer.lights.sky import environment
@@ -33,8 +34,8 @@ def render(
         light_samples: most shadow rays a pixel to each light, at least 1.
 
     Returns:
-        A frame with ``radiance``, ``ambient`` and ``environment``, and ``behind`` where the scene has transmissive
-        materials; lamps are sampled, so ``emitters_sampled`` is True.
+        A frame with ``radiance``, ``ambient`` and ``environment``; in fog with its light and transmittance; and
+        ``behind`` where the scene has transmissive materials; lamps are sampled, so ``emitters_sampled`` is True.
 
     Raises:
         ValueError: no voxels, or times, cameras or counts that do not fit.
@@ -57,4 +58,5 @@ def render(
             behind=behind,
         )
 
-    return lit(first, None if second is None else lit(second, None))
+    frame = lit(first, None if second is None else lit(second, None))
+    return frame if scene.fog is None else foggy(scene, frame, poses=poses, index=index)

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.gbuffer import CHANNELS
-from tracer.lights.haze import Air, air_before, range_of
+from tracer.lights.haze import Air, haze_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
 from tracer.traversal.panes import through_panes
@@ -81,7 +81,7 @@ def layers(
     if second is not None:
         given = {"poses": rays.poses, "t_max": rays.far}
         second, through = through_panes(scene, rays.origins, rays.directions, second, **given)
-    air = None if scene.haze is None else air_before(scene, rays.directions, first)
+    air = None if scene.haze is None else haze_before(scene, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
     if second is None or through is None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gbufrt.commands.checks import WINDOW, check_part, check_world
-from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, DayOptions, FileOptions, PartOptions, at_least
+from gbufrt.commands.options import MOST_COUNT, MOST_FRAMES, DayOptions, FileOptions, FogOptions, PartOptions, at_least
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class Job:
     fov: float | None = None
     part: PartOptions = field(default_factory=PartOptions)
     day: DayOptions = field(default_factory=DayOptions)
+    fog: FogOptions = field(default_factory=FogOptions)
 
     def check(self) -> None:
         """Check the values, as far as possible without loading the world.
@@ -66,6 +67,7 @@ class Job:
             at_least("--window", self.part.window, *WINDOW)
         check_part(self.world, self.part.parsed())
         self.day.parsed()
+        self.fog.parsed()
         check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
     def load(self) -> Scene | Stream:
@@ -99,6 +101,14 @@ class Job:
             from tracer.scene.weather import Waves
 
             scene = replace(scene, waves=Waves(amplitude=self.day.waves))
+        if (fog := self.fog.parsed()) is not None:
+            from tracer.scene.fog import Fog
+
+            base = self.eye[1] if self.eye is not None else 0.0
+            if self.eye is None and scene.views:
+                view = scene.views.get(self.view or next(iter(scene.views)))
+                base = base if view is None else float(view.eye(self.time)[1])
+            scene = replace(scene, fog=Fog(extinction=fog["extinction"], falloff=fog["falloff"], base=base))
         if scene.empty:
             raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
         if not scene.views and self.eye is None:
@@ -112,7 +122,11 @@ class Job:
         keys = ("world", "view", "time", "fps", "samples", "seed")
         camera = {key: value for key in ("eye", "target", "fov") if (value := getattr(self, key)) is not None}
         camera = {key: list(value) if isinstance(value, tuple) else value for key, value in camera.items()}
-        part = {key: value for key, value in (asdict(self.part) | asdict(self.day)).items() if value is not None}
+        part = {
+            key: value
+            for key, value in (asdict(self.part) | asdict(self.day) | asdict(self.fog)).items()
+            if value is not None
+        }
         return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera, **part}
 
     def seen_from(self, scene: Scene | Stream) -> View:

@@ -15,6 +15,7 @@ from cyclopts import Parameter, Token
 MOST_FRAMES = 1_000_000
 MOST_WARMUP = 4096  # runs: after so many the noise repeats
 MOST_COUNT = 1 << 20  # of samples, steps and whatever else a tunable counts
+FOG_UNITS = 100  # world units over which --fog takes its share
 MOST = (1 << 63) - 1  # of any whole number: what 64 bits hold
 
 
@@ -118,6 +119,36 @@ class PartOptions:
             "pack": self.pack,
         }
         return {name: value for name, value in part.items() if value is not None}
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class FogOptions:
+    """Fog."""
+
+    fog: float | None = None
+    """Share of light that fog takes over 100 world units, below 1: 0.3 is thin, 0.9 makes rooms glow.
+    [default: none]"""
+
+    fog_height: float | None = None
+    """With --fog: world units over which it thins to 0.37 of itself, from the first camera up. [default: even]"""
+
+    def parsed(self) -> dict[str, float] | None:
+        """``extinction`` and ``falloff`` of `tracer.Fog`; None without fog.
+
+        Raises:
+            ValueError: a share or height that makes no sense, or a height without fog.
+        """
+        if self.fog is None:
+            if self.fog_height is not None:
+                raise ValueError("--fog-height needs --fog")
+            return None
+        if not 0.0 <= self.fog < 1.0:
+            raise ValueError(f"--fog must be at least 0 and below 1, got {self.fog:g}")
+        if self.fog_height is not None:
+            at_least("--fog-height", self.fog_height, 0.1)
+        falloff = 0.0 if self.fog_height is None else 1 / self.fog_height
+        return {"extinction": -math.log(1 - self.fog) / FOG_UNITS, "falloff": falloff}
 
 
 @Parameter(name="*")

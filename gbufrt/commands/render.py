@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ from gbufrt.commands.options import (
     DayOptions,
     FileOptions,
     Flag,
+    FogOptions,
     PartOptions,
     PassOptions,
     Whole,
@@ -46,6 +48,7 @@ def render(
     lead_in: Whole | None = None,
     part: PartOptions | None = None,
     day: DayOptions | None = None,
+    fog: FogOptions | None = None,
     options: PassOptions | None = None,
     files: FileOptions | None = None,
     spread: ClusterOptions | None = None,
@@ -88,6 +91,7 @@ def render(
         seed=seed,
         part=part or PartOptions(),
         day=day or DayOptions(),
+        fog=fog or FogOptions(),
     )
     job.check()
     if lead_in is not None:
@@ -100,7 +104,7 @@ def render(
     from gbufrt.commands.ahead import compile_ahead
     from gbufrt.commands.session import Recipe, Runner, check_only, encode, open_device, precision_of
 
-    recipe = Recipe.of(options)
+    recipe = replace(Recipe.of(options), fog=job.fog.parsed() is not None)
     device = open_device(options.device)
     runner = Runner(recipe.build(), recipe.warmup)
     check_only(files, runner.pipeline)

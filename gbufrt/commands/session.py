@@ -42,6 +42,7 @@ class Recipe:
     without: tuple[str, ...] = ()
     set: Mapping[str, Any] = field(default_factory=dict)
     warmup: int = 3
+    fog: bool = False
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
@@ -52,7 +53,7 @@ class Recipe:
         """
         base = start or Recipe()
         if options.preset is not None:
-            base = Recipe(preset=options.preset, warmup=base.warmup)
+            base = Recipe(preset=options.preset, warmup=base.warmup, fog=base.fog)
         if options.composite is not None:
             base = replace(base, composite=options.composite)
         warmup = base.warmup if options.warmup is None else options.warmup
@@ -88,6 +89,7 @@ class Recipe:
                 without=tuple(map(str, found["without"])),
                 set=dict(found["set"]),
                 warmup=int(found["warmup"]) if warmup is None else warmup,
+                fog=found.get("fog") is True,
             )
         except (KeyError, TypeError, ValueError, OverflowError):
             return Recipe()
@@ -97,7 +99,8 @@ class Recipe:
 
     def to_notes(self) -> dict[str, Any]:
         """The recipe as JSON values."""
-        return {**asdict(self), "without": list(self.without)}
+        notes = {**asdict(self), "without": list(self.without)}
+        return notes if self.fog else {name: value for name, value in notes.items() if name != "fog"}
 
     def build(self) -> Pipeline:
         """The pipeline.
@@ -105,9 +108,10 @@ class Recipe:
         Raises:
             ValueError: there is no such preset, stage or tunable.
         """
-        from post.presets import me1
+        from post.presets import me1, with_fog
 
         pipeline = me1(self.preset, composite=self.composite)  # pyright: ignore[reportArgumentType]
+        pipeline = with_fog(pipeline) if self.fog else pipeline
         if self.set:
             present = pipeline.all_tunables()
             values = {name: fitted(name, value, present[pipeline.resolve(name)]) for name, value in self.set.items()}

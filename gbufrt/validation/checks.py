@@ -12,7 +12,7 @@ from gbufrt.validation.pixels import check_finite, check_not_negative, check_ran
 
 UNIT_RANGE = ("albedo", "roughness", "metallic", "opacity", "transmittance")
 SHARES = ("ao", "sky_visibility", "reflection_confidence")
-LIGHTS = ("radiance", "ambient", "environment", "gi", "reflection", "composite", "color")
+LIGHTS = ("radiance", "ambient", "environment", "fog_light", "fog", "gi", "reflection", "composite", "color")
 
 
 def validate_gbuffer(g: Geometry, before: Geometry | None = None, prefix: str = "") -> None:

@@ -54,6 +54,7 @@ CASES = {
     "Denoise": Case(post.Denoise(signal="gi"), "gi"),
     "Temporal": Case(post.Temporal(signal="gi"), "gi"),
     "Composite": Case(post.Composite(reflection_intensity=0.8), "radiance"),
+    "Fog": Case(post.Fog(), "fog_light"),
     "AerialPerspective": Case(post.AerialPerspective(unit=0.1), "color"),
     "TAA": Case(post.TAA(), "color"),
     "FXAA": Case(post.FXAA(), "image"),
@@ -100,7 +101,7 @@ def setting(case: Case, column: str) -> tuple[Frame, Any]:
         frame = frame.replace(gbuffer=g.replace(motion=6 * frame.read("motion")))
     state = None
     if isinstance(case.stage, TemporalPass):
-        lit = {name: 0.9 * frame.read(name) for name in ("gi", "color", "radiance", "reflection")}
+        lit = {name: 0.9 * frame.read(name) for name in ("gi", "color", "radiance", "reflection", "fog_light")}
         state = case.stage(frame.replace(**lit))[1]
     return frame.replace(index=1, time=0.03, previous=frame.as_previous()), state
 

@@ -37,6 +37,8 @@ def dress(frame: Frame) -> Frame:
         composite=lit,
         color=lit,
         image=lit.clamp(0, 1),
+        fog_light=noise(3)[..., ::2, ::2],
+        fog_transmittance=noise(1),
     )
 
 

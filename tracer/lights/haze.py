@@ -48,7 +48,7 @@ def range_of(haze: Haze, directions: Tensor) -> Tensor:
     return haze.end / _along_ground(directions).clamp_min(1e-6)
 
 
-def air_before(scene: Scene, directions: Tensor, hits: Hits) -> Air:
+def haze_before(scene: Scene, directions: Tensor, hits: Hits) -> Air:
     """The air before what rays ``(B, H, W, 3)`` of a scene with haze hit."""
     assert scene.haze is not None
     far = hits.t * _along_ground(directions)

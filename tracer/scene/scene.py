@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.tree import map_tensors
+from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
 from tracer.scene.material import MaterialTable
 from tracer.scene.weather import Rain, Waves
@@ -125,6 +126,7 @@ class Scene:
     haze: Haze | None = None
     rain: Rain | None = None
     waves: Waves | None = None
+    fog: Fog | None = None
 
     def around(self, eye: Sequence[float]) -> Scene:
         """What a camera there can see: this scene. `tracer.worlds.stream.Stream` has another one for other places."""

@@ -17,6 +17,7 @@ from tracer.formats.minecraft.build import Blocks
 from tracer.formats.minecraft.extent import Extent
 from tracer.formats.minecraft.save import Box, Selection
 from tracer.formats.minecraft.window import Window, reach_of
+from tracer.scene.fog import Fog
 from tracer.scene.scene import Haze, Scene, Sky, Sun, View
 from tracer.scene.weather import Rain, Waves
 from tracer.worlds.landscape import SKY, SUN
@@ -49,6 +50,7 @@ class Stream:
         haze: what hides more than the window's border, if anything does.
         rain: as of a `Scene`.
         waves: likewise.
+        fog: as of a `Scene`.
         device: where the voxels lie.
         pack: a resource pack with textures, if any.
     """
@@ -62,6 +64,7 @@ class Stream:
     haze: Haze | None = None
     rain: Rain | None = None
     waves: Waves | None = None
+    fog: Fog | None = None
     device: Any = "cpu"
     pack: str | PathLike[str] | None = None
 
@@ -96,6 +99,7 @@ class Stream:
                 instances=blocks.instances,
                 sun=self.sun,
                 sky=self.sky,
+                fog=self.fog,
                 views=self.views,
                 haze=haze,
                 rain=self.rain,

@@ -86,6 +86,8 @@ def composite(
 class Composite(Pass):
     """See `composite`. What is behind is transmittance x the composite of ``frame.behind``.
 
+    Fog lies over what is behind, over reflections, and over ``color``; ``composite`` is the surface's light before it.
+
     ``physical`` reads ``sky_visibility`` and falls back to ``ao``; ``me1`` reads ``ao``.
 
     Args:
@@ -102,6 +104,7 @@ class Composite(Pass):
             *("ambient", "emission", "ao", "sky_visibility", "gi", "reflection", "transmittance"),
             *("reflection_confidence", "reflection_distance"),  # for limited sight
             *("depth", "normal", "hit", "roughness"),  # for the specular albedo, where there is a reflection
+            *("fog", "fog_transmittance", "fog_reflection", "albedo", "metallic"),
         }
     )
     writes = frozenset({"composite", "color"})
@@ -127,9 +130,9 @@ class Composite(Pass):
         seen = frame if self.sight is None else within_sight(frame, self.sight, self.sight_begin)
         behind = None
         if seen.behind is not None and seen.gbuffer.transmittance is not None:
-            behind = seen.gbuffer.transmittance * self._surface(seen.behind)
+            behind = seen.gbuffer.transmittance * _fogged(seen.behind, self._surface(seen.behind))
         result = self._surface(seen, behind)
-        return frame.replace(composite=result, color=result)
+        return frame.replace(composite=result, color=_fogged(frame, result))
 
     def _surface(self, frame: Frame, behind: Tensor | None = None) -> Tensor:
         fitting = (frame.sky_visibility, frame.ao) if self.mode == "physical" else (frame.ao,)
@@ -139,7 +142,7 @@ class Composite(Pass):
             emission=frame.gbuffer.emission,
             visibility=next((v for v in fitting if v is not None), None),
             gi=frame.gi,
-            reflection=frame.reflection,
+            reflection=_fogged_reflection(frame),
             behind=behind,
             specular=None if frame.reflection is None else specular_albedo(frame.gbuffer),
             mode=self.mode,
@@ -147,3 +150,21 @@ class Composite(Pass):
             gi_intensity=self.gi_intensity,
             reflection_intensity=self.reflection_intensity,
         )
+
+
+def _fogged(frame: Frame, light: Tensor) -> Tensor:
+    """What the fog of a frame leaves of its light, and what it adds."""
+    if frame.fog is None or frame.fog_transmittance is None:
+        return light
+    return light * frame.fog_transmittance + frame.fog
+
+
+def _fogged_reflection(frame: Frame) -> Tensor | None:
+    """The reflection with fog along the mirrored ray, as much of it as the surface reflects."""
+    reflection, along = frame.reflection, frame.fog_reflection
+    if reflection is None or along is None:
+        return reflection
+    g, share = frame.gbuffer, specular_albedo(frame.gbuffer)
+    if g.metallic is not None and g.albedo is not None:
+        share = torch.lerp(share.expand_as(g.albedo), g.albedo, g.metallic)
+    return reflection * along[:, 3:] + along[:, :3] * share

@@ -1,0 +1,99 @@
+"""Fog where its light is known in closed form, and against brute force."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+import tracer
+from gbufrt.noise.noise import blue_noise
+from tracer.lights.fog import Segments, passes, phase, scattered
+from tracer.truth.fog import fog_truth
+
+
+def scene(sun=None, level=0.0, lamp=False, **fog) -> tracer.Scene:
+    """One voxel at the origin, which may be a lamp, a sky of one colour, and fog."""
+    table = tracer.MaterialTable.of(
+        [tracer.Material(name="body", emission=(40.0, 30.0, 20.0) if lamp else (0.0, 0.0, 0.0))]
+    )
+    voxels = torch.zeros(3, 3, 3, dtype=torch.int16)
+    voxels[1, 1, 1] = 1
+    world = tracer.World.from_dense(voxels, table, origin=(-1, -1, -1))
+    sky = tracer.Sky(picture=torch.full((1, 3, 4, 8), level))
+    return tracer.Scene(world=world, sun=sun, sky=sky, fog=tracer.Fog(**{"extinction": 0.05, **fog}))
+
+
+def rays(count=64, y=5.0, z=0.5, end=20.0) -> Segments:
+    """Rays over the voxel along x, with a little slope."""
+    angle = torch.linspace(-0.3, 0.3, count)
+    ways = torch.stack([angle.cos(), angle.sin(), torch.zeros(count)], dim=1)
+    starts = torch.tensor([[-8.0, y, z]]).expand(count, 3)
+    return Segments(origins=starts, directions=ways, begin=torch.ones(count), end=torch.full((count,), end))
+
+
+def light_of(made: tracer.Scene, given: Segments, frames=1):
+    noise = blue_noise(8, len(given.begin) // 8, dims=10).flatten(1)
+    none = torch.zeros(0, 4, 4)
+    return torch.stack([scattered(made, given, noise, poses=none, index=i) for i in range(frames)]).mean(0)
+
+
+@pytest.mark.parametrize("falloff", [0.0, 0.2])
+def test_depth_and_distance_are_inverse(falloff):
+    fog, given = tracer.Fog(extinction=0.05, falloff=falloff, base=4.0), rays()
+    height, rise = given.entry()
+    depth = fog.depth(height, rise, given.length())
+    steps = (torch.arange(4000) + 0.5)[:, None] / 4000 * given.length()
+    summed = (fog.density(height + rise * steps) * given.length() / 4000).sum(0)
+    torch.testing.assert_close(depth, summed, rtol=1e-4, atol=0)
+    torch.testing.assert_close(fog.distance(height, rise, depth), given.length(), rtol=1e-4, atol=0)
+
+
+def test_unblocked_sun_is_its_phase():
+    sun = tracer.Sun(direction=(0.3, 1.0, 0.2), irradiance=(3.0, 2.0, 1.0), angular_radius=0.27)
+    made, given = scene(sun=sun, albedo=(0.9, 0.8, 0.7), anisotropy=0.5), rays(y=9.0)
+    toward = torch.nn.functional.normalize(torch.tensor(sun.direction), dim=0)
+    cosine = given.directions @ toward
+    known = (1 - 0.25) / (4 * math.pi * (1.25 - cosine) ** 1.5)
+    assert made.fog is not None
+    torch.testing.assert_close(phase(made.fog, cosine), known)
+    wanted = known[:, None] * torch.tensor([2.7, 1.6, 0.7])
+    torch.testing.assert_close(light_of(made, given), wanted, rtol=1e-4, atol=0)
+
+
+@pytest.mark.parametrize("anisotropy", [0.0, 0.8, -0.4])
+def test_even_sky_is_the_albedo(anisotropy):
+    made = scene(level=2.0, albedo=(1.0, 0.5, 0.0), anisotropy=anisotropy)
+    mean = light_of(made, rays(y=9.0), frames=4).mean(0)
+    torch.testing.assert_close(mean, torch.tensor([2.0, 1.0, 0.0]), rtol=0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("falloff", [0.0, 0.3])
+def test_lamp_and_shadow_against_brute_force(falloff):
+    sun = tracer.Sun(direction=(0.0, 1.0, 0.0), irradiance=(3.0, 3.0, 3.0), angular_radius=0.5)
+    made, given = scene(sun=sun, level=0.3, lamp=True, falloff=falloff), rays(64, y=-0.6, z=2.0, end=14.0)
+    poses = torch.zeros(0, 4, 4)
+    assert made.fog is not None
+    found = light_of(made, given, frames=64) * (1 - passes(made.fog, given))[:, None]
+    wanted = fog_truth(made, given, poses=poses, steps=256, rays=4)
+    error = (found - wanted).square().mean().sqrt() / wanted.mean()
+    assert float((found.mean(0) / wanted.mean(0) - 1).abs().max()) < 0.01
+    assert float(error) < 0.1  # most of it is the noise of brute force
+
+
+def test_no_fog_no_light():
+    made = scene(level=1.0)
+    assert made.fog is not None
+    given = replace(rays(), end=torch.zeros(64))
+    assert float(light_of(made, given).abs().max()) == 0
+    assert float(passes(made.fog, given).min()) == 1
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"extinction": -1.0}, {"albedo": (2.0, 0, 0)}, {"anisotropy": 1.0}, {"falloff": math.nan}]
+)
+def test_bad_values_are_named(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        tracer.Fog(**{"extinction": 0.1, **wrong})
