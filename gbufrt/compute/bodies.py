@@ -11,7 +11,7 @@ from __future__ import annotations
 import builtins
 import dis
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
 
@@ -64,6 +64,7 @@ class Target:
         within: its options for functions that are part of their callers, see `inlined`.
         entry: its options for a body that a driver calls as ``item``.
         driver: its options for drivers.
+        instead: what stands in for numpy's functions that the compiler does not know.
     """
 
     def __init__(
@@ -75,10 +76,12 @@ class Target:
         within: dict[str, Any],
         entry: dict[str, Any],
         driver: dict[str, Any],
+        instead: Mapping[Any, Any] | None = None,
     ) -> None:
         options = helper, owner, within, entry, driver
         self._helper, self._owner, self._within, self._entry, self._driver = (jit(**o) for o in options)
         self._options = " ".join(map(str, options))
+        self._instead = dict(instead or {})
         self._compiled: dict[FunctionType, Any] = {}
 
     def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
@@ -134,12 +137,19 @@ class Target:
         if is_scalar(value):
             return self.helper(value)
         if isinstance(value, ModuleType):
-            marked = {name: self.helper(x) for name, x in _attributes(value, user) if is_scalar(x)}
-            if marked:
+            used = _attributes(value, user)
+            changed = {name: self._replace(x) for name, x in used if self._replace(x) is not x}
+            if changed:
                 module = ModuleType(value.__name__)
-                module.__dict__.update(vars(value) | marked)
+                module.__dict__.update(vars(value) | changed)
                 return module
         return value
+
+    def _replace(self, value: Any) -> Any:
+        """What stands for an attribute of a module on this target."""
+        if is_scalar(value):
+            return self.helper(value)
+        return self._instead.get(value, value) if isinstance(value, np.ufunc) else value
 
 
 def references(function: FunctionType) -> dict[str, Any]:
