@@ -12,18 +12,19 @@ from typing import Any
 
 import numpy as np
 import torch
-from numba import config, cuda
+from numba import cuda
 from torch import Tensor
 
 from gbufrt.compute.bodies import Target
+from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import Kernel, array
 
 BLOCK = 128  # threads: enough to hide memory latency, few enough that items of one block lie close together
 
 
-def _rounding() -> dict[Any, Any]:
+def _instead() -> dict[Any, Any]:
     """numpy's functions that numba-cuda does not know; its simulator runs numpy's own."""
-    if config.ENABLE_CUDASIM:
+    if simulated():
         return {}
     from numba.cuda import libdevice
 
@@ -42,7 +43,8 @@ CUDA = Target(
     within={"device": True},
     entry={"device": True},
     driver={"cache": True},
-    instead=_rounding(),
+    instead=_instead(),
+    lanes=1,
 )
 
 
