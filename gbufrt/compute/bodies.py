@@ -11,7 +11,7 @@ from __future__ import annotations
 import builtins
 import dis
 import hashlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
 
@@ -54,6 +54,17 @@ def is_scalar(value: Any) -> bool:
     return isinstance(value, FunctionType) and hasattr(value, "__scalar__")
 
 
+class Lanes(int):
+    """A constant of a body that counts lanes, a multiple of `WIDTH`: items that its loops work on side by side.
+
+    The CPU has `WIDTH` lanes, which its compiler turns into vectors. A target of one lane sees each such constant
+    divided by that width: loops over lanes then run once, and rows of lanes become single numbers.
+    """
+
+
+WIDTH = Lanes(256)  # enough to spread the cost of a call and of reading what was just stored; rows stay in the cache
+
+
 class Target:
     """A device that bodies are compiled for, and how.
 
@@ -64,6 +75,8 @@ class Target:
         within: its options for functions that are part of their callers, see `inlined`.
         entry: its options for a body that a driver calls as ``item``.
         driver: its options for drivers.
+        instead: what stands in for numpy's functions that the compiler does not know.
+        lanes: that bodies work on side by side, see `Lanes`.
     """
 
     def __init__(
@@ -75,10 +88,13 @@ class Target:
         within: dict[str, Any],
         entry: dict[str, Any],
         driver: dict[str, Any],
+        instead: Mapping[Any, Any] | None = None,
+        lanes: int = WIDTH,
     ) -> None:
         options = helper, owner, within, entry, driver
         self._helper, self._owner, self._within, self._entry, self._driver = (jit(**o) for o in options)
         self._options = " ".join(map(str, options))
+        self._instead, self._lanes = dict(instead or {}), int(lanes)
         self._compiled: dict[FunctionType, Any] = {}
 
     def compile(self, driver: FunctionType, item: FunctionType | None, name: str) -> Any:
@@ -131,15 +147,22 @@ class Target:
         return self._within if hasattr(function, "__inlined__") else self._helper
 
     def _resolve(self, value: Any, user: FunctionType) -> Any:
+        if isinstance(value, ModuleType):
+            used = ((name, x, self._replace(x)) for name, x in _attributes(value, user))
+            changed = {name: new for name, old, new in used if new is not old}
+            if changed:
+                module = ModuleType(value.__name__)
+                module.__dict__.update(vars(value) | changed)
+                return module
+        return self._replace(value)
+
+    def _replace(self, value: Any) -> Any:
+        """What stands for a global or an attribute of a module on this target."""
         if is_scalar(value):
             return self.helper(value)
-        if isinstance(value, ModuleType):
-            marked = {name: self.helper(x) for name, x in _attributes(value, user) if is_scalar(x)}
-            if marked:
-                module = ModuleType(value.__name__)
-                module.__dict__.update(vars(value) | marked)
-                return module
-        return value
+        if isinstance(value, Lanes):
+            return value // int(WIDTH) * self._lanes
+        return self._instead.get(value, value) if isinstance(value, np.ufunc) else value
 
 
 def references(function: FunctionType) -> dict[str, Any]:

@@ -10,14 +10,31 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
+import numpy as np
 import torch
 from numba import cuda
 from torch import Tensor
 
 from gbufrt.compute.bodies import Target
+from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import Kernel, array
 
 BLOCK = 128  # threads: enough to hide memory latency, few enough that items of one block lie close together
+
+
+def _instead() -> dict[Any, Any]:
+    """numpy's functions that numba-cuda does not know; its simulator runs numpy's own."""
+    if simulated():
+        return {}
+    from numba.cuda import libdevice
+
+    one_number = cuda.jit(device=True)
+    return {
+        np.floor: one_number(lambda x: libdevice.floorf(x)),
+        np.ceil: one_number(lambda x: libdevice.ceilf(x)),
+        np.rint: one_number(lambda x: libdevice.rintf(x)),
+    }
+
 
 CUDA = Target(
     cuda.jit,
@@ -26,6 +43,8 @@ CUDA = Target(
     within={"device": True},
     entry={"device": True},
     driver={"cache": True},
+    instead=_instead(),
+    lanes=1,
 )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from enum import Enum
 from functools import cache
 from importlib.util import find_spec
@@ -27,7 +28,8 @@ def form_of(*inputs: Tensor | float | None, compiled: bool | None = None, cuda: 
         inputs: those that decide: tensors, and tunables that may be tensors; others are ignored.
         compiled: the user's choice: True for a kernel even if gradients are lost, False for the reference; by default
             a kernel wherever one fits.
-        cuda: whether the operation has a CUDA form. It runs where numba-cuda is installed and finds a GPU.
+        cuda: whether the operation has a CUDA form for these sizes. It runs where numba-cuda is installed and finds a
+            GPU, and for tensors on the CPU where numba simulates one.
 
     Returns:
         The form.
@@ -57,8 +59,13 @@ def _kernel_form(tensors: list[Tensor], cuda: bool) -> Form:
         return Form.REFERENCE
     kind = devices.pop().type
     if kind == "cpu":
-        return Form.CPU
+        return Form.CUDA if cuda and simulated() else Form.CPU
     return Form.CUDA if kind == "cuda" and cuda and _cuda_compiles() else Form.REFERENCE
+
+
+def simulated() -> bool:
+    """Whether numba simulates a GPU in this process, slowly: CUDA forms then run on tensors that lie on the CPU."""
+    return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")
 
 
 @cache

@@ -8,6 +8,7 @@ from typing import Any
 from numba import prange
 from torch import Tensor
 
+from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import CPU, Kernel, array, scalar, threads
 
 ROWS = 64  # items handed to a thread at a time
@@ -48,7 +49,7 @@ class Each:
             count: the number of items.
             arguments: of the body, after the index of the item. Tensors that it writes to must be contiguous.
         """
-        if any(isinstance(x, Tensor) and x.is_cuda for x in arguments):
+        if simulated() or any(isinstance(x, Tensor) and x.is_cuda for x in arguments):
             self.on_cuda(count, *arguments)
         else:
             self.on_cpu(count, threads(), tuple(array(x) if isinstance(x, Tensor) else x for x in arguments))

@@ -22,11 +22,11 @@ import numba
 import numpy as np
 from torch import Tensor
 
-from gbufrt.compute.bodies import Target, allocating, inlined, scalar
+from gbufrt.compute.bodies import WIDTH, Lanes, Target, allocating, inlined, scalar
 from gbufrt.compute.cache import kept, missing
 from gbufrt.compute.threads import threads
 
-__all__ = ["CPU", "Kernel", "allocating", "array", "driver", "inlined", "scalar", "threads"]
+__all__ = ["CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "driver", "inlined", "scalar", "threads"]
 
 _PLAIN = {"nogil": True, "error_model": "numpy"}
 _BORROWING = _PLAIN | {"_nrt": False}

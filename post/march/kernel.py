@@ -7,7 +7,6 @@ picture. Numbers are float32: positions are then good to 1e-4 pixels, and nearne
 
 from __future__ import annotations
 
-import math
 from collections import namedtuple
 
 import numpy as np
@@ -77,7 +76,7 @@ def _traverse(planes, pyramid, table, line, steps):
     """
     height, width, top = planes.shape[0], planes.shape[1], table.shape[0] - 1
     if not (ZERO <= line.x < np.float32(width) and ZERO <= line.y < np.float32(height)):
-        return LEFT, ZERO, math.floor(line.x), math.floor(line.y), ZERO
+        return LEFT, ZERO, np.int64(np.floor(line.x)), np.int64(np.floor(line.y)), ZERO
     ix, iy, level, share, pixels = np.int64(line.x), np.int64(line.y), 0, ZERO, -1
     per_x, per_y = ONE / line.dx, ONE / line.dy
     right, down, sideways = 1 if line.dx >= ZERO else 0, 1 if line.dy >= ZERO else 0, False

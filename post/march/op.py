@@ -52,6 +52,6 @@ def march(
     compiled: bool | None,
 ) -> Tensor:
     """Either form of `march_rays_cpu`; see `gbufrt.compute.dispatch.form_of` for ``compiled``."""
-    form = form_of(planes, pyramid, origins, directions, compiled=compiled)
+    form = form_of(planes, pyramid, origins, directions, compiled=compiled, cuda=True)
     run = march_rays_reference if form is Form.REFERENCE else march_rays_cpu
     return run(planes, pyramid, table, lens, origins, directions, near, orthographic, distance, steps)

@@ -124,7 +124,9 @@ def reflect(
     if compiled and (reuse or method != "ggx"):
         raise ValueError(f"compiled must be None or False for reuse={reuse}, method={method!r}: there is no kernel")
     plain = not reuse and method == "ggx"
-    form = form_of(*picture, hierarchy.planes, noise, roughness_cutoff, compiled=compiled if plain else False)
+    form = form_of(
+        *picture, hierarchy.planes, noise, roughness_cutoff, compiled=compiled if plain else False, cuda=True
+    )
     if form is Form.REFERENCE:
         return reflect_reference(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
     depth, environment, visibility = picture.depth, picture.environment, picture.visibility

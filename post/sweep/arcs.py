@@ -13,6 +13,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from gbufrt.sampling import gather
 from post.margin.view import PaddedView
 from post.sweep.constants import SNAP, VANISHED
@@ -134,7 +135,7 @@ def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
 
     Both ``(groups, B, h, w)``.
     """
-    terms = torch.tensor(direction_polynomials(groups), dtype=sin_n.dtype, device=sin_n.device)[..., None, None, None]
+    terms = resident(direction_polynomials(groups), sin_n)[..., None, None, None]
     value = terms[-1].expand(-1, *sin_n.shape)
     for term in reversed(terms[:-1].unbind(0)):
         value = value * sin_n + term
@@ -142,7 +143,7 @@ def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:
 
 
 @cache
-def direction_polynomials(groups: int) -> list[list[float]]:
+def direction_polynomials(groups: int) -> tuple[tuple[float, ...], ...]:
     """Polynomials in sin(n), lowest power first, fitted to the parts' mean cos(alpha) and sin(alpha)."""
     grid = torch.linspace(-torch.pi / 2, torch.pi / 2, 65, dtype=torch.float64)
     alpha = (torch.arange(8192, dtype=torch.float64) + 0.5) / 8192 * torch.pi - torch.pi / 2
@@ -154,4 +155,4 @@ def direction_polynomials(groups: int) -> list[list[float]]:
         total = torch.zeros(65, groups, dtype=torch.float64).scatter_add(1, group, density * direction)
         means.append(total * groups)
     powers = grid.sin()[:, None] ** torch.arange(9, dtype=torch.float64)
-    return torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()
+    return tuple(map(tuple, torch.linalg.lstsq(powers, torch.cat(means, dim=1)).solution.tolist()))

@@ -26,3 +26,5 @@ COSINES, SHARES = 33, 65  # size of `turns.table`: the shares it gives are right
 UPRIGHT = 1e-3  # length of a normal's part across the ray below which all slices hold the same
 
 STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around
+
+MOST_STEPS, MOST_RADII = 32, 4  # of a sweep on a GPU, whose threads have scratch memory of constant size

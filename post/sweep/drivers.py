@@ -1,13 +1,32 @@
-"""Run the slices of `post.sweep.sweep_kernel` for all receivers of a picture on CPU threads."""
+"""Run the slices of `post.sweep.sweep_kernel` for all receivers of a picture, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numba.cuda
+import numpy as np
 from numba import prange
 
+from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver, scalar
-from post.sweep.constants import LIGHT, SUMS
-from post.sweep.lane_kernel import LANES, Around, Grid, fill_noise, fill_receivers, finish, new_lanes
+from post.sweep.constants import LIGHT, MOST_RADII, MOST_STEPS, SUMS
+from post.sweep.lane_kernel import (
+    LANES,
+    PAIRS,
+    ROWS,
+    Around,
+    Grid,
+    Scratch,
+    fill_noise,
+    fill_receivers,
+    finish,
+    new_lanes,
+)  # fmt: skip
 from post.sweep.sweep_kernel import gather, occlude
+
+cuda: Any = numba.cuda
+MOST_SUMS = MOST_RADII * (SUMS + LIGHT)
 
 
 @scalar
@@ -73,6 +92,35 @@ def sweep_all(
             around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
             grid = Grid(depth[b], normal[b], lens[b], pose[b], hit.shape[2], stride, row, column)
             _sweep_rows(out[:, b], lanes, around, grid, hit[b], noise, directions, thread, threads, gathers)
+
+
+@scalar
+def sweep_pixel(
+    i, out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, margin, stride, row, column,
+    directions, steps, limited, parallel, gathers,
+):  # fmt: skip
+    """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size."""
+    (height, width), (tall, wide, pairs) = hit.shape[1:], picture.shape[1:]
+    b, place = i // (height * width), i % (height * width)
+    if not hit[b, place // width, place % width]:
+        _clear(out[:, b], out.shape[0] // radii.shape[0], place)
+        return
+    rows, parts = cuda.local.array(ROWS, np.float32), cuda.local.array(MOST_STEPS, np.float32)
+    index, places = cuda.local.array(1, np.uint32), cuda.local.array(1, np.int64)
+    read, covered = cuda.local.array(PAIRS, np.int64), cuda.local.array(MOST_RADII, np.int32)
+    sums = cuda.local.array(MOST_SUMS, np.float32)
+    rows[:] = 0
+    places[0] = place
+    each = SUMS + LIGHT if gathers else SUMS
+    used = parts[:steps], index, read, read.view(np.float32), covered[: radii.shape[0]], sums[: radii.shape[0] * each]
+    lanes = Scratch(rows, *used, places)
+    pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
+    around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
+    grid = Grid(depth[b], normal[b], lens[b], pose[b], width, stride, row, column)
+    _sweep_lanes(out[:, b], lanes, around, grid, noise, directions, 1, gathers)
+
+
+sweep_each = Each(sweep_pixel)
 
 
 @driver

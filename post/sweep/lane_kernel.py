@@ -1,6 +1,7 @@
 """Scratch memory of the compiled sweeps: receivers side by side, a lane each, and a row for each of their numbers.
 
-A sweep runs the same steps for all lanes, so that the compiler turns each loop over lanes into vector instructions.
+A GPU has one lane a thread, so that each row is a number there: see `gbufrt.compute.bodies.Lanes`. On the CPU a
+sweep runs the same steps for all lanes, so that the compiler turns each loop over lanes into vector instructions.
 For that, every row has a constant place in one array: the compiler then sees that no row overlaps another. Three
 things keep a loop scalar: a call of a function that is not `inlined`; a row whose place is not constant, which a slice
 made before the loop avoids; and a choice between the numbers of two rows, which becomes a choice of a place. A loop
@@ -14,44 +15,50 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import allocating, inlined, scalar
+from gbufrt.compute.kernel import WIDTH, Lanes, allocating, inlined, scalar
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import constants, slices
 from post.sweep.constants import FOUND, SUMS
 from post.sweep.layout import Receivers
 from post.sweep.slice_kernel import turn
 
-LANES = 256  # enough to spread the cost of a call and of reading what was just stored; all rows stay in a core's cache
+LANES = WIDTH
 BELOW_ONE = np.float32(slices.BELOW_ONE)
 ZERO, HALF, ONE, TWO_THIRDS, NEAREST = (np.float32(number) for number in (0, 0.5, 1, 2 / 3, 1e-9))
 MIN_FACING, VANISHED = np.float32(constants.MIN_FACING), np.float32(constants.VANISHED)
 PAIRS = 4  # of numbers in the largest pixel that taps read
 
+
+def _rows(first: int, end: int) -> map[Lanes]:
+    """Where rows ``first`` to ``end`` begin."""
+    return map(Lanes, range(first * LANES, end * LANES, LANES))
+
+
 # Each name below is where a row begins. Receivers, and the noise of a slice:
-COLUMN, ROW, AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ, VX, VY, VZ, SCALE = range(0, 12 * LANES, LANES)
-SOLID, COS, SIN, JITTER, DITHER = range(12 * LANES, 17 * LANES, LANES)
+COLUMN, ROW, AT_X, AT_Y, AT_Z, AT_NX, AT_NY, AT_NZ, VX, VY, VZ, SCALE = _rows(0, 12)
+SOLID, COS, SIN, JITTER, DITHER = _rows(12, 17)
 # a slice, and what both of its sides share:
-NX, NY, NZ, HX, HY, HZ, TX, TY, TZ, LEVEL, PLACE, COS_N, SIN_N = range(17 * LANES, 30 * LANES, LANES)
-DX, DY, LENGTH, HALVED, RIGHT, LEFT, RIGHT_HIT, LEFT_HIT = range(30 * LANES, 38 * LANES, LANES)
+NX, NY, NZ, HX, HY, HZ, TX, TY, TZ, LEVEL, PLACE, COS_N, SIN_N = _rows(17, 30)
+DX, DY, LENGTH, HALVED, RIGHT, LEFT, RIGHT_HIT, LEFT_HIT = _rows(30, 38)
 # the side that is swept, and the tap before:
-REACH, WHOLE, BEFORE, BEFORE_RISE, BEFORE_RUN = range(38 * LANES, 43 * LANES, LANES)
-BEFORE_DISTANCE, BEFORE_Z, BEFORE_BACK_Z = range(43 * LANES, 46 * LANES, LANES)
+REACH, WHOLE, BEFORE, BEFORE_RISE, BEFORE_RUN = _rows(38, 43)
+BEFORE_DISTANCE, BEFORE_Z, BEFORE_BACK_Z = _rows(43, 46)
 # the tap:
-TAP_X, TAP_Y, RISE, RUN, DISTANCE, Z, BACK_Z = range(46 * LANES, 53 * LANES, LANES)
-FRONT, HIGH, LEAST, CROSSED = range(53 * LANES, 57 * LANES, LANES)
+TAP_X, TAP_Y, RISE, RUN, DISTANCE, Z, BACK_Z = _rows(46, 53)
+FRONT, HIGH, LEAST, CROSSED = _rows(53, 57)
 # what gathering adds, the plane of the tap before, whether the tap continues it, and light:
-PLANE_X, PLANE_Y, PLANE_Z, PLANE_NX, PLANE_NY, PLANE_NZ, PLANE_COSINE = range(57 * LANES, 64 * LANES, LANES)
-SAME, LIT, RED, GREEN, BLUE = range(64 * LANES, 69 * LANES, LANES)
+PLANE_X, PLANE_Y, PLANE_Z, PLANE_NX, PLANE_NY, PLANE_NZ, PLANE_COSINE = _rows(57, 64)
+SAME, LIT, RED, GREEN, BLUE = _rows(64, 69)
 # a group of sectors, and sums over the groups:
-GROUP_RISE, GROUP_RUN, GROUP_OPEN, WHOLE_RISE, WHOLE_RUN = range(69 * LANES, 74 * LANES, LANES)
-OPENED, OPEN_RISE, OPEN_RUN = range(74 * LANES, 77 * LANES, LANES)
+GROUP_RISE, GROUP_RUN, GROUP_OPEN, WHOLE_RISE, WHOLE_RUN = _rows(69, 74)
+OPENED, OPEN_RISE, OPEN_RUN = _rows(74, 77)
 ROWS = 77
 
 Around = namedtuple("Around", "pixels width height aspect rays radii limited sky terms turns margin parallel")
 """What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
 Grid = namedtuple("Grid", "depth normal lens pose columns stride row column")
 """A picture's surfaces, its camera, and which pixels receive: ``columns`` a row, every ``stride``-th from the first."""
-Lanes = namedtuple("Lanes", "rows parts index pairs pixel covered sums place")
+Scratch = namedtuple("Scratch", "rows parts spot pairs pixel covered sums place")
 """Scratch of one thread: see `new_lanes`."""
 
 
@@ -64,7 +71,7 @@ def new_lanes(radii, sums, steps):
     sums, and the place of each lane's receiver.
     """
     pairs = np.empty(PAIRS * LANES, np.int64)
-    return Lanes(
+    return Scratch(
         np.zeros(ROWS * LANES, np.float32),
         np.empty(steps * LANES, np.float32),
         np.empty(LANES, np.uint32),

@@ -1,17 +1,17 @@
-"""Slice sweeps as a torch operator: the kernel on the CPU, the torch reference elsewhere and for gradients."""
+"""Slice sweeps as a torch operator: kernels on the CPU and on CUDA, the torch reference elsewhere and for gradients."""
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import resident
 from post.margin.view import PaddedView
 from post.sweep import arcs
-from post.sweep.constants import FOUND, GROUPS, LIGHT, STRIDES, SUMS
+from post.sweep.constants import FOUND, GROUPS, LIGHT, MOST_RADII, MOST_STEPS, STRIDES, SUMS
 from post.sweep.layout import Receiving
 from post.sweep.open_sky import Sky
 from post.sweep.reference import bodies_reference, sweep_reference
@@ -65,15 +65,18 @@ def sweep_cpu(
         gathers: whether light is gathered.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.sweep.drivers import sweep_all
+    from post.sweep import drivers
 
     (batch, *size), count = hit.shape, FOUND + LIGHT * gathers
     out = depth.new_empty((max(len(radii), 1) * count, batch, size[0] * size[1]))
-    limits = radii if len(radii) else radii.new_tensor([torch.inf])
-    given = (out, picture, rays, depth, normal, lens, pose, hit, turns, noise.flatten(1), limits, sky, terms)
-    inputs = [array(t) for t in given]
-    inputs[1] = inputs[1].view(np.int64)  # two numbers are read at once
-    sweep_all(*inputs, margin, stride, *offset, directions, steps, len(radii) > 0, parallel, gathers, threads())
+    limits = radii if len(radii) else radii.new_full((1,), torch.inf)
+    pairs = picture.contiguous().view(torch.int64)  # two numbers are read at once
+    given = (out, pairs, rays, depth, normal, lens, pose, hit, turns, noise.flatten(1), limits, sky, terms)
+    sizes = (margin, stride, *offset, directions, steps, len(radii) > 0, parallel, gathers)
+    if form_of(depth, cuda=_fits_cuda(steps, len(radii))) is Form.CUDA:
+        drivers.sweep_each(batch * size[0] * size[1], *given, *sizes)
+    else:
+        drivers.sweep_all(*map(array, given), *sizes, threads())
     return out.view(-1, count, batch, *size)
 
 
@@ -118,7 +121,7 @@ def sweep(
     lit = gathers and not soft and torch.is_grad_enabled() and around.picture.requires_grad
     with torch.set_grad_enabled(torch.is_grad_enabled() and not lit):
         inputs = (around.picture, around.origin_x, pixels.depth, pixels.normal, *radii)
-        form = form_of(*inputs, compiled=compiled)
+        form = form_of(*inputs, compiled=compiled, cuda=_fits_cuda(steps, len(radii)))
     if form is Form.REFERENCE:
         return _by_reference(around, pixels, noise, radii, sky, **sizes, soft=soft)
     with torch.no_grad():
@@ -127,6 +130,10 @@ def sweep(
         known = _by_reference(around, pixels, noise, radii, sky, **sizes, soft=soft)
         return known + (found - known).detach()
     return found
+
+
+def _fits_cuda(steps: int, radii: int) -> bool:
+    return steps <= MOST_STEPS and radii <= MOST_RADII
 
 
 def _by_reference(
@@ -164,11 +171,11 @@ def _by_kernel(
         lens,
         camera.view_from_world[:, :3, :3].to(depth.dtype),
         pixels.of(pixels.hit)[:, 0],
-        torch.from_numpy(table()),
+        resident(table, depth),
         noise,
         torch.stack(radii) if radii else depth.new_empty(0),
         empty if sky is None else torch.cat([t.expand(batch, 1, 1).flatten(1) for t in sky], dim=1),
-        torch.tensor(arcs.direction_polynomials(GROUPS), dtype=depth.dtype),
+        resident(arcs.direction_polynomials(GROUPS), depth),
         around.margin,
         pixels.stride,
         list(pixels.offset),

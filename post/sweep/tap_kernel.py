@@ -57,7 +57,7 @@ def _place(lanes, around, side, px, x):
     row = np.rint(rows[lane.ROW + x] + side * rows[lane.DY + x] * px)
     i = min(max(np.int32(column), np.int32(0)), np.int32(around.width - 1))
     j = min(max(np.int32(row), np.int32(0)), np.int32(around.height - 1))
-    lanes.index[x] = j * around.width + i
+    lanes.spot[x] = j * around.width + i
     rows[lane.TAP_X + x], rows[lane.TAP_Y + x] = rays[0] + rays[2] * column, rays[1] + rays[3] * row
 
 
@@ -99,7 +99,7 @@ def place_ends(lanes, around, side):
 @scalar
 def read_taps(lanes, pixels):
     """Read the pixels of all taps: depth and solid, and where light is gathered three pairs of numbers more."""
-    index, pairs = lanes.index, lanes.pairs
+    index, pairs = lanes.spot, lanes.pairs
     if pixels.shape[1] == 1:
         for x in range(LANES):
             pairs[x] = pixels[index[x], 0]

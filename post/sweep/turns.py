@@ -19,6 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from post.sweep.constants import COSINES, SHARES, UPRIGHT
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ def turn(at: Receivers, share: Tensor) -> tuple[Tensor, Tensor]:
     column = (signed.abs() * (SHARES - 1)).expand_as(row)
     i, j = row.floor().clamp_max(COSINES - 2).long(), column.floor().clamp_max(SHARES - 2).long()
     down, right = (row - i)[..., None], (column - j)[..., None]
-    known = torch.from_numpy(table()).to(row)
+    known = resident(table, row)
     upper = known[i, j] + (known[i, j + 1] - known[i, j]) * right
     lower = known[i + 1, j] + (known[i + 1, j + 1] - known[i + 1, j]) * right
     cosine, sine = (upper + (lower - upper) * down).unbind(-1)

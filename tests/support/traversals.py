@@ -61,7 +61,4 @@ def numbers(hits: Hits) -> dict[str, Tensor]:
 
 
 if __name__ == "__main__":
-    from gbufrt.compute.each import Each
-
-    Each.__call__ = Each.on_cuda  # the simulator's arrays lie on the CPU, where the CPU's kernels would take them
     torch.save(answers(), sys.argv[1])

@@ -1,0 +1,41 @@
+"""The CUDA forms of what `post` marches and sweeps, in numba's simulator of a GPU, and compiled for one."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import forms
+import pytest
+import torch
+
+SCRIPT = Path(forms.__file__)
+ROOT = SCRIPT.parents[2]
+
+
+def check(found: dict[str, torch.Tensor]) -> None:
+    wanted = forms.answers()
+    assert found.keys() == wanted.keys()
+    for name, want in wanted.items():
+        apart = (found[name] - want).abs().amax(1)
+        assert (apart <= 1e-4).float().mean() > 0.98, f"{name}: a sector may flip where rounding meets the dither"
+        assert want.std() > 0.01, name
+
+
+def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> None:
+    out = tmp_path / "answers.pt"
+    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": paths}
+    done = subprocess.run([sys.executable, str(SCRIPT), str(out)], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found, ran = torch.load(out)
+    assert ran == {"march", "reflect", "sweep_pixel"}
+    check(found)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU")
+def test_the_cuda_forms_answer_as_those_of_the_cpu() -> None:
+    pytest.importorskip("numba_cuda")
+    check(forms.answers("cuda"))

@@ -1,0 +1,52 @@
+"""Signals of a small frame by kernels, for tests that compare their forms. Run as a script, it answers in the CUDA form
+by numba's simulator and saves what it finds, with the names of the bodies that ran:
+``NUMBA_ENABLE_CUDASIM=1 python forms.py FILE``."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import boxes
+import torch
+from torch import Tensor
+
+from post.march.rays import depth_hierarchy, march_rays
+from post.passes.ssgi import ssgi
+from post.passes.ssr import ssr
+from post.sweep.bitmask import bitmask_ao
+
+SIZE = (10, 14)
+SWEEP = {"directions": 2, "steps": 3}
+
+
+def answers(device: str = "cpu") -> dict[str, Tensor]:
+    """Occlusion within two radii, gathered light, reflections, and where rays along the normals end."""
+    frame = boxes.frame(boxes.camera(SIZE)).to(device)
+    g, light, albedo = frame.gbuffer, frame.read("radiance"), frame.read("albedo")
+    given: dict[str, Any] = {"hit": g.hit, "thickness": g.thickness}
+    roughness = torch.full_like(g.depth, 0.2)
+    ao, bent = bitmask_ao(g.depth, g.normal, g.camera, radius=2.0, scales=2, **SWEEP, **given)
+    gi, sky, _ = ssgi(g.depth, g.normal, g.camera, light=light, albedo=albedo, **SWEEP, **given)
+    mirrored = ssr(
+        g.depth, g.normal, g.camera, light, roughness, f0=albedo, environment=light[:, :, :4, :8], samples=2, **given
+    )
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, **given)
+    ends = march_rays(hierarchy, g.camera.unproject(g.depth), g.camera.rotate_to_view(g.normal), g.camera)
+    found = {"ao": ao, "bent": bent, "gi": gi, "sky": sky, "reflection": mirrored[0], "confidence": mirrored[1]}
+    found |= {"ray": torch.cat([ends.px, ends.distance, ends.hit.float(), ends.blocked.float()], dim=1)}
+    return {name: value.cpu() for name, value in found.items()}
+
+
+if __name__ == "__main__":
+    from gbufrt.compute import cuda
+
+    launch, ran = cuda.launch, set()
+
+    def watched(body: Any, *given: Any) -> None:
+        ran.add(body.__name__)
+        launch(body, *given)
+
+    cuda.launch = watched
+    found = answers()
+    torch.save((found, ran), sys.argv[1])
