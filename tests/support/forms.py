@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from post.march.rays import depth_hierarchy, march_rays
-from post.passes.ssgi import ssgi
-from post.passes.ssr import ssr
+from post.passes.light.ssgi import ssgi
+from post.passes.light.ssr import ssr
 from post.sweep.bitmask import bitmask_ao
 
 SIZE = (10, 14)
