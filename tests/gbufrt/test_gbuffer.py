@@ -181,12 +181,12 @@ def test_a_miss_with_another_depth_is_told(moving):
         ("ambient", torch.inf, "ambient must be finite"),
         ("radiance", -0.1, r"radiance must not be negative, but 2 pixels are so \(down to -0.1\)"),
         ("ao", 1.5, r"ao must lie in \[0, 1\], but 2 pixels are outside"),
-        ("fog", torch.inf, "fog must be finite, but 2 pixels are not"),
+        ("glow", torch.inf, "glow must be finite, but 2 pixels are not"),
     ],
 )
 def test_light_and_signals_are_validated(name, value, message):
     frame = boxes.frame()
-    frame = frame.replace(ao=torch.ones_like(frame.gbuffer.depth)).write("fog", frame.gbuffer.depth)
+    frame = frame.replace(ao=torch.ones_like(frame.gbuffer.depth)).write("glow", frame.gbuffer.depth)
     frame.validate()
     bad = frame.write(name, put(frame.read(name), (40, 50), (41, 3), value=value))
     with pytest.raises(ValueError, match=message):
@@ -225,8 +225,8 @@ def test_frame_reads_and_writes_by_name():
     f = boxes.frame()
     ao = torch.ones_like(f.gbuffer.depth)
     assert f.write("ao", ao).read("ao") is ao
-    assert f.write("fog", ao).read("fog") is ao
-    assert f.write("fog", ao).extra["fog"] is ao
+    assert f.write("glow", ao).read("glow") is ao
+    assert f.write("glow", ao).extra["glow"] is ao
     assert f.read("depth") is f.gbuffer.depth
     with pytest.raises(ValueError, match="no 'gi'"):
         f.read("gi")

@@ -39,7 +39,7 @@ def test_light_is_mended_and_counted():
     brightest = float(frame.read("radiance").max())
     bad = frame.replace(radiance=put(frame.read("radiance"), torch.nan, torch.inf, -torch.inf, torch.nan))
     bad = with_channel(bad, "emission", put(frame.read("emission"), torch.inf))
-    result, report = mended(bad.replace(behind=bad).write("fog", put(frame.gbuffer.depth, torch.nan)))
+    result, report = mended(bad.replace(behind=bad).write("glow", put(frame.gbuffer.depth, torch.nan)))
     values = result.read("radiance")[0, 0, 40, 50:54].tolist()
     assert values == [0.0, brightest, 0.0, 0.0]
     unchanged = torch.isfinite(bad.read("radiance"))
@@ -47,7 +47,7 @@ def test_light_is_mended_and_counted():
     assert float(result.read("emission").max()) == 0.0, "where nothing else is lit, infinity is taken back to nothing"
     radiance = Mended(channel="radiance", pixels=4, nan=2, largest=brightest)
     emission = Mended(channel="emission", pixels=1, nan=0, largest=0.0)
-    assert report[:3] == (emission, radiance, Mended(channel="fog", pixels=1, nan=1, largest=None))
+    assert report[:3] == (emission, radiance, Mended(channel="glow", pixels=1, nan=1, largest=None))
     assert [row.channel for row in report[3:]] == ["behind.emission", "behind.radiance"]
     assert str(radiance) == f"radiance: 4 pixels (2 NaN to 0, 2 infinite to {brightest:.4g})"
     assert torch.isnan(bad.read("radiance")).any(), "the input is left alone"

@@ -53,7 +53,7 @@ def test_a_frame_tells_what_it_holds_in_ten_lines():
         gbuffer=frame.gbuffer.replace(thickness=None),
         ambient=None,
         ao=frame.gbuffer.depth,
-        extra={"fog": torch.zeros(1, 2, 54, 96)},
+        extra={"glow": torch.zeros(1, 2, 54, 96)},
         behind=frame,
         cut=torch.tensor([True]),
     )
@@ -66,7 +66,7 @@ def test_a_frame_tells_what_it_holds_in_ten_lines():
         "depth, hit, normal (3), normal_geo (3), motion (2),",
         "  light    radiance (3), environment (3, 32x16)",
         "  signals  ao\n",
-        "  extra    fog (2)",
+        "  extra    glow (2)",
         "  absent   thickness, ambient",
         "  behind   depth, hit",
     ):

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import sys
-import types
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -118,9 +117,7 @@ def fake_load(name: str) -> Scene:
 
 def install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name, attribute, value in (("post.presets", "me1", fake_me1), ("tracer.frames", "render", fake_render)):
-        module = types.ModuleType(name)
-        setattr(module, attribute, value)
-        monkeypatch.setitem(sys.modules, name, module)
+        monkeypatch.setattr(import_module(name), attribute, value)
     monkeypatch.setattr("tracer.worlds.load", fake_load)
     monkeypatch.setattr("gbufrt.commands.checks.WORLDS", {"builtin": ("front", "above"), "hollow": ()})
     monkeypatch.chdir(tmp_path)
