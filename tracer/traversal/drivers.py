@@ -3,14 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import torch
+from numba import prange
 from torch import Tensor
 
+from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.each import Each
-from tracer.traversal import kernel
+from gbufrt.compute.kernel import array, driver, scalar, threads
+from tracer.traversal import batch_kernel, kernel
+from tracer.traversal.lane_kernel import BATCH, new_lanes
 
 surface_each, transmit_each, runs_each = Each(kernel.surface), Each(kernel.transmit), Each(kernel.runs)
+
+
+@scalar
+def _nearest_of(lanes, begin, end, own, grids, rays, left, mask, numbers, ids):
+    origins, directions, spans = rays
+    some = origins[begin:end], directions[begin:end], spans[begin:end]
+    batch_kernel.nearest(lanes, own, grids, some, left[begin:end], mask, numbers[begin:end], ids[begin:end])
+
+
+@scalar
+def _transmitted_of(lanes, begin, end, own, grids, rays, mask, passed):
+    origins, directions, spans = rays
+    some = origins[begin:end], directions[begin:end], spans[begin:end]
+    batch_kernel.transmitted(lanes, own, grids, some, mask, passed[begin:end])
+
+
+@driver
+def transmitted_all(rays, transforms, grids, mask, passed, lanes):
+    each = len(passed) // len(transforms)
+    batches = (each + BATCH - 1) // BATCH
+    for lane in prange(lanes):
+        scratch = new_lanes()
+        for n in range(lane, batches * len(transforms), lanes):
+            own, first = transforms[n // batches], n // batches * each
+            begin = first + n % batches * BATCH
+            _transmitted_of(scratch, begin, min(begin + BATCH, first + each), own, grids, rays, mask, passed)
+
+
+@driver
+def nearest_all(rays, transforms, grids, left, mask, numbers, ids, lanes):
+    each = len(numbers) // len(transforms)
+    batches = (each + BATCH - 1) // BATCH
+    for lane in prange(lanes):
+        scratch = new_lanes()
+        for n in range(lane, batches * len(transforms), lanes):
+            own, first = transforms[n // batches], n // batches * each
+            begin = first + n % batches * BATCH
+            end = min(begin + BATCH, first + each)
+            _nearest_of(scratch, begin, end, own, grids, rays, left, mask, numbers, ids)
 
 
 def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
@@ -18,14 +62,20 @@ def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask:
     count = len(rays[0])
     numbers = rays[0].new_zeros(count, 4, dtype=torch.float32)
     ids = rays[0].new_zeros(count, 7, dtype=torch.int32)
-    surface_each(count, *rays, *grids, left, mask, numbers, ids)
+    if simulated() or numbers.is_cuda:
+        surface_each(count, *rays, *grids, left, mask, numbers, ids)
+    elif count:
+        nearest_all(*_arrays(rays, grids), array(left), mask, array(numbers), array(ids), threads())
     return numbers, ids
 
 
 def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
     """See `tracer.traversal.op.transmit`."""
     passed = rays[0].new_empty(len(rays[0]), 3, dtype=torch.float32)
-    transmit_each(len(passed), *rays, *grids, mask, passed)
+    if simulated() or passed.is_cuda:
+        transmit_each(len(passed), *rays, *grids, mask, passed)
+    elif len(passed):
+        transmitted_all(*_arrays(rays, grids), mask, array(passed), threads())
     return passed
 
 
@@ -34,3 +84,8 @@ def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Ten
     lengths = rays[0].new_zeros(len(starts), 2, dtype=torch.float32)
     runs_each(len(starts), *rays, *grids, starts, lengths)
     return lengths
+
+
+def _arrays(rays: Sequence[Tensor], grids: Sequence[Tensor]) -> tuple[Any, ...]:
+    """Origins, directions and spans; transforms; grids."""
+    return tuple(array(x) for x in rays[:3]), array(rays[3]), tuple(array(x) for x in grids)

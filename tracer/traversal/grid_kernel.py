@@ -14,6 +14,7 @@ import numpy as np
 from gbufrt.compute.kernel import inlined, scalar
 from tracer.scene.grids import HIGH, INDEX, LOW, NY, NZ, ORIGIN
 
+SPHERE = 3  # row of a transform
 TINY = 1e-30  # replaces a direction's zero component, so that no division needs a special case
 
 

@@ -12,9 +12,19 @@ import numpy as np
 from gbufrt.compute.kernel import inlined, scalar
 from tracer.sampling.scatter_kernel import dot, enters_smooth, scaled
 from tracer.scene.grids import MASK, MATERIAL, ORIGIN
-from tracer.traversal.grid_kernel import cell_at, counted, inside, look, may_enter, ray_in_grid, slabs, step, triple
+from tracer.traversal.grid_kernel import (
+    SPHERE,
+    cell_at,
+    counted,
+    inside,
+    look,
+    may_enter,
+    ray_in_grid,
+    slabs,
+    step,
+    triple,
+)
 
-SPHERE = 3  # row of a transform
 SOLID = -1  # medium of a ray that began inside something opaque and has not left it yet
 
 
@@ -86,7 +96,7 @@ def nearest(transforms, grids, origin, direction, t_begin, t_end, left, mask):
 
 
 @scalar
-def _dim(light, row, length):
+def dimmed(light, row, length):
     """Light after a run through a transmissive material."""
     rest = 1.0 - row[0]
     return (
@@ -107,22 +117,22 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
         value, low, size = look(bricks, index, box, c)
         if value != medium:
             if medium > 0:
-                light = _dim(light, media[medium + box[MATERIAL]], t - began)
+                light = dimmed(light, media[medium + box[MATERIAL]], t - began)
             if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
                 return (0.0, 0.0, 0.0), True, c
             if (value > 0 or within) and axis >= 0:
-                light = scaled(light, _enters(d, axis))
+                light = scaled(light, enters(d, axis))
             medium, began, within = value, t, value > 0 and axis < 0
         t, axis, c = step(o, d, inv, low, size)
         leaves = not inside(c, box)
         if leaves or not t < t_end:
             if medium > 0:
-                light = _dim(light, media[medium + box[MATERIAL]], min(t, t_end) - began)
-            return scaled(light, _enters(d, axis)) if within and leaves and t < t_end else light, False, c
+                light = dimmed(light, media[medium + box[MATERIAL]], min(t, t_end) - began)
+            return scaled(light, enters(d, axis)) if within and leaves and t < t_end else light, False, c
 
 
 @scalar
-def _enters(d, axis):
+def enters(d, axis):
     """See `tracer.sampling.scatter_kernel.enters_smooth`, for a face across an axis."""
     return enters_smooth(abs(d[axis]) / math.sqrt(dot(d, d)))
 

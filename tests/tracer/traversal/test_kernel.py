@@ -10,10 +10,11 @@ import torch
 import voxels
 
 from tracer.scene.grids import ORIGIN
-from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Scene
-from tracer.traversal import kernel
+from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Instance, Scene
+from tracer.traversal import drivers, kernel
 from tracer.traversal import rays as traversal
 from tracer.traversal import reference as reference_form
+from tracer.traversal.lane_kernel import BATCH
 from tracer.traversal.rays import Hits, run_lengths, trace, transmission
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -119,6 +120,31 @@ def test_transmission_and_runs(seed: int, reference) -> None:
     assert ((part - other).abs() > 1e-5).any(-1).float().mean() <= 0.001
     for a, b in zip(lengths, run_lengths(scene, origins, directions, hits, poses=poses, cap=5.0), strict=True):
         assert ((a - b).abs() > 1e-4).float().mean() <= 0.001
+
+
+def test_lanes_answer_as_single_rays_do_through_many_instances_and_batches() -> None:
+    model = voxels.random_world(5, (7, 6, 8), share=0.4)
+    places = [(8.0 * x - 32, 6.0 * y - 12, 8.0 * z - 32) for x in range(8) for y in range(3) for z in range(3)]
+    many = (Instance(model=model, pose=lambda t, p=p: voxels.pose(p, yaw=0.3 * p[0], pitch=0.2 * p[2])) for p in places)
+    scene = Scene(world=voxels.random_world(4, origin=(-20, -6, -17)), instances=tuple(many))
+    origins, directions = voxels.random_rays(7, 2 * BATCH + 300)
+    spans = torch.stack([torch.full((len(origins),), 0.1), torch.linspace(1.0, 200.0, len(origins))], dim=1)
+    rays = [origins, directions, spans, traversal.grid_from_world(scene, scene.poses([0.0]), scene.world.device)]
+    grids, left = scene.grids.tensors, torch.zeros(0, 5, dtype=torch.int32)
+    numbers, ids, passed = (
+        torch.zeros(len(origins), 4),
+        torch.zeros(len(origins), 7, dtype=torch.int32),
+        origins.clone(),
+    )
+    drivers.surface_each(len(origins), *rays, *grids, left, MASK_ALL, numbers, ids)
+    drivers.transmit_each(len(origins), *rays, *grids, MASK_ALL, passed)
+    found = drivers.surface(rays, grids, left, MASK_ALL)
+    assert len(ids[:, 1].unique()) > 60
+    assert (found[1] != ids).any(dim=1).float().mean() <= 0.001
+    assert ((found[0] - numbers).nan_to_num(0.0).abs() > 1e-5).any(dim=1).float().mean() <= 0.001
+    light = drivers.transmit(rays, grids, MASK_ALL)
+    assert ((passed > 0) & (passed < 1)).any(dim=1).sum() > 100
+    assert ((light - passed).abs() > 1e-6).any(dim=1).float().mean() <= 0.001
 
 
 def test_fakes_give_the_shapes() -> None:
