@@ -24,8 +24,10 @@ install: .venv/installed
 demo: install
 	$(BIN)/gbufrt render --size 640x360 --warmup 1 --out demo
 
+# two workers of one thread: more would wait for one another; each has half of the tests, see tests/conftest.py.
+# Byte code is kept even where the environment forbids it: the tests start dozens of processes, and all import torch
 test: install
-	OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE $(BIN)/python -m pytest -n 2  # two workers of one thread: more would wait for one another
+	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE $(BIN)/python -m pytest -n 2 --dist worksteal
 
 bench: install
 	$(BIN)/gbufrt bench --presets low,medium,high --peers --scaling

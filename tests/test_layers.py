@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -45,11 +46,17 @@ def sources(root: Path = ROOT) -> dict[str, Path]:
     return found
 
 
+@cache
+def imports_of(source: str) -> list[ast.Import | ast.ImportFrom]:
+    """Every import in a file's text, wherever it stands; planted copies of the sources are read but once."""
+    return [node for node in ast.walk(ast.parse(source)) if isinstance(node, (ast.Import, ast.ImportFrom))]
+
+
 def public_homes(modules: Mapping[str, Path]) -> dict[str, str]:
     """Where the names that packages export come from: ``from gbufrt import Camera`` imports ``gbufrt.camera``."""
     found = {}
     for package in PACKAGES:
-        for node in ast.walk(ast.parse(modules[package].read_text())):
+        for node in imports_of(modules[package].read_text()):
             if isinstance(node, ast.ImportFrom) and node.module:
                 found.update({f"{package}.{alias.name}": node.module for alias in node.names})
     return found
@@ -61,10 +68,10 @@ def graph(root: Path = ROOT) -> dict[str, set[str]]:
     homes, found = public_homes(modules), {}
     for name, path in modules.items():
         targets: set[str] = set()
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in imports_of(path.read_text()):
             if isinstance(node, ast.Import):
                 targets.update(alias.name for alias in node.names)
-            elif isinstance(node, ast.ImportFrom):
+            else:
                 assert not node.level, f"{path}: import by full name"
                 for alias in node.names:
                     full = f"{node.module}.{alias.name}"

@@ -35,6 +35,7 @@ REACH = {  # pixels from the bad one beyond which nothing may change, after two 
     "Temporal": 4,
     "Vignette": 0,
     "Exposure": None,
+    "Fog": None,  # its wavelets at half resolution reach past the border
     "MarchGI": None,
     "SSGI": None,
     "SSR": None,

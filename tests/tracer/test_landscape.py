@@ -97,12 +97,12 @@ def test_a_single_voxel_has_views():
 
 def test_the_sun_goes_from_east_to_west_and_the_moon_has_the_night():
     base = scene()
+    light = {hour: at_hour(base, hour) for hour in (0, 6.5, 8, 12, 16, 17.5, 20, 24)}
     for hour, x in ((8, 1), (12, 0), (16, -1)):
-        sun = at_hour(base, hour).sun
+        sun = light[hour].sun
         assert sun is not None
         assert x * sun.direction[0] > 0.5 or (x == 0 and abs(sun.direction[0]) < 0.2)
         assert sun.direction[1] > 0
-    light = {hour: at_hour(base, hour) for hour in (0, 6.5, 8, 12, 17.5, 20, 24)}
     moon, morning = light[20].sun, light[8].sun
     assert moon is not None
     assert morning is not None

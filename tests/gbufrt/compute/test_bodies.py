@@ -38,37 +38,40 @@ def body(i, out):
 """
 RUN = """
 import sys, torch
-sys.path.insert(0, sys.argv[1])
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import CPU
-from some_bodies import body
-each, out = Each(body), torch.arange(4.0)
-each(4, out)
-print(each.on_cpu.misses, *out.tolist())
+for folder in sys.argv[1:]:
+    sys.path.insert(0, folder)
+    sys.modules.pop("some_bodies", None), sys.modules.pop("some_helpers", None)
+    from some_bodies import body
+    each, out = Each(body), torch.arange(4.0)
+    each(4, out)
+    print(each.on_cpu.misses, *out.tolist())
 """
 
 
 def write(folder: Path, name: str = "some", *, twice: str = "2 * x", unused: str = "x", constant: str = "STEP") -> None:
+    folder.mkdir(exist_ok=True)
     (folder / f"{name}_helpers.py").write_text(HELPERS.format(twice=twice, unused=unused))
     (folder / f"{name}_bodies.py").write_text(BODIES.format(name=name, constant=constant))
 
 
-def run(folder: Path) -> list[float]:
-    """How often a process of its own compiled the body, and what that made of 0, 1, 2 and 3."""
-    done = subprocess.run([sys.executable, "-c", RUN, str(folder)], capture_output=True, text=True, check=True)
-    return [float(x) for x in done.stdout.split()]
+def run(*folders: Path) -> list[list[float]]:
+    """How often a process of its own compiled the body of each folder, and what that made of 0, 1, 2 and 3."""
+    command = [sys.executable, "-c", RUN, *map(str, folders)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [[float(x) for x in line.split()] for line in done.stdout.splitlines()]
 
 
 def test_a_helper_edited_in_another_file_is_compiled_anew_and_nothing_else_is(tmp_path: Path) -> None:
     seed = int.from_bytes(str(tmp_path).encode(), "big") % 10007  # nobody else's cache has this code
-    write(tmp_path, twice=f"2 * x + {seed}")
+    first, same, other = (tmp_path / name for name in ("first", "same", "other"))
+    write(first, twice=f"2 * x + {seed}")
+    write(same, twice=f"2 * x + {seed}  # the same", unused="x + 1")
+    write(other, twice=f"3 * x + {seed}")
     doubled = [seed + 2 * x + 2 for x in range(4)]
-    assert run(tmp_path) == [1, *doubled]
-    assert run(tmp_path) == [0, *doubled]
-    write(tmp_path, twice=f"2 * x + {seed}  # the same", unused="x + 1")
-    assert run(tmp_path) == [0, *doubled]
-    write(tmp_path, twice=f"3 * x + {seed}")
-    assert run(tmp_path) == [1, *(seed + 3 * x + 2 for x in range(4))]
+    assert run(first) == [[1, *doubled]]
+    assert run(first, same, other) == [[0, *doubled], [0, *doubled], [1, *(seed + 3 * x + 2 for x in range(4))]]
 
 
 def test_fingerprints_change_with_code_and_constants_that_are_reached() -> None:

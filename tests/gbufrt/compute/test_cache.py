@@ -90,13 +90,14 @@ def test_two_forms_made_at_once_are_told_apart(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_damaged_file_is_made_again(folder: Path):
-    told(run(folder, "float32"))
-    (kept,) = (folder / "__pycache__").glob("*.nbc")
-    whole = kept.read_bytes()
-    for damage in (b"", whole[: len(whole) // 2], b"nonsense"):
-        kept.write_bytes(damage)
-        assert told(run(folder, "float32")) == (ONCE, "")
-        assert told(run(folder, "float32")) == (NEVER, "")
+    kinds = ("float32", "float64", "int64")
+    told(run(folder, *kinds))
+    files = sorted((folder / "__pycache__").glob("*.nbc"))
+    whole = files[1].read_bytes()
+    for file, damage in zip(files, (b"", whole[: len(whole) // 2], b"nonsense"), strict=True):
+        file.write_bytes(damage)
+    assert told(run(folder, *kinds)) == (f"{[True, False] * 3}\n", "")
+    assert told(run(folder, *kinds)) == (NEVER, "")
 
 
 def test_where_nothing_is_writable_a_temporary_folder_keeps_kernels(folder: Path, tmp_path: Path):

@@ -66,17 +66,15 @@ def assert_alike(scene: Scene, samples: int, seed: int) -> torch.Tensor:
     return wanted
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-@pytest.mark.parametrize("samples", [1, 6, 16])
-def test_sun_and_lamps_send_the_same_light(seed: int, samples: int):
+@pytest.mark.parametrize(("samples", "seed"), [(1, 1), (6, 2), (16, 1)])
+def test_sun_and_lamps_send_the_same_light(samples: int, seed: int):
     assert_alike(polished_scene(seed), samples, seed)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_lamps_alone_send_the_same_light(seed: int):
-    scene = replace(polished_scene(seed), sun=None)
+def test_lamps_alone_send_the_same_light():
+    scene = replace(polished_scene(2), sun=None)
     assert len(forms(scene)[0].lamps) > 4
-    assert_alike(scene, 8, seed)
+    assert_alike(scene, 8, 2)
 
 
 def test_a_soft_sun_alone_casts_the_same_penumbrae():
