@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from importlib.util import find_spec
 from typing import Any, Literal, NamedTuple
 
 from gbufrt.commands.benchmark.peers import ATROUS, BILATERAL, KORNIA, OIDN_FAST
@@ -150,12 +149,26 @@ def _faster(ours: str, theirs: str) -> Callable[[Figures], Found]:
     return find
 
 
-def _blender(name: str) -> Callable[[Figures], Found]:
+def _beside_blender(figures: Figures, name: str) -> Mapping[str, float]:
+    found = _figure(figures, "blender", "--peers")
+    if "error" in found:
+        raise Missing(found["error"])
+    return found[name]
+
+
+def _faster_than_blender(name: str) -> Callable[[Figures], Found]:
     def find(figures: Figures) -> Found:
-        ms = figures["hd"]["passes_ms"].get(name)
-        there = find_spec("bpy") is not None
-        why = "no comparison with Blender is written yet" if there else "bpy is not installed"
-        return Found(None, "" if ms is None else f"{ms:.0f} ms", why)
+        found = _beside_blender(figures, name)
+        return _times(found["blender_ms"], found["ms"])
+
+    return find
+
+
+def _better_than_blender(name: str) -> Callable[[Figures], Found]:
+    def find(figures: Figures) -> Found:
+        found = _beside_blender(figures, name)
+        gain = found["psnr"] - found["blender_psnr"]
+        return Found(gain, f"{gain:+.1f} dB: {found['psnr']:.1f} beside {found['blender_psnr']:.1f}")
 
     return find
 
@@ -196,11 +209,19 @@ BARS = (
     ),
     Bar(
         name="motion blur, 1080p: Blender's Vector Blur over it", bound=20.0, better="higher",
-        find=_blender("motion_blur"),
+        find=_faster_than_blender("motion_blur"),
+    ),
+    Bar(
+        name="motion blur, 480x270: PSNR over Blender's Vector Blur", bound=0.0, better="higher", unit=" dB",
+        find=_better_than_blender("motion_blur"),
     ),
     Bar(
         name="depth of field, 1080p: Blender's Defocus over it", bound=20.0, better="higher",
-        find=_blender("depth_of_field"),
+        find=_faster_than_blender("depth_of_field"),
+    ),
+    Bar(
+        name="depth of field, 480x270: PSNR over Blender's Defocus", bound=0.0, better="higher", unit=" dB",
+        find=_better_than_blender("depth_of_field"),
     ),
     Bar(name="peak memory of a process with ME1 high at 1080p", bound=1.5, unit=" GB", find=_memory),
     Bar(

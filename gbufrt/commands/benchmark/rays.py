@@ -50,6 +50,26 @@ def compare_worlds(repeats: int) -> dict[str, float]:
     return {"small": rate(small, view, repeats, TRACE_SIZE), "large": rate(tiled(small), view, repeats, TRACE_SIZE)}
 
 
+def compare_octree(repeats: int) -> dict[str, dict[str, float]]:
+    """The bricks of terrain beside its octree, on the CPU: rates of a ``horizon`` and a ``grazing`` view, and bytes of
+    each form over the ``voxels`` that are not air.
+    """
+    from tracer.traversal.octree import Octree
+    from tracer.worlds import terrain
+
+    scene = terrain()
+    tree, grid = Octree.of(scene.world), scene.world.grid
+    found = {}
+    for name, view in (("horizon", scene.views["horizon"]), ("grazing", grazing(scene))):
+        rays = view.camera(0.0, size=TRACE_SIZE).rays()
+        ms = timed(lambda: tree.trace(*rays), repeats)  # noqa: B023
+        millions = TRACE_SIZE[0] * TRACE_SIZE[1] / MEGA
+        found[name] = {"bricks": rate(scene, view, repeats, TRACE_SIZE), "octree": millions / ms * 1e3}
+    solid = int((scene.world.bricks[scene.world.index.long()] > 0).sum())
+    sizes = {"bricks": grid.bricks.nbytes + grid.index.nbytes, "octree": tree.nbytes}
+    return {**found, "voxels": {form: size / solid for form, size in sizes.items()}}
+
+
 def rate(scene: Scene, view: View, repeats: int, size: Size) -> float:
     """Primary rays of a view."""
     return size[0] * size[1] / _time_view(scene, view, repeats, "cpu", size) * 1e3 / MEGA

@@ -48,6 +48,10 @@ def show_figures(figures: dict[str, Any]) -> None:
     console.print(table)
     if "peers" in figures:
         _show_peers(figures["peers"], console)
+    if "version" in figures.get("blender", {}):
+        _show_blender(figures["blender"], console)
+    if "octree" in figures:
+        _show_octree(figures["octree"], console)
 
 
 def _show_peers(rows: list[dict[str, Any]], console: Any) -> None:
@@ -59,6 +63,34 @@ def _show_peers(rows: list[dict[str, Any]], console: Any) -> None:
         table.add_column(title, justify="right")
     for row in rows:
         table.add_row(row["name"], f"{row['ms']:.1f}" if row["ms"] else "", f"{row['psnr']:.1f}")
+    console.print(table)
+
+
+def _show_blender(found: dict[str, Any], console: Any) -> None:
+    from rich import box
+    from rich.table import Table
+
+    table = Table("lens, 1920x1080; PSNR at 480x270", box=box.SIMPLE_HEAD)
+    for title in ("median ms", "PSNR, dB"):
+        table.add_column(title, justify="right")
+    for name, theirs in (("motion_blur", "Vector Blur"), ("depth_of_field", "Defocus")):
+        one = found[name]
+        table.add_row(f"post.{name}", f"{one['ms']:.0f}", f"{one['psnr']:.1f}")
+        table.add_row(f"Blender {found['version']}, {theirs}", f"{one['blender_ms']:.0f}", f"{one['blender_psnr']:.1f}")
+        table.add_row("  without either", "", f"{one['sharp_psnr']:.1f}", end_section=True)
+    console.print(table)
+
+
+def _show_octree(found: dict[str, dict[str, float]], console: Any) -> None:
+    from rich import box
+    from rich.table import Table
+
+    table = Table("terrain, 854x480", box=box.SIMPLE_HEAD)
+    titles = {"horizon": "to the horizon, Mrays/s", "grazing": "grazing, Mrays/s", "voxels": "bytes a voxel"}
+    for title in titles.values():
+        table.add_column(title, justify="right")
+    for form in found["voxels"]:
+        table.add_row(form, *(f"{found[name][form]:.2f}" for name in titles))
     console.print(table)
 
 

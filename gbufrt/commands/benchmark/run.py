@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gbufrt.commands.benchmark import bars, frames, peers, process, rays, scaling
+from gbufrt.commands.benchmark import bars, blender, frames, peers, process, rays, scaling
 from gbufrt.commands.benchmark.bars import Row
 from gbufrt.commands.benchmark.scaling import Series
 from gbufrt.commands.progress import progress
@@ -26,6 +26,8 @@ class Plan:
     device: str = "cpu"
     busy: int = 0
     peers: bool = False
+    blender: str | None = None
+    """A Python that has bpy."""
     scaling: bool = False
 
     @property
@@ -102,8 +104,10 @@ def _steps(plan: Plan, folder: Path) -> Iterator[_Step]:
     if plan.peers:
         yield _Step("oidn_ms", "", "OIDN", partial(peers.time_oidn, frame, repeats))
         yield _Step("filters_ms", "", "denoisers at 1080p", partial(peers.time_filters, repeats))
+        yield _Step("blender", "", "Blender", partial(blender.compare_blender, plan.blender, repeats))
     if plan.scaling:
         yield _Step("worlds", "", "a large world", partial(rays.compare_worlds, repeats))
+        yield _Step("octree", "", "an octree", partial(rays.compare_octree, repeats))
     yield _Step("", "", "a frame at 1080p", partial(frames.make_frame, hd, frames.HD, device))
     arguments = (frames.time_passes, hd, "high", frames.HD_REPEATS, device)
     yield _Step("hd", "", "preset high at 1080p", partial(process.in_own_process, *arguments))
