@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import resident
 from post.filters.edges import Surface
 from post.upsampling.reference import upsample_reference
 
@@ -39,7 +40,7 @@ def upsample(
 
     Source: Kopf et al. 2007, "Joint Bilateral Upsampling"; weights by plane distance and normal as in SVGF.
     """
-    empty = low.new_tensor([0.0] * low.shape[1] if clear is None else clear)
+    empty = resident((0.0,) * low.shape[1] if clear is None else tuple(clear), low)
     if form_of(low, geometry.guide, geometry.plane, compiled=compiled) is Form.REFERENCE:
         return upsample_reference(low, geometry, stride, offset, empty)
     return upsample_cpu(low, geometry.guide, geometry.plane, empty, stride, *offset, geometry.perspective)
