@@ -45,12 +45,15 @@ def read_history_cpu(
         sharp: see `read_history`.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import read_rows
+    from post.history.drivers import read_each, read_rows
 
     batch, channels, height, width = image.shape
     out = image.new_empty(batch, channels + 2, height, width)
-    pictures = (array(t) for t in (out, image, now, before, shift))
-    read_rows(*pictures, plane, normal, search, sharp, threads())
+    pictures, options = (out, image, now, before, shift), (plane, normal, search, sharp)
+    if form_of(image, cuda=True) is Form.CUDA:
+        read_each(batch * height * width, *pictures, *options)
+    else:
+        read_rows(*map(array, pictures), *options, threads())
     return out
 
 
@@ -166,7 +169,7 @@ def read_history(
     """
     now, before, shift = correspondence(gbuffer, previous, length, motion, compiled=compiled)
     options = (plane_tolerance, normal_tolerance, search, sharp)
-    if form_of(image, shift, now.detach(), before.detach(), compiled=compiled) is Form.CPU:
+    if form_of(image, shift, now.detach(), before.detach(), compiled=compiled, cuda=True) is not Form.REFERENCE:
         found = read_history_cpu(image, now, before, shift, *options)
         return Reading(found[:, :-2], found[:, -2:-1], found[:, -1:] > 0)
     taps = find_taps(now, before, shift, *options)
