@@ -166,7 +166,7 @@ def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor
 
 
 def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
-    given = {name: tensor for name in names if name in CHANNELS and (tensor := getattr(g, name)) is not None}
+    given: dict[str, Tensor] = {n: t for n in names if n in CHANNELS and (t := getattr(g, n)) is not None}
     bad = [name for name, tensor in given.items() if not _known_finite(tensor)]
     changes: dict[str, Tensor] = {}
     if surfaces := set(bad) & set(SURFACE):
@@ -176,7 +176,7 @@ def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
             clear = g.camera.far if name == "depth" else CHANNELS[name].clear
             changes[name] = _kept(getattr(g, name), getattr(g, name).masked_fill(lost, clear))
     for name in bad:
-        changes[name] = _signal(name, changes.get(name, given[name]))
+        changes[name] = _signal(name, changes[name] if name in changes else given[name])
     return g.replace(**changes) if changes else g
 
 

@@ -1,4 +1,4 @@
-"""Tone curves as torch operators: kernels for AgX on the CPU and on CUDA, the torch reference elsewhere and for gradients."""
+"""Tone curves as torch operators: kernels for AgX on the CPU and on CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a history is looked up by, as a torch operator: kernels on the CPU and on CUDA, the torch reference elsewhere."""
+"""What a history is looked up by, as a torch operator: kernels on CPU and CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 

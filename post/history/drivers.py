@@ -138,10 +138,19 @@ def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, thre
 
 @driver
 def tone_rows(toned, color, threads):
-    batch, _, height, _ = color.shape
+    batch, _, height, width = color.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
-            tone_row(toned[row // height], color[row // height], row % height)
+            tone_row(toned[row // height], color[row // height], row % height, 0, width)
+
+
+@scalar
+def tone_pixel(i, toned, color):
+    b, y, x = pixel_of(i, color.shape[2], color.shape[3])
+    tone_row(toned[b], color[b], y, x, x + 1)
+
+
+tone_each = Each(tone_pixel)
 
 
 @driver
@@ -153,11 +162,37 @@ def anti_alias_rows(out, new, lengths, toned, weights, depth, motion, before, ag
         mean, extent = np.empty((3, width), np.float32), np.empty((3, width), np.float32)
         sums, which = np.empty((6, width + 2), np.float32), np.empty(width, np.int32)
         age, nearest = np.empty(width, np.float32), np.empty(width, np.float32)
+        scratch = current, old, mean, extent, sums, which, nearest, age
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            resample_row(current, sums[0], toned[b], weights[b], y)
-            nearest_row(which, nearest, depth[b], y)
-            fetch_row(old, age, which, motion[b], before[b], ages[b], y)
-            box_row(mean, extent, sums, toned[b], current, y, np.float32(gamma))
-            mix_row(new[b], lengths[b], current, old, age, mean, extent, np.float32(longest), y)
-            light_row(out[b], new[b], y)
+            given = toned[b], weights[b], depth[b], motion[b], before[b], ages[b]
+            _alias_row(out[b], new[b], lengths[b], given, scratch, longest, gamma, y, 0, width)
+
+
+@scalar
+def alias_pixel(i, out, new, lengths, toned, weights, depth, motion, before, ages, longest, gamma):
+    """As `anti_alias_rows`, one pixel."""
+    b, y, x = pixel_of(i, toned.shape[2], toned.shape[3])
+    current, old = cuda.local.array((3, 1), np.float32), cuda.local.array((3, 1), np.float32)
+    mean, extent = cuda.local.array((3, 1), np.float32), cuda.local.array((3, 1), np.float32)
+    sums, which = cuda.local.array((6, 3), np.float32), cuda.local.array(1, np.int32)
+    nearest, age = cuda.local.array(1, np.float32), cuda.local.array(1, np.float32)
+    given = toned[b], weights[b], depth[b], motion[b], before[b], ages[b]
+    scratch = current, old, mean, extent, sums, which, nearest, age
+    _alias_row(out[b], new[b], lengths[b], given, scratch, longest, gamma, y, x, x + 1)
+
+
+alias_each = Each(alias_pixel)
+
+
+@scalar
+def _alias_row(out, new, lengths, given, scratch, longest, gamma, y, first, end):
+    """Pixels ``first`` to ``end`` of a row."""
+    toned, weights, depth, motion, before, ages = given
+    current, old, mean, extent, sums, which, nearest, age = scratch
+    resample_row(current, sums[0], toned, weights, y, first, end)
+    nearest_row(which, nearest, depth, y, first, end)
+    fetch_row(old, age, which, motion, before, ages, y, first)
+    box_row(mean, extent, sums, toned, current, y, first, end, np.float32(gamma))
+    mix_row(new, lengths, current, old, age, mean, extent, np.float32(longest), y, first, end)
+    light_row(out, new, y, first, end)

@@ -1,4 +1,4 @@
-"""Histories as torch operators: kernels on the CPU, the torch reference elsewhere and for gradients."""
+"""Histories as torch operators: kernels on the CPU and, but to accumulate, on CUDA; else the torch reference."""
 
 from __future__ import annotations
 
@@ -109,13 +109,17 @@ def anti_alias_cpu(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """See `anti_alias`; ``weights`` ``(B, 2, 3)`` are shares of the columns and rows around a pixel in its value."""
     from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import anti_alias_rows, tone_rows
+    from post.history.drivers import alias_each, anti_alias_rows, tone_each, tone_rows
 
     toned, new, out = (torch.empty_like(color, memory_format=torch.contiguous_format) for _ in range(3))
-    length, wide = torch.empty_like(age, memory_format=torch.contiguous_format), threads()
-    tone_rows(array(toned), array(color), wide)
-    given = (array(weights), array(depth[:, 0]), array(motion), array(before), array(age[:, 0]))
-    anti_alias_rows(array(out), array(new), array(length[:, 0]), array(toned), *given, longest(blend), gamma, wide)
+    length, options = torch.empty_like(age, memory_format=torch.contiguous_format), (longest(blend), gamma)
+    pictures = (out, new, length[:, 0], toned, weights, depth[:, 0], motion, before, age[:, 0])
+    if form_of(color, cuda=True) is Form.CUDA:
+        tone_each(age.numel(), toned, color)
+        alias_each(age.numel(), *pictures, *options)
+    else:
+        tone_rows(array(toned), array(color), threads())
+        anti_alias_rows(*map(array, pictures), *options, threads())
     return out, new, length
 
 
@@ -236,7 +240,7 @@ def anti_alias(
         ``(B, 3, H, W)`` linear radiance, the same tone-mapped, and ``(B, 1, H, W)`` its age in frames.
     """
     tunables = (blend, gamma)
-    if form_of(color, jitter, depth, motion, before, age, *tunables, compiled=compiled) is Form.REFERENCE:
+    if form_of(color, jitter, depth, motion, before, age, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
         return anti_alias_reference(color, jitter, depth, motion, before, age, *tunables)
     steps = torch.arange(-1, 2, device=color.device)
     window = (steps == 0) if jitter is None else torch.exp(WINDOW * (jitter[:, :, None] + steps) ** 2)

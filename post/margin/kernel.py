@@ -39,7 +39,7 @@ def _continued(n, z, ray, beyond, parallel):
 
 @scalar
 def padded_row(out, depth, normal, reach, hit, light, lens, pose, margin, near, parallel, row, first, end):
-    """Pixels ``first`` to ``end`` of row ``row`` of the padded picture, ``out`` ``(W', C)``, whose outermost are empty."""
+    """Pixels ``first`` to ``end`` of a row of the padded picture, ``out`` ``(W', C)``, whose outermost are empty."""
     (height, width), edge = depth.shape, margin + 1
     y = min(max(row - edge, 0), height - 1)
     if row == 0 or row == height + 2 * edge - 1:

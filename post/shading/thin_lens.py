@@ -38,7 +38,7 @@ def circle_of_confusion(
         ``(B, 1, H, W)`` pixels.
 
     Raises:
-        ValueError: ``focus_distance`` is not positive or ``aperture_radius`` is negative; numbers on a GPU go unchecked.
+        ValueError: ``focus_distance`` is not positive or ``aperture_radius`` is negative; on a GPU they go unchecked.
 
     Source: Potmesil and Chakravarty 1981 (thin lens).
     """
@@ -87,5 +87,5 @@ def _per_camera(value: float | Tensor, like: Tensor) -> Tensor:
 def _least(value: float | Tensor) -> float:
     """The least of some numbers; 1 if they lie on a GPU, where they are not checked."""
     if isinstance(value, Tensor):
-        return 1.0 if waits(value) else float(value.min())
+        return 1.0 if waits(value) else float(value.detach().min())
     return value

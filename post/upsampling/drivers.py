@@ -13,6 +13,7 @@ from gbufrt.compute.kernel import driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
 
 cuda: Any = numba.cuda
+AROUND = SPAN * SPAN  # samples around a pixel
 
 
 @driver
@@ -20,7 +21,7 @@ def upsampled_rows(out, low, guide, plane, clear, stride, row, column, perspecti
     batch, _, height, width = out.shape
     grid = Grid(stride, row, column, low.shape[2], low.shape[3])
     for thread in prange(threads):
-        weights = np.empty(SPAN * SPAN, np.float32)
+        weights = np.empty(AROUND, np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
             upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, 0, width, grid, perspective)
@@ -29,7 +30,7 @@ def upsampled_rows(out, low, guide, plane, clear, stride, row, column, perspecti
 @scalar
 def upsampled_pixel(i, out, low, guide, plane, clear, stride, row, column, perspective):
     b, y, x = pixel_of(i, out.shape[2], out.shape[3])
-    grid, weights = Grid(stride, row, column, low.shape[2], low.shape[3]), cuda.local.array(SPAN * SPAN, np.float32)
+    grid, weights = Grid(stride, row, column, low.shape[2], low.shape[3]), cuda.local.array(AROUND, np.float32)
     upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, x, x + 1, grid, perspective)
 
 

@@ -28,7 +28,7 @@ Pixel = namedtuple("Pixel", "x y left top")
 
 @scalar
 def upsampled_row(out, low, guide, plane, clear, weights, y, first, end, grid, perspective):
-    """Pixels ``first`` to ``end`` of a row from samples ``low`` ``(C, h, w)``; ``weights``: room for those around one."""
+    """Pixels ``first`` to ``end`` of a row from samples ``low`` ``(C, h, w)``; ``weights`` is scratch for one pixel."""
     width = out.shape[2]
     edge = edge_of(guide, perspective, SENSITIVITY / np.float32(grid.stride), POWER)
     here, planes = guide_row(guide, y, 0, width), plane_row(plane, y, 0, width)

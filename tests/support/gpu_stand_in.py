@@ -45,7 +45,7 @@ MIXED = ("copy_", "_to_copy", "where", "index")
 class OnGpu(Tensor):
     """A tensor of the stand-in. To torch's own code, which in builds for the CPU knows no GPU, it lies on ``meta``."""
 
-    inner: Tensor
+    inner: Tensor  # pyright: ignore[reportIncompatibleMethodOverride]
     __torch_function__ = torch._C._disabled_torch_function_impl  # type: ignore[assignment]
 
     @staticmethod
@@ -60,14 +60,14 @@ class OnGpu(Tensor):
         raise RuntimeError(f"{func} outside of gpu()")
 
     @property
-    def device(self) -> torch.device:
+    def device(self) -> torch.device:  # pyright: ignore[reportIncompatibleVariableOverride]
         return GPU
 
     @property
-    def is_cuda(self) -> bool:
+    def is_cuda(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return True
 
-    def new_tensor(self, data: Any) -> Tensor:
+    def new_tensor(self, data: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
         return torch.tensor(data, dtype=self.dtype, device=GPU)
 
     def tolist(self) -> list[Any]:
@@ -114,9 +114,8 @@ class Seen(TorchDispatchMode):
 
     def _account(self, name: str, given: list[Tensor], there: bool, target: torch.device | None) -> None:
         strangers = [x for x in given if not isinstance(x, OnGpu)]
-        if target is not None and there != (target.type != "cpu"):
-            self.wait("copies")
-        elif there and strangers and name.startswith(MIXED):
+        moves = target is not None and there != (target.type != "cpu")
+        if moves or (there and strangers and name.startswith(MIXED)):
             self.wait("copies")
         elif there and any(x.ndim for x in strangers):
             raise RuntimeError(f"{name} of tensors on two devices")
@@ -143,12 +142,11 @@ def _inner(tensor: Tensor) -> Tensor:
 
 
 def _user() -> str:
-    """The innermost function of gbufrt or post on the stack."""
+    """The innermost function of gbufrt or post on the stack; else the test."""
     frame = sys._getframe(1)
-    while not frame.f_code.co_filename.startswith(ROOMS):
-        assert frame.f_back is not None, "nothing of gbufrt or post"
+    while frame is not None and not frame.f_code.co_filename.startswith(ROOMS):
         frame = frame.f_back
-    return f"{frame.f_globals['__name__']}.{frame.f_code.co_name}"
+    return "test" if frame is None else f"{frame.f_globals['__name__']}.{frame.f_code.co_name}"
 
 
 @contextmanager

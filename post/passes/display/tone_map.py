@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import cast
 
-import torch
 from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 

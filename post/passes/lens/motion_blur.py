@@ -179,9 +179,9 @@ def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int
         if tuple(tensor.shape) != (batch, channels, height, width):
             expected = f"({batch},{channels},{height},{width})"
             raise ValueError(f"{name} must be {expected} like color, got {tuple(tensor.shape)}")
-    for name, number in (("samples", samples), ("tile", tile)):
-        if number < 1:
-            raise ValueError(f"{name} must be at least 1, got {number}")
+    for name, count in (("samples", samples), ("tile", tile)):
+        if count < 1:
+            raise ValueError(f"{name} must be at least 1, got {count}")
     if softness <= 0:
         raise ValueError(f"softness must be positive, got {softness}")
 
