@@ -14,6 +14,7 @@ import torch
 from kornia.geometry.depth import depth_to_normals
 from torch import Tensor
 
+from gbufrt.compute.resident import waits
 from gbufrt.directions import length
 from gbufrt.matrices import check_matrices
 from gbufrt.tree import map_tensors
@@ -37,7 +38,8 @@ class Camera:
         jitter: ``(B, 2)`` pixels: pixel i is sampled at i + 0.5 + jitter. Absent means none.
 
     Raises:
-        ValueError: a shape, size, range or matrix breaks a rule above.
+        ValueError: a shape, size, range or matrix breaks a rule above. Matrices on a GPU are checked by
+            `gbufrt.GBuffer.validate` alone, because the host would wait for them whenever a camera is made.
     """
 
     intrinsics: Tensor
@@ -60,7 +62,8 @@ class Camera:
             raise ValueError(f"near and far must satisfy 0 < near < far, got near={self.near}, far={self.far}")
         if self.jitter is not None and self.jitter.shape != (batch, 2):
             raise ValueError(f"jitter must be ({batch},2) in pixels, got {_shape(self.jitter)}")
-        check_matrices(self.intrinsics, self.world_from_view, self.jitter)
+        if not (waits(self.intrinsics) or waits(self.world_from_view)):
+            check_matrices(self.intrinsics, self.world_from_view, self.jitter)
 
     def __repr__(self) -> str:
         """The first camera of the batch in one line."""
@@ -196,7 +199,7 @@ class Camera:
         """``(B, 6)``: focal lengths, principal point and jitter, each in x and y, pixels."""
         k = self.intrinsics
         jitter = torch.zeros_like(k[:, 0, :2]) if self.jitter is None else self.jitter.to(k)
-        return torch.cat([k[:, (0, 1), (0, 1)], k[:, :2, 2], jitter], dim=1)
+        return torch.cat([k.diagonal(dim1=1, dim2=2)[:, :2], k[:, :2, 2], jitter], dim=1)
 
     @property
     def view_from_world(self) -> Tensor:

@@ -17,4 +17,4 @@ def median_depth(depths: Tensor, far: float) -> Tensor:
         ``(B,)`` world units.
     """
     found = depths.nanmedian(dim=1).values
-    return torch.where(found.isnan(), torch.as_tensor(far, dtype=depths.dtype, device=depths.device), found)
+    return torch.where(found.isnan(), far, found)

@@ -2,6 +2,9 @@
 
 In light, NaN and minus infinity become 0, and infinity the largest finite value of its channel (in its element of the
 batch). A pixel whose depth or normal is not finite cannot be mended; passes treat it as a miss.
+
+Most tensors are finite, and are left alone once that is known. On a GPU the host would wait to know it: there passes
+mend whatever comes, which changes no finite number.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ import torch
 from torch import Tensor
 from torch.utils.weak import WeakTensorKeyDictionary
 
+from gbufrt.compute.resident import waits
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
 from gbufrt.validation.pixels import all_finite, check_finite, pixels
@@ -66,8 +70,9 @@ def _mended(frame: Frame, prefix: str) -> tuple[Frame, tuple[Mended, ...]]:
             check_finite(prefix + name, getattr(g, name), remedy)
     for name in ("emission", *SIGNALS, *frame.extra):
         before = frame.get(name)
-        if before is None or (after := finite(before)) is before:
+        if before is None or _is_finite(before):
             continue
+        after = finite(before)
         done.append(_account(prefix + name, before, after))
         frame = _with(frame, name, after)
     if frame.behind is not None:
@@ -77,7 +82,7 @@ def _mended(frame: Frame, prefix: str) -> tuple[Frame, tuple[Mended, ...]]:
 
 
 def finite(tensor: Tensor, *, nan: float = 0.0) -> Tensor:
-    """``tensor`` without NaN and infinity; the same object where there are none.
+    """``tensor`` without NaN and infinity; the same object where it is known that there are none.
 
     Args:
         tensor: ``(B, ...)`` of any type.
@@ -87,11 +92,9 @@ def finite(tensor: Tensor, *, nan: float = 0.0) -> Tensor:
         As ``tensor``. Where it was infinite it is the largest finite value of its element of the batch, at least
         ``nan``. Gradients pass through all other places.
     """
-    if not tensor.is_floating_point() or all_finite(tensor):
+    if _known_finite(tensor):
         return tensor
     known = torch.isfinite(tensor)
-    if bool(known.all()):  # large numbers whose sum overflows
-        return tensor
     largest = torch.where(known, tensor.detach(), nan).flatten(1).amax(1).clamp_min(nan)
     largest = largest.view(-1, *(1,) * (tensor.ndim - 1))
     return torch.where(known, tensor, torch.where(tensor == torch.inf, largest, nan))
@@ -101,8 +104,8 @@ def contained(frame: Frame, names: Iterable[str]) -> Frame:
     """The frame without NaN or infinity in the channels and signals called ``names``, so that no pass spreads them.
 
     Light, signals and materials are made `finite`, with the clear value for NaN. Where depth or normal is not finite,
-    the pixel becomes a miss. ``behind`` and ``previous`` are treated alike. If all is finite, the frame itself is
-    returned; that costs one sum over each channel, and nothing where `remembering` knows it.
+    the pixel becomes a miss. ``behind`` and ``previous`` are treated alike. If all is known to be finite, the frame
+    itself is returned; that costs one sum over each channel, and nothing where `remembering` knows it.
     """
     names = tuple(names)
     if _clean(frame, names):
@@ -121,7 +124,7 @@ def contained(frame: Frame, names: Iterable[str]) -> Frame:
 
 @contextmanager
 def remembering() -> Iterator[None]:
-    """Inside, `contained` looks at each tensor once. Nothing may write into tensors until the end."""
+    """Inside, `contained` looks at each tensor once, or mends it once. Nothing may write into them until the end."""
     token = _known.set(WeakTensorKeyDictionary())
     try:
         yield
@@ -130,11 +133,13 @@ def remembering() -> Iterator[None]:
 
 
 def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
-    """Whether all sums are finite: one test for all, so that a GPU synchronizes once."""
+    """Whether all tensors are known to be finite, by their sums: one test for all."""
     known = _known.get()
     layers = [layer for layer in (frame, frame.behind, frame.previous) if layer is not None]
     every = [tensor for layer in layers for name in names if (tensor := layer.get(name)) is not None]
     every = [tensor for tensor in every if tensor.is_floating_point() and (known is None or tensor not in known)]
+    if any(waits(tensor) for tensor in every):
+        return False
     sums = [tensor.detach().sum() for tensor in every]
     clean = not sums or bool(torch.isfinite(torch.stack([total.double() for total in sums])).all())
     if clean and known is not None:
@@ -152,41 +157,58 @@ def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor
         far: the camera's far, the depth of a miss.
 
     Returns:
-        Depth, hit and normal; the same objects where all are finite.
+        Depth, hit and normal; the same objects where all are known to be finite.
     """
-    if all_finite(depth) and all_finite(normal):
+    if _known_finite(depth) and _known_finite(normal):
         return depth, hit, normal
     lost = ~(torch.isfinite(depth) & torch.isfinite(normal).all(dim=1, keepdim=True))
     return torch.where(lost, far, depth), hit & ~lost, torch.where(lost, 0.0, normal)
 
 
 def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
-    bad = [name for name in names if name in CHANNELS and not _is_finite(getattr(g, name))]
-    if not bad:
-        return g
-    lost = torch.zeros_like(g.hit)
-    for name in set(bad) & set(SURFACE):
-        lost = lost | ~torch.isfinite(getattr(g, name)).all(dim=1, keepdim=True)
-    changes: dict[str, Tensor] = {"hit": g.hit & ~lost}
-    for name in g.present:
-        if name != "hit":
+    given: dict[str, Tensor] = {n: t for n in names if n in CHANNELS and (t := getattr(g, n)) is not None}
+    bad = [name for name, tensor in given.items() if not _known_finite(tensor)]
+    changes: dict[str, Tensor] = {}
+    if surfaces := set(bad) & set(SURFACE):
+        finite_there = [torch.isfinite(given[name]).all(dim=1, keepdim=True) for name in sorted(surfaces)]
+        lost = ~torch.stack(finite_there).all(0)
+        for name in g.present:
             clear = g.camera.far if name == "depth" else CHANNELS[name].clear
-            tensor = torch.where(lost, torch.tensor(clear).to(getattr(g, name)), getattr(g, name))
-            changes[name] = _signal(name, tensor) if name in bad else tensor
-    return g.replace(**changes)
+            changes[name] = _kept(getattr(g, name), getattr(g, name).masked_fill(lost, clear))
+    for name in bad:
+        changes[name] = _signal(name, changes[name] if name in changes else given[name])
+    return g.replace(**changes) if changes else g
 
 
 def _signal(name: str, tensor: Tensor) -> Tensor:
     row = SIGNALS.get(name) or CHANNELS.get(name)
-    if name in WHOLE and not _is_finite(tensor):
-        return torch.where(torch.isfinite(tensor).all(dim=1, keepdim=True), tensor, 0.0)
-    return finite(tensor, nan=0.0 if row is None else row.clear)
+    if name in WHOLE and not _known_finite(tensor):
+        after = torch.where(torch.isfinite(tensor).all(dim=1, keepdim=True), tensor, 0.0)
+    else:
+        after = finite(tensor, nan=0.0 if row is None else row.clear)
+    if (known := _known.get()) is not None and waits(after):
+        known[after] = True
+    return after
 
 
-def _is_finite(tensor: Tensor | None) -> bool:
-    if tensor is None or not tensor.is_floating_point() or all_finite(tensor):
-        return True
-    return bool(torch.isfinite(tensor).all())
+def _kept(before: Tensor, after: Tensor) -> Tensor:
+    """``after``, known to be finite if ``before`` is."""
+    if (known := _known.get()) is not None and before in known:
+        known[after] = True
+    return after
+
+
+def _known_finite(tensor: Tensor) -> bool:
+    """Whether a tensor is known to be finite; to look at it costs a sum on the CPU, and is left out on a GPU."""
+    if waits(tensor):
+        known = _known.get()
+        return not tensor.is_floating_point() or (known is not None and tensor in known)
+    return _is_finite(tensor)
+
+
+def _is_finite(tensor: Tensor) -> bool:
+    """Whether it is; large numbers may be, although their sum overflows."""
+    return not tensor.is_floating_point() or all_finite(tensor) or bool(torch.isfinite(tensor).all())
 
 
 def _account(name: str, before: Tensor, after: Tensor) -> Mended:

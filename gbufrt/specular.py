@@ -13,6 +13,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
+
 DIELECTRIC_F0 = 0.04  # reflectance at normal incidence, for a refractive index of 1.5
 MIRROR_ROUGHNESS = 0.03  # below it all samples of a lobe are one ray
 LAMP_ROUGHNESS = 0.3  # below it specular rays sample lamps, above it shadow rays do
@@ -134,7 +136,7 @@ def directional_albedo(cosine: Tensor, roughness: Tensor) -> Tensor:
     Returns:
         As the arguments; differentiable in both.
     """
-    table = directional_albedo_table().to(cosine)
+    table = resident(directional_albedo_table, cosine)
     r, c = roughness.clamp(0, 1) * CELLS[0], cosine.clamp(0, 1) * CELLS[1]
     row, column = (x.detach().long().clamp(0, n - 1) for x, n in zip((r, c), CELLS, strict=True))
     s, t = r - row, c - column

@@ -31,6 +31,12 @@ def _each(count, lanes, arguments):
             _items(begin, min(begin + ROWS, count), arguments)
 
 
+@scalar
+def pixel_of(i, height, width):
+    """Picture, row and column of an item that is a pixel of one of several pictures."""
+    return i // (height * width), i // width % height, i % width
+
+
 class Each:
     """``body(i, *arguments)`` for every i below a count.
 

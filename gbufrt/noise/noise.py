@@ -13,6 +13,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident_on
+
 TILE = 256
 SLICES = 128
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -40,7 +42,7 @@ def blue_noise(
 
     Source: Ulichney 1993 (void and cluster); Wolfe et al. 2022 on golden-ratio animation.
     """
-    tile = _tile().to(device or "cpu")
+    tile = resident_on(torch.device(device or "cpu"), _tile, torch.float32)
     rotation = (index % SLICES) * GOLDEN
     planes = []
     for dim in range(dims):

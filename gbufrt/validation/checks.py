@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
+from gbufrt.matrices import check_matrices
 from gbufrt.validation.geometry import Geometry, check_depth, check_normal, check_planar
 from gbufrt.validation.motion import check_motion, check_movers
 from gbufrt.validation.pixels import check_finite, check_not_negative, check_range, check_unit
@@ -17,6 +18,9 @@ LIGHTS = ("radiance", "ambient", "environment", "fog_light", "fog", "gi", "refle
 
 def validate_gbuffer(g: Geometry, before: Geometry | None = None, prefix: str = "") -> None:
     """See `gbufrt.GBuffer.validate`; ``prefix`` goes before the names of channels in messages."""
+    for camera in (g.camera, g.previous_camera):
+        if camera is not None:
+            check_matrices(camera.intrinsics, camera.world_from_view, camera.jitter)
     channels: dict[str, Tensor] = {name: getattr(g, name) for name in g.present}
     for name, tensor in channels.items():
         remedy = "; write the camera's far and hit = False where nothing was hit" if name == "depth" else ""

@@ -1,19 +1,30 @@
-"""Run the row body of `post.display.kernel` over pictures on CPU threads."""
+"""Run the row body of `post.display.kernel` over pictures, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import prange
 
-from gbufrt.compute.kernel import driver
+from gbufrt.compute.each import Each, pixel_of
+from gbufrt.compute.kernel import driver, scalar
 from post.display.kernel import agx_row
 
 
 @driver
 def agx_rows(out, color, exposure, contrast, saturation, inset, outset, threads):
-    batch, _, height, _ = color.shape
+    batch, _, height, width = color.shape
     for thread in prange(threads):
         look = np.float32(contrast), np.float32(saturation)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            agx_row(out[b], color[b], y, exposure[b], *look, inset, outset)
+            agx_row(out[b], color[b], y, 0, width, exposure[b], *look, inset, outset)
+
+
+@scalar
+def agx_pixel(i, out, color, exposure, contrast, saturation, inset, outset):
+    b, y, x = pixel_of(i, color.shape[2], color.shape[3])
+    look = np.float32(contrast), np.float32(saturation)
+    agx_row(out[b], color[b], y, x, x + 1, exposure[b], *look, inset, outset)
+
+
+agx_each = Each(agx_pixel)

@@ -47,12 +47,12 @@ def _row_of(matrix, i):
 
 
 @scalar
-def agx_row(out, color, y, exposure, contrast, saturation, inset, outset):
-    """A row of AgX. ``outset`` is the inverse of ``inset``."""
+def agx_row(out, color, y, first, end, exposure, contrast, saturation, inset, outset):
+    """Pixels ``first`` to ``end`` of a row of AgX. ``outset`` is the inverse of ``inset``."""
     in_red, in_green, in_blue = _row_of(inset, 0), _row_of(inset, 1), _row_of(inset, 2)
     out_red, out_green, out_blue = _row_of(outset, 0), _row_of(outset, 1), _row_of(outset, 2)
-    reds, greens, blues = color[0, y], color[1, y], color[2, y]
-    new_reds, new_greens, new_blues = out[0, y], out[1, y], out[2, y]
+    reds, greens, blues = color[0, y, first:end], color[1, y, first:end], color[2, y, first:end]
+    new_reds, new_greens, new_blues = out[0, y, first:end], out[1, y, first:end], out[2, y, first:end]
     for x in range(reds.shape[0]):
         r, g, b = max(reds[x] * exposure, ZERO), max(greens[x] * exposure, ZERO), max(blues[x] * exposure, ZERO)
         red, green = _graded(_mixed(in_red, r, g, b), contrast), _graded(_mixed(in_green, r, g, b), contrast)

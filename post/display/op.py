@@ -1,4 +1,4 @@
-"""Tone curves as torch operators: a kernel for AgX on the CPU, the torch reference elsewhere and for gradients."""
+"""Tone curves as torch operators: kernels for AgX on the CPU and on CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 
@@ -14,11 +14,15 @@ from post.display.reference import Operator, matrix, tone_reference
 def agx_cpu(color: Tensor, exposure: Tensor, contrast: float, saturation: float) -> Tensor:
     """``(B, 3, H, W)``. See `tone_curve`; ``exposure`` is ``(B,)``."""
     from gbufrt.compute.kernel import array, threads
-    from post.display.drivers import agx_rows
+    from post.display.drivers import agx_each, agx_rows
 
     out, inset = torch.empty_like(color, memory_format=torch.contiguous_format), matrix(AGX_INSET, color)
-    matrices = array(inset), array(torch.linalg.inv(inset))
-    agx_rows(array(out), array(color), array(exposure), contrast, saturation, *matrices, threads())
+    matrices = inset, torch.linalg.inv_ex(inset).inverse
+    if form_of(color, cuda=True) is Form.CUDA:
+        agx_each(out[:, 0].numel(), out, color, exposure, contrast, saturation, *matrices)
+    else:
+        pictures = (array(t) for t in (out, color, exposure))
+        agx_rows(*pictures, contrast, saturation, *map(array, matrices), threads())
     return out
 
 
@@ -51,7 +55,7 @@ def tone_curve(
     Returns:
         ``(B, 3, H, W)`` display-linear in [0, 1].
     """
-    form = form_of(color, exposure, contrast, saturation, compiled=compiled)
+    form = form_of(color, exposure, contrast, saturation, compiled=compiled, cuda=True)
     if form is Form.REFERENCE or operator != "agx" or exposure.numel() not in (1, color.shape[0]):
         return tone_reference(color, exposure, operator, contrast, saturation, white)
     return agx_cpu(color, exposure.flatten().expand(color.shape[0]), float(contrast), float(saturation))

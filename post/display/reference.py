@@ -7,6 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from post.display.constants import (
     ACES_INPUT,
     ACES_OUTPUT,
@@ -47,7 +48,7 @@ def _agx(light: Tensor, contrast: float, saturation: float) -> Tensor:
     graded = curve.clamp_min(TINY) ** contrast
     grey = luminance(graded, 3)
     graded = grey + saturation * (graded - grey)
-    shown = torch.einsum("ij,bjhw->bihw", torch.linalg.inv(inset), graded)
+    shown = torch.einsum("ij,bjhw->bihw", torch.linalg.inv_ex(inset).inverse, graded)
     return shown.clamp(TINY, 1) ** AGX_DISPLAY_GAMMA
 
 
@@ -84,5 +85,5 @@ OPERATORS = {"agx": _agx, "aces": _aces, "pbr_neutral": _pbr_neutral, "reinhard"
 
 def matrix(rows: tuple[tuple[float, ...], ...], like: Tensor) -> Tensor:
     """Rows scaled to sum to one, so that the rounding of published digits does not tint grey."""
-    matrix = torch.tensor(rows, dtype=like.dtype, device=like.device)
+    matrix = resident(rows, like)
     return matrix / matrix.sum(1, keepdim=True)

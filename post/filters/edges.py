@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute.resident import resident
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS, ROUGHNESS_SCALE
 
 GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
@@ -37,7 +38,7 @@ class Surface:
 
     def scaled(self, x: int, y: int) -> Tensor:
         """``plane`` for taps that lie x and y pixels apart."""
-        factors = self.plane.new_tensor([1.0, x, y, 1.0])
+        factors = resident((1.0, float(x), float(y), 1.0), self.plane)
         return self.plane * factors[None, :, None, None]
 
 
@@ -45,7 +46,7 @@ def surface_reference(depth: Tensor, normal: Tensor, hit: Tensor, camera: Camera
     """The definition of `post.filters.surfaces.surface`, in torch."""
     dtype = depth.dtype
     facing = camera.rotate_to_view(normal.to(dtype))
-    focal = camera.intrinsics.to(dtype)[:, (0, 1), (0, 1)][..., None, None]
+    focal = camera.lens.to(dtype)[:, :2, None, None]
     ray = camera.unproject(torch.ones_like(depth))
     along = facing[:, 2:] if camera.orthographic else (facing * ray).sum(1, keepdim=True)
     plane = torch.cat([along, facing[:, :2] / focal, camera.pixels_per_unit(depth)], dim=1)

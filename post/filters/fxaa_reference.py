@@ -5,13 +5,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from gbufrt.sampling import pixel_centers, sample, shifted
 from post.filters.constants import LUMA, STRIDES
 
 
 def stairs_reference(image: Tensor, subpixel: float, edge_threshold: float, dark_threshold: float) -> Tensor:
     """``(B, 3, H, W)``. Arguments and result are those of `post.fxaa`."""
-    luma = (image * image.new_tensor(LUMA)[None, :, None, None]).sum(1, keepdim=True)
+    luma = (image * resident(LUMA, image)[None, :, None, None]).sum(1, keepdim=True)
     north, south, west, east = (shifted(luma, dx, dy) for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)))
     nw, ne, sw, se = (shifted(luma, dx, dy) for dx, dy in ((-1, -1), (1, -1), (-1, 1), (1, 1)))
     high = torch.maximum(torch.maximum(torch.maximum(north, south), torch.maximum(west, east)), luma)

@@ -1,4 +1,4 @@
-"""What a history is looked up by, as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+"""What a history is looked up by, as a torch operator: kernels on CPU and CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 
@@ -26,12 +26,15 @@ def correspondence_cpu(
         parallel: whether its camera is orthographic.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import correspondence_rows
+    from post.history.drivers import correspondence_each, correspondence_rows
 
     depth, size = now[0], now[0].shape[2:]
     out = [depth.new_empty(depth.shape[0], channels, *size) for channels in (9, 8, 2)]
-    given = [array(t if t.shape[1] > 1 else t[:, 0]) for t in (*now, *before, length)]
-    correspondence_rows(*map(array, out), *given, array(lenses), array(poses), parallel, threads())
+    given = [t if t.shape[1] > 1 else t[:, 0] for t in (*now, *before, length)]
+    if form_of(depth, cuda=True) is Form.CUDA:
+        correspondence_each(depth.numel(), *out, *given, lenses, poses, parallel)
+    else:
+        correspondence_rows(*map(array, (*out, *given, lenses, poses)), parallel, threads())
     return out[0], out[1], out[2]
 
 
@@ -56,7 +59,7 @@ def correspondence(
     pose, lens, was = previous.camera.view_from_world[:, :3, :3], gbuffer.camera.lens, previous.camera.lens
     normals = [g.normal if g.normal_geo is None else g.normal_geo for g in (gbuffer, previous)]
     given = (gbuffer.depth, previous.depth, *normals, moved, moved_z, length, motion)
-    if form_of(*given, *(t.to(moved) for t in (pose, lens, was)), compiled=compiled) is not Form.CPU:
+    if form_of(*given, *(t.to(moved) for t in (pose, lens, was)), compiled=compiled, cuda=True) is Form.REFERENCE:
         return correspondence_reference(gbuffer, previous, length, motion)
     none = gbuffer.depth.new_empty(gbuffer.batch, 1, 0, 0)
     by_object = gbuffer.object_id is not None and previous.object_id is not None

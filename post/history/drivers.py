@@ -1,11 +1,15 @@
-"""Run the bodies of `post.history`'s kernels over pictures on CPU threads."""
+"""Run the bodies of `post.history`'s kernels over pictures, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numba.cuda
 import numpy as np
 from numba import prange
 
-from gbufrt.compute.kernel import driver
+from gbufrt.compute.each import Each, pixel_of
+from gbufrt.compute.kernel import driver, scalar
 from post.filters.constants import COARSE_POWER
 from post.filters.kernel import edge_of
 from post.history.accumulate_kernel import (
@@ -23,6 +27,8 @@ from post.history.correspondence_kernel import Channels, actual_row, expected_ro
 from post.history.read_kernel import read_row
 from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
 
+cuda: Any = numba.cuda
+
 
 @driver
 def correspondence_rows(
@@ -30,16 +36,34 @@ def correspondence_rows(
     length, lenses, poses, parallel, threads,
 ):  # fmt: skip
     """See `post.history.correspondence.correspondence_cpu`."""
-    batch, height, _ = depth.shape
+    batch, height, width = depth.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             lens, was_lens = lens_at(lenses[b, 0]), lens_at(lenses[b, 1])
             seen = Channels(depth[b], normal[b], hit[b], kind[b])
             was = Channels(was_depth[b], was_normal[b], was_hit[b], was_kind[b])
-            expected_row(now[b], seen, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y)
-            actual_row(before[b], was, length[b], was_lens, poses[b], parallel, y)
-            shift_row(shift[b], look[b], y)
+            expected_row(now[b], seen, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y, 0, width)
+            actual_row(before[b], was, length[b], was_lens, poses[b], parallel, y, 0, width)
+            shift_row(shift[b], look[b], y, 0, width)
+
+
+@scalar
+def correspondence_pixel(
+    i, now, before, shift, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind,
+    length, lenses, poses, parallel,
+):  # fmt: skip
+    """As `correspondence_rows`, one pixel."""
+    b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
+    lens, was_lens = lens_at(lenses[b, 0]), lens_at(lenses[b, 1])
+    seen = Channels(depth[b], normal[b], hit[b], kind[b])
+    was = Channels(was_depth[b], was_normal[b], was_hit[b], was_kind[b])
+    expected_row(now[b], seen, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y, x, x + 1)
+    actual_row(before[b], was, length[b], was_lens, poses[b], parallel, y, x, x + 1)
+    shift_row(shift[b], look[b], y, x, x + 1)
+
+
+correspondence_each = Each(correspondence_pixel)
 
 
 @driver
@@ -52,7 +76,20 @@ def read_rows(out, image, now, before, shift, plane, normal, search, sharp, thre
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             given = (out[b], image[b], now[b], before[b], shift[b], np.float32(plane), np.float32(normal))
-            read_row(*given, search, sharp, columns, lines, places, rows, y)
+            read_row(*given, search, sharp, columns, lines, places, rows, y, 0, width)
+
+
+@scalar
+def read_pixel(i, out, image, now, before, shift, plane, normal, search, sharp):
+    """As `read_rows`, one pixel."""
+    b, y, x = pixel_of(i, image.shape[2], image.shape[3])
+    columns, lines = cuda.local.array(1, np.int32), cuda.local.array(1, np.int32)
+    places, rows = cuda.local.array((4, 1), np.int64), cuda.local.array((9, 1), np.float32)
+    given = (out[b], image[b], now[b], before[b], shift[b], np.float32(plane), np.float32(normal))
+    read_row(*given, search, sharp, columns, lines, places, rows, y, x, x + 1)
+
+
+read_each = Each(read_pixel)
 
 
 @driver
@@ -101,10 +138,19 @@ def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, thre
 
 @driver
 def tone_rows(toned, color, threads):
-    batch, _, height, _ = color.shape
+    batch, _, height, width = color.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
-            tone_row(toned[row // height], color[row // height], row % height)
+            tone_row(toned[row // height], color[row // height], row % height, 0, width)
+
+
+@scalar
+def tone_pixel(i, toned, color):
+    b, y, x = pixel_of(i, color.shape[2], color.shape[3])
+    tone_row(toned[b], color[b], y, x, x + 1)
+
+
+tone_each = Each(tone_pixel)
 
 
 @driver
@@ -116,11 +162,37 @@ def anti_alias_rows(out, new, lengths, toned, weights, depth, motion, before, ag
         mean, extent = np.empty((3, width), np.float32), np.empty((3, width), np.float32)
         sums, which = np.empty((6, width + 2), np.float32), np.empty(width, np.int32)
         age, nearest = np.empty(width, np.float32), np.empty(width, np.float32)
+        scratch = current, old, mean, extent, sums, which, nearest, age
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            resample_row(current, sums[0], toned[b], weights[b], y)
-            nearest_row(which, nearest, depth[b], y)
-            fetch_row(old, age, which, motion[b], before[b], ages[b], y)
-            box_row(mean, extent, sums, toned[b], current, y, np.float32(gamma))
-            mix_row(new[b], lengths[b], current, old, age, mean, extent, np.float32(longest), y)
-            light_row(out[b], new[b], y)
+            given = toned[b], weights[b], depth[b], motion[b], before[b], ages[b]
+            _alias_row(out[b], new[b], lengths[b], given, scratch, longest, gamma, y, 0, width)
+
+
+@scalar
+def alias_pixel(i, out, new, lengths, toned, weights, depth, motion, before, ages, longest, gamma):
+    """As `anti_alias_rows`, one pixel."""
+    b, y, x = pixel_of(i, toned.shape[2], toned.shape[3])
+    current, old = cuda.local.array((3, 1), np.float32), cuda.local.array((3, 1), np.float32)
+    mean, extent = cuda.local.array((3, 1), np.float32), cuda.local.array((3, 1), np.float32)
+    sums, which = cuda.local.array((6, 3), np.float32), cuda.local.array(1, np.int32)
+    nearest, age = cuda.local.array(1, np.float32), cuda.local.array(1, np.float32)
+    given = toned[b], weights[b], depth[b], motion[b], before[b], ages[b]
+    scratch = current, old, mean, extent, sums, which, nearest, age
+    _alias_row(out[b], new[b], lengths[b], given, scratch, longest, gamma, y, x, x + 1)
+
+
+alias_each = Each(alias_pixel)
+
+
+@scalar
+def _alias_row(out, new, lengths, given, scratch, longest, gamma, y, first, end):
+    """Pixels ``first`` to ``end`` of a row."""
+    toned, weights, depth, motion, before, ages = given
+    current, old, mean, extent, sums, which, nearest, age = scratch
+    resample_row(current, sums[0], toned, weights, y, first, end)
+    nearest_row(which, nearest, depth, y, first, end)
+    fetch_row(old, age, which, motion, before, ages, y, first)
+    box_row(mean, extent, sums, toned, current, y, first, end, np.float32(gamma))
+    mix_row(new, lengths, current, old, age, mean, extent, np.float32(longest), y, first, end)
+    light_row(out, new, y, first, end)

@@ -1,4 +1,4 @@
-"""Histories as torch operators: kernels on the CPU, the torch reference elsewhere and for gradients."""
+"""Histories as torch operators: kernels on the CPU and, but to accumulate, on CUDA; else the torch reference."""
 
 from __future__ import annotations
 
@@ -45,12 +45,15 @@ def read_history_cpu(
         sharp: see `read_history`.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import read_rows
+    from post.history.drivers import read_each, read_rows
 
     batch, channels, height, width = image.shape
     out = image.new_empty(batch, channels + 2, height, width)
-    pictures = (array(t) for t in (out, image, now, before, shift))
-    read_rows(*pictures, plane, normal, search, sharp, threads())
+    pictures, options = (out, image, now, before, shift), (plane, normal, search, sharp)
+    if form_of(image, cuda=True) is Form.CUDA:
+        read_each(batch * height * width, *pictures, *options)
+    else:
+        read_rows(*map(array, pictures), *options, threads())
     return out
 
 
@@ -106,13 +109,17 @@ def anti_alias_cpu(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """See `anti_alias`; ``weights`` ``(B, 2, 3)`` are shares of the columns and rows around a pixel in its value."""
     from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import anti_alias_rows, tone_rows
+    from post.history.drivers import alias_each, anti_alias_rows, tone_each, tone_rows
 
     toned, new, out = (torch.empty_like(color, memory_format=torch.contiguous_format) for _ in range(3))
-    length, wide = torch.empty_like(age, memory_format=torch.contiguous_format), threads()
-    tone_rows(array(toned), array(color), wide)
-    given = (array(weights), array(depth[:, 0]), array(motion), array(before), array(age[:, 0]))
-    anti_alias_rows(array(out), array(new), array(length[:, 0]), array(toned), *given, longest(blend), gamma, wide)
+    length, options = torch.empty_like(age, memory_format=torch.contiguous_format), (longest(blend), gamma)
+    pictures = (out, new, length[:, 0], toned, weights, depth[:, 0], motion, before, age[:, 0])
+    if form_of(color, cuda=True) is Form.CUDA:
+        tone_each(age.numel(), toned, color)
+        alias_each(age.numel(), *pictures, *options)
+    else:
+        tone_rows(array(toned), array(color), threads())
+        anti_alias_rows(*map(array, pictures), *options, threads())
     return out, new, length
 
 
@@ -166,7 +173,7 @@ def read_history(
     """
     now, before, shift = correspondence(gbuffer, previous, length, motion, compiled=compiled)
     options = (plane_tolerance, normal_tolerance, search, sharp)
-    if form_of(image, shift, now.detach(), before.detach(), compiled=compiled) is Form.CPU:
+    if form_of(image, shift, now.detach(), before.detach(), compiled=compiled, cuda=True) is not Form.REFERENCE:
         found = read_history_cpu(image, now, before, shift, *options)
         return Reading(found[:, :-2], found[:, -2:-1], found[:, -1:] > 0)
     taps = find_taps(now, before, shift, *options)
@@ -233,7 +240,7 @@ def anti_alias(
         ``(B, 3, H, W)`` linear radiance, the same tone-mapped, and ``(B, 1, H, W)`` its age in frames.
     """
     tunables = (blend, gamma)
-    if form_of(color, jitter, depth, motion, before, age, *tunables, compiled=compiled) is Form.REFERENCE:
+    if form_of(color, jitter, depth, motion, before, age, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
         return anti_alias_reference(color, jitter, depth, motion, before, age, *tunables)
     steps = torch.arange(-1, 2, device=color.device)
     window = (steps == 0) if jitter is None else torch.exp(WINDOW * (jitter[:, :, None] + steps) ** 2)

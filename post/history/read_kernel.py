@@ -1,4 +1,4 @@
-"""The compiled form of reading a history: rows of this frame as scalar bodies.
+"""The compiled form of reading a history: pixels ``first`` to ``end`` of a row of this frame as a body.
 
 Names and steps are those of `post.history.reproject` and `post.history.catmull_rom`, which are the definition.
 """
@@ -97,11 +97,11 @@ def _nearest(now, before, y, x, row_at, column_at, plane, normal):
 
 
 @scalar
-def _footprints(columns, lines, fine, weights, shift, y):
-    """Where each pixel of a row reads: the first pixel of its bilinear footprint, the place in it, and the shares."""
+def _footprints(columns, lines, fine, weights, across, down, y, first):
+    """Where each pixel reads: the first pixel of its bilinear footprint, the place in it, and the shares."""
     for x in range(columns.shape[0]):
-        column = np.float32(x) + min(max(shift[0, y, x], -FARTHEST), FARTHEST)
-        line = np.float32(y) + min(max(shift[1, y, x], -FARTHEST), FARTHEST)
+        column = np.float32(first + x) + min(max(across[x], -FARTHEST), FARTHEST)
+        line = np.float32(y) + min(max(down[x], -FARTHEST), FARTHEST)
         left, top = math.floor(column), math.floor(line)
         fx, fy = column - np.float32(left), line - np.float32(top)
         columns[x], lines[x], fine[0, x], fine[1, x] = left, top, fx, fy
@@ -111,7 +111,7 @@ def _footprints(columns, lines, fine, weights, shift, y):
 
 @scalar
 def _any(weights):
-    """Whether a tap has a share at any pixel of the row: where nothing moves, only the first has."""
+    """Whether a tap has a share at any pixel: where nothing moves, only the first has."""
     most = ZERO
     for x in range(weights.shape[0]):
         most = max(most, weights[x])
@@ -119,78 +119,78 @@ def _any(weights):
 
 
 @scalar
-def _keep_same(weights, places, distance, cosine, now, before, columns, lines, dx, dy, plane, normal, y):
+def _keep_same(weights, places, distance, cosine, now, before, columns, lines, dx, dy, plane, normal, y, first, end):
     """Set to zero the shares of a tap that shows another surface; leave its place in the picture. See `_same`."""
     channels, height, width = before.shape
     there = before.reshape(channels, height * width)
-    hit, kind, hit_there, kind_there = now[HIT, y], now[OBJECT, y], there[HIT], there[OBJECT]
-    for x in range(width):
+    hit, kind, hit_there, kind_there = now[HIT, y, first:end], now[OBJECT, y, first:end], there[HIT], there[OBJECT]
+    for x in range(weights.shape[0]):
         column, line = columns[x] + dx, lines[x] + dy
         inside = (column >= 0) & (column < width) & (line >= 0) & (line < height)
         places[x] = line * width + column if inside else 0
         weights[x] = weights[x] if inside else ZERO
-    for x in range(width):
+    for x in range(weights.shape[0]):
         alike = (hit_there[places[x]] == hit[x]) & (kind_there[places[x]] == kind[x])
         weights[x] = weights[x] if alike else ZERO
         distance[x], cosine[x] = ZERO, ZERO
     for c in range(3):
-        n, p, n_there, p_there = now[c, y], now[POINT + c, y], there[c], there[POINT + c]
-        for x in range(width):
+        n, p, n_there, p_there = now[c, y, first:end], now[POINT + c, y, first:end], there[c], there[POINT + c]
+        for x in range(weights.shape[0]):
             distance[x] += n[x] * (p_there[places[x]] - p[x])
             cosine[x] += n[x] * n_there[places[x]]
-    footprint = now[FOOTPRINT, y]
-    for x in range(width):
+    footprint = now[FOOTPRINT, y, first:end]
+    for x in range(weights.shape[0]):
         same = (abs(distance[x]) <= plane * footprint[x]) & (cosine[x] >= normal)
         weights[x] = weights[x] if same | (hit[x] == ZERO) else ZERO
 
 
 @scalar
-def _add_taps(out, image, weights, places, y):
-    """Add one tap of every pixel of a row."""
+def _add_taps(out, image, weights, places, y, first, end):
+    """Add one tap of every pixel."""
     channels, height, width = image.shape
     there = image.reshape(channels, height * width)
     for c in range(channels):
-        row, picture = out[c, y], there[c]
-        for x in range(width):
+        row, picture = out[c, y, first:end], there[c]
+        for x in range(weights.shape[0]):
             row[x] += weights[x] * picture[places[x]] if weights[x] > ZERO else ZERO
 
 
 @scalar
-def read_row(out, image, now, before, shift, plane, normal, search, sharp, columns, lines, places, rows, y):
-    """Read a history at a row: its channels, then the support of the footprint, then 1 if there is any history.
+def read_row(out, image, now, before, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end):
+    """Read a history: its channels, then the support of the footprint, then 1 if there is any history.
 
     Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
     """
-    channels, width = image.shape[0], image.shape[2]
+    channels, count = image.shape[0], end - first
     weights, fine, distance, cosine, total = rows[:4], rows[4:6], rows[6], rows[7], rows[8]
-    _footprints(columns, lines, fine, weights, shift, y)
+    _footprints(columns, lines, fine, weights, shift[0, y, first:end], shift[1, y, first:end], y, first)
     total[:] = ZERO
     for k in range(4):
         if _any(weights[k]):
-            _keep_same(
-                weights[k], places[k], distance, cosine, now, before, columns, lines, k % 2, k // 2, plane, normal, y
-            )
-            for x in range(width):
+            row, tap = (columns, lines, k % 2, k // 2), (weights[k], places[k], distance, cosine)
+            _keep_same(*tap, now, before, *row, plane, normal, y, first, end)
+            for x in range(count):
                 total[x] += weights[k, x]
-    support, valid = out[channels, y], out[channels + 1, y]
-    for x in range(width):
+    support, valid = out[channels, y, first:end], out[channels + 1, y, first:end]
+    for x in range(count):
         kept = total[x] > KEPT
         support[x], valid[x] = total[x] if kept else ZERO, ONE if kept else ZERO
         for k in range(4):
             weights[k, x] = weights[k, x] / total[x] if kept else ZERO
     for c in range(channels):
-        out[c, y] = ZERO
+        out[c, y, first:end] = ZERO
     for k in range(4):
         if _any(weights[k]):
-            _add_taps(out, image, weights[k], places[k], y)
-    for x in range(width):
+            _add_taps(out, image, weights[k], places[k], y, first, end)
+    for x in range(count):
         fx, fy = fine[0, x], fine[1, x]
         if search and valid[x] == ZERO:
             column, line = np.float32(columns[x]) + fx, np.float32(lines[x]) + fy
-            found, row, near = _nearest(now, before, y, x, line, column, plane, normal)
+            found, near_row, near = _nearest(now, before, y, first + x, line, column, plane, normal)
             if found:
                 valid[x] = ONE
                 for c in range(channels):
-                    out[c, y, x] = image[c, row, near]
+                    out[c, y, first + x] = image[c, near_row, near]
         elif sharp and total[x] > WHOLE and (fx > ZERO or fy > ZERO):
-            _add_sharp(out, image, now, before, y, x, np.int64(lines[x]), np.int64(columns[x]), fy, fx, plane, normal)
+            top, left = np.int64(lines[x]), np.int64(columns[x])
+            _add_sharp(out, image, now, before, y, first + x, top, left, fy, fx, plane, normal)

@@ -1,4 +1,4 @@
-"""The compiled form of temporal anti-aliasing: a row of pixels as a body.
+"""The compiled form of temporal anti-aliasing: pixels ``first`` to ``end`` of a row as a body.
 
 Names and steps are those of the torch reference in `post.history.taa_reference`, the definition. Only reading the
 history gathers; every other loop becomes vector instructions. The 3x3 windows are sums of three rows, then of three
@@ -32,49 +32,52 @@ def _ycocg(r, g, b):
 
 
 @scalar
-def tone_row(toned, color, y):
-    """A row of colours over 1 + their luminance."""
-    red, green, blue = color[0, y], color[1, y], color[2, y]
-    new_red, new_green, new_blue = toned[0, y], toned[1, y], toned[2, y]
+def tone_row(toned, color, y, first, end):
+    """Colours over 1 + their luminance."""
+    red, green, blue = color[0, y, first:end], color[1, y, first:end], color[2, y, first:end]
+    new_red, new_green, new_blue = toned[0, y, first:end], toned[1, y, first:end], toned[2, y, first:end]
     for x in range(red.shape[0]):
         level = ONE + max(_luminance(red[x], green[x], blue[x]), ZERO)
         new_red[x], new_green[x], new_blue[x] = red[x] / level, green[x] / level, blue[x] / level
 
 
 @scalar
-def resample_row(out, column, toned, weights, y):
-    """A row at pixel centres; ``weights`` are those of three columns and of three rows of the window."""
-    _, height, width = toned.shape
+def resample_row(out, column, toned, weights, y, first, end):
+    """Colours at pixel centres; ``weights`` are those of three columns and of three rows of the window."""
+    (_, height, width), count = toned.shape, end - first
+    begin, stop = max(first - 1, 0), min(end + 1, width)  # of what the windows read
     rows, (left, middle, right) = weights[1], weights[0]
     total = ZERO
     for dy in range(-1, 2):
         total += rows[dy + 1] if 0 <= y + dy < height else ZERO
-    column[0], column[width + 1] = ZERO, ZERO
+    column[0], column[count + 1] = ZERO, ZERO
     for c in range(3):
-        sums, new = column[1 : width + 1], out[c]
-        sums[:] = ZERO
+        read, new = column[begin - first + 1 : stop - first + 1], out[c]
+        read[:] = ZERO
         for dy in range(-1, 2):
             if 0 <= y + dy < height:
-                row, weight = toned[c, y + dy], rows[dy + 1]
-                for x in range(width):
-                    sums[x] += weight * row[x]
-        befores, afters = column[:width], column[2 : width + 2]
-        for x in range(width):
-            known = middle + (left if x > 0 else ZERO) + (right if x + 1 < width else ZERO)
+                row, weight = toned[c, y + dy, begin:stop], rows[dy + 1]
+                for x in range(row.shape[0]):
+                    read[x] += weight * row[x]
+        befores, sums, afters = column[:count], column[1 : count + 1], column[2 : count + 2]
+        for x in range(count):
+            known = middle + (left if first + x > 0 else ZERO) + (right if first + x + 1 < width else ZERO)
             new[x] = (left * befores[x] + middle * sums[x] + right * afters[x]) / (total * known)
 
 
 @scalar
-def box_row(mean, extent, sums, toned, current, y, gamma):
-    """Centre and half size, in YCoCg, of the box to which a row of the history is clipped."""
-    _, height, width = toned.shape
+def box_row(mean, extent, sums, toned, current, y, first, end, gamma):
+    """Centre and half size, in YCoCg, of the box to which the history is clipped."""
+    (_, height, width), count = toned.shape, end - first
+    begin, stop = max(first - 1, 0), min(end + 1, width)  # of what the windows read
+    low, high = begin - first + 1, stop - first + 1
     sums[:] = ZERO
-    s0, s1, s2 = sums[0, 1 : width + 1], sums[1, 1 : width + 1], sums[2, 1 : width + 1]
-    s3, s4, s5 = sums[3, 1 : width + 1], sums[4, 1 : width + 1], sums[5, 1 : width + 1]
+    s0, s1, s2 = sums[0, low:high], sums[1, low:high], sums[2, low:high]
+    s3, s4, s5 = sums[3, low:high], sums[4, low:high], sums[5, low:high]
     for dy in range(-1, 2):
         row = min(max(y + dy, 0), height - 1)
-        red, green, blue = toned[0, row], toned[1, row], toned[2, row]
-        for x in range(width):
+        red, green, blue = toned[0, row, begin:stop], toned[1, row, begin:stop], toned[2, row, begin:stop]
+        for x in range(red.shape[0]):
             luma, orange, green_shift = _ycocg(red[x], green[x], blue[x])
             s0[x] += luma
             s1[x] += orange
@@ -85,11 +88,14 @@ def box_row(mean, extent, sums, toned, current, y, gamma):
     red, green, blue = current[0], current[1], current[2]
     for c in range(3):
         for k in (c, c + 3):
-            sums[k, 0], sums[k, width + 1] = sums[k, 1], sums[k, width]
-        l0, m0, r0 = sums[c, :width], sums[c, 1 : width + 1], sums[c, 2 : width + 2]
-        l1, m1, r1 = sums[c + 3, :width], sums[c + 3, 1 : width + 1], sums[c + 3, 2 : width + 2]
+            if first == 0:
+                sums[k, 0] = sums[k, 1]
+            if end == width:
+                sums[k, count + 1] = sums[k, count]
+        l0, m0, r0 = sums[c, :count], sums[c, 1 : count + 1], sums[c, 2 : count + 2]
+        l1, m1, r1 = sums[c + 3, :count], sums[c + 3, 1 : count + 1], sums[c + 3, 2 : count + 2]
         center, size = mean[c], extent[c]
-        for x in range(width):
+        for x in range(count):
             average = (l0[x] + m0[x] + r0[x]) * NINTH
             square = (l1[x] + m1[x] + r1[x]) * NINTH
             luma, orange, green_shift = _ycocg(red[x], green[x], blue[x])
@@ -99,16 +105,17 @@ def box_row(mean, extent, sums, toned, current, y, gamma):
 
 
 @scalar
-def nearest_row(which, nearest, depth, y):
-    """Which of the 3x3 pixels around each pixel of a row is nearest to the camera, counted in rows of three."""
+def nearest_row(which, nearest, depth, y, first, end):
+    """Which of the 3x3 pixels around each pixel is nearest to the camera, counted in rows of three."""
     height, width = depth.shape
-    for x in range(width):
-        nearest[x], which[x] = depth[y, x], 4
+    for x in range(end - first):
+        nearest[x], which[x] = depth[y, first + x], 4
     for k in range(9):
         row, dx = y + k // 3 - 1, k % 3 - 1
-        if 0 <= row < height:
-            first, end, index = max(-dx, 0), width - max(dx, 0), np.int32(k)
-            there, best, found = depth[row, first + dx : end + dx], nearest[first:end], which[first:end]
+        begin, stop, index = max(-dx, first), min(width - dx, end), np.int32(k)
+        if 0 <= row < height and begin < stop:
+            there, best = depth[row, begin + dx : stop + dx], nearest[begin - first : stop - first]
+            found = which[begin - first : stop - first]
             for i in range(best.shape[0]):
                 closer = there[i] < best[i]
                 found[i], best[i] = index if closer else found[i], there[i] if closer else best[i]
@@ -126,12 +133,12 @@ def _weights(f):
 
 
 @scalar
-def fetch_row(old, age, which, motion, before, ages, y):
-    """The history where a row's nearest surfaces were, as `catmull_rom.catmull_rom` reads it, and its age or 0."""
+def fetch_row(old, age, which, motion, before, ages, y, first):
+    """The history where the nearest surfaces were, as `catmull_rom.catmull_rom` reads it, and its age or 0."""
     _, height, width = before.shape
     for x in range(age.shape[0]):
-        row, column = y + which[x] // 3 - 1, x + which[x] % 3 - 1
-        at_x = np.float32(x) + HALF + motion[0, row, column]
+        row, column = y + which[x] // 3 - 1, first + x + which[x] % 3 - 1
+        at_x = np.float32(first + x) + HALF + motion[0, row, column]
         at_y = np.float32(y) + HALF + motion[1, row, column]
         age[x] = ZERO
         if at_x >= ZERO and at_x < np.float32(width) and at_y >= ZERO and at_y < np.float32(height):
@@ -159,13 +166,14 @@ def fetch_row(old, age, which, motion, before, ages, y):
 
 
 @scalar
-def mix_row(toned, lengths, current, old, age, mean, extent, longest, y):
-    """A row of the new history: the old one, clipped to its box, with this frame in it."""
+def mix_row(toned, lengths, current, old, age, mean, extent, longest, y, first, end):
+    """The new history: the old one, clipped to its box, with this frame in it."""
     luma, orange, green_shift = mean[0], mean[1], mean[2]
     size0, size1, size2 = extent[0], extent[1], extent[2]
     red, green, blue = current[0], current[1], current[2]
     old_red, old_green, old_blue = old[0], old[1], old[2]
-    new_red, new_green, new_blue, length = toned[0, y], toned[1, y], toned[2, y], lengths[y]
+    new_red, new_green, new_blue = toned[0, y, first:end], toned[1, y, first:end], toned[2, y, first:end]
+    length = lengths[y, first:end]
     for x in range(age.shape[0]):
         a0, a1, a2 = _ycocg(old_red[x], old_green[x], old_blue[x])
         a0, a1, a2 = a0 - luma[x], a1 - orange[x], a2 - green_shift[x]
@@ -182,10 +190,10 @@ def mix_row(toned, lengths, current, old, age, mean, extent, longest, y):
 
 
 @scalar
-def light_row(out, toned, y):
+def light_row(out, toned, y, first, end):
     """The inverse of `tone_row`."""
-    red, green, blue = toned[0, y], toned[1, y], toned[2, y]
-    new_red, new_green, new_blue = out[0, y], out[1, y], out[2, y]
+    red, green, blue = toned[0, y, first:end], toned[1, y, first:end], toned[2, y, first:end]
+    new_red, new_green, new_blue = out[0, y, first:end], out[1, y, first:end], out[2, y, first:end]
     for x in range(red.shape[0]):
         level = ONE - min(max(_luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
         new_red[x], new_green[x], new_blue[x] = red[x] / level, green[x] / level, blue[x] / level

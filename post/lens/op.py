@@ -38,7 +38,7 @@ def layers_cpu(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
     levels = color.contiguous().mean(dim=1, keepdim=True, dtype=torch.float64)  # whose sum no order of adding changes
-    level = bright_level(F.pad(levels, border(coc), mode="replicate")).flatten().to(color.dtype)
+    level = bright_level(F.pad(levels, border(coc, radii), mode="replicate")).flatten().to(color.dtype)
     layer_tiles(array(out), array(color), array(coc[:, 0]), array(level), *tables(tuple(radii)), threads())
     return out
 

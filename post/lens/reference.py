@@ -9,13 +9,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import waits
 from post.lens.constants import BRIGHT, CONFIDENT, EDGE, TINY
 
 
 def layers_reference(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
     """``(B, C, H, W)``. Arguments and result are those of `post.lens.op.spread_layers`."""
     height, width = color.shape[-2:]
-    sides = border(coc)
+    sides = border(coc, radii)
     left, _, top, _ = sides
     source = F.pad(torch.cat([color, torch.ones_like(coc)], dim=1), sides, mode="replicate")
     coc = F.pad(coc, sides, mode="replicate")
@@ -44,13 +45,14 @@ def layers_reference(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
     return result / (1 - free + trusted).clamp_min(TINY)
 
 
-def border(coc: Tensor) -> tuple[int, int, int, int]:
+def border(coc: Tensor, radii: list[float]) -> tuple[int, int, int, int]:
     """Pixels to add at the left, right, top and bottom, so that no disc reaches around the picture's end.
 
     The padded picture has a size that suits Fourier transforms.
     """
     height, width = coc.shape[-2:]
-    margin = 2 * (math.ceil(float(coc.detach().abs().max())) + 1)
+    largest = radii[-1] if waits(coc) else float(coc.detach().abs().max())
+    margin = 2 * (math.ceil(largest) + 1)
     rows, columns = _fast_size(height + 2 * margin), _fast_size(width + 2 * margin)
     return margin, columns - width - margin, margin, rows - height - margin
 
@@ -86,7 +88,7 @@ def _layers(coc: Tensor, radii: list[float]) -> Iterator[tuple[float, Tensor, Te
         if i + 1 < len(at):
             share = torch.minimum(share, (at[i + 1] - square) / (at[i + 1] - at[i]))
         share = share.clamp_min(0)
-        if bool((share > 0).any()):
+        if waits(coc) or bool((share > 0).any()):
             behind = (square - at[i + 1]) / (at[i + 2] - at[i + 1]) if radius < 0 and i + 2 < len(at) else None
             yield radius, share, None if behind is None else behind.clamp(0, 1)
 

@@ -20,6 +20,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute.resident import resident_on
 from post.march.constants import BLOCKED, HIT, SPENT
 from post.march.op import march
 
@@ -114,15 +115,15 @@ def depth_hierarchy(
 
 
 def _pyramid(front: Tensor, back: Tensor) -> tuple[Tensor, Tensor]:
-    levels, table, start = [], [[0, front.shape[-1]]], 0
+    levels, table, start = [], [(0, front.shape[-1])], 0
     while max(front.shape[-2:]) > 1 and len(levels) < TOP_LEVEL:
         front = F.max_pool2d(front, 2, ceil_mode=True)
         back = -F.max_pool2d(-back, 2, ceil_mode=True)
-        table.append([start, front.shape[-1]])
+        table.append((start, front.shape[-1]))
         levels.append(torch.cat([front, back], dim=1).flatten(2))
         start += levels[-1].shape[-1]
     cells = torch.cat(levels, dim=2) if levels else front.new_zeros(front.shape[0], 2, 1)
-    return cells.transpose(1, 2).contiguous(), torch.tensor(table, device=front.device)
+    return cells.transpose(1, 2).contiguous(), resident_on(front.device, tuple(table), torch.int64)
 
 
 @torch.no_grad()

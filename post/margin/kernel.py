@@ -1,4 +1,4 @@
-"""The compiled form of `post.margin.op.scene`: rows of the padded picture.
+"""The compiled form of `post.margin.op.scene`: pixels of a row of the padded picture.
 
 Names and steps are those of `post.margin.reference`, which is the definition.
 """
@@ -38,14 +38,14 @@ def _continued(n, z, ray, beyond, parallel):
 
 
 @scalar
-def padded_row(out, depth, normal, reach, hit, light, lens, pose, margin, near, parallel, row):
-    """Row ``row`` of the padded picture, ``out`` ``(W', C)``, whose first and last pixels are empty."""
+def padded_row(out, depth, normal, reach, hit, light, lens, pose, margin, near, parallel, row, first, end):
+    """Pixels ``first`` to ``end`` of a row of the padded picture, ``out`` ``(W', C)``, whose outermost are empty."""
     (height, width), edge = depth.shape, margin + 1
     y = min(max(row - edge, 0), height - 1)
     if row == 0 or row == height + 2 * edge - 1:
-        out[:] = ZERO
+        out[first:end] = ZERO
         return
-    for place in range(out.shape[0]):
+    for place in range(first, end):
         x = min(max(place - edge, 0), width - 1)
         if place == 0 or place == out.shape[0] - 1:
             out[place] = ZERO

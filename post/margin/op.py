@@ -40,7 +40,7 @@ def scene(
     first = (0.5 + jitter - center) / focal
     m = width(camera)
     given = (depth, normal, reach) if light is None else (depth, normal, reach, light)
-    if form_of(*given, camera.view_from_world, focal, compiled=compiled) is Form.CPU:
+    if form_of(*given, camera.view_from_world, focal, compiled=compiled, cuda=True) is not Form.REFERENCE:
         lens = torch.cat([focal, first], dim=1)
         pose = camera.view_from_world[:, :3, :3].to(depth.dtype)
         empty = depth.new_empty(depth.shape[0], 0, *camera.size)
@@ -89,12 +89,15 @@ def padded_cpu(
         parallel: whether the camera is orthographic.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.margin.drivers import padded_rows
+    from post.margin.drivers import padded_each, padded_rows
 
     tall, wide = (n + 2 * (margin + 1) for n in depth.shape[-2:])
     out = depth.new_empty(depth.shape[0], tall, wide, 8 if light.shape[1] else 2)
-    planes = (array(t) for t in (out, depth[:, 0], normal, reach[:, 0], hit[:, 0], light, lens, pose))
-    padded_rows(*planes, margin, near, parallel, threads())
+    planes = (out, depth[:, 0], normal, reach[:, 0], hit[:, 0], light, lens, pose)
+    if form_of(depth, cuda=True) is Form.CUDA:
+        padded_each(out[..., 0].numel(), *planes, margin, near, parallel)
+    else:
+        padded_rows(*map(array, planes), margin, near, parallel, threads())
     return out
 
 

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import numbers
 from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
 
@@ -151,7 +152,7 @@ def reflect(
         none if bent_normal is None else _full(bent_normal, 3, depth),
         brightest(light, picture.hit).flatten(),
         noise,
-        noise.new_tensor(shifts),
+        numbers(shifts, noise),
         int(steps),
         float(distance),
         float(camera.far),

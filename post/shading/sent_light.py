@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
+from gbufrt.compute.resident import waits
 from post.history.op import read_history
 from post.sweep.bitmask import bitmask_ao
 
@@ -66,7 +67,7 @@ def sent_light(
     if frame.ambient is not None:
         share = None if sky is None or known is None else known[:, -1:]
         new = g.hit if share is None else g.hit & ~valid
-        if share is None or bool(new.any()):
+        if share is None or waits(new) or bool(new.any()):
             swept = _sky_share(frame, distance, thickness, steps, new)
             share = swept if share is None else torch.where(valid, share, swept)
         light = light + frame.ambient * share
@@ -139,7 +140,7 @@ def mirrored_light(frame: Frame) -> Tensor | None:
     about as bright. Without that it would be black.
     """
     metallic, previous = frame.gbuffer.metallic, frame.previous
-    if metallic is None or not bool((metallic > 0).any()):
+    if metallic is None or not (waits(metallic) or bool((metallic > 0).any())):
         return None
     if previous is None or previous.reflection is None:
         return torch.zeros_like(frame.read("radiance"))
@@ -151,6 +152,12 @@ def nothing_before(frame: Frame, signal: str = "gi") -> Tensor:
     lone = frame.previous is None or frame.previous.get(signal) is None
     new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
     return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
+
+
+def starts(frame: Frame, signal: str = "gi") -> bool:
+    """Whether `nothing_before` holds anywhere. Only a frame that says whether it is a `cut` asks a GPU."""
+    lone = frame.previous is None or frame.previous.get(signal) is None
+    return lone or (frame.cut is not None and bool(frame.cut.any()))
 
 
 def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int) -> Tensor:

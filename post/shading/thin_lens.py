@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute.resident import number, waits
 from gbufrt.focus import median_depth
 
 TINY = 1e-6
@@ -37,15 +38,15 @@ def circle_of_confusion(
         ``(B, 1, H, W)`` pixels.
 
     Raises:
-        ValueError: ``focus_distance`` is not positive or ``aperture_radius`` is negative.
+        ValueError: ``focus_distance`` is not positive or ``aperture_radius`` is negative; on a GPU they go unchecked.
 
     Source: Potmesil and Chakravarty 1981 (thin lens).
     """
+    if (least := _least(focus_distance)) <= 0:
+        raise ValueError(f"focus_distance must be positive, in world units, got {least:g}")
+    if (least := _least(aperture_radius)) < 0:
+        raise ValueError(f"aperture_radius must not be negative, got {least:g}")
     focus, aperture = _per_camera(focus_distance, depth), _per_camera(aperture_radius, depth)
-    if bool((focus <= 0).any()):
-        raise ValueError(f"focus_distance must be positive, in world units, got {float(focus.min()):g}")
-    if bool((aperture < 0).any()):
-        raise ValueError(f"aperture_radius must not be negative, got {float(aperture.min()):g}")
     scale = aperture * camera.pixels_per_unit(torch.ones_like(depth[:, :, :1, :1]))
     if camera.orthographic:
         depth = depth if hit is None else torch.where(hit, depth, camera.far)
@@ -80,4 +81,11 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
 
 
 def _per_camera(value: float | Tensor, like: Tensor) -> Tensor:
-    return torch.as_tensor(value, dtype=like.dtype, device=like.device).reshape(-1, 1, 1, 1)
+    return number(value, like).reshape(-1, 1, 1, 1)
+
+
+def _least(value: float | Tensor) -> float:
+    """The least of some numbers; 1 if they lie on a GPU, where they are not checked."""
+    if isinstance(value, Tensor):
+        return 1.0 if waits(value) else float(value.detach().min())
+    return value

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.compute.resident import number
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from post.margin.op import scene
@@ -77,7 +78,7 @@ def bitmask_ao(
     slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
-    reach = None if radius is None else torch.as_tensor(radius, dtype=depth.dtype, device=depth.device)
+    reach = None if radius is None else number(radius, depth)
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     behind_back = 0.0 if reach is None else hidden * reach

@@ -27,4 +27,4 @@ UPRIGHT = 1e-3  # length of a normal's part across the ray below which all slice
 
 STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around
 
-MOST_STEPS, MOST_RADII = 32, 4  # of a sweep on a GPU, whose threads have scratch memory of constant size
+MOST_STEPS, MOST_RADII = 64, 4  # of a sweep on a GPU, whose threads have scratch memory of constant size

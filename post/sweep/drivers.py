@@ -8,7 +8,7 @@ import numba.cuda
 import numpy as np
 from numba import prange
 
-from gbufrt.compute.each import Each
+from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
 from post.sweep.constants import LIGHT, MOST_RADII, MOST_STEPS, SUMS
 from post.sweep.lane_kernel import (
@@ -129,15 +129,33 @@ def bodies_rows(out, depth, hit, back, stride, threads):
     batch, height, width = depth.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            out[b, y] = back[b, y]
-            for tap in range(9):
-                dx, there = (tap % 3 - 1) * stride, y + (tap // 3 - 1) * stride
-                if 0 <= there < height:
-                    first, end = max(0, -dx), min(width, width - dx)
-                    deepest, front, own = out[b, y, first:end], depth[b, y, first:end], back[b, y, first:end]
-                    near, far = depth[b, there, first + dx : end + dx], back[b, there, first + dx : end + dx]
-                    solid = hit[b, there, first + dx : end + dx]
-                    for i in range(deepest.shape[0]):
-                        one = solid[i] and near[i] <= own[i] and front[i] <= far[i]
-                        deepest[i] = max(deepest[i], far[i]) if one else deepest[i]
+            b = row // height
+            _bodies_row(out[b], depth[b], hit[b], back[b], stride, row % height, 0, width)
+
+
+@scalar
+def bodies_pixel(i, out, depth, hit, back, stride):
+    b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
+    _bodies_row(out[b], depth[b], hit[b], back[b], stride, y, x, x + 1)
+
+
+bodies_each = Each(bodies_pixel)
+
+
+@scalar
+def _bodies_row(out, depth, hit, back, stride, y, begin, stop):
+    """Pixels ``begin`` to ``stop`` of a row."""
+    height, width = depth.shape
+    deepest, own = out[y, begin:stop], back[y, begin:stop]
+    for i in range(deepest.shape[0]):
+        deepest[i] = own[i]
+    for tap in range(9):
+        dx, there = (tap % 3 - 1) * stride, y + (tap // 3 - 1) * stride
+        first, end = max(begin, -dx), min(stop, width - dx)
+        if 0 <= there < height and first < end:
+            deepest, front, own = out[y, first:end], depth[y, first:end], back[y, first:end]
+            near, far = depth[there, first + dx : end + dx], back[there, first + dx : end + dx]
+            solid = hit[there, first + dx : end + dx]
+            for i in range(deepest.shape[0]):
+                one = solid[i] and near[i] <= own[i] and front[i] <= far[i]
+                deepest[i] = max(deepest[i], far[i]) if one else deepest[i]

@@ -191,12 +191,16 @@ def _by_kernel(
 def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
     """See `bodies`."""
     from gbufrt.compute.kernel import array, threads
-    from post.sweep.drivers import bodies_rows
+    from post.sweep.drivers import bodies_each, bodies_rows
 
-    fixed, near = (array(depth[:, 0]), array(hit[:, 0])), back
+    on_gpu, near = form_of(depth, cuda=True) is Form.CUDA, back
     for stride in STRIDES:
         far = near.new_empty(near.shape)
-        bodies_rows(array(far[:, 0]), *fixed, array(near[:, 0]), stride, threads())
+        planes = [t[:, 0] for t in (far, depth, hit, near)]
+        if on_gpu:
+            bodies_each(far.numel(), *planes, stride)
+        else:
+            bodies_rows(*map(array, planes), stride, threads())
         near = far
     return near
 
@@ -218,6 +222,6 @@ def bodies(depth: Tensor, hit: Tensor, back: Tensor, *, compiled: bool | None = 
     Returns:
         As ``back``.
     """
-    if form_of(depth, back, compiled=compiled) is Form.REFERENCE:
+    if form_of(depth, back, compiled=compiled, cuda=True) is Form.REFERENCE:
         return bodies_reference(depth, hit, back)
     return bodies_cpu(depth, hit, back)

@@ -49,8 +49,8 @@ def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
     little = LITTLE * hit.shape[-1]
     share = (total[0] + little) / (total[0] + total[1] + little)
     trust = (total[0] + total[1]) / (total[0] + total[1] + little)
-    up = camera.rotate_to_view(torch.zeros_like(ray).index_fill(1, torch.tensor(1, device=ray.device), 1.0))
-    return Sky(share[..., None], trust[..., None], *up[:, :, :1, :1].unbind(1))
+    up = camera.world_from_view[:, 1, :3].to(normal)
+    return Sky(share[..., None], trust[..., None], *up[..., None, None].unbind(1))
 
 
 def _border(picture: Tensor) -> Tensor:

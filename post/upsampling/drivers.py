@@ -1,20 +1,37 @@
-"""Run the row body of `post.upsampling.kernel` over pictures on CPU threads."""
+"""Run the row body of `post.upsampling.kernel` over pictures, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numba.cuda
 import numpy as np
 from numba import prange
 
-from gbufrt.compute.kernel import driver
+from gbufrt.compute.each import Each, pixel_of
+from gbufrt.compute.kernel import driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
+
+cuda: Any = numba.cuda
+AROUND = SPAN * SPAN  # samples around a pixel
 
 
 @driver
 def upsampled_rows(out, low, guide, plane, clear, stride, row, column, perspective, threads):
-    batch, _, height, _ = out.shape
+    batch, _, height, width = out.shape
     grid = Grid(stride, row, column, low.shape[2], low.shape[3])
     for thread in prange(threads):
-        weights = np.empty(SPAN * SPAN, np.float32)
+        weights = np.empty(AROUND, np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, grid, perspective)
+            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, 0, width, grid, perspective)
+
+
+@scalar
+def upsampled_pixel(i, out, low, guide, plane, clear, stride, row, column, perspective):
+    b, y, x = pixel_of(i, out.shape[2], out.shape[3])
+    grid, weights = Grid(stride, row, column, low.shape[2], low.shape[3]), cuda.local.array(AROUND, np.float32)
+    upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, x, x + 1, grid, perspective)
+
+
+upsampled_each = Each(upsampled_pixel)

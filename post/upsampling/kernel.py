@@ -27,28 +27,28 @@ Pixel = namedtuple("Pixel", "x y left top")
 
 
 @scalar
-def upsampled_row(out, low, guide, plane, clear, weights, y, grid, perspective):
-    """A row of pixels from the samples ``low`` ``(C, h, w)``; ``weights`` is room for those around a pixel."""
+def upsampled_row(out, low, guide, plane, clear, weights, y, first, end, grid, perspective):
+    """Pixels ``first`` to ``end`` of a row from samples ``low`` ``(C, h, w)``; ``weights`` is scratch for one pixel."""
     width = out.shape[2]
     edge = edge_of(guide, perspective, SENSITIVITY / np.float32(grid.stride), POWER)
     here, planes = guide_row(guide, y, 0, width), plane_row(plane, y, 0, width)
-    for x in range(width):
+    for x in range(first, end):
         if here.hit[x] == ZERO:
             for c in range(out.shape[0]):
                 out[c, y, x] = clear[c]
             continue
         at = Pixel(x, y, (x - grid.column) // grid.stride, (y - grid.row) // grid.stride)
         weights[:] = ZERO
-        total, start, end = _weigh(weights, 1, 3, ONE, at, grid, guide, here, planes, edge), 1, 3
+        total, start, stop = _weigh(weights, 1, 3, ONE, at, grid, guide, here, planes, edge), 1, 3
         if total < ENOUGH:
             total += _weigh(weights, 0, SPAN, ONE - total / ENOUGH, at, grid, guide, here, planes, edge)
-            start, end = 0, SPAN
+            start, stop = 0, SPAN
         scale = ONE / max(total, TINY)
         for c in range(out.shape[0]):
             value = ZERO
-            for j in range(start, end):
+            for j in range(start, stop):
                 row = min(max(at.top + j - 1, 0), grid.rows - 1)
-                for i in range(start, end):
+                for i in range(start, stop):
                     value += weights[j * SPAN + i] * low[c, row, min(max(at.left + i - 1, 0), grid.columns - 1)]
             out[c, y, x] = value * scale
 

@@ -1,4 +1,4 @@
-"""Joint bilateral upsampling as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+"""Joint bilateral upsampling as a torch operator: kernels on the CPU and on CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import resident
 from post.filters.edges import Surface
 from post.upsampling.reference import upsample_reference
 
@@ -39,8 +40,8 @@ def upsample(
 
     Source: Kopf et al. 2007, "Joint Bilateral Upsampling"; weights by plane distance and normal as in SVGF.
     """
-    empty = low.new_tensor([0.0] * low.shape[1] if clear is None else clear)
-    if form_of(low, geometry.guide, geometry.plane, compiled=compiled) is Form.REFERENCE:
+    empty = resident((0.0,) * low.shape[1] if clear is None else tuple(clear), low)
+    if form_of(low, geometry.guide, geometry.plane, compiled=compiled, cuda=True) is Form.REFERENCE:
         return upsample_reference(low, geometry, stride, offset, empty)
     return upsample_cpu(low, geometry.guide, geometry.plane, empty, stride, *offset, geometry.perspective)
 
@@ -51,11 +52,14 @@ def upsample_cpu(
 ) -> Tensor:
     """``(B, C, H, W)``. See `upsample`; tensors are those of `Surface`."""
     from gbufrt.compute.kernel import array, threads
-    from post.upsampling.drivers import upsampled_rows
+    from post.upsampling.drivers import upsampled_each, upsampled_rows
 
     out = low.new_empty(*low.shape[:2], *guide.shape[2:])
-    inputs = (array(out), array(low), array(guide), array(plane), array(clear))
-    upsampled_rows(*inputs, stride, row, column, perspective, threads())
+    pictures = (out, low, guide, plane, clear)
+    if form_of(low, cuda=True) is Form.CUDA:
+        upsampled_each(out[:, 0].numel(), *pictures, stride, row, column, perspective)
+    else:
+        upsampled_rows(*map(array, pictures), stride, row, column, perspective, threads())
     return out
 
 

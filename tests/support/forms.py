@@ -11,17 +11,23 @@ import boxes
 import torch
 from torch import Tensor
 
+from gbufrt import Frame
+from post.display.op import tone_curve
+from post.filters.surfaces import surface
+from post.history.op import anti_alias, read_history
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
 from post.sweep.bitmask import bitmask_ao
+from post.sweep.op import bodies
+from post.upsampling.op import upsample
 
 SIZE = (10, 14)
 SWEEP = {"directions": 2, "steps": 3}
 
 
 def answers(device: str = "cpu") -> dict[str, Tensor]:
-    """Occlusion within two radii, gathered light, reflections, and where rays along the normals end."""
+    """Occlusion within two radii, gathered light, reflections, where rays along the normals end; and `of_pixels`."""
     frame = boxes.frame(boxes.camera(SIZE)).to(device)
     g, light, albedo = frame.gbuffer, frame.read("radiance"), frame.read("albedo")
     given: dict[str, Any] = {"hit": g.hit, "thickness": g.thickness}
@@ -35,7 +41,25 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     ends = march_rays(hierarchy, g.camera.unproject(g.depth), g.camera.rotate_to_view(g.normal), g.camera)
     found = {"ao": ao, "bent": bent, "gi": gi, "sky": sky, "reflection": mirrored[0], "confidence": mirrored[1]}
     found |= {"ray": torch.cat([ends.px, ends.distance, ends.hit.float(), ends.blocked.float()], dim=1)}
-    return {name: value.cpu() for name, value in found.items()}
+    return {name: value.cpu() for name, value in {**found, **of_pixels(frame)}.items()}
+
+
+def of_pixels(frame: Frame) -> dict[str, Tensor]:
+    """Anti-aliased, tone-mapped and upsampled light, backs of bodies, and light of a frame before, read twice."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    before = boxes.frame(boxes.camera(SIZE, dx=0.35)).to(light.device).gbuffer
+    geometry, moved = surface(g.depth, g.normal, g.hit, g.camera), light[:, :2] * 3 - 1
+    sharp, found = (read_history(g, before, light, search=not how, sharp=how) for how in (True, False))
+    jitter, old = light.new_full((1, 2), 0.2), light.flip(3) / 2
+    aliased = anti_alias(light, jitter, g.depth, moved, old, g.hit.float(), blend=0.9, gamma=1.0)
+    return {
+        "aliased": torch.cat(aliased, dim=1),
+        "toned": tone_curve(light, light.new_full((), 2.0), "agx", 1.2, 1.2, 4.0),
+        "upsampled": upsample(light[..., 1::2, 1::2], geometry, offset=(1, 1)),
+        "back": bodies(g.depth, g.hit, g.depth + 0.3),
+        "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
+        "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
+    }
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.compute.resident import waits
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
@@ -136,7 +137,7 @@ def _finish(
 ) -> tuple[Tensor, History]:
     """Compute the variance left in the mean, and the history for the next frame."""
     mean, variance = new["signal"], sample_variance(new["moments"], length)
-    if bool((length < YOUNG).any()):
+    if waits(length) or bool((length < YOUNG).any()):
         _, around = spatial_moments(sample, surface(g.depth, g.normal, g.hit, g.camera), radius=2, lead=lead)
         variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
     variance = variance * new["share"]

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, History, TemporalPass
+from gbufrt.compute.resident import number
 from gbufrt.mending import finite
 from post.filters.signals import luminance
 
@@ -70,7 +71,7 @@ def exposure(
     found = _typical(luminance(finite(color), 3), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
         before = torch.where(previous.isnan(), found, previous)
-        seconds = torch.as_tensor(elapsed, dtype=found.dtype, device=found.device)
+        seconds = number(elapsed, found)
         rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)
         found = before + (found - before) * (1 - torch.exp(-rate * seconds))
     dark = (DUSK - found).clamp_min(0.0)

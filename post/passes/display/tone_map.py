@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import cast
 
-import torch
 from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.compute.resident import number
 from gbufrt.noise.noise import blue_noise
 from post.display.ocio import CONFIGS, check_config, is_config, ocio_view
 from post.display.op import tone_curve
@@ -50,11 +50,11 @@ def tone_map(
     """
     _check(operator)
     if is_config(operator):
-        return ocio_view(color * torch.as_tensor(exposure).to(color), operator, view)
-    for name, number in (("contrast", contrast), ("white", white)):
-        if number <= 0:
-            raise ValueError(f"{name} must be positive, got {number}")
-    gain, curve = torch.as_tensor(exposure, dtype=color.dtype), cast(Operator, operator)
+        return ocio_view(color * number(exposure, color), operator, view)
+    for name, tunable in (("contrast", contrast), ("white", white)):
+        if tunable <= 0:
+            raise ValueError(f"{name} must be positive, got {tunable}")
+    gain, curve = number(exposure, color), cast(Operator, operator)
     return tone_curve(color, gain, curve, contrast, saturation, white)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.compute.resident import resident
 from gbufrt.directions import length
 from gbufrt.sampling import pixel_centers
 
@@ -29,7 +29,7 @@ def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer
         raise ValueError(f"strength must lie in [0, 1], got {strength}")
     if not 0 <= inner < outer:
         raise ValueError(f"inner and outer must satisfy 0 <= inner < outer, got {inner} and {outer}")
-    middle = torch.tensor([image.shape[-1] / 2, image.shape[-2] / 2], dtype=image.dtype, device=image.device)
+    middle = resident((image.shape[-1] / 2, image.shape[-2] / 2), image)
     distance = length(pixel_centers(image) - middle[None, :, None, None]) / middle.norm()
     t = ((distance - inner) / (outer - inner)).clamp(0, 1)
     return image * (1 - strength * t * t * (3 - 2 * t))

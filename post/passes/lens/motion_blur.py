@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.compute.resident import number, waits
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
@@ -74,14 +75,14 @@ def motion_blur(
         raise ValueError(f"position must be 'center' or 'trailing', got {position!r}")
     color, depth, motion = finite(color), finite(depth), finite(motion)
     first, last = (-0.5, 0.5) if position == "center" else (0.0, 1.0)
-    share = torch.as_tensor(shutter, dtype=motion.dtype, device=motion.device).reshape(-1, 1, 1, 1)
+    share = number(shutter, motion).reshape(-1, 1, 1, 1)
     path = _limited(motion.to(color.dtype) * share, tile / max(-first, last))
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
     times = [first + (last - first) * (i + noise[:1, None]) / samples for i in range(samples)]
     if weights == "similarity":
         return _similarity(color, path, times)
     dominant = _dominant(path, tile, noise[1:])
-    if not bool((dominant.detach().square().sum(1) > STILL**2).any()):
+    if not waits(color) and not bool((dominant.detach().square().sum(1) > STILL**2).any()):
         return color
     return _reconstruct(color, depth, path, dominant, times, softness)
 
@@ -178,9 +179,9 @@ def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int
         if tuple(tensor.shape) != (batch, channels, height, width):
             expected = f"({batch},{channels},{height},{width})"
             raise ValueError(f"{name} must be {expected} like color, got {tuple(tensor.shape)}")
-    for name, number in (("samples", samples), ("tile", tile)):
-        if number < 1:
-            raise ValueError(f"{name} must be at least 1, got {number}")
+    for name, count in (("samples", samples), ("tile", tile)):
+        if count < 1:
+            raise ValueError(f"{name} must be at least 1, got {count}")
     if softness <= 0:
         raise ValueError(f"softness must be positive, got {softness}")
 

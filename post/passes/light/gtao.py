@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
+from gbufrt.compute.resident import number
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from post.margin.op import scene
@@ -102,7 +103,7 @@ def horizon_ao(
     slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
-    reach = torch.as_tensor(radius, dtype=depth.dtype, device=depth.device) * REACH
+    reach = number(radius, depth) * REACH
     around = scene(camera, depth, normal, hit, torch.ones_like(depth))
     pixels = Receiving(camera, depth, normal, hit)
     at = slices.receivers(pixels)

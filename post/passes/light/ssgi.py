@@ -10,11 +10,12 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
+from gbufrt.compute.resident import number
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
 from post.filters.surfaces import surface
 from post.margin.op import scene
-from post.shading.sent_light import all_bounces, nothing_before, sent_light
+from post.shading.sent_light import all_bounces, nothing_before, sent_light, starts
 from post.sweep import slices
 from post.sweep.chords import known_thickness, thickness_from_depth
 from post.sweep.layout import Receiving
@@ -98,7 +99,7 @@ def ssgi(
     pixels = Receiving(camera, depth, normal, hit, resolution, corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     sky = sky_beyond(camera, hit, normal) if distance is None else None
-    radii = () if distance is None else (torch.as_tensor(distance).to(depth),)
+    radii = () if distance is None else (number(distance, depth),)
     soft = torch.is_grad_enabled() and any(t.requires_grad for t in (depth, solid, *radii))
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "soft": soft, "compiled": compiled}
     found = sweep(around, pixels, pixels.of(noise), radii, sky, **sizes, gathers=True)[0]
@@ -157,7 +158,7 @@ class SSGI(Pass):
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
         gather = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
         gi, sky, _ = gather(light=light)
-        if self.bounces > 1 and bool((new := nothing_before(frame)).any()):
+        if self.bounces > 1 and starts(frame):
             every = all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
-            gi = torch.where(new, every, gi)
+            gi = torch.where(nothing_before(frame), every, gi)
         return frame.replace(gi=gi, sky_visibility=sky)

@@ -16,7 +16,7 @@ from post.march.rays import depth_hierarchy
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
 from post.shading.reference import Method, Picture
-from post.shading.sent_light import mirrored_light, nothing_before, outgoing_light
+from post.shading.sent_light import mirrored_light, nothing_before, outgoing_light, starts
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 
@@ -179,9 +179,9 @@ def _gathered(frame: Frame, bounces: int, gather: Callable[[Tensor], tuple[Tenso
     """What ``gather`` finds of the light that surfaces send and that metals mirror, twice in a lone frame."""
     light, mirrored = outgoing_light(frame), mirrored_light(frame) if bounces > 1 else None
     found = gather(light if mirrored is None else light + mirrored)
-    if mirrored is None or not bool((new := nothing_before(frame, "reflection")).any()):
+    if mirrored is None or not starts(frame, "reflection"):
         return found
-    again = gather(light + frame.read("metallic") * found[0])
+    again, new = gather(light + frame.read("metallic") * found[0]), nothing_before(frame, "reflection")
     return tuple(torch.where(new, second, first) for first, second in zip(found, again, strict=True))
 
 

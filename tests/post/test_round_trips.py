@@ -1,0 +1,82 @@
+"""How often the host waits for a GPU in a steady frame, counted without one by a stand-in."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+import torch
+from gpu_stand_in import GPU, gpu
+from torch import Tensor
+
+from gbufrt.compute.resident import number, numbers, resident
+from gbufrt.specimen import specimen
+from post import me1
+
+WAITS = {"post.passes.lens.depth_of_field.depth_of_field reads": 1}
+"""The largest blur of the picture: it decides into how many layers the torch reference cuts it."""
+
+
+@pytest.mark.parametrize("preset", ["low", "high"])
+def test_a_steady_frame(preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pipeline, frame = me1(preset), specimen()
+    with torch.no_grad():
+        _, first = pipeline(frame)
+        _, second = pipeline(frame.replace(index=1), first)
+        want, _ = pipeline(frame.replace(index=2), second)
+    with gpu(monkeypatch) as seen:
+        there = frame.to(GPU)
+        _, second = pipeline(there.replace(index=1), first.to(GPU))  # constants are copied
+        seen.clear()
+        result, _ = pipeline(there.replace(index=2), second)
+        waits, found = dict(seen.waits), result.read("image").cpu()
+    assert waits == WAITS
+    assert (found - want.read("image")).abs().mean() < 1e-3, "what a GPU does unasked changes nothing"
+
+
+WAITING: dict[str, Callable[[Tensor], object]] = {
+    "a number": lambda x: float(x.sum()),
+    "a choice": lambda x: bool((x > 0).any()),
+    "a list": lambda x: x[0].tolist(),
+    "a copy": lambda x: x.cpu(),
+    "constants": lambda x: torch.tensor([1.0, 2.0], device=x.device),
+    "constants like": lambda x: x.new_tensor([1.0, 2.0]),
+    "a number from the host": lambda x: torch.as_tensor(2.0, device=x.device),
+    "a mask": lambda x: x[x > 0],
+    "an inverse": lambda x: torch.linalg.inv(x[:, :2]),
+    "indices of the host": lambda x: x[:, [0, 1]],
+}
+NOT_WAITING: dict[str, Callable[[Tensor], object]] = {
+    "made there": lambda x: torch.zeros_like(x) + torch.arange(3, device=x.device),
+    "chosen there": lambda x: torch.where(x > 0, x, 0.0).masked_fill(x > 1, 0.0),
+    "indexed there": lambda x: x[torch.arange(2, device=x.device)],
+    "kept": lambda x: (resident((1.0, 2.0), x), resident((1.0, 2.0), x)),
+    "filled in": lambda x: (number(3.0, x), numbers(((1.0, 2.0), (3.0, 4.0)), x)),
+}
+
+
+@pytest.mark.parametrize("what", WAITING)
+def test_what_waits_is_counted(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with gpu(monkeypatch) as seen:
+        there = torch.eye(2, 3).to(GPU)
+        seen.clear()
+        WAITING[what](there)
+        assert seen.waits.total() == 1
+
+
+@pytest.mark.parametrize("what", NOT_WAITING)
+def test_what_does_not_wait_is_not(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with gpu(monkeypatch) as seen:
+        there = torch.eye(2, 3).to(GPU)
+        resident((1.0, 2.0), there)
+        seen.clear()
+        NOT_WAITING[what](there)
+        assert seen.waits.total() == 0
+        assert seen.launches > 0 or what == "kept"
+
+
+def test_tensors_on_two_devices_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with gpu(monkeypatch):
+        there = torch.zeros(3).to(GPU)
+        with pytest.raises(RuntimeError, match="two devices"):
+            torch.add(there, torch.zeros(3))
