@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer
-from gbufrt.noise.noise import SLICES, pixel_hash
+from gbufrt.noise.noise import SLICES
 from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.direct.lighting import batched
 from tracer.paths.integrators import DIRECT_DIMS, REFLECTION_DIMS, indirect_dims
@@ -22,7 +22,6 @@ from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene
 
 STRATUM = 3  # pixels: side of the squares of which one pixel is replayed
-REPLAYS = 0x5EED  # so that the choice of pixels has noise of its own
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -153,10 +152,14 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
     Raises:
         ValueError: see `sample_light`.
     """
-    given = {"seed": seed, "bounces": bounces}
+    given: dict[str, Any] = {"seed": seed, "bounces": bounces}
     poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
     light = sample_light(scene, frame.gbuffer, poses=poses, index=frame.index, **given)
-    changes = {"diffuse": light.diffuse, "indirect": light.indirect, "specular": light.specular}
+    changes: dict[str, Tensor | Frame] = {
+        "diffuse": light.diffuse,
+        "indirect": light.indirect,
+        "specular": light.specular,
+    }
     changes |= {"reflection_distance": light.distance, "shadow": light.shadow}
     if before is not None:
         chosen = one_a_stratum(before.gbuffer.hit, index=before.index, seed=seed)
@@ -172,7 +175,7 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
 
 
 def one_a_stratum(hit: Tensor, *, index: int = 0, seed: int = 0) -> Tensor:
-    """One pixel of every 3x3 square, at random among those that hit anything.
+    """One pixel of every 3x3 square, the same in all of them, if it hit anything: each is chosen once in nine frames.
 
     Args:
         hit: ``(B, 1, H, W)`` bool.
@@ -182,12 +185,11 @@ def one_a_stratum(hit: Tensor, *, index: int = 0, seed: int = 0) -> Tensor:
     Returns:
         ``(B, 1, H, W)`` bool.
     """
+    row, column = divmod((4 * index + seed) % STRATUM**2, STRATUM)  # neighbours in time lie apart
     height, width = hit.shape[-2:]
-    rank = pixel_hash(height, width, index=index, seed=seed + REPLAYS, device=hit.device)
-    rank = (1 + rank) * hit
-    best, place = F.max_pool2d(rank, STRATUM, stride=STRATUM, ceil_mode=True, return_indices=True)
-    chosen = torch.zeros_like(rank).flatten(1).scatter(1, place.flatten(1), best.flatten(1)).view_as(rank)
-    return chosen > 0
+    chosen = torch.zeros_like(hit)
+    chosen[..., min(row, height - 1) :: STRATUM, min(column, width - 1) :: STRATUM] = True
+    return chosen & hit
 
 
 def _moved(at: Receivers, then: Tensor) -> Receivers:
