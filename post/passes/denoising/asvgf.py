@@ -15,6 +15,7 @@ from post.filters.edges import Surface
 from post.filters.op import wavelet
 from post.filters.signals import REC709, luminance
 from post.filters.surfaces import surface
+from post.history.antilag import tolerated
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
@@ -36,16 +37,17 @@ def asvgf(
     replayed: Tensor | None = None,
     chosen: Tensor | None = None,
     distance: Tensor | None = None,
-    blend: float = 0.95,
+    blend: float = 0.9,
     firefly: float = 6.0,
     iterations: int = 7,
-    phi_color: float = 1.0,
+    phi_color: float = 0.5,
 ) -> tuple[Tensor, History]:
     """Denoise light whose history follows changes of the scene, told by samples of the frame before taken again.
 
-    The mean of N frames gives way to this frame with the weight lerp(1 / N, 1, change), where ``change`` is the
-    `temporal_gradient`. Luminance is filtered by wavelets as its variance requires; chroma as the filtered luminance
-    and what is left of that variance allow.
+    The mean of N frames gives way to this frame with the weight lerp(1 / N, 1, 1 - (1 - g)^2), where g is the
+    `temporal_gradient`. Weighted by g alone, a history ten times as bright as what is left of the light would still be
+    half of the mean. Luminance is filtered by wavelets as its variance requires; chroma as the filtered luminance and
+    what is left of that variance allow.
 
     Args:
         light: ``(B, 3, H, W)`` of this frame, linear radiance, without albedo.
@@ -73,14 +75,15 @@ def asvgf(
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     light = finite(light)
     if history is not None and history.gbuffer is not None and replayed is not None and chosen is not None:
-        change = temporal_gradient(history.signals["sample"], finite(replayed), chosen, history.gbuffer)
-        history = forgetting(history, change)
+        gradient = temporal_gradient(history.signals["sample"], finite(replayed), chosen, history.gbuffer)
+        history = forgetting(history, 1 - (1 - gradient).square())
     mean, history = temporal(
         light, gbuffer, history,
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
     )  # fmt: skip
     roughness = None if distance is None else gbuffer.roughness
-    smooth = _filtered(mean, gbuffer, history.signals["variance"], iterations, phi_color, roughness)
+    variance = tolerated(mean, history.signals["variance"], history.length, gbuffer.hit)
+    smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, roughness)
     history = replace(history, signals={**history.signals, "sample": light})
     return torch.where(gbuffer.hit, smooth, light), history
 
@@ -129,8 +132,8 @@ def forgetting(history: History, change: Tensor) -> History:
         change: ``(B, 1, H, W)`` in [0, 1], see `temporal_gradient`.
     """
     weight = torch.lerp(1 / (history.length + 1), torch.ones_like(change), change)
-    length = torch.minimum(history.length, (1 / weight - 1).clamp_min(LEAST))
-    return replace(history, length=length)
+    shorter = torch.minimum(history.length, (1 / weight - 1).clamp_min(LEAST))
+    return replace(history, length=torch.where(change > 0, shorter, history.length))
 
 
 def _first(chosen: Tensor, dim: int) -> int:
@@ -176,10 +179,10 @@ class ASVGF(TemporalPass):
         *,
         signal: str = "diffuse",
         gradients: bool = True,
-        blend: float = 0.95,
+        blend: float = 0.9,
         firefly: float = 6.0,
         iterations: int | None = None,
-        phi_color: float = 1.0,
+        phi_color: float = 0.5,
     ) -> None:
         super().__init__()
         self.signal = signal
