@@ -51,6 +51,14 @@ class Frame:
         4, "the same along the mirrored ray, then the share that fog lets through there", full_size=False
     )
 
+    diffuse: Tensor | None = channel(3, "diffuse light by one sample a pixel, albedo divided out, linear radiance")
+    indirect: Tensor | None = channel(3, "the part of `diffuse` that surfaces and the sky send, albedo divided out")
+    specular: Tensor | None = channel(3, "specular light by one sample a pixel, Fresnel included, linear radiance")
+    shadow: Tensor | None = channel(2, "share of light along a shadow ray to the sun and one to a lamp, 1 lit")
+    replayed: Tensor | None = channel(1, "1 at pixels of the frame before whose samples were taken again, else 0")
+    replayed_diffuse: Tensor | None = channel(3, "their `diffuse` in the scene as it is now")
+    replayed_specular: Tensor | None = channel(3, "their `specular` in the scene as it is now")
+
     ao: Tensor | None = channel(1, "ambient visibility, 1 open", clear=1.0)
     sky_visibility: Tensor | None = channel(1, "visibility of the sky at unlimited radius, 1 open", clear=1.0)
     bent_normal: Tensor | None = channel(3, "mean unoccluded direction, world space, unit length")
@@ -197,5 +205,8 @@ class Frame:
 
 SIGNALS = channels_of(Frame)
 MOTION = ("motion", "motion_z")
-LIGHT = ("radiance", "ambient", "environment", "fog_transmittance", "fog_light", "fog_mirrored")
+LIGHT = (
+    *("radiance", "ambient", "environment", "fog_transmittance", "fog_light", "fog_mirrored"),
+    *("diffuse", "indirect", "specular", "shadow", "replayed", "replayed_diffuse", "replayed_specular"),
+)
 """Signals that come with the frame rather than from a pass."""

@@ -27,6 +27,7 @@ def specimen() -> Frame:
     light = torch.cat([across, down, one], dim=1)
     frame = Frame(
         gbuffer=gbuffer, radiance=light, ambient=light, environment=torch.ones(1, 3, 8, 16),
-        fog_light=light[..., ::2, ::2], fog_transmittance=one / 2,
+        fog_light=light[..., ::2, ::2], fog_transmittance=one / 2, diffuse=light, specular=light,
+        reflection_distance=one, replayed=one, replayed_diffuse=light, replayed_specular=light,
     )  # fmt: skip
     return frame.replace(behind=frame)

@@ -1,6 +1,7 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
 import gbufrt as gbufrt  # first: sets how threads wait, before torch is loaded
+from post.passes.denoising.asvgf import ASVGF, asvgf
 from post.passes.denoising.atrous import Atrous, atrous
 from post.passes.denoising.bilateral import Bilateral, bilateral
 from post.passes.denoising.denoise import Denoise, denoise
@@ -35,6 +36,7 @@ from post.sweep.chords import thickness_from_depth
 from post.upsampling.reduced import Reduced
 
 __all__ = [
+    "ASVGF",
     "FXAA",
     "GTAO",
     "SSGI",
@@ -59,6 +61,7 @@ __all__ = [
     "ToneMap",
     "Vignette",
     "aerial_perspective",
+    "asvgf",
     "atrous",
     "autofocus",
     "bilateral",

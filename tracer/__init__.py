@@ -4,6 +4,7 @@ import gbufrt as gbufrt  # first: says how threads wait, before torch is loaded
 from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
 from tracer.frames import render
 from tracer.gbuffers import gbuffer
+from tracer.paths.sampled import SampledLight, one_a_stratum, sample_light, sampled
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.fog import Fog
 from tracer.scene.material import Material, MaterialTable
@@ -23,7 +24,15 @@ from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
-from tracer.truth.truth import Truth, ambient_occlusion, focus_distance, indirect_diffuse, path_trace, reflection
+from tracer.truth.truth import (
+    Truth,
+    ambient_occlusion,
+    focus_distance,
+    indirect_diffuse,
+    light_truth,
+    path_trace,
+    reflection,
+)
 from tracer.weather.rain import raining
 from tracer.worlds import WORLDS, load
 from tracer.worlds.stream import Stream, stream
@@ -45,6 +54,7 @@ __all__ = [
     "Place",
     "Rain",
     "RayType",
+    "SampledLight",
     "Scene",
     "Sky",
     "Stream",
@@ -60,13 +70,17 @@ __all__ = [
     "focus_distance",
     "gbuffer",
     "indirect_diffuse",
+    "light_truth",
     "load",
     "load_vox_scene",
+    "one_a_stratum",
     "path_trace",
     "raining",
     "read_vox",
     "reflection",
     "render",
+    "sample_light",
+    "sampled",
     "stream",
     "trace",
     "transmission",

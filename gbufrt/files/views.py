@@ -20,9 +20,12 @@ LABEL = 22  # pixels over each picture of a sheet
 GAP = 6  # pixels between pictures of a sheet
 MIDDLE_GREY = 0.18
 NEAR_POWER = 1.5  # steeper than the plain reciprocal, which leaves the ends of the colour map unused
-LIGHTS = {"emission", "radiance", "ambient", "environment", "gi", "reflection", "composite", "color"}
+LIGHTS = {
+    *("emission", "radiance", "ambient", "environment", "gi", "reflection", "composite", "color"),
+    *("diffuse", "indirect", "specular", "replayed_diffuse", "replayed_specular"),
+}
 DIRECTIONS = {"normal", "normal_geo", "bent_normal"}
-SHARES = {"hit", "roughness", "metallic", "opacity", "ao", "sky_visibility", "reflection_confidence"}
+SHARES = {"hit", "roughness", "metallic", "opacity", "ao", "sky_visibility", "reflection_confidence", "replayed"}
 COLOURS = {"albedo", "transmittance", "image"}
 
 
@@ -99,6 +102,8 @@ def _shower(name: str, tensor: Tensor, motion_scale: float) -> Callable[[Frame, 
         return _light
     if name in DIRECTIONS:
         return lambda frame, t: torch.where(t.square().sum(1, keepdim=True) > 0, t * 0.5 + 0.5, 0.0)
+    if name == "shadow":
+        return lambda frame, t: torch.cat([t, t[:, 1:]], dim=1)
     if components == 2:
         return lambda frame, t: flow(t / motion_scale)
     if name in SHARES:

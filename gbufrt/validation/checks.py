@@ -12,8 +12,11 @@ from gbufrt.validation.motion import check_motion, check_movers
 from gbufrt.validation.pixels import check_finite, check_not_negative, check_range, check_unit
 
 UNIT_RANGE = ("albedo", "roughness", "metallic", "opacity", "transmittance")
-SHARES = ("ao", "sky_visibility", "reflection_confidence")
-LIGHTS = ("radiance", "ambient", "environment", "fog_light", "fog", "gi", "reflection", "composite", "color")
+SHARES = ("ao", "sky_visibility", "reflection_confidence", "shadow", "replayed")
+LIGHTS = (
+    *("radiance", "ambient", "environment", "fog_light", "fog", "gi", "reflection", "composite", "color"),
+    *("diffuse", "indirect", "specular", "replayed_diffuse", "replayed_specular"),
+)
 
 
 def validate_gbuffer(g: Geometry, before: Geometry | None = None, prefix: str = "") -> None:

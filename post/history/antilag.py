@@ -11,6 +11,9 @@ from post.filters.edges import Surface, edge_weight, offsets, padded, windows
 from post.filters.signals import luminance
 from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, SAME, YOUNG
 
+UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
+GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
+AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 
 
@@ -173,3 +176,28 @@ def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
     blocked = ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
     darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
     return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)
+
+
+def tolerated(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor) -> Tensor:
+    """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
+
+    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
+    would show as blotches, since the variance of few rare bright samples is itself uncertain. Much noise in a narrow
+    band is that of a penumbra, whose edges stay.
+
+    Args:
+        mean: ``(B, 3, H, W)`` accumulated light without albedo.
+        variance: ``(B, 1, H, W)`` of its luminance.
+        length: ``(B, 1, H, W)`` frames in it.
+        hit: ``(B, 1, H, W)`` bool.
+
+    Returns:
+        ``(B, 1, H, W)``, nowhere below ``variance``.
+    """
+    lit = hit.to(mean.dtype)
+    noise, light = pooled(variance, lit, AROUND), pooled(luminance(mean), lit, AROUND)
+    grain = torch.where(hit, noise / (GRAINY * light).square().clamp_min(1e-8), torch.inf)
+    for size in ((WIDE, 1), (1, WIDE)):
+        grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))
+    unsure = UNSURE / length.clamp_min(1.0)
+    return variance * (1 + torch.where(hit, torch.maximum(grain, unsure), 0.0))

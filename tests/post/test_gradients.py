@@ -52,6 +52,7 @@ CASES = {
     "Bilateral": Case(post.Bilateral(signal="gi"), "gi", instead={"roughness": {"signal": "reflection"}}),
     "Atrous": Case(post.Atrous(signal="gi", iterations=2), "gi", instead={"roughness": {"signal": "reflection"}}),
     "Denoise": Case(post.Denoise(signal="gi"), "gi"),
+    "ASVGF": Case(post.ASVGF(iterations=2), "diffuse", instead={"roughness": {"signal": "specular"}}),
     "Temporal": Case(post.Temporal(signal="gi"), "gi"),
     "Composite": Case(post.Composite(reflection_intensity=0.8), "radiance"),
     "Fog": Case(post.Fog(), "fog_light"),

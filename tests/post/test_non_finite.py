@@ -34,6 +34,7 @@ REACH = {  # pixels from the bad one beyond which nothing may change, after two 
     "TAA": 2,
     "Temporal": 4,
     "Vignette": 0,
+    "ASVGF": None,
     "Exposure": None,
     "Fog": None,  # its wavelets at half resolution reach past the border
     "MarchGI": None,

@@ -45,6 +45,7 @@ def corner(size: tuple[int, int] = (10, 14), *, uneven: bool = True) -> Frame:
     g = g.replace(**values, **absent)
     signals = {"radiance": 3, "ambient": 3, "gi": 3, "reflection": 3, "composite": 3, "color": 3, "image": 3}
     signals |= {"ao": 1, "sky_visibility": 1, "reflection_confidence": 1, "reflection_distance": 1}
+    signals |= {"diffuse": 3, "specular": 3, "replayed_diffuse": 3, "replayed_specular": 3, "replayed": 1}
     lit = {name: waves(count, size, 10 + i) for i, (name, count) in enumerate(signals.items())}
     few = (-(-size[0] // 2), -(-size[1] // 2))
     lit |= {"fog_light": waves(3, few, 31), "fog_transmittance": waves(1, size, 32)}

@@ -37,6 +37,11 @@ def dress(frame: Frame) -> Frame:
         composite=lit,
         color=lit,
         image=lit.clamp(0, 1),
+        diffuse=noise(3),
+        specular=0.2 * noise(3),
+        replayed=torch.ones_like(frame.gbuffer.depth),
+        replayed_diffuse=noise(3),
+        replayed_specular=0.2 * noise(3),
         fog_light=noise(3)[..., ::2, ::2],
         fog_transmittance=noise(1),
     )

@@ -90,6 +90,23 @@ def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
 
 
 @scalar
+def _lit_of(begin, end, arrays, surfaces, u, out):
+    tables = interaction_kernel.assembled(arrays)
+    for i in range(begin, end):
+        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+        light, out[i, 3], out[i, 4] = integrator_kernel.lit(tables, at, u, i)
+        out[i, 0], out[i, 1], out[i, 2] = light
+
+
+@driver
+def lit_all(arrays, surfaces, u, lanes, out):
+    count = len(out)
+    for lane in prange(lanes):
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            _lit_of(begin, min(begin + ROWS, count), arrays, surfaces, u, out)
+
+
+@scalar
 def _reflected_of(begin, end, arrays, camera, picture, surfaces, u, sharp, out):
     tables = interaction_kernel.assembled(arrays)
     for i in range(begin, end):
@@ -149,6 +166,14 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: i
     out = torch.empty(u.shape[1], 10)
     indirect_all(*_given(scene, at, start), array(u), bounces, threads(), array(out))
     return {"gi": out[:, :3], "gi_onscreen": out[:, 3:6], "sky": out[:, 6:9], "sky_visibility": out[:, 9:]}
+
+
+def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
+    """See `tracer.paths.integrators.lit`."""
+    out = torch.empty(u.shape[1], 5)
+    arrays, _, _, surfaces = _given(scene, at, start)
+    lit_all(arrays, surfaces, array(u), threads(), array(out))
+    return {"direct": out[:, :3], "shadow": out[:, 3:]}
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
-from tracer.lights.kernel import FACING, NOTHING, sky
+from tracer.lights.kernel import FACING, NOTHING, lamp_sample, shines, sky, sun_sample
 from tracer.lights.samples import DIMS
 from tracer.paths.interaction import FINE, MOST_PASS
-from tracer.paths.interaction_kernel import WHITE, intersect
+from tracer.paths.interaction_kernel import WHITE, intersect, transmit
 from tracer.paths.on_screen_kernel import sees
 from tracer.paths.path_kernel import diffuse_of, f0_of, from_lamp, gathered
-from tracer.sampling.scatter_kernel import added, cosine_direction, fresnel, sample_specular, scaled, times
-from tracer.scene.scene import MASK_SECONDARY
+from tracer.sampling.scatter_kernel import added, cosine_direction, dot, fresnel, sample_specular, scaled, times
+from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal.kernel import triple
+from tracer.traversal.rays import FARTHEST
 
 
 @scalar
@@ -40,6 +43,31 @@ def indirect(tables, camera, picture, at, u, i, bounces):
     light = times(weight, gathered(tables, isect.surface, u, i, 3, bounces))
     shows = sees(camera, picture, isect.surface.point, isect.surface.normal)
     return light, light if shows else NOTHING, NOTHING, 0.0
+
+
+@scalar
+def lit(tables, at, u, i):
+    """``direct``; and ``shadow`` of the sun, and of a lamp."""
+    light, by_sun, by_lamp = NOTHING, 0.0, 0.0
+    if shines(tables.lit):
+        direction, energy = sun_sample(tables.lit, u[0, i], u[1, i])
+        light, by_sun = _arriving(tables, at, direction, FARTHEST, energy)
+    if len(tables.lit.lamps):
+        numbers = (u[2, i], u[3, i], u[4, i], u[5, i])
+        direction, distance, energy, _ = lamp_sample(tables.lit, at.point, at.normal, *numbers)
+        more, by_lamp = _arriving(tables, at, direction, distance, energy)
+        light = added(light, more)
+    return times(diffuse_of(at), light), by_sun, by_lamp
+
+
+@scalar
+def _arriving(tables, at, direction, distance, energy):
+    """Light that a surface of albedo 1 sends on, and the share of it that is not in shadow."""
+    whole = scaled(energy, max(dot(at.normal, direction), 0.0) / math.pi)
+    if not max(whole) > 0:
+        return NOTHING, 0.0
+    light = times(whole, transmit(tables, at.point, direction, distance, MASK_SHADOW))
+    return light, (light[0] + light[1] + light[2]) / (whole[0] + whole[1] + whole[2])
 
 
 @scalar

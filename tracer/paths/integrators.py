@@ -10,8 +10,8 @@ from torch import Tensor
 
 from tracer.lights.samples import DIMS
 from tracer.lights.sky import sky_along
-from tracer.paths.diffuse import EVEN, gathered
-from tracer.paths.interaction import Vertices, intersect
+from tracer.paths.diffuse import EVEN, even_response, gathered
+from tracer.paths.interaction import Vertices, direct, intersect
 from tracer.paths.radiance import specular_lamps
 from tracer.paths.receivers import Receivers
 from tracer.sampling.progressive import Values
@@ -19,6 +19,7 @@ from tracer.sampling.scatter import cosine_direction, fresnel, sample_specular
 from tracer.scene.scene import Scene
 
 OCCLUSION_DIMS = 3
+DIRECT_DIMS = DIMS
 REFLECTION_DIMS = 3 + DIMS + EVEN
 
 
@@ -63,6 +64,21 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: i
     above[~isect.hit] = weight[~isect.hit] * sky_along(scene, directions[~isect.hit])
     open_ = isect.weight.mean(dim=1, keepdim=True) * ~isect.hit[:, None]
     return {"gi": gi, "gi_onscreen": onscreen, "sky": above, "sky_visibility": open_}
+
+
+def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
+    """``direct``, the diffuse light of sun and lamps by a shadow ray to each kind; see `occlusion`.
+
+    Also found: the shares of light that come along these two rays (``shadow``), 0 where there is none to come.
+    """
+    start = start.repeat(u.shape[1] // max(len(start), 1))
+    light, shares = torch.zeros_like(start.points), torch.zeros_like(start.points[:, :2])
+    for sample, value in direct(scene, at.lights, start, u, lambda s: even_response(start, s), poses=at.poses):
+        open_ = even_response(start, sample) * sample.energy
+        light = light + start.diffuse * value
+        share = value.sum(dim=1) / open_.sum(dim=1).clamp_min(1e-12)
+        shares[:, 0 if sample.facing is None else 1] = share
+    return {"direct": light, "shadow": shares}
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:

@@ -35,6 +35,15 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: i
     return drivers.indirect(scene, at, start, u, bounces)
 
 
+def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
+    """See `tracer.paths.integrators.lit`."""
+    if form_of(u) is Form.REFERENCE:
+        return integrators.lit(scene, at, start, u)
+    from tracer.paths import drivers
+
+    return drivers.lit(scene, at, start, u)
+
+
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
     """See `tracer.paths.integrators.reflected`."""
     if form_of(u) is Form.REFERENCE:

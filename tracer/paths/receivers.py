@@ -126,13 +126,13 @@ def at_each_pixel(
 
 def _estimate(receivers: list[Receivers], integrand: Integrand, sequence: Sequence, size: tuple[int, int]) -> Estimate:
     def estimate(numbers: range) -> Values:
-        pictures = [_sums(at, integrand, sequence, numbers, size) for at in receivers]
+        pictures = [sums_of(at, integrand, sequence, numbers, size) for at in receivers]
         return {name: torch.stack([p[name] for p in pictures]) for name in pictures[0]}
 
     return estimate
 
 
-def _sums(at: Receivers, integrand: Integrand, sequence: Sequence, numbers: range, size: tuple[int, int]) -> Values:
+def sums_of(at: Receivers, integrand: Integrand, sequence: Sequence, numbers: range, size: tuple[int, int]) -> Values:
     """``(C, H, W)`` sums over samples, for one picture."""
     count = len(numbers)
     sums: Values = {}

@@ -13,11 +13,20 @@ from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_d
 from tracer.paths.interaction import Vertices
 from tracer.paths.op import indirect, occlusion, reflected
 from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
+from tracer.paths.sampled import SampledLight, light_integrand, sampled_light
 from tracer.sampling.progressive import Progress, Truth, Values
 from tracer.scene.scene import Scene
 from tracer.truth.path_tracer import path_trace
 
-__all__ = ["Truth", "ambient_occlusion", "focus_distance", "indirect_diffuse", "path_trace", "reflection"]
+__all__ = [
+    "Truth",
+    "ambient_occlusion",
+    "focus_distance",
+    "indirect_diffuse",
+    "light_truth",
+    "path_trace",
+    "reflection",
+]
 
 
 def ambient_occlusion(
@@ -186,3 +195,38 @@ def reflection(
         error.pop("flies" if name == "onscreen" else "ends")
         values[name] = torch.where(share > 0, values[name], none if name == "distance" else 0.0)
     return Truth(values=values, error=error, samples=found.samples)
+
+
+def light_truth(
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    bounces: int = 1,
+    samples: int = 256,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> SampledLight:
+    """Means of what `tracer.sample_light` takes one sample of.
+
+    Args:
+        scene: as for `tracer.sample_light`, as ``gbuffer`` and ``bounces``.
+        gbuffer: see ``scene``.
+        poses: as for `ambient_occlusion`.
+        bounces: see ``scene``.
+        samples: paths a pixel for each signal.
+        seed: as for `ambient_occlusion`.
+        progress: as for `ambient_occlusion`.
+
+    Returns:
+        See `tracer.SampledLight`; ``distance`` is the mean of rays that hit anything.
+
+    Raises:
+        ValueError: bounces or samples are below 1, there is no albedo, or the poses do not fit.
+    """
+    integrand, dims = light_integrand(scene, bounces)
+    receivers = receivers_of(scene, gbuffer, poses)
+    found = at_each_pixel(
+        gbuffer, receivers, integrand, dims=dims, samples=samples, noise=0.0, seed=seed, progress=progress
+    )
+    return sampled_light(found.values, gbuffer)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
-from post.filters.signals import MIN_ALBEDO, luminance
+from post.filters.signals import MIN_ALBEDO
 from post.filters.surfaces import surface
-from post.history.antilag import alike, into_shadow, pooled
+from post.history.antilag import alike, into_shadow, pooled, tolerated
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
@@ -24,9 +23,6 @@ MIRRORS = 0.1  # specular albedo above which the reflected image is back-project
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
-UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
-GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
-AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 
 
 def denoise(
@@ -88,7 +84,7 @@ def denoise(
         sharp=True,
         distance=_image_distance(gbuffer),
     )
-    variance = _tolerated(mean, history, shown.hit)
+    variance = tolerated(mean, history.signals["variance"], history.length, shown.hit)
     smooth, _ = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
         iterations=iterations, phi_color=phi_color, variance=variance,
@@ -160,22 +156,6 @@ def _merged(mask: Tensor, far: GBuffer, near: GBuffer) -> GBuffer:
     pairs = {name: (getattr(far, name), getattr(near, name)) for name in GEOMETRY}
     both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
     return near.replace(**{name: torch.where(mask, *pair) for name, pair in both.items()})
-
-
-def _tolerated(mean: Tensor, history: History, hit: Tensor) -> Tensor:
-    """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
-
-    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
-    would show as blotches, since the variance of few rare bright samples is itself uncertain. Much noise in a narrow
-    band is that of a penumbra, whose edges stay.
-    """
-    variance, lit = history.signals["variance"], hit.to(mean.dtype)
-    noise, light = pooled(variance, lit, AROUND), pooled(luminance(mean), lit, AROUND)
-    grain = torch.where(hit, noise / (GRAINY * light).square().clamp_min(1e-8), torch.inf)
-    for size in ((WIDE, 1), (1, WIDE)):
-        grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))
-    unsure = UNSURE / history.length.clamp_min(1.0)
-    return variance * (1 + torch.where(hit, torch.maximum(grain, unsure), 0.0))
 
 
 def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:

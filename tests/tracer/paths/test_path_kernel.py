@@ -52,6 +52,7 @@ def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, R
 CASES = {
     "occlusion": (integrators.OCCLUSION_DIMS, (7.0,)),
     "indirect": (integrators.indirect_dims(2), (2,)),
+    "lit": (integrators.DIRECT_DIMS, ()),
     "reflected": (integrators.REFLECTION_DIMS, (0.3,)),
 }
 

@@ -1,0 +1,218 @@
+"""A-SVGF: samples that are taken again say how much of its history the light of a pixel has outlived."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.mending import finite
+from gbufrt.specular import VIRTUAL_ROUGHNESS
+from post.filters.constants import HIT
+from post.filters.edges import Surface
+from post.filters.op import wavelet
+from post.filters.signals import REC709, luminance
+from post.filters.surfaces import surface
+from post.history.antilag import tolerated
+from post.history.reproject import history_for
+from post.passes.denoising.atrous import atrous
+from post.passes.denoising.temporal import temporal
+from post.upsampling.op import upsample
+
+STRATUM = 3  # pixels: side of the squares of which one pixel is replayed
+GRADIENT_ITERATIONS = 4  # of wavelets over the replayed pixels: they reach 90 pixels to each side
+GRADIENT_NORMAL = 32.0  # exponent of the cosine between normals of replayed pixels
+LEAST = 1e-3  # frames: length of a history none of which is valid, for pixels of length 0 match no surface
+CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
+ITERATIONS = {"diffuse": 7, "specular": 3}
+
+
+def asvgf(
+    light: Tensor,
+    gbuffer: GBuffer,
+    history: History | None = None,
+    *,
+    replayed: Tensor | None = None,
+    chosen: Tensor | None = None,
+    distance: Tensor | None = None,
+    blend: float = 0.9,
+    firefly: float = 6.0,
+    iterations: int = 7,
+    phi_color: float = 0.5,
+) -> tuple[Tensor, History]:
+    """Denoise light whose history follows changes of the scene, told by samples of the frame before taken again.
+
+    The mean of N frames gives way to this frame with the weight lerp(1 / N, 1, 1 - (1 - g)^2), where g is the
+    `temporal_gradient`. Weighted by g alone, a history ten times as bright as what is left of the light would still be
+    half of the mean. Luminance is filtered by wavelets as its variance requires; chroma as the filtered luminance and
+    what is left of that variance allow.
+
+    Args:
+        light: ``(B, 3, H, W)`` of this frame, linear radiance, without albedo.
+        gbuffer: of this frame.
+        history: what this function returned for the frame before; None at first.
+        replayed: ``(B, 3, H, W)`` light that the frame before's samples bring now, at its pixels; without it nothing
+            is taken to change, as in plain SVGF.
+        chosen: ``(B, 1, H, W)``, above 0 where ``replayed`` holds a sample: every third pixel of every third row.
+        distance: ``(B, 1, H, W)`` world units to the reflected hit, for specular light: it is also back-projected as
+            its virtual image, and roughness keeps mirrors sharp.
+        blend: largest share of history, see `temporal`.
+        firefly: see `temporal`.
+        iterations: see `atrous`.
+        phi_color: see `atrous`, for luminance.
+
+    Returns:
+        The light ``(B, 3, H, W)``, pixels that hit nothing as they were, and the history for the next frame.
+
+    Raises:
+        ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
+
+    Source: Schied, Peters and Dachsbacher 2018 (A-SVGF); Schied et al. 2017 (SVGF).
+    """
+    if light.ndim != 4 or light.shape[1] != 3:
+        raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
+    light = finite(light)
+    if history is not None and history.gbuffer is not None and replayed is not None and chosen is not None:
+        gradient = temporal_gradient(history.signals["sample"], finite(replayed), chosen, history.gbuffer)
+        history = forgetting(history, 1 - (1 - gradient).square())
+    mean, history = temporal(
+        light, gbuffer, history,
+        blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
+    )  # fmt: skip
+    roughness = None if distance is None else gbuffer.roughness
+    variance = tolerated(mean, history.signals["variance"], history.length, gbuffer.hit)
+    smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, roughness)
+    history = replace(history, signals={**history.signals, "sample": light})
+    return torch.where(gbuffer.hit, smooth, light), history
+
+
+def temporal_gradient(before: Tensor, replayed: Tensor, chosen: Tensor, gbuffer: GBuffer) -> Tensor:
+    """Share of the light of the frame before that has changed since.
+
+    The change in luminance of each replayed sample, and the larger of its two luminances, are filtered by wavelets
+    over the replayed pixels alone; their ratio is brought to every pixel along surfaces. What has not changed gives
+    exactly 0, as its samples are the same. Since everything stays on the pixels of the frame before, histories need it
+    before they are reprojected, and no pixel has to be projected forward.
+
+    Args:
+        before: ``(B, 3, H, W)`` samples of the frame before.
+        replayed: ``(B, 3, H, W)`` the same samples in the scene as it is now.
+        chosen: see `asvgf`.
+        gbuffer: of the frame before.
+
+    Returns:
+        ``(B, 1, H, W)`` in [0, 1], at the pixels of the frame before.
+
+    Source: Schied, Peters and Dachsbacher 2018, 4.2 and 4.3.
+    """
+    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
+    row, column = _first(chosen, 2), _first(chosen, 3)
+    some = (..., slice(row, None, STRATUM), slice(column, None, STRATUM))
+    was, now = luminance(before)[some], luminance(replayed)[some]
+    known = geometry.hit[some] & (chosen[some] > 0)
+    guide = torch.cat([geometry.guide[:, :HIT][some], known.to(was), geometry.guide[:, HIT + 1 :][some]], dim=1)
+    coarse = Surface(guide, geometry.scaled(STRATUM, STRATUM)[some], geometry.perspective)
+    none = torch.zeros_like(was)
+    values = torch.where(known, torch.cat([now - was, torch.maximum(now, was), none, none], dim=1), 0.0)
+    for iteration in range(GRADIENT_ITERATIONS):
+        values = wavelet(
+            values, coarse, none, step=2**iteration, phi_color=1.0, phi_depth=1 / STRATUM, phi_normal=GRADIENT_NORMAL
+        )
+    share = (values[:, :1].abs() / values[:, 1:2].clamp_min(1e-9)).clamp_max(1.0)
+    return upsample(share, geometry, stride=STRATUM, offset=(row, column))
+
+
+def forgetting(history: History, change: Tensor) -> History:
+    """The history with its length cut so that the next frame counts lerp(1 / N, 1, change) in the mean of N frames.
+
+    Args:
+        history: of the frame before.
+        change: ``(B, 1, H, W)`` in [0, 1], see `temporal_gradient`.
+    """
+    weight = torch.lerp(1 / (history.length + 1), torch.ones_like(change), change)
+    shorter = torch.minimum(history.length, (1 / weight - 1).clamp_min(LEAST))
+    return replace(history, length=torch.where(change > 0, shorter, history.length))
+
+
+def _first(chosen: Tensor, dim: int) -> int:
+    """First row or column with a chosen pixel, modulo the stratum."""
+    lines = (chosen > 0).transpose(0, dim).flatten(1).any(dim=1)
+    return int(lines.to(torch.uint8).argmax()) % STRATUM
+
+
+def _filtered(
+    mean: Tensor, g: GBuffer, variance: Tensor, iterations: int, phi_color: float, roughness: Tensor | None
+) -> Tensor:
+    """Luminance, and R - B and G - (R + B) / 2 for chroma, filtered apart."""
+    light, orange = luminance(mean), mean[:, :1] - mean[:, 2:]
+    green = mean[:, 1:2] - (mean[:, :1] + mean[:, 2:]) / 2
+    light, left = atrous(
+        light, g.depth, g.normal, hit=g.hit, camera=g.camera,
+        iterations=iterations, phi_color=phi_color, variance=variance, roughness=roughness,
+    )  # fmt: skip
+    all_three, _ = atrous(
+        torch.cat([light, orange, green], dim=1), g.depth, g.normal, hit=g.hit, camera=g.camera,
+        iterations=iterations, phi_color=CHROMA_PHI, variance=left, roughness=roughness, lead=1,
+    )  # fmt: skip
+    orange, green = all_three[:, 1:2], all_three[:, 2:]
+    middle = light - (REC709[0] - REC709[2]) / 2 * orange - REC709[1] * green
+    return torch.cat([middle + orange / 2, middle + green, middle - orange / 2], dim=1).clamp_min(0.0)
+
+
+class ASVGF(TemporalPass):
+    """Denoise diffuse or specular light of one sample a pixel, as `tracer.sampled` gives it. See `asvgf`.
+
+    Uses ``replayed`` and ``replayed_<signal>`` where present, and writes ``<signal>_history``, the number of frames in
+    each pixel's mean. Every signal has samples and a history of its own.
+
+    Args:
+        signal: ``diffuse``, ``specular``, or another light of which the frame has a ``replayed_`` one.
+        gradients: follow changes of light; False is plain SVGF.
+        blend: see `asvgf`, as the rest.
+        iterations: see `asvgf`; by default 3 for ``specular``, else 7.
+    """
+
+    def __init__(
+        self,
+        *,
+        signal: str = "diffuse",
+        gradients: bool = True,
+        blend: float = 0.9,
+        firefly: float = 6.0,
+        iterations: int | None = None,
+        phi_color: float = 0.5,
+    ) -> None:
+        super().__init__()
+        self.signal = signal
+        self.gradients = gradients
+        self.blend = blend
+        self.firefly = firefly
+        self.iterations = iterations
+        self.phi_color = phi_color
+        self.reads = frozenset({"depth", "normal", "hit", signal})
+        self.optional = frozenset({"motion", "motion_z", "normal_geo", "object_id"})
+        if signal == "specular":
+            self.optional |= {"roughness", "reflection_distance"}
+        if gradients:
+            self.optional |= {"replayed", f"replayed_{signal}"}
+        self.writes = frozenset({signal, f"{signal}_history"})
+
+    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
+        light, state = asvgf(
+            frame.read(self.signal), frame.gbuffer, history_for(state, frame.cut),
+            replayed=frame.get(f"replayed_{self.signal}") if self.gradients else None, chosen=frame.replayed,
+            distance=_image_distance(frame) if self.signal == "specular" else None,
+            blend=self.blend, firefly=self.firefly, phi_color=self.phi_color,
+            iterations=self.iterations or ITERATIONS.get(self.signal, ITERATIONS["diffuse"]),
+        )  # fmt: skip
+        return frame.write(self.signal, light).write(f"{self.signal}_history", state.length), state
+
+
+def _image_distance(frame: Frame) -> Tensor | None:
+    """Distance to the reflected hit, zero where the surface is too rough to hold an image."""
+    distance, roughness = frame.reflection_distance, frame.gbuffer.roughness
+    if distance is None:
+        return None
+    return distance if roughness is None else torch.where(roughness <= VIRTUAL_ROUGHNESS, distance, 0.0)

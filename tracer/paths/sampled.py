@@ -1,0 +1,205 @@
+"""The light of a picture at one sample a pixel, as separate signals; and the same samples again in a later scene."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, GBuffer
+from gbufrt.noise.noise import SLICES
+from gbufrt.specular import LAMP_ROUGHNESS
+from tracer.direct.lighting import batched
+from tracer.paths.integrators import DIRECT_DIMS, REFLECTION_DIMS, indirect_dims
+from tracer.paths.interaction import Vertices
+from tracer.paths.op import indirect, lit, reflected
+from tracer.paths.receivers import Integrand, Receivers, receivers_of, sums_of
+from tracer.sampling.progressive import Values
+from tracer.sampling.sequence import Sequence
+from tracer.scene.scene import Scene
+
+STRATUM = 3  # pixels: side of the squares of which one pixel is replayed
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledLight:
+    """Light by one sample a pixel; all of it 0 where there is no surface, or where none was asked for.
+
+    Args:
+        direct: ``(B, 3, H, W)`` diffuse light of sun and lamps, albedo divided out, linear radiance.
+        indirect: ``(B, 3, H, W)`` diffuse light of other surfaces and the sky, likewise.
+        specular: ``(B, 3, H, W)`` specular light, Fresnel included, linear radiance.
+        distance: ``(B, 1, H, W)`` world units to what the specular ray hit, the camera's ``far`` for the sky, 0 for a
+            ray into the surface itself.
+        shadow: ``(B, 2, H, W)`` share of light that came along the shadow rays to the sun and to a lamp, 0 where
+            there was none to come.
+    """
+
+    direct: Tensor
+    indirect: Tensor
+    specular: Tensor
+    distance: Tensor
+    shadow: Tensor
+
+    @property
+    def diffuse(self) -> Tensor:
+        """``(B, 3, H, W)`` all diffuse light, albedo divided out."""
+        return self.direct + self.indirect
+
+
+def sample_light(
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    index: int = 0,
+    seed: int = 0,
+    bounces: int = 1,
+    chosen: Tensor | None = None,
+    poses_then: Tensor | None = None,
+) -> SampledLight:
+    """Light that leaves every pixel's surface toward the camera, by one path a pixel for each signal.
+
+    One shadow ray goes to the sun and one to a lamp, one diffuse ray gathers the sky or what a surface sends, and one
+    specular ray does the same. Emission of the surfaces themselves is not part of it: outgoing light is emission +
+    albedo x diffuse + specular. Light that waves reflect, fog and haze are not either.
+
+    The numbers of a pixel depend on the pixel, ``index`` and ``seed`` alone: blue noise over the picture, an
+    Owen-scrambled Sobol sequence over 128 frames. So samples can be replayed: given the G-buffer of an earlier frame
+    and its index, the same paths start again from the same surfaces, moved with their instances, in the scene as it is
+    now. Directions to the eye stay those of the earlier frame.
+
+    Args:
+        scene: what is there, and its lights.
+        gbuffer: what the cameras show of it, with albedo, and with roughness and metallic where they differ from 1 and
+            0.
+        poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
+        index: frame number of the G-buffer, from which the noise comes.
+        seed: another seed, another noise.
+        bounces: diffuse surfaces after the first, before a light.
+        chosen: ``(B, 1, H, W)`` bool, the pixels to sample; by default all.
+        poses_then: as ``poses``, when the G-buffer was made, if the instances have moved since.
+
+    Returns:
+        See `SampledLight`; the mean over many seeds is what `light_truth` returns.
+
+    Raises:
+        ValueError: bounces is below 1, there is no albedo, or the poses do not fit.
+
+    Source: Schied, Peters and Dachsbacher 2018 (A-SVGF), 4.1, for replayed samples.
+    """
+    integrand, dims = light_integrand(scene, bounces)
+    size = gbuffer.camera.size
+    asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
+    receivers = receivers_of(scene, asked, poses)
+    if poses_then is not None:
+        then = batched(poses_then, gbuffer.batch, len(scene.instances))
+        receivers = [_moved(at, then[b]) for b, at in enumerate(receivers)]
+    sequence = Sequence.of(SLICES, dims, size, seed=seed, device=gbuffer.camera.device)
+    number = index % SLICES
+    sums = [sums_of(at, integrand, sequence, range(number, number + 1), size) for at in receivers]
+    return sampled_light({name: torch.stack([s[name] for s in sums]) for name in sums[0]}, gbuffer)
+
+
+def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
+    """One path of each kind from each surface, and how many numbers they take.
+
+    Raises:
+        ValueError: bounces is below 1.
+    """
+    if bounces < 1:
+        raise ValueError(f"bounces must be at least 1, got {bounces}")
+    first, second = DIRECT_DIMS, DIRECT_DIMS + indirect_dims(bounces)
+
+    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
+        white = replace(start, albedo=torch.ones_like(start.albedo))
+        around = indirect(scene, at, white, u[first:second], bounces)
+        found = reflected(scene, at, start, u[second:], LAMP_ROUGHNESS)
+        names = {"specular": "reflection", "distance": "distance", "flies": "flies", "ends": "ends"}
+        light = {name: found[given] for name, given in names.items()}
+        return {**lit(scene, at, white, u[:first]), "indirect": around["gi"] + around["sky"], **light}
+
+    return integrand, second + REFLECTION_DIMS
+
+
+def sampled_light(found: Mapping[str, Tensor], gbuffer: GBuffer) -> SampledLight:
+    """Means of what `light_integrand` finds as light, ``(B, C, H, W)`` each."""
+    away = torch.where(found["flies"] > 0, gbuffer.camera.far, 0.0)
+    mean = found["distance"] / found["ends"].clamp_min(1e-6)
+    distance = torch.where(found["ends"] > 0, mean, away)
+    names = ("direct", "indirect", "specular", "shadow")
+    return SampledLight(distance=distance, **{name: found[name] for name in names})
+
+
+def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: int = 0, bounces: int = 1) -> Frame:
+    """A frame with its light by one sample a pixel, and what samples of the frame before bring in the scene as it is.
+
+    Args:
+        scene: as it is at the time of ``frame``; sun, sky and materials may differ from frame to frame.
+        frame: with a G-buffer of the scene, as `tracer.render` gives it.
+        before: the frame before, with whose index and G-buffer one pixel of every 3x3 is replayed; None at first.
+        seed: see `sample_light`, as ``bounces``.
+        bounces: see ``seed``.
+
+    Returns:
+        The frame with ``diffuse``, ``indirect``, ``specular``, ``reflection_distance`` and ``shadow``; after a frame
+        before, also with ``replayed``, ``replayed_diffuse`` and ``replayed_specular``, at that frame's pixels. Its
+        layer behind has the same.
+
+    Raises:
+        ValueError: see `sample_light`.
+    """
+    given: dict[str, Any] = {"seed": seed, "bounces": bounces}
+    poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
+    light = sample_light(scene, frame.gbuffer, poses=poses, index=frame.index, **given)
+    changes: dict[str, Tensor | Frame] = {
+        "diffuse": light.diffuse,
+        "indirect": light.indirect,
+        "specular": light.specular,
+    }
+    changes |= {"reflection_distance": light.distance, "shadow": light.shadow}
+    if before is not None:
+        chosen = one_a_stratum(before.gbuffer.hit, index=before.index, seed=seed)
+        then = scene.poses([before.time]).to(poses.device)
+        again = sample_light(
+            scene, before.gbuffer, poses=poses, poses_then=then, index=before.index, chosen=chosen, **given
+        )
+        changes |= {"replayed": chosen.to(light.direct)}
+        changes |= {"replayed_diffuse": again.diffuse, "replayed_specular": again.specular}
+    if frame.behind is not None:
+        changes["behind"] = sampled(scene, frame.behind, before=None if before is None else before.behind, **given)
+    return frame.replace(**changes)
+
+
+def one_a_stratum(hit: Tensor, *, index: int = 0, seed: int = 0) -> Tensor:
+    """One pixel of every 3x3 square, the same in all of them, if it hit anything: each is chosen once in nine frames.
+
+    Args:
+        hit: ``(B, 1, H, W)`` bool.
+        index: frame number, from which the choice comes.
+        seed: another seed, another choice.
+
+    Returns:
+        ``(B, 1, H, W)`` bool.
+    """
+    row, column = divmod((4 * index + seed) % STRATUM**2, STRATUM)  # neighbours in time lie apart
+    height, width = hit.shape[-2:]
+    chosen = torch.zeros_like(hit)
+    chosen[..., min(row, height - 1) :: STRATUM, min(column, width - 1) :: STRATUM] = True
+    return chosen & hit
+
+
+def _moved(at: Receivers, then: Tensor) -> Receivers:
+    """Surfaces of instances that were at poses ``then`` ``(I, 4, 4)``, carried to where they are now."""
+    if torch.equal(then, at.poses):
+        return at
+    forward = at.poses.double() @ torch.linalg.inv(then.double())
+    forward = torch.cat([torch.eye(4).to(forward)[None], forward]).float()[at.vertices.instances.long(), :3]
+    v = at.vertices
+    turned = forward[..., :3] @ torch.stack([v.points, v.normals, v.toward], dim=-1)
+    points, normals, toward = turned.unbind(dim=-1)
+    moved = replace(v, points=points + forward[..., 3], normals=normals, toward=toward)
+    return replace(at, vertices=moved)
