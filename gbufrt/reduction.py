@@ -1,4 +1,4 @@
-"""Where stages run: on a layer of the frame, or on a smaller frame of every second pixel, or every third."""
+"""Where stages run: on a layer of the frame, or on a frame of another size, such as that of every second pixel."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from gbufrt.gbuffer import GBuffer
 
 
 class Reduction(ABC):
-    """How a `Pipeline` runs stages on a smaller frame: what they see of a frame, and what the frame gets of theirs."""
+    """How a `Pipeline` runs stages on a frame of another size: what they see, and what the frame gets of theirs."""
 
     @abstractmethod
     def reduce(self, frame: Frame) -> Frame:
-        """The smaller frame, with its ``previous`` reduced in the same way."""
+        """The frame that stages see; a smaller one has its ``previous`` reduced in the same way."""
 
     @abstractmethod
     def restored(self, written: frozenset[str]) -> frozenset[str]:
@@ -27,7 +27,7 @@ class Reduction(ABC):
 
     @abstractmethod
     def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
-        """``frame`` with the named signals of the smaller one, where it has them, brought to its own size."""
+        """``frame`` with the named signals of the one that stages saw, where it has them, as they are stored here."""
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
+from tracer.truth.one_path import one_path
 from tracer.truth.truth import Truth, ambient_occlusion, focus_distance, indirect_diffuse, path_trace, reflection
 from tracer.weather.rain import raining
 from tracer.worlds import WORLDS, load
@@ -62,6 +63,7 @@ __all__ = [
     "indirect_diffuse",
     "load",
     "load_vox_scene",
+    "one_path",
     "path_trace",
     "raining",
     "read_vox",
