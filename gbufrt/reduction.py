@@ -10,7 +10,7 @@ from typing import Literal
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.frame import SIGNALS, Frame
+from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import GBuffer
 
 
@@ -28,6 +28,26 @@ class Reduction(ABC):
     @abstractmethod
     def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
         """``frame`` with the named signals of the one that stages saw, where it has them, as they are stored here."""
+
+
+@dataclass(frozen=True)
+class LightKept(Reduction):
+    """The frame itself, whose light stages may change for those after them; it comes back as it came.
+
+    So a denoiser may write over the light that it cleans, and files still hold what the renderer gave.
+    """
+
+    def reduce(self, frame: Frame) -> Frame:
+        return frame
+
+    def restored(self, written: frozenset[str]) -> frozenset[str]:
+        return written - frozenset(LIGHT)
+
+    def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
+        for name in sorted(names):
+            if (signal := reduced.get(name)) is not None:
+                frame = frame.write(name, signal)
+        return frame
 
 
 @dataclass(frozen=True)

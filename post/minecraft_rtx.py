@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from gbufrt import Pipeline
 from gbufrt.names import meant
+from gbufrt.reduction import LightKept
 from post.passes.denoising.denoise import Denoise
 from post.passes.display.exposure import Exposure
 from post.passes.display.overlay import Overlay
@@ -44,7 +45,7 @@ def minecraft_rtx(preset: Preset | str = "high", *, tunables: Mapping[str, Any] 
 
     The order is that of the game's renderer, with a temporal upscaler of our own where it has a trained one. Stages
     from exposure on run in a frame as large as the picture, see `post.Enlarged`. `post.with_fog` puts fog before the
-    composite. ``light`` takes any pipeline that writes ``radiance``.
+    composite. ``light`` takes any pipeline that writes ``composite`` and ``color``; the noisy light stays in the frame.
 
     Args:
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
@@ -63,8 +64,11 @@ def minecraft_rtx(preset: Preset | str = "high", *, tunables: Mapping[str, Any] 
         raise ValueError(f"preset must be one of {', '.join(QUALITIES)}, got {preset!r}{meant(preset, QUALITIES)}")
     quality = QUALITIES[preset]
     pipeline = Pipeline(
-        light=Pipeline(denoise=Denoise(signal="radiance", iterations=quality.iterations)),
-        composite=Composite(),
+        light=Pipeline(
+            reduction=LightKept(),
+            denoise=Denoise(signal="radiance", iterations=quality.iterations),
+            composite=Composite(),
+        ),
         upscale=Upscale(ratio=quality.ratio),
         display=Pipeline(
             given={"color"},

@@ -26,7 +26,7 @@ from gbufrt.files.color_maps import to_srgb
 from gbufrt.files.exr import best_picture, write_exr
 from gbufrt.files.png import to_pil, write_png
 from gbufrt.files.precision import Precision
-from gbufrt.files.views import debug_names, debug_view, sheet_of
+from gbufrt.files.views import debug_names, debug_view, layers_sheet, sheet_of
 from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
@@ -206,8 +206,9 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
     """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
     picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
     if debug:
-        pictures = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
-        for name, view in {**pictures, "sheet": sheet_of(pictures)}.items():
+        views = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
+        views |= {"sheet": sheet_of(views)} | ({} if frame.behind is None else {"layers": layers_sheet(frame)})
+        for name, view in views.items():
             write_png(folder / "debug" / f"{stem}_{name}.png", view)
     write_png(folder / f"{stem}.png", picture, bits=files.bits)
     write_exr(

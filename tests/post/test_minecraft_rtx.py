@@ -11,7 +11,7 @@ import torch
 from gbufrt import Frame
 from gbufrt.files.exr import read_exr, write_exr
 from gbufrt.noise.noise import halton_jitter
-from post import DepthOfField, Enlarged, MotionBlur, minecraft_rtx
+from post import DepthOfField, Enlarged, MotionBlur, minecraft_rtx, with_fog
 from post.minecraft_rtx import QUALITIES
 from post.upsampling.enlarged import enlarged
 
@@ -39,6 +39,7 @@ def test_pictures_are_as_large_as_the_preset_says(preset):
         assert result.read(name).shape[2:] == (round(18 * ratio), round(24 * ratio))
     assert result.read("composite").shape[2:] == SIZE
     assert result.gbuffer is frame.gbuffer, "what was traced stays"
+    assert result.radiance is frame.radiance
     assert 0 <= float(result.read("image").min()) < float(result.read("image").max()) <= 1
 
 
@@ -84,6 +85,11 @@ def test_files_hold_a_picture_larger_than_the_g_buffer(tmp_path: Path, compressi
 def test_smaller_pictures_than_the_g_buffer_are_refused():
     with pytest.raises(ValueError, match="color must be"):
         frames(1)[0].replace(color=torch.zeros(1, 3, 9, 24))
+
+
+def test_fog_goes_before_the_composite():
+    names = [name for name, _ in with_fog(minecraft_rtx("low")).passes()]
+    assert names[1:4] == ["light.fog", "light.fog_behind.fog", "light.composite"]
 
 
 def test_mistakes_are_told():
