@@ -1,7 +1,6 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
 import gbufrt as gbufrt  # first: sets how threads wait, before torch is loaded
-from post.minecraft_rtx import minecraft_rtx
 from post.passes.denoising.atrous import Atrous, atrous
 from post.passes.denoising.bilateral import Bilateral, bilateral
 from post.passes.denoising.denoise import Denoise, denoise
@@ -30,6 +29,7 @@ from post.passes.light.gtao import GTAO, gtao
 from post.passes.light.march_gi import MarchGI, march_gi
 from post.passes.light.ssgi import SSGI, ssgi
 from post.passes.light.ssr import SSR, ssr
+from post.path_traced import minecraft_rtx
 from post.presets import me1, with_fog
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao

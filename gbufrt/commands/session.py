@@ -120,7 +120,7 @@ class Recipe:
         Raises:
             ValueError: there is no such preset, stage or tunable.
         """
-        from post.minecraft_rtx import minecraft_rtx
+        from post.path_traced import minecraft_rtx
         from post.presets import me1, with_fog
 
         composite: Any = self.composite

@@ -22,10 +22,9 @@ class Enlarged(Reduction):
         size = picture.shape[-2], picture.shape[-1]
         if size == g.camera.size:
             return frame
-        kept = {name: frame.get(name) for name in ("environment", "color", "exposure", "image")}
-        return Frame(
-            gbuffer=enlarged(g, size), index=frame.index, time=frame.time, cut=frame.cut, extra=frame.extra, **kept
-        )
+        signals = {name: frame.get(name) for name in ("environment", "color", "exposure", "image")}
+        large = Frame(gbuffer=enlarged(g, size), index=frame.index, time=frame.time, cut=frame.cut, extra=frame.extra)
+        return large.replace(**signals)
 
     def restored(self, written: frozenset[str]) -> frozenset[str]:
         return written

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import boxes
 import pytest
@@ -82,7 +83,7 @@ def test_locks_keep_thin_features():
         return frame.replace(color=torch.where(line, 3.0, 0.2))
 
     def seen(lock: float) -> float:
-        state, stage, out = None, Upscale(lock=lock, stability=0.0, reactivity=0.0), None
+        state, stage, out = None, Upscale(lock=lock, stability=0.0, reactivity=0.0), frame_at(SMALL, None)
         for index in range(16):
             out, state = stage(drawn(halton_jitter(index, length=32)), state)
         return float(out.read("color")[..., 39:42].mean(2).max())
@@ -92,7 +93,7 @@ def test_locks_keep_thin_features():
 
 def test_what_comes_into_sight_starts_anew():
     """A wall that a pole left has nothing of the pole's light after two frames."""
-    state, out = None, None
+    state, out = None, frame_at(SMALL, None)
     for index in range(12):
         frame = frame_at(SMALL, halton_jitter(index, length=32), 0.15 * index, 0.15 * max(index - 1, 0))
         pole = (frame.gbuffer.material_id == 4).expand(-1, 3, -1, -1)
@@ -104,7 +105,7 @@ def test_what_comes_into_sight_starts_anew():
 
 def test_constant_stays_constant_and_bright_light_stays_bright():
     for value in (0.5, 3000.0):
-        state, out = None, None
+        state, out = None, frame_at(SMALL, None)
         for index in range(3):
             frame = frame_at(SMALL, halton_jitter(index, length=32))
             out, state = Upscale()(frame.replace(color=torch.full_like(frame.read("color"), value)), state)
@@ -222,13 +223,14 @@ def test_errors_help():
     frame = frame_at((8, 8), None)
     color = frame.read("color")
     _, history = upscale(color, frame.gbuffer)
-    for what, message in (
+    wrong: list[tuple[dict[str, Any], str]] = [
         ({"ratio": 5.0}, "ratio must lie in 1 to 4, got 5"),
         ({"frames": 0.0}, "frames must be at least 1"),
         ({"sharpness": 2.0}, "sharpness must lie in 0 to 1"),
         ({"reactive": torch.ones(1, 2, 8, 8)}, "reactive must be"),
         ({"ratio": 3.0, "history": history}, "start with state=None"),
-    ):
+    ]
+    for what, message in wrong:
         with pytest.raises(ValueError, match=message):
             upscale(color, frame.gbuffer, **what)
     with pytest.raises(ValueError, match="like the G-buffer"):

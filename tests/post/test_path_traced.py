@@ -12,7 +12,7 @@ from gbufrt import Frame
 from gbufrt.files.exr import read_exr, write_exr
 from gbufrt.noise.noise import halton_jitter
 from post import DepthOfField, Enlarged, MotionBlur, minecraft_rtx, with_fog
-from post.minecraft_rtx import QUALITIES
+from post.path_traced import QUALITIES
 from post.upsampling.enlarged import enlarged
 
 SIZE = (18, 24)
@@ -49,6 +49,7 @@ def test_lens_and_overlay_work_at_the_size_of_the_display():
         pipeline = pipeline.with_stage(f"display.{name}", stage, before="exposure")
     ui = torch.zeros(1, 4, 36, 48)
     ui[:, :, 2:4, 3:5] = 1.0
+    result = frames(1)[0]
     for result in pipeline.stream(frame.write("ui", ui) for frame in frames(3)):
         assert torch.isfinite(result.read("color")).all()
     assert bool((result.read("image")[..., 2:4, 3:5] == 1).all()), "no lens touches the interface"
@@ -64,6 +65,8 @@ def test_the_enlarged_frame_shows_the_same_view():
     large = enlarged(g, (36, 48))
     assert large.camera.jitter is None
     large.validate()
+    assert large.previous_camera is not None
+    assert large.motion is not None
     still = large.camera.static_motion(large.previous_camera, large.depth, large.hit)[0]
     assert float((still - large.motion).abs()[large.hit.expand(-1, 2, -1, -1)].median()) < 0.02
     same = frames(1)[0]
