@@ -26,6 +26,8 @@ class Channel:
     required: bool = False
     full_size: bool = True
     """False for the few that are not one value a pixel of the picture (environment, exposure)."""
+    larger: bool = False
+    """Whether it may be larger than the G-buffer, as pictures are after `post.Upscale`."""
 
 
 def channel(
@@ -36,9 +38,10 @@ def channel(
     clear: float = 0.0,
     required: bool = False,
     full_size: bool = True,
+    larger: bool = False,
 ) -> Any:
     """A dataclass field that carries its own row of the channel table."""
-    row = Channel(components, meaning, kind, clear, required, full_size)
+    row = Channel(components, meaning, kind, clear, required, full_size, larger)
     if required:
         return dataclasses.field(metadata={"channel": row})
     return dataclasses.field(default=None, metadata={"channel": row})
@@ -62,7 +65,7 @@ def check_tensor(
         raise TypeError(f"{name} must be a torch.Tensor, got {type(tensor).__name__}")
     expected = f"({batch},{row.components},{size[0]},{size[1]})" if row.full_size else f"({batch},{row.components},h,w)"
     shape = tuple(tensor.shape)
-    fits = len(shape) == 4 and shape[:2] == (batch, row.components) and (not row.full_size or shape[2:] == size)
+    fits = len(shape) == 4 and shape[:2] == (batch, row.components) and _fits(shape[2:], size, row)
     if not fits:
         raise ValueError(f"{name} must be {expected}, {row.meaning}; got {_shape_text(shape)}{_shape_hint(shape, row)}")
     right = {
@@ -77,6 +80,11 @@ def check_tensor(
         )
     if tensor.device != device:
         raise ValueError(f"{name} is on {tensor.device} but the camera is on {device}; move one with .to()")
+
+
+def _fits(shape: tuple[int, ...], size: tuple[int, int], row: Channel) -> bool:
+    larger = row.larger and shape[0] >= size[0] and shape[1] >= size[1]
+    return larger or not row.full_size or shape == size
 
 
 def _shape_text(shape: tuple[int, ...]) -> str:

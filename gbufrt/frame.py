@@ -69,9 +69,9 @@ class Frame:
     fog: Tensor | None = channel(3, "light that fog adds before the surface or sky, linear radiance")
     fog_reflection: Tensor | None = channel(4, "light that fog adds along the mirrored ray, and its transmittance")
     composite: Tensor | None = channel(3, "all light together, linear radiance")
-    color: Tensor | None = channel(3, "the composite after lens and anti-aliasing passes, linear radiance")
+    color: Tensor | None = channel(3, "the composite after lens and anti-aliasing passes, linear radiance", larger=True)
     exposure: Tensor | None = channel(1, "factor on colour before the tone curve, (B,1,1,1)", full_size=False)
-    image: Tensor | None = channel(3, "display-referred picture in [0, 1]")
+    image: Tensor | None = channel(3, "display-referred picture in [0, 1]", larger=True)
 
     def __post_init__(self) -> None:
         camera = self.gbuffer.camera

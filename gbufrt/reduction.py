@@ -1,4 +1,4 @@
-"""Where stages run: on a layer of the frame, or on a smaller frame of every second pixel, or every third."""
+"""Where stages run: on a layer of the frame, or on a frame of another size, such as that of every second pixel."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from typing import Literal
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.frame import SIGNALS, Frame
+from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import GBuffer
 
 
 class Reduction(ABC):
-    """How a `Pipeline` runs stages on a smaller frame: what they see of a frame, and what the frame gets of theirs."""
+    """How a `Pipeline` runs stages on a frame of another size: what they see, and what the frame gets of theirs."""
 
     @abstractmethod
     def reduce(self, frame: Frame) -> Frame:
-        """The smaller frame, with its ``previous`` reduced in the same way."""
+        """The frame that stages see; a smaller one has its ``previous`` reduced in the same way."""
 
     @abstractmethod
     def restored(self, written: frozenset[str]) -> frozenset[str]:
@@ -27,7 +27,27 @@ class Reduction(ABC):
 
     @abstractmethod
     def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
-        """``frame`` with the named signals of the smaller one, where it has them, brought to its own size."""
+        """``frame`` with the named signals of the one that stages saw, where it has them, as they are stored here."""
+
+
+@dataclass(frozen=True)
+class LightKept(Reduction):
+    """The frame itself, whose light stages may change for those after them; it comes back as it came.
+
+    So a denoiser may write over the light that it cleans, and files still hold what the renderer gave.
+    """
+
+    def reduce(self, frame: Frame) -> Frame:
+        return frame
+
+    def restored(self, written: frozenset[str]) -> frozenset[str]:
+        return written - frozenset(LIGHT)
+
+    def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
+        for name in sorted(names):
+            if (signal := reduced.get(name)) is not None:
+                frame = frame.write(name, signal)
+        return frame
 
 
 @dataclass(frozen=True)

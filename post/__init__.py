@@ -15,6 +15,7 @@ from post.passes.display.vignette import Vignette, vignette
 from post.passes.lens.depth_of_field import DepthOfField, depth_of_field
 from post.passes.lens.motion_blur import MotionBlur, motion_blur
 from post.passes.lens.taa import TAA, taa
+from post.passes.lens.upscale import Upscale, reactive_mask, upscale
 from post.passes.light.aerial_perspective import AerialPerspective, aerial_perspective
 from post.passes.light.composite import Composite, composite
 from post.passes.light.estimate import (
@@ -29,10 +30,12 @@ from post.passes.light.gtao import GTAO, gtao
 from post.passes.light.march_gi import MarchGI, march_gi
 from post.passes.light.ssgi import SSGI, ssgi
 from post.passes.light.ssr import SSR, ssr
+from post.path_traced import minecraft_rtx
 from post.presets import me1, with_fog
 from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import thickness_from_depth
+from post.upsampling.enlarged import Enlarged
 from post.upsampling.reduced import Reduced
 
 __all__ = [
@@ -49,6 +52,7 @@ __all__ = [
     "Denoise",
     "DepthOfField",
     "DisplayEncode",
+    "Enlarged",
     "EstimateMissing",
     "Exposure",
     "Fog",
@@ -59,6 +63,7 @@ __all__ = [
     "Reduced",
     "Temporal",
     "ToneMap",
+    "Upscale",
     "Vignette",
     "aerial_perspective",
     "asvgf",
@@ -78,11 +83,13 @@ __all__ = [
     "march_gi",
     "me1",
     "metallic_from_color",
+    "minecraft_rtx",
     "motion_blur",
     "motion_from_depth",
     "normals_from_depth",
     "overlay",
     "pulse",
+    "reactive_mask",
     "roughness_from_color",
     "ssgi",
     "ssr",
@@ -90,6 +97,7 @@ __all__ = [
     "temporal",
     "thickness_from_depth",
     "tone_map",
+    "upscale",
     "vignette",
     "with_fog",
 ]

@@ -138,7 +138,7 @@ def with_fog(pipeline: Pipeline) -> Pipeline:
     """A pipeline whose composite lies in fog, also behind glass and water, and in what mirrors show.
 
     Args:
-        pipeline: with a stage ``composite``, as of `me1`.
+        pipeline: with a stage ``composite``, as of `me1` and `minecraft_rtx`.
 
     Returns:
         One that also reads the fog that the tracer marched.
@@ -146,9 +146,11 @@ def with_fog(pipeline: Pipeline) -> Pipeline:
     Raises:
         ValueError: there is no such stage.
     """
+    paths = [name for name, _ in pipeline.passes() if name.rpartition(".")[2] == "composite"]
+    inner = paths[0].removesuffix("composite") if paths else ""
     behind = Pipeline(layer="behind", fog=Fog())
-    pipeline = pipeline.with_stage("fog", Fog(), before="composite")
-    return pipeline.with_stage("fog_behind", behind, before="composite")
+    pipeline = pipeline.with_stage(f"{inner}fog", Fog(), before="composite")
+    return pipeline.with_stage(f"{inner}fog_behind", behind, before="composite")
 
 
 def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipeline]:

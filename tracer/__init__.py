@@ -24,6 +24,7 @@ from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
+from tracer.truth.one_path import one_path
 from tracer.truth.truth import (
     Truth,
     ambient_occlusion,
@@ -74,6 +75,7 @@ __all__ = [
     "load",
     "load_vox_scene",
     "one_a_stratum",
+    "one_path",
     "path_trace",
     "raining",
     "read_vox",

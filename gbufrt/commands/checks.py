@@ -24,6 +24,7 @@ from gbufrt.commands.options import (
 )
 from gbufrt.names import meant, no_world, unknown
 
+PIPELINES = ("me1", "minecraft-rtx")
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
 STATUSES = ("blindness", "darkness")
@@ -44,7 +45,9 @@ START = "start Ray with `ray start --head` and give the address that it prints"
 
 
 def check_options(options: PassOptions) -> None:
-    """Raise ValueError where a preset, composite, setting, warm-up or device is invalid."""
+    """Raise ValueError where a pipeline, preset, composite, setting, warm-up or device is invalid."""
+    if options.pipeline is not None:
+        check_name("--pipeline", options.pipeline, PIPELINES)
     if options.preset is not None:
         check_name("--preset", options.preset, PRESETS)
     if options.composite is not None:

@@ -139,29 +139,68 @@ class Job:
         view = scene.views[self.view or next(iter(scene.views))]
         return view if self.fov is None else replace(view, fov_y=self.fov)
 
-    def trace(self, scene: Scene | Stream, index: int, device: Any, jitter: bool, tick: Any) -> Frame:
-        """G-buffer and light of one frame."""
+    def trace(
+        self, scene: Scene | Stream, index: int, device: Any, sampling: Sampling, *, still: int | None = None
+    ) -> Frame:
+        """G-buffer and light of one frame.
+
+        Args:
+            scene: the world.
+            index: which frame.
+            device: where to trace.
+            sampling: how.
+            still: number of a frame that stands as if it were this one, with noise of its own.
+        """
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
+        from tracer.truth.one_path import one_path
 
-        view = self.seen_from(scene)
+        view, number = self.seen_from(scene), index if still is None else still
+        before, size = index - (still is None), sampling.rendered(self.size)
 
-        def camera(number: int) -> Any:
-            posed = view.camera(self.time + number / self.fps, size=self.size)
-            return posed.with_jitter(halton_jitter(number) if jitter else None).to(device)
+        def camera(at: int, turn: int) -> Any:
+            posed = view.camera(self.time + at / self.fps, size=size)
+            jitter = halton_jitter(turn, length=sampling.jitter) if sampling.jitter else None
+            return posed.with_jitter(jitter).to(device)
 
         more = {} if self.samples is None else {"light_samples": self.samples}
+        there = scene.around(view.eye(self.time + index / self.fps))
         frame = trace_frame(
-            scene.around(view.eye(self.time + index / self.fps)),
-            camera(index),
-            previous_camera=camera(index - 1),
+            there,
+            camera(index, number),
+            previous_camera=camera(before, number - 1),
             time=self.time + index / self.fps,
-            previous_time=self.time + (index - 1) / self.fps,
-            index=index,
-            **more,
+            previous_time=self.time + before / self.fps,
+            index=number,
+            **({"light_samples": 1} if sampling.paths else more),
         )
-        tick()
-        return frame
+        return one_path(there, frame) if sampling.paths else frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """How a flight's frames are sampled."""
+
+    ratio: float = 1.0
+    """Sides of the picture over those of what is traced."""
+    jitter: int = 0
+    """Frames after which the camera's jitter repeats; 0 for none."""
+    paths: bool = False
+    """Whether light comes by one path a pixel, in place of direct light."""
+
+    def rendered(self, size: tuple[int, int]) -> tuple[int, int]:
+        """What is traced of a picture of ``size`` ``(H, W)``.
+
+        Raises:
+            ValueError: the picture cannot be upscaled from whole pixels.
+        """
+        height, width = (max(1, round(side / self.ratio)) for side in size)
+        if (round(height * self.ratio), round(width * self.ratio)) != size:
+            fits = f"{round(width * self.ratio)}x{round(height * self.ratio)}"
+            raise ValueError(
+                f"--size {size[1]}x{size[0]} is no multiple of upscale.ratio {self.ratio:g}; {fits} is one"
+            )
+        return height, width
 
 
 def stem(index: int) -> str:
@@ -213,7 +252,7 @@ class Flight:
     job: Job
     scene: Scene | Stream
     recipe: Recipe
-    jitter: bool
+    sampling: Sampling
     notes: dict[str, Any]
     """For the frames' headers."""
     debug: bool
@@ -242,18 +281,30 @@ class Flight:
             known: gives a frame that is not wanted, as it was before the passes; by default it is traced.
             ready: called before the passes run.
         """
+        wanted = frozenset(shot.wanted)
+        for index in shot.frames:
+            stills = self._stills(index, runner.warmup, device) if self.sampling.paths and index == shot.begin else ()
+            if known is not None and index not in wanted:
+                yield index, runner(known(index), doing(f"reading frame {index} again"), stills)
+                continue
+            traced = self._trace(index, device)
+            doing(f"tracing frame {index}")()
+            ready()
+            yield index, runner(traced, doing(f"passes of frame {index}"), stills)
+
+    def _trace(self, index: int, device: Any, *, still: int | None = None) -> Frame:
         from gbufrt.commands.session import precision_of
         from gbufrt.files.precision import as_stored
 
-        wanted = frozenset(shot.wanted)
-        for index in shot.frames:
-            if known is not None and index not in wanted:
-                yield index, runner(known(index), doing(f"reading frame {index} again"))
-                continue
-            traced = self.job.trace(self.scene, index, device, self.jitter, doing(f"tracing frame {index}"))
-            traced = as_stored(traced, precision_of(self.files))
-            ready()
-            yield index, runner(traced, doing(f"passes of frame {index}"))
+        traced = self.job.trace(self.scene, index, device, self.sampling, still=still)
+        return as_stored(traced, precision_of(self.files))
+
+    def _stills(self, index: int, count: int, device: Any) -> Iterator[Frame]:
+        """Frames before one, with noise of their own, as if nothing had moved yet."""
+        from gbufrt.pipeline import NOISE_PERIOD
+
+        for before in range(count, 0, -1):
+            yield self._trace(index, device, still=(index - before) % NOISE_PERIOD)
 
     def save(self, folder: Path, index: int, frame: Frame) -> None:
         """Write a finished frame's files."""

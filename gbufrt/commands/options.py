@@ -41,6 +41,10 @@ Numbers = Annotated[str | None, Parameter(allow_leading_hyphen=True)]  # joined 
 class PassOptions:
     """Which passes run, and how."""
 
+    pipeline: str | None = None
+    """me1, which adds screen-space light to direct light; or minecraft-rtx, which cleans and upscales light of one path
+    a pixel. [default: me1]"""
+
     preset: str | None = None
     """low, medium, high or ultra. [default: high]"""
 
@@ -60,7 +64,8 @@ class PassOptions:
     """Picture with alpha (PNG), as large as the frames, to lay over them last: --set ui.picture=FILE."""
 
     warmup: Whole | None = None
-    """Times that the passes run over the first frame, taken as standing still, to fill their history. [default: 3]"""
+    """Times that the passes run over the first frame, taken as standing still, to fill their history.
+    [default: 3; minecraft-rtx: 15, each with paths of its own]"""
 
     debug: Flag = False
     """Also write a picture of every channel and signal, and one sheet of them all, under OUT/debug."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from gbufrt.commands.checks import check_cluster, check_files, check_folder, check_options
-from gbufrt.commands.flight import LEAD_IN, Flight, Job, Shot, cut, shoot, stem
+from gbufrt.commands.flight import LEAD_IN, Flight, Job, Sampling, Shot, cut, shoot, stem
 from gbufrt.commands.options import (
     MOST_FRAMES,
     ClusterOptions,
@@ -26,8 +26,11 @@ from gbufrt.commands.options import (
 )
 
 if TYPE_CHECKING:
-    from gbufrt.commands.session import Runner
+    from gbufrt.commands.session import Recipe, Runner
     from gbufrt.frame import Frame
+
+JITTERS = 8  # samples of each pixel of the picture before the jitter repeats
+TAA_JITTERS = 16
 
 
 def render(
@@ -110,17 +113,20 @@ def render(
     check_only(files, runner.pipeline)
     kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = job.load().to(device)
-    jitter = frames > 1 and wants_jitter(runner)
+    sampling = sampling_of(runner, recipe, frames)
+    sampling.rendered(job.size)
     early = LEAD_IN if lead_in is None else lead_in
     shots = {} if spread.cluster is None else {"shots": {"lead_in": early}}
     notes = {"render": job.notes(), "pipeline": recipe.to_notes(), "files": {"precision": precision_of(files)}, **shots}
-    missing = unfinished(out, frames, notes, jitter=jitter) if resume else list(range(frames))
+    missing = unfinished(out, frames, notes, jitter=sampling.jitter > 0) if resume else list(range(frames))
     pictures = [out / f"{stem(index)}.png" for index in range(frames)]
     if not missing:
         print(f"all {frames} frames are in {out} already")
         encode(files, pictures, fps)
         return
-    flight = Flight(job=job, scene=scene, recipe=recipe, jitter=jitter, notes=notes, debug=options.debug, files=files)
+    flight = Flight(
+        job=job, scene=scene, recipe=recipe, sampling=sampling, notes=notes, debug=options.debug, files=files
+    )
     if spread.cluster is None:
         _in_one_go(flight, missing, runner, out, device, kernels_are_ready)
     else:
@@ -169,9 +175,14 @@ def _tell(out: Path, made: list[int], warmup: int) -> None:
         print(f"wrote {first}.png, the picture, and {first}.exr, with everything that led to it")
 
 
-def wants_jitter(runner: Runner) -> bool:
-    """Whether a pass averages jittered frames into an anti-aliased one."""
-    return any(type(stage).__name__ == "TAA" for _, stage in runner.pipeline.passes())
+def sampling_of(runner: Runner, recipe: Recipe, frames: int) -> Sampling:
+    """How the frames of a pipeline are sampled: jittered where a pass averages them, small where one upscales."""
+    stages = {type(stage).__name__: stage for _, stage in runner.pipeline.passes()}
+    paths, upscale = recipe.pipeline == "minecraft-rtx", stages.get("Upscale")
+    if upscale is not None:
+        ratio = upscale.tunables()["ratio"]
+        return Sampling(ratio=ratio, jitter=round(JITTERS * ratio**2), paths=paths)
+    return Sampling(jitter=TAA_JITTERS if frames > 1 and "TAA" in stages else 0, paths=paths)
 
 
 def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -> list[int]:
@@ -201,7 +212,8 @@ def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -
         if (frame.gbuffer.camera.jitter is not None) != jitter:
             what = "a still, without the jitter of a sequence" if jitter else "part of a jittered sequence, not a still"
             raise ValueError(f"cannot resume: {path} is {what}; use another --out")
-        if not _is_picture(path.with_suffix(".png"), frame.gbuffer.camera.size):
+        size = frame.gbuffer.camera.size if frame.image is None else tuple(frame.image.shape[-2:])
+        if not _is_picture(path.with_suffix(".png"), size):
             missing.append(index)
     return missing
 
@@ -216,7 +228,7 @@ def _check_fits(path: Path, found: dict[str, Any], notes: dict[str, Any]) -> Non
                 raise ValueError(f"cannot resume: {path} has {key} {there!r}, not {value!r}; use another --out")
 
 
-def _is_picture(path: Path, size: tuple[int, int]) -> bool:
+def _is_picture(path: Path, size: tuple[int, ...]) -> bool:
     from PIL import Image
 
     try:

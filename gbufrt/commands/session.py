@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
-from gbufrt.commands.checks import check_name
+from gbufrt.commands.checks import PIPELINES, check_name
 from gbufrt.commands.options import (
     MOST_WARMUP,
     FileOptions,
@@ -26,11 +26,14 @@ from gbufrt.files.color_maps import to_srgb
 from gbufrt.files.exr import best_picture, write_exr
 from gbufrt.files.png import to_pil, write_png
 from gbufrt.files.precision import Precision
-from gbufrt.files.views import debug_names, debug_view, sheet_of
+from gbufrt.files.views import debug_names, debug_view, layers_sheet, sheet_of
 from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.pipeline import Pipeline
+
+WARMUPS: Mapping[str, int] = {"me1": 3, "minecraft-rtx": 15}
+"""Runs of a pipeline over a first frame before it counts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,18 +46,23 @@ class Recipe:
     set: Mapping[str, Any] = field(default_factory=dict)
     warmup: int = 3
     fog: bool = False
+    pipeline: str = "me1"
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
-        """The recipe of the command line; ``start`` fills in what it does not set (a preset starts anew).
+        """The recipe of the command line; ``start`` fills in what it does not set (a preset or pipeline starts anew).
 
         Raises:
-            ValueError: a setting or the warm-up is malformed.
+            ValueError: a setting or the warm-up is malformed, or the pipeline has no such composite.
         """
         base = start or Recipe()
+        if options.pipeline not in (None, base.pipeline):
+            base = Recipe(pipeline=str(options.pipeline), warmup=WARMUPS[str(options.pipeline)], fog=base.fog)
         if options.preset is not None:
-            base = Recipe(preset=options.preset, warmup=base.warmup, fog=base.fog)
+            base = Recipe(preset=options.preset, warmup=base.warmup, fog=base.fog, pipeline=base.pipeline)
         if options.composite is not None:
+            if base.pipeline != "me1":
+                raise ValueError(f"--composite is for me1; leave it out with --pipeline {base.pipeline}")
             base = replace(base, composite=options.composite)
         warmup = base.warmup if options.warmup is None else options.warmup
         at_least("--warmup", warmup, 0, MOST_WARMUP)
@@ -90,17 +98,21 @@ class Recipe:
                 set=dict(found["set"]),
                 warmup=int(found["warmup"]) if warmup is None else warmup,
                 fog=found.get("fog") is True,
+                pipeline=found.get("pipeline", "me1"),
             )
         except (KeyError, TypeError, ValueError, OverflowError):
             return Recipe()
+        if recipe.pipeline not in PIPELINES:
+            raise ValueError(f"{source} has the unknown pipeline {recipe.pipeline!r}; say which to run with --pipeline")
         if not 0 <= recipe.warmup <= MOST_WARMUP:
             raise ValueError(f"{source} asks for more warm-up runs than {MOST_WARMUP}; say how many with --warmup")
         return recipe
 
     def to_notes(self) -> dict[str, Any]:
         """The recipe as JSON values."""
-        notes = {**asdict(self), "without": list(self.without)}
-        return notes if self.fog else {name: value for name, value in notes.items() if name != "fog"}
+        notes, plain = {**asdict(self), "without": list(self.without)}, Recipe()
+        usual = {name for name in ("fog", "pipeline") if getattr(self, name) == getattr(plain, name)}
+        return {name: value for name, value in notes.items() if name not in usual}
 
     def build(self) -> Pipeline:
         """The pipeline.
@@ -108,9 +120,11 @@ class Recipe:
         Raises:
             ValueError: there is no such preset, stage or tunable.
         """
+        from post.path_traced import minecraft_rtx
         from post.presets import me1, with_fog
 
-        pipeline = me1(self.preset, composite=self.composite)  # pyright: ignore[reportArgumentType]
+        composite: Any = self.composite
+        pipeline = me1(self.preset, composite=composite) if self.pipeline == "me1" else minecraft_rtx(self.preset)
         pipeline = with_fog(pipeline) if self.fog else pipeline
         if self.set:
             present = pipeline.all_tunables()
@@ -131,10 +145,24 @@ class Runner:
         self.state: PipelineState | None = None
         self.last: Frame | None = None
 
-    def __call__(self, frame: Frame, tick: Tick = lambda: None) -> Frame:
-        """The frame after all passes; ``tick`` is called after each run of the pipeline."""
+    def __call__(self, frame: Frame, tick: Tick = lambda: None, stills: Iterable[Frame] = ()) -> Frame:
+        """The frame after all passes.
+
+        Args:
+            frame: what to run them over.
+            tick: called after each run of the pipeline.
+            stills: what a camera saw that stood where the frame's stands, before it: in place of the warm-up.
+        """
         with torch.no_grad():
-            if self.last is not None and _follows(self.last, frame):
+            before = None
+            for still in stills:
+                _, before = self.pipeline(still, before)
+                tick()
+            if before is not None:
+                result, self.state = self.pipeline(frame.still(), before)
+                result = result.moving_as(frame)
+                tick()
+            elif self.last is not None and _follows(self.last, frame):
                 result, self.state = self.pipeline(frame, self.state)
                 tick()
             else:
@@ -178,8 +206,9 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
     """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
     picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
     if debug:
-        pictures = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
-        for name, view in {**pictures, "sheet": sheet_of(pictures)}.items():
+        views = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
+        views |= {"sheet": sheet_of(views)} | ({} if frame.behind is None else {"layers": layers_sheet(frame)})
+        for name, view in views.items():
             write_png(folder / "debug" / f"{stem}_{name}.png", view)
     write_png(folder / f"{stem}.png", picture, bits=files.bits)
     write_exr(

@@ -2,8 +2,9 @@
 
 Every channel and signal is a layer named as in the frame (``depth.Z``, ``normal.X``, ``albedo.R``...), what lies behind
 the first surface has the prefix ``behind``, and plain ``R``, ``G``, ``B`` hold the best linear picture for viewers.
-Signals of another size than the picture (the environment, the exposure) have parts of their own. The attribute
-``gbufrt`` holds cameras, indices and the list of layers as JSON; ``chromaticities`` says that colours are Rec. 709's.
+Signals of another size than the picture (the environment, the exposure) have parts of their own; a G-buffer that is
+smaller than an upscaled picture lies with its light in the part ``rendered``. The attribute ``gbufrt`` holds cameras,
+indices and the list of layers as JSON; ``chromaticities`` says that colours are Rec. 709's.
 
 DWAA is lossy in every channel of a part whose last name is R, G, B or Y, so in ``normal.Y`` too. With it the first part
 holds the picture and the coloured results alone, and all else lies in a second one, packed with ZIP.
@@ -76,12 +77,13 @@ def write_exr(
             raise ValueError(f"{name} must be {' or '.join(known)}, got {value!r}")
     place = element or 0
     frame = map_tensors(lambda t: t[place : place + 1].detach().cpu(), frame.replace(previous=None))
-    packed = Packed(precision, compression, frozenset(only))
-    packed.add(MAIN, zip("RGB", planes_of(best_picture(frame), half=precision == "half"), strict=True))
+    picture = best_picture(frame)
+    height, width = picture.shape[-2:]
+    packed = Packed(precision, compression, frozenset(only), (height, width))
+    packed.add(MAIN, zip("RGB", planes_of(picture, half=precision == "half"), strict=True))
     head = {"format": FORMAT, **packed.pack(frame, ""), "conventions": CONVENTIONS, "notes": dict(notes or {})}
     if unknown := [name for name in packed.only - packed.found if name.removeprefix("behind.") not in KNOWN]:
         raise ValueError(f"only: the frame has no {', '.join(sorted(unknown))}; it holds {', '.join(frame.present)}")
-    height, width = frame.gbuffer.camera.size
     display = _window(height, width)
     written = []
     for name, channels in packed.parts.items():

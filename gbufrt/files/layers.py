@@ -18,6 +18,7 @@ from gbufrt.gbuffer import CHANNELS
 
 MAIN = "frame"
 KEPT = "exact"  # part of what DWAA would hurt
+SMALL = "rendered"  # part of a G-buffer that is smaller than the picture, and of its light
 Compression = Literal["zip", "dwaa"]
 COMPRESSIONS: tuple[str, ...] = get_args(Compression)
 SUFFIXES = {"depth": "Z", "motion_z": "Z", "hit": "A"}
@@ -33,6 +34,8 @@ class Packed:
     precision: Precision
     compression: Compression
     only: frozenset[str]
+    size: tuple[int, int]
+    """Of the picture."""
     found: set[str] = field(default_factory=set)
     """Those of ``only`` that the frame has."""
     parts: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
@@ -47,7 +50,7 @@ class Packed:
             tensor = frame.read(name)
             layer = prefix + name
             names = [f"{layer}.{suffix}" for suffix in _suffixes(name, tensor)]
-            part = self._part(name, tensor, names) if tuple(tensor.shape[-2:]) == g.camera.size else f"own.{layer}"
+            part = self._part(name, tensor, names, g.camera.size) or f"own.{layer}"
             if any(not there.keys().isdisjoint(names) for there in self.parts.values()):
                 raise ValueError(f"signal {layer!r} would be written to {names[0]!r}, which is taken; rename it")
             planes = planes_of(tensor, layer, half=is_half(name, tensor, self.precision))
@@ -71,8 +74,11 @@ class Packed:
         self.found |= asked
         return bool(asked) or not self.only
 
-    def _part(self, name: str, tensor: Tensor, names: list[str]) -> str:
-        """Where a layer as large as the picture goes; see the module's docstring."""
+    def _part(self, name: str, tensor: Tensor, names: list[str], rendered: tuple[int, int]) -> str:
+        """Where a layer goes; empty for one that needs a part of its own. See the docstring of `gbufrt.files.exr`."""
+        size = tuple(tensor.shape[-2:])
+        if size != self.size:
+            return SMALL if size == rendered else ""
         result = name in SIGNALS and name not in LIGHT and tensor.is_floating_point()
         return MAIN if self.compression == "zip" or (result and names[0].endswith(".R")) else KEPT
 

@@ -43,7 +43,8 @@ def debug_view(frame: Frame, name: str, *, motion_scale: float = MOTION_SCALE) -
 
     Args:
         frame: whose channel or signal.
-        name: one of `debug_names`, or ``behind.<name>``.
+        name: one of `debug_names`; ``behind.<name>``; or ``layers.<name>``, the surface in front on the left and what
+            lies behind it on the right, twice as wide.
         motion_scale: pixels a frame at which motion is fully bright.
 
     Returns:
@@ -55,6 +56,9 @@ def debug_view(frame: Frame, name: str, *, motion_scale: float = MOTION_SCALE) -
     head, _, rest = name.partition(".")
     if head == "behind" and frame.behind is not None and name not in frame.extra:
         return debug_view(frame.behind, rest, motion_scale=motion_scale) if rest else _behind(frame, frame.behind)
+    if head == "layers" and frame.behind is not None and rest:
+        sides = (debug_view(layer, rest, motion_scale=motion_scale) for layer in (frame, frame.behind))
+        return torch.cat(list(sides), dim=3)
     known = debug_names(frame)
     if name not in known:
         raise ValueError(f"the frame has no view {name!r}; it has {', '.join(known)}")
@@ -73,6 +77,21 @@ def contact_sheet(frame: Frame, *, columns: int = 5, width: int = 320, names: tu
         names: which views; by default all of them.
     """
     pictures = {name: to_pil(debug_view(frame, name)[:1]) for name in names or debug_names(frame)}
+    return sheet_of(pictures, columns=columns, width=width)
+
+
+def layers_sheet(frame: Frame, *, columns: int = 2, width: int = 640) -> Image.Image:
+    """Every channel that both layers have, the surface in front on the left and what lies behind it on the right.
+
+    So Minecraft RTX keeps its primary and its transmissive layer, side by side in one picture a channel.
+
+    Raises:
+        ValueError: nothing lies behind.
+    """
+    if frame.behind is None:
+        raise ValueError("the frame has one layer: nothing transmissive is seen, or its renderer knows no layer behind")
+    both = [name for name in debug_names(frame.behind) if name in debug_names(frame) and name != "environment"]
+    pictures = {name: to_pil(debug_view(frame, f"layers.{name}")[:1]) for name in both}
     return sheet_of(pictures, columns=columns, width=width)
 
 

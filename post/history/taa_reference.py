@@ -28,7 +28,7 @@ def anti_alias_reference(
     current = _resampled(toned, jitter)
     length = torch.ones_like(age)
     if before is not None:
-        px = pixel_centers(color) + _dilated(motion, depth)
+        px = pixel_centers(color) + dilated(motion, depth)
         visible = inside(px, (color.shape[-2], color.shape[-1])) & (sample(age, px, mode="nearest") > 0)
         age = torch.where(visible, sample(age, px, mode="nearest"), 0.0)
         old = _clipped(catmull_rom(before, px), toned, current, gamma)
@@ -56,7 +56,7 @@ def _resampled(image: Tensor, jitter: Tensor | None) -> Tensor:
     return result / total
 
 
-def _dilated(motion: Tensor, depth: Tensor) -> Tensor:
+def dilated(motion: Tensor, depth: Tensor) -> Tensor:
     """Motion of the nearest surface among 3x3: an edge moves with the surface in front."""
     height, width = depth.shape[-2:]
     around = F.pad(depth, (1, 1, 1, 1), value=float("inf"))
@@ -72,20 +72,20 @@ def _dilated(motion: Tensor, depth: Tensor) -> Tensor:
 
 def _clipped(old: Tensor, toned: Tensor, current: Tensor, gamma: float) -> Tensor:
     """Move the history toward the mean of the neighbourhood until it lies in its box in YCoCg."""
-    around = _ycocg(F.pad(toned, (1, 1, 1, 1), mode="replicate"))
+    around = ycocg(F.pad(toned, (1, 1, 1, 1), mode="replicate"))
     mean = F.avg_pool2d(around, 3, stride=1)
     spread = (F.avg_pool2d(around * around, 3, stride=1) - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
-    extent = torch.maximum(gamma * spread, (_ycocg(current) - mean).abs())
-    away = _ycocg(old) - mean
+    extent = torch.maximum(gamma * spread, (ycocg(current) - mean).abs())
+    away = ycocg(old) - mean
     outside = (away.abs() / extent.clamp_min(1e-6)).amax(dim=1, keepdim=True).clamp_min(1.0)
-    return _rgb(mean + away / outside)
+    return rgb(mean + away / outside)
 
 
-def _ycocg(rgb: Tensor) -> Tensor:
+def ycocg(rgb: Tensor) -> Tensor:
     r, g, b = rgb[:, 0:1], rgb[:, 1:2], rgb[:, 2:3]
     return torch.cat([0.25 * r + 0.5 * g + 0.25 * b, 0.5 * (r - b), 0.5 * g - 0.25 * (r + b)], dim=1)
 
 
-def _rgb(ycocg: Tensor) -> Tensor:
+def rgb(ycocg: Tensor) -> Tensor:
     y, co, cg = ycocg[:, 0:1], ycocg[:, 1:2], ycocg[:, 2:3]
     return torch.cat([y + co - cg, y + cg, y - co - cg], dim=1)

@@ -58,6 +58,7 @@ CASES = {
     "Fog": Case(post.Fog(), "fog_light"),
     "AerialPerspective": Case(post.AerialPerspective(unit=0.1), "color"),
     "TAA": Case(post.TAA(), "color"),
+    "Upscale": Case(post.Upscale(), "color"),
     "FXAA": Case(post.FXAA(), "image"),
     "MotionBlur": Case(post.MotionBlur(samples=6), "color"),
     "DepthOfField": Case(post.DepthOfField(aperture_radius=1.0), "color"),

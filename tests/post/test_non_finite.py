@@ -40,6 +40,7 @@ REACH = {  # pixels from the bad one beyond which nothing may change, after two 
     "MarchGI": None,
     "SSGI": None,
     "SSR": None,
+    "Upscale": None,  # larger than what it is given
     "ToneMap": 0,
 }
 SHARE = 0.01  # of the picture that may change by more than DRIFT where a pass looks all over it

@@ -13,7 +13,7 @@ from PIL import Image
 from gbufrt import Frame
 from gbufrt.files.color_maps import to_srgb, viridis
 from gbufrt.files.png import to_pil, write_png
-from gbufrt.files.views import GAP, LABEL, contact_sheet, debug_names, debug_view
+from gbufrt.files.views import GAP, LABEL, contact_sheet, debug_names, debug_view, layers_sheet
 
 SIZE = (20, 31)
 
@@ -159,3 +159,17 @@ def test_png_of_16_bits(tmp_path: Path, size: tuple[int, int]):
     levels = np.asarray(oiio.ImageBuf(str(tmp_path / "a.png")).get_pixels(oiio.UINT16)).astype(int)
     expected = (picture[0].nan_to_num(0.0).clamp(0, 1) * 65535).round().permute(1, 2, 0).numpy()
     assert np.array_equal(levels, expected)
+
+
+def test_two_layers_stand_side_by_side():
+    frame = boxes.frame(boxes.camera((16, 24)))
+    with pytest.raises(ValueError, match="has one layer"):
+        layers_sheet(frame)
+    behind = boxes.frame(boxes.camera((16, 24), dx=0.5))
+    both = debug_view(frame.replace(behind=behind), "layers.normal")
+    assert both.shape == (1, 3, 16, 48)
+    assert torch.equal(both[..., :24], debug_view(frame, "normal"))
+    assert torch.equal(both[..., 24:], debug_view(behind, "normal"))
+    assert layers_sheet(frame.replace(behind=behind)).width == 2 * 640 + GAP
+    with pytest.raises(ValueError, match="no view 'colour'"):
+        debug_view(frame.replace(behind=behind), "layers.colour")

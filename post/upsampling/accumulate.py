@@ -1,0 +1,155 @@
+"""Jittered samples of a small picture, gathered about the pixels of a larger one, and what history may hold there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.directions import length
+from gbufrt.sampling import inside, pixel_centers, sample, shifted
+from post.filters.signals import luminance
+from post.history.constants import WINDOW
+from post.history.taa_reference import rgb, ycocg
+from post.upsampling.samples import Samples
+
+LEAST = 1e-4  # weight of a frame none of whose samples lie near a pixel
+FIRST = -3.0  # as `WINDOW`, in pixels of the small picture: of a pixel without history
+BOX = -1.0  # likewise: of the neighbours that bound what history may hold
+MATURE = 1.5  # weight of samples from which on a pixel's history has the sharp window
+DECAY = 0.13  # share of a lock that a sample in the middle of its pixel uses up
+PARTING = 0.5  # pixels a frame by which a thin feature and what is seen in its place move apart
+COVERED = 0.02  # of its depth by which something that covers a thin feature is nearer
+OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
+CONTRAST, FLOOR = 0.25, 0.05  # of a pixel's luminance, and besides: how far a thin feature stands out to count whole
+SLOW = 0.2  # share of the present frame in the means of how clipping moves history
+STEADY = 1e-3  # least mean movement that can be told from none
+AROUND = 9  # pixels of the small picture along the square over which light is compared between frames
+SAME, OTHER = 0.3, 0.6  # relative change of that light up to which nothing has changed, and from which all has
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """What one frame tells of each pixel of the large picture; all ``(B, C, H, W)``."""
+
+    color: Tensor
+    """Mean of the samples around."""
+    weight: Tensor
+    """How many samples there are, counted by how near they lie."""
+    mean: Tensor
+    """In YCoCg, of the wider surroundings."""
+    spread: Tensor
+    """Standard deviation there."""
+
+
+def gathered(toned: Tensor, at: Samples, weight: Tensor) -> Gathered:
+    """Gather a small picture ``(B, 3, h, w)`` for the pixels of a large one.
+
+    Args:
+        toned: tone-mapped colour.
+        at: its samples.
+        weight: ``(B, 1, H, W)`` of the history; with little of it the window is that of the small picture's pixels.
+    """
+    area, ready = at.ratio[0] * at.ratio[1], (weight / MATURE).clamp(0, 1)
+    window = WINDOW * ready + FIRST / area * (1 - ready)
+    zero = torch.zeros_like(weight)
+    near, share, color, total, first, second = zero, zero, zero, zero, zero, zero
+    for tap, away in at.around(toned):
+        square = away.square().sum(1, keepdim=True)
+        near = near + torch.exp(WINDOW * square)
+        counts = torch.exp(window * square)
+        share, color = share + counts, color + counts * tap
+        counts, tap = torch.exp(BOX / area * square), ycocg(tap)
+        total, first, second = total + counts, first + counts * tap, second + counts * tap * tap
+    mean = first / total
+    spread = (second / total - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
+    return Gathered(color=color / share.clamp_min(1e-30), weight=near + LEAST, mean=mean, spread=spread)
+
+
+def mean_weight(at: Samples) -> float:
+    """What a frame's samples weigh at a pixel, in the mean."""
+    return math.pi / -WINDOW / (at.ratio[0] * at.ratio[1])
+
+
+def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]:
+    """Move a history toward the mean of the surroundings until it lies in their box in YCoCg.
+
+    Args:
+        old: ``(B, 3, H, W)`` tone-mapped.
+        now: this frame.
+        extent: ``(B, 1, H, W)`` standard deviations to the sides of the box.
+
+    Returns:
+        The history, and ``(B, 1, H, W)`` by how much its luma moved.
+    """
+    was = ycocg(old)
+    away = was - now.mean
+    outside = (away.abs() / (extent * now.spread).clamp_min(1e-6)).amax(1, keepdim=True).clamp_min(1.0)
+    kept = now.mean + away / outside
+    return rgb(kept), (kept - was)[:, :1]
+
+
+def locked(locks: Tensor, toned: Tensor, at: Samples, weight: Tensor, depth: Tensor, motion: Tensor) -> Tensor:
+    """Locks of thin features: how strong they are, and the depth and motion of what was locked.
+
+    A thin feature is brighter, or darker, than both sides of it along one of four axes. Samples often miss it, so that
+    the surroundings do not tell that it is still there. A lock is 1 where a sample has just met a feature, and less
+    with every sample since.
+
+    Args:
+        locks: ``(B, 4, H, W)`` what `held` left of those of the frame before.
+        toned: ``(B, 3, h, w)`` this frame.
+        at: its samples.
+        weight: ``(B, 1, H, W)`` of this frame's samples.
+        depth: ``(B, 1, H, W)`` of each pixel now.
+        motion: ``(B, 2, H, W)`` pixels, of each pixel.
+    """
+    light = luminance(toned).detach()
+    found = torch.zeros_like(light)
+    for dx, dy in OPPOSITE:
+        one, other = shifted(light, dx, dy), shifted(light, -dx, -dy)
+        stands_out = torch.maximum(light - torch.maximum(one, other), torch.minimum(one, other) - light)
+        found = torch.maximum(found, stands_out)
+    found = (found / (FLOOR + CONTRAST * light)).clamp(0, 1)
+    met = at.nearest(found) * torch.exp(WINDOW / 2 * at.away.square().sum(1, keepdim=True))
+    now = torch.cat([met, depth, motion], dim=1)
+    old = torch.cat([(locks[:, :1] - DECAY * weight.detach()).clamp_min(0.0), locks[:, 1:]], dim=1)
+    return torch.where(met > old[:, :1], now, old)
+
+
+def held(locks: Tensor, depth: Tensor, depth_before: Tensor, motion: Tensor) -> Tensor:
+    """Locks of the frame before, at this frame's pixels: none where something nearer shows, or moves otherwise.
+
+    Args:
+        locks: ``(B, 4, H, W)`` of `locked`, read where each pixel was.
+        depth: see `locked`, as ``motion``.
+        depth_before: ``(B, 1, H, W)`` of each pixel in the frame before.
+        motion: see ``depth``.
+    """
+    strength, there, moved = locks.split((1, 1, 2), dim=1)
+    apart = length(moved - motion) / PARTING
+    kept = strength * (1 - apart).clamp(0, 1) * (depth_before > there * (1 - COVERED))
+    return torch.cat([kept, there + depth - depth_before, moved], dim=1)
+
+
+def light_around(toned: Tensor) -> Tensor:
+    """``(B, 1, h, w)`` mean luminance about each pixel of the small picture, which jitter hardly changes."""
+    side = AROUND // 2
+    return F.avg_pool2d(F.pad(luminance(toned).detach(), (side,) * 4, mode="replicate"), AROUND, stride=1)
+
+
+def same_light(now: Tensor, before: Tensor, motion: Tensor) -> Tensor:
+    """``(B, 1, h, w)`` in [0, 1]: 1 where light has not changed since the frame before, 0 where all has.
+
+    Args:
+        now: of `light_around`, this frame.
+        before: the frame before.
+        motion: ``(B, 2, h, w)`` pixels of the small picture.
+    """
+    px = pixel_centers(now) + motion.detach()
+    was = torch.where(inside(px, (now.shape[-2], now.shape[-1])), sample(before, px), now)
+    change = (now - was).abs() / torch.maximum(now, was).clamp_min(FLOOR)
+    return ((OTHER - change) / (OTHER - SAME)).clamp(0, 1)

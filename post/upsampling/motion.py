@@ -1,0 +1,95 @@
+"""Where the pixels of an upscaled picture were, from the surfaces of a smaller G-buffer."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Camera, GBuffer
+from gbufrt.sampling import gather, pixel_centers, sample
+from post.history.reproject import motion_of
+from post.upsampling.enlarged import resized
+from post.upsampling.samples import Samples
+
+IN_FRONT = 0.05  # of its depth by which a surface is nearer than another, so that edges between the two are its own
+STRETCH = 1.5  # most by which a plane may carry depth on, as a factor
+TOLERANCE = 0.05  # of its depth by which a surface may lie behind all that was seen there
+EDGE_ON = 1e-3  # cosine to the ray below which a surface has no plane to go on
+
+
+class Movement(NamedTuple):
+    """Where each pixel of the large picture was."""
+
+    px: Tensor
+    """``(B, 2, H, W)`` pixels of the large picture."""
+    seen: Tensor
+    """``(B, 1, H, W)`` bool: whether the frame before showed what the pixel shows."""
+    depth: Tensor
+    """``(B, 1, H, W)`` planar view z now, world units."""
+    depth_before: Tensor
+    """``(B, 1, H, W)`` in the frame before, as it must have been."""
+
+
+@torch.no_grad()
+def upscaled_motion(g: GBuffer, previous: GBuffer, at: Samples, size: tuple[int, int]) -> Movement:
+    """Where each pixel of the large picture was, and whether the frame before showed what it shows.
+
+    A pixel takes the nearest surface of the four samples that surround it, as edges move with what is in front. That
+    surface's plane is carried on to the pixel: with the motion of the sample itself, floors would drift.
+
+    Args:
+        g: of this frame, small.
+        previous: of the frame before, small; depth and hit alone are used.
+        at: the samples about each pixel.
+        size: ``(H, W)`` of the large picture.
+
+    Returns:
+        See `Movement`; without gradients.
+    """
+    before = previous.camera
+    motion, motion_z = motion_of(g, before)
+    still, still_z = g.camera.static_motion(before, g.depth, g.hit)
+    depth = torch.where(g.hit, g.depth, g.camera.far * 2)
+    facing = g.camera.rotate_to_view(g.normal.to(g.depth))
+    offset = (facing * g.points_view()).sum(1, keepdim=True)
+    x, y = _in_front(depth, at)
+    geometry = torch.cat([depth, g.hit.to(depth), facing, offset], dim=1)
+    own_motion, own_z = gather(torch.cat([motion - still, motion_z - still_z], dim=1), x, y).split((2, 1), dim=1)
+    near, hit, facing, offset = gather(geometry, x, y).split((1, 1, 3, 1), dim=1)
+    large = resized(g.camera, size)
+    depth = _on_plane(large, near, facing, offset)
+    moved, moved_z = large.static_motion(resized(before, size), depth, hit > 0)
+    scale = moved.new_tensor(at.ratio)[None, :, None, None]
+    there = pixel_centers(moved) + moved + own_motion * scale
+    farthest = torch.where(previous.hit, previous.depth, before.far * 2)
+    farthest = F.max_pool2d(F.pad(farthest, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
+    jitter = 0.0 if before.jitter is None else before.jitter.to(there)[:, :, None, None]
+    then = depth + moved_z + own_z
+    seen = then <= sample(farthest, there / scale - jitter, mode="nearest") * (1 + TOLERANCE)
+    return Movement(there, seen, depth, then)
+
+
+def _in_front(depth: Tensor, at: Samples) -> tuple[Tensor, Tensor]:
+    """Column and row ``(B, H, W)`` of the nearest surface among the four samples that surround each pixel."""
+    height, width = depth.shape[-2:]
+    across = (at.x - at.away[:, 0].sign().long()).clamp(0, width - 1)
+    down = (at.y - at.away[:, 1].sign().long()).clamp(0, height - 1)
+    nearest, column, row = gather(depth, at.x, at.y), at.x, at.y
+    for x, y in ((across, at.y), (at.x, down), (across, down)):
+        there = gather(depth, x, y)
+        closer = there < nearest * (1 - IN_FRONT)
+        nearest = torch.where(closer, there, nearest)
+        column, row = torch.where(closer[:, 0], x, column), torch.where(closer[:, 0], y, row)
+    return column, row
+
+
+def _on_plane(camera: Camera, near: Tensor, facing: Tensor, offset: Tensor) -> Tensor:
+    """Depth at which each pixel's ray meets the plane of its surface, as far as that is near the sample's."""
+    start = camera.unproject(torch.zeros_like(near))
+    along = (facing * (camera.unproject(torch.ones_like(near)) - start)).sum(1, keepdim=True)
+    met = (offset - (facing * start).sum(1, keepdim=True)) / torch.where(along.abs() > EDGE_ON, along, torch.inf)
+    found = (along.abs() > EDGE_ON) & (met > near / STRETCH) & (met < near * STRETCH)
+    return torch.where(found, met, near)

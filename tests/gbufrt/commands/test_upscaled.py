@@ -1,0 +1,65 @@
+"""`--pipeline minecraft-rtx`: small noisy frames traced, large pictures written, and gone on with."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import torch
+from command_line import assert_same_results, install, run
+from PIL import Image
+
+from gbufrt import Frame
+from gbufrt.commands.flight import Sampling
+from gbufrt.files.exr import read_exr, read_notes
+from gbufrt.noise.noise import blue_noise
+
+RTX = ("--pipeline", "minecraft-rtx", "--size", "24x16", "--warmup", "1")
+
+
+def fake_paths(scene: object, frame: Frame) -> Frame:
+    noise = blue_noise(*frame.gbuffer.camera.size, index=frame.index)[None]
+    return frame.replace(radiance=frame.read("radiance") * 2 * noise, ambient=None, behind=None)
+
+
+@pytest.fixture(autouse=True)
+def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    install(monkeypatch, tmp_path)
+    monkeypatch.setattr("tracer.truth.one_path.one_path", fake_paths)
+
+
+def test_small_frames_large_pictures_resumed_and_run_again():
+    assert run("render", "--frames", "3", *RTX, "--out", "whole") == 0
+    with Image.open("whole/frame_0002.png") as picture:
+        assert picture.size == (24, 16)
+    frame = read_exr("whole/frame_0002.exr")
+    assert frame.gbuffer.camera.size == (8, 12)
+    assert frame.read("image").shape[2:] == (16, 24)
+    assert frame.gbuffer.camera.jitter is not None
+    assert read_notes("whole/frame_0002.exr")["pipeline"]["pipeline"] == "minecraft-rtx"
+    assert run("render", "--frames", "3", *RTX, "--out", "parts") == 0
+    for ending in ("exr", "png"):
+        Path(f"parts/frame_0002.{ending}").unlink()
+    assert run("render", "--frames", "3", *RTX, "--out", "parts", "--resume") == 0
+    assert_same_results("whole", "parts")
+    assert run("post", "whole", "--out", "again") == 0
+    again = read_exr("again/frame_0002.exr")
+    assert torch.equal(again.read("radiance"), frame.read("radiance")), "noisy, as it was traced"
+    assert again.read("image").shape == frame.read("image").shape
+
+
+def test_mistakes_are_told(capsys: pytest.CaptureFixture[str]):
+    for options, message in (
+        (("--pipeline", "minecraft"), "--pipeline must be me1 or minecraft-rtx"),
+        (("--pipeline", "minecraft-rtx", "--composite", "me1"), "--composite is for me1"),
+        (("--pipeline", "minecraft-rtx", "--size", "25x16"), "--size 25x16"),
+    ):
+        assert run("render", *options, "--out", "out") == 2
+        assert message in capsys.readouterr().err
+    assert not Path("out").exists()
+
+
+def test_what_is_traced_of_a_picture():
+    assert Sampling(ratio=3.0).rendered((270, 480)) == (90, 160)
+    assert Sampling(ratio=1.5).rendered((540, 960)) == (360, 640)
+    assert Sampling().rendered((73, 127)) == (73, 127)
