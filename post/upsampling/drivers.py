@@ -14,7 +14,7 @@ def upsampled_rows(out, low, guide, plane, clear, stride, row, column, perspecti
     batch, _, height, _ = out.shape
     grid = Grid(stride, row, column, low.shape[2], low.shape[3])
     for thread in prange(threads):
-        weights = np.empty(SPAN * SPAN, np.float32)
+        weights, near = np.empty(SPAN * SPAN, np.float32), np.empty((3, out.shape[3]), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, grid, perspective)
+            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, near, y, grid, perspective)

@@ -6,18 +6,20 @@ samples around it, of which the inner four are its nearest; the others are weigh
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.approximations import exp2
-from gbufrt.compute.kernel import inlined, scalar
-from post.filters.kernel import edge_exponent, edge_of, guide_row, plane_row
+from gbufrt.compute.kernel import contracted, inlined, scalar
+from post.filters.kernel import guide_row
+from post.filters.weight_kernel import Near, edge_weight, edge_with, near_row
 from post.upsampling import constants
 
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
 ENOUGH, ANY, ONLY_NEAR = np.float32(constants.ENOUGH), np.float32(constants.ANY), np.float32(constants.ONLY_NEAR)
 SENSITIVITY, POWER = np.float32(constants.DEPTH_SENSITIVITY), np.float32(constants.NORMAL_POWER)
+SQUARINGS = (0,) * round(math.log2(constants.NORMAL_POWER))  # of a cosine: see `weight_kernel`
 SPAN = 4  # samples around a pixel, in each direction
 
 Grid = namedtuple("Grid", "stride row column rows columns")
@@ -27,32 +29,57 @@ Pixel = namedtuple("Pixel", "x y left top")
 
 
 @scalar
-def upsampled_row(out, low, guide, plane, clear, weights, y, grid, perspective):
-    """A row of pixels from the samples ``low`` ``(C, h, w)``; ``weights`` is room for those around a pixel."""
+def upsampled_row(out, low, guide, plane, clear, weights, near, y, grid, perspective):
+    """A row of pixels from the samples ``low`` ``(C, h, w)``; ``weights`` is room for those around a pixel, and
+    ``near`` ``(3, W)`` for the row's `weight_kernel.Near`.
+    """
     width = out.shape[2]
-    edge = edge_of(guide, perspective, SENSITIVITY / np.float32(grid.stride), POWER)
-    here, planes = guide_row(guide, y, 0, width), plane_row(plane, y, 0, width)
+    edge = edge_with(guide, perspective, SQUARINGS, POWER)
+    near_row(near, plane, y, SENSITIVITY / np.float32(grid.stride))
+    here, planes = guide_row(guide, y, 0, width), Near(near[0], near[1], near[2])
     for x in range(width):
         if here.hit[x] == ZERO:
             for c in range(out.shape[0]):
                 out[c, y, x] = clear[c]
             continue
         at = Pixel(x, y, (x - grid.column) // grid.stride, (y - grid.row) // grid.stride)
+        if _is_sample(at, grid):
+            for c in range(out.shape[0]):
+                out[c, y, x] = low[c, at.top, at.left]
+            continue
         weights[:] = ZERO
         total, start, end = _weigh(weights, 1, 3, ONE, at, grid, guide, here, planes, edge), 1, 3
         if total < ENOUGH:
             total += _weigh(weights, 0, SPAN, ONE - total / ENOUGH, at, grid, guide, here, planes, edge)
             start, end = 0, SPAN
-        scale = ONE / max(total, TINY)
-        for c in range(out.shape[0]):
-            value = ZERO
-            for j in range(start, end):
-                row = min(max(at.top + j - 1, 0), grid.rows - 1)
-                for i in range(start, end):
-                    value += weights[j * SPAN + i] * low[c, row, min(max(at.left + i - 1, 0), grid.columns - 1)]
-            out[c, y, x] = value * scale
+        _mix(out, low, weights, ONE / max(total, TINY), start, end, at, grid)
 
 
+@inlined
+def _is_sample(at, grid):
+    """Whether a pixel is itself a sample: it then keeps its value, because all its weight is its own."""
+    inside = at.top >= 0 and at.left >= 0
+    across, down = at.left * grid.stride + grid.column, at.top * grid.stride + grid.row
+    return inside and across == at.x and down == at.y
+
+
+@contracted
+@inlined
+def _mix(out, low, weights, scale, start, end, at, grid):
+    """A pixel from its samples by their weights."""
+    for c in range(out.shape[0]):
+        out[c, at.y, at.x] = ZERO
+    for j in range(start, end):
+        row = min(max(at.top + j - 1, 0), grid.rows - 1)
+        for i in range(start, end):
+            weight = weights[j * SPAN + i] * scale
+            if weight != ZERO:
+                column = min(max(at.left + i - 1, 0), grid.columns - 1)
+                for c in range(out.shape[0]):
+                    out[c, at.y, at.x] += weight * low[c, row, column]
+
+
+@contracted
 @inlined
 def _weigh(weights, start, end, factor, at, grid, guide, here, planes, edge):
     """Add the weights of the nearest samples, from 1 to 3 both ways, or of all; the sum of what was added."""
@@ -68,8 +95,7 @@ def _weigh(weights, start, end, factor, at, grid, guide, here, planes, edge):
             if share == ZERO and not every:
                 continue
             column = min(max(at.left + i - 1, 0), grid.columns - 1) * grid.stride + grid.column
-            exponent = edge_exponent(at.x, here, planes, column, there, np.float32(column - at.x), dy, edge)
-            same = there.hit[column] * exp2(exponent)
+            same = edge_weight(at.x, here, planes, column, there, np.float32(column - at.x), dy, edge, ZERO)
             if every:
                 share, same = share + ONLY_NEAR, same + ANY * there.hit[column] + ANY * ANY
             weights[j * SPAN + i] += factor * share * same
