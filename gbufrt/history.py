@@ -51,6 +51,14 @@ class PipelineState:
     stages: Mapping[str, Any] = field(default_factory=dict)
     previous: Frame | None = None
 
+    def handed_over(self) -> PipelineState:
+        """The same state for a caller that does not need it again: every stage's is let go of once it has been read.
+
+        Old state and new are then not in memory together.
+        """
+        pipelines = {name: one.handed_over() for name, one in self.stages.items() if isinstance(one, PipelineState)}
+        return replace(self, stages=_Once({**self.stages, **pipelines}))
+
     def to(self, *args: Any, **kwargs: Any) -> PipelineState:
         """The state on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(to_function(*args, **kwargs), self)
@@ -67,3 +75,10 @@ class PipelineState:
             g = previous.gbuffer
             previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
         return PipelineState(stages=stages, previous=previous)
+
+
+class _Once(dict[str, Any]):
+    """Entries that `get` removes."""
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return self.pop(key, default)

@@ -105,8 +105,10 @@ class Pipeline(Branch):
         """Run over consecutive frames, threading the state; ``keep_graph`` as in `forward`."""
         state = None
         for frame in frames:
-            result, state = self(frame, state, keep_graph=keep_graph)
+            given, state = None if state is None else state.handed_over(), None
+            result, state = self(frame, given, keep_graph=keep_graph)
             yield result
+            del result, given  # or they would be in memory beside the next
 
     def settle(
         self, frame: Frame, runs: int = 4, *, tick: Callable[[], None] = lambda: None
@@ -132,7 +134,8 @@ class Pipeline(Branch):
         still, state, result = frame.still(), None, frame
         for before in range(runs - 1, -1, -1):
             index = (frame.index - before) % NOISE_PERIOD if before else frame.index
-            result, state = self(still.replace(index=index), state)
+            given, state = None if state is None else state.handed_over(), None
+            result, state = self(still.replace(index=index), given)
             tick()
         assert state is not None
         return result.moving_as(frame), state

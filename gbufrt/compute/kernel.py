@@ -22,11 +22,13 @@ import numba
 import numpy as np
 from torch import Tensor
 
-from gbufrt.compute.bodies import WIDTH, Lanes, Target, allocating, inlined, scalar
+from gbufrt.compute.bodies import WIDTH, Lanes, Target, allocating, contracted, inlined, scalar
 from gbufrt.compute.cache import kept, missing
 from gbufrt.compute.threads import threads
 
-__all__ = ["CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "driver", "inlined", "scalar", "threads"]
+__all__ = [
+    "CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "contracted", "driver", "inlined", "scalar", "threads",
+]  # fmt: skip
 
 _PLAIN = {"nogil": True, "error_model": "numpy"}
 _BORROWING = _PLAIN | {"_nrt": False}
@@ -38,6 +40,7 @@ CPU = Target(
     entry=_BORROWING
     | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
     driver=_PLAIN | {"parallel": True},
+    contract={"fastmath": {"contract"}},
 )
 
 

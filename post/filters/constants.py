@@ -5,6 +5,9 @@ from __future__ import annotations
 B3 = (1 / 16, 1 / 4, 3 / 8, 1 / 4, 1 / 16)  # cubic B-spline
 FLOOR = 1e-3  # of the local luminance: noise below this makes no edge
 AT_EDGES = 0.5  # of sigma, where no neighbour is on the same surface
+MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
+NARROWEST = 0.4  # of sigma, where there is no noise
+MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
 COARSE_POWER = 32.0  # of the cosine between normals, where neighbours are only told apart or averaged
 

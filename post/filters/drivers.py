@@ -6,25 +6,25 @@ import numpy as np
 from numba import prange
 
 from gbufrt.compute.kernel import driver
-from post.filters.constants import B3, HIT
-from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
-from post.filters.kernel import (
+from post.filters.constants import COARSE_POWER, HIT
+from post.filters.denoise_kernel import (
     add_moments,
     add_spread,
-    add_values,
+    bilateral_limits,
     bilateral_weights,
-    edge_of,
-    edge_weights,
-    falloff_row,
+    center_row,
     finish_moments,
     finish_row,
-    hit_span,
+    limits_row,
     noise_row,
-    surface_row,
-    tap_at,
-    wavelet_steps,
+    spline_shares,
+    surface_weights,
+    wavelet_limits,
     wavelet_weights,
 )
+from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
+from post.filters.kernel import hit_span, surface_row
+from post.filters.weight_kernel import GROUP, PARTS, add_values, edge_with, near_row, part_of
 
 
 @driver
@@ -38,82 +38,112 @@ def surface_rows(guide, plane, depth, normal, hit, roughness, lens, pose, parall
 
 
 @driver
-def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivity, normal_power, threads):
+def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivity, squares, threads):
     batch, height, width = light.shape
+    side = 2 * radius + 1
     for thread in prange(threads):
-        weights, sums = np.empty(width, np.float32), np.empty((3, width), np.float32)
+        weights, near = np.empty((GROUP, width), np.float32), np.empty((3, width), np.float32)
+        sums = np.empty((3, width), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            edge = edge_of(guide[b], perspective, depth_sensitivity, normal_power)
-            first, end = hit_span(guide[b, HIT], y)
+            edge = edge_with(guide[b], perspective, squares, COARSE_POWER)
+            near_row(near, plane[b], y, 0, width, depth_sensitivity)
+            span = hit_span(guide[b, HIT], y)
             sums[:] = 0
             for dy in range(-radius, radius + 1):
-                for dx in range(-radius, radius + 1):
-                    tap = tap_at(y, first, end, dx, dy, (height, width))
-                    used = weights[: tap.end - tap.first]
-                    edge_weights(used, guide[b], plane[b], y, tap, edge)
-                    add_moments(sums[0], sums[1], sums[2], used, light[b], y, tap)
+                for i in range(0, side, GROUP):
+                    for part in range(PARTS):
+                        taps = part_of(part, y, span, (i - radius, dy), 1, min(side - i, GROUP), (height, width))
+                        if taps.end == taps.first:
+                            continue
+                        surface_weights(weights, guide[b], near, y, taps, edge)
+                        add_moments(sums, weights, light[b], y, taps)
             finish_moments(out[b], sums[0], sums[1], sums[2], light[b], y)
 
 
 @driver
-def wavelet_rows(out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, threads):
+def wavelet_rows(
+    out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, squares, threads
+):
     batch, planes, height, width = values.shape
     channels = planes - 1
     for thread in prange(threads):
-        weights, noise, column = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
+        weights, near = np.empty((GROUP, width), np.float32), np.empty((3, width), np.float32)
+        limits = np.empty((3, width), np.float32)
         sums = np.empty((planes + 1, width), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            edge = edge_of(guide[b], perspective, phi_depth, phi_normal)
-            first, end = hit_span(guide[b, HIT], y)
-            noise_row(noise, column, values[b, channels], y)
-            wavelet_steps(noise, noise, values[b, channels - 1], y, phi_color)
+            light, variance = values[b, channels - 1], values[b, channels]
+            edge = edge_with(guide[b], perspective, squares, phi_normal)
+            near_row(near, plane[b], y, 0, width, phi_depth)
+            span = hit_span(guide[b, HIT], y)
+            noise_row(limits[0], limits[1], variance, y)
+            wavelet_limits(limits, light, reach[b], y, phi_color)
             sums[:] = 0
+            center_row(sums, values[b], y, span)
             for j in range(-2, 3):
-                for i in range(-2, 3):
-                    tap = tap_at(y, first, end, i * step, j * step, (height, width))
-                    used, share = weights[: tap.end - tap.first], np.float32(B3[i + 2] * B3[j + 2])
-                    if i == 0 and j == 0:
-                        used[:] = share
-                    else:
-                        wavelet_weights(used, guide[b], plane[b], values[b], noise, reach[b], y, tap, share, edge)
-                    add_values(sums, used, values[b], tap, channels)
-                    add_spread(sums[planes], used, values[b, channels], tap)
+                for i in (-2, 1):
+                    count, place = 3 if i < 0 and j != 0 else 2, (i * step, j * step)
+                    shares = spline_shares(i, j)
+                    for part in range(PARTS):
+                        taps = part_of(part, y, span, place, step, count, (height, width))
+                        if taps.end == taps.first:
+                            continue
+                        given = guide[b], near, light, limits[0], limits[1]
+                        wavelet_weights(weights, *given, y, taps, shares, edge)
+                        add_values(sums, weights, values[b], taps, channels)
+                        add_spread(sums[planes], weights, variance, taps)
             for c in range(channels):
                 finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
             sums[channels] *= sums[channels]
-            finish_row(out[b, channels], sums[planes], sums[channels], values[b, channels], guide[b, HIT], y)
+            finish_row(out[b, channels], sums[planes], sums[channels], variance, guide[b, HIT], y)
+
+
+@driver
+def limits_rows(width, tolerance, light, variance, sigma, sensitivity, phi_color, threads):
+    batch, height, size = light.shape
+    for thread in prange(threads):
+        column = np.empty(size, np.float32)
+        limits = np.float32(sigma), np.float32(sensitivity), np.float32(phi_color)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            limits_row(width[b], tolerance[b], column, light[b], variance[b], y, *limits)
 
 
 @driver
 def bilateral_rows(
-    out, values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power, threads
+    out, values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power, squares, threads
 ):
     batch, planes, height, size = values.shape
-    channels = planes - 1
+    channels, side = planes - 1, 2 * radius + 1
     for thread in prange(threads):
-        weights, falloff = np.empty(size, np.float32), np.empty(size, np.float32)
+        weights, near = np.empty((GROUP, size), np.float32), np.empty((3, size), np.float32)
+        limits = np.empty((2, size), np.float32)
         sums = np.empty((planes, size), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            edge = edge_of(guide[b], perspective, depth_sensitivity, normal_power)
-            first, end = hit_span(guide[b, HIT], y)
-            sums[:] = 0
-            for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-                tap = tap_at(y, first, end, dx, dy, (height, size))
-                used, share = weights[: tap.end - tap.first], sums[0, tap.first : tap.end]
-                edge_weights(used, guide[b], plane[b], y, tap, edge)
-                for i in range(used.shape[0]):
-                    share[i] += used[i]
-            falloff_row(falloff, sums[0], width[b], y)
+            edge = edge_with(guide[b], perspective, squares, normal_power)
+            near_row(near, plane[b], y, 0, width, depth_sensitivity)
+            span = hit_span(guide[b, HIT], y)
             sums[0] = 0
+            for place in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+                for part in range(PARTS):
+                    taps = part_of(part, y, span, place, 1, 1, (height, size))
+                    if taps.end == taps.first:
+                        continue
+                    surface_weights(weights, guide[b], near, y, taps, edge)
+                    add_values(sums, weights, values[b], taps, 0)
+            bilateral_limits(limits, sums[0], width[b], tolerance[b], y)
+            sums[:] = 0
             for dy in range(-radius, radius + 1):
-                for dx in range(-radius, radius + 1):
-                    tap = tap_at(y, first, end, dx, dy, (height, size))
-                    used = weights[: tap.end - tap.first]
-                    bilateral_weights(used, guide[b], plane[b], values[b], tolerance[b], falloff, y, tap, edge)
-                    add_values(sums, used, values[b], tap, channels)
+                for i in range(0, side, GROUP):
+                    for part in range(PARTS):
+                        taps = part_of(part, y, span, (i - radius, dy), 1, min(side - i, GROUP), (height, size))
+                        if taps.end == taps.first:
+                            continue
+                        light = values[b, channels]
+                        bilateral_weights(weights, guide[b], near, light, limits[0], limits[1], y, taps, edge)
+                        add_values(sums, weights, values[b], taps, channels)
             for c in range(channels):
                 finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
 

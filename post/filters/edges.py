@@ -13,7 +13,6 @@ from gbufrt.compute.resident import resident
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS, ROUGHNESS_SCALE
 
 GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
-MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
 
 
 @dataclass(frozen=True, eq=False)

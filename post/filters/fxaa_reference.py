@@ -1,4 +1,4 @@
-"""Anti-aliasing by luma edges in torch: the definition of `post.filters.op.smooth_stairs`, with its gradients."""
+"""Anti-aliasing by luma edges in torch: the definition of `post.filters.fxaa_op.smooth_stairs`, with its gradients."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
-"""The compiled form of the edge-aware filters: a row of pixels as a body.
+"""Surfaces and edge weights of single taps, compiled: a row of pixels as a body.
 
-Names and steps are those of the torch reference in `post.filters.reference`, the definition. Taps are fixed, so
-a row of them is a shifted row of the picture: every loop over a row becomes vector instructions. The factors of a
-weight are added up as exponents of 2 and raised once. Rows hold the pixels ``first`` to ``end`` of the picture.
+Names and steps are those of `post.filters.edges`, the definition. Taps are fixed, so a row of them is a shifted row of
+the picture: every loop over a row becomes vector instructions. The factors of a weight are added up as exponents of 2
+and raised once. Rows hold the pixels ``first`` to ``end`` of the picture. `post.filters.weight_kernel` weighs taps of
+the denoisers.
 """
 
 from __future__ import annotations
 
-import math
 from collections import namedtuple
 
 import numpy as np
@@ -17,11 +17,9 @@ from gbufrt.compute.kernel import inlined, scalar
 from post.filters import constants
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 
-ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-TINY, LEAST, NEVER = np.float32(1e-30), np.float32(1e-6), np.float32(-1e4)
+ZERO, ONE = np.float32(0), np.float32(1)
+TINY, NEVER = np.float32(1e-30), np.float32(-1e4)
 HALF, NEAREST = np.float32(0.5), np.float32(1e-9)
-NOISELESS, THIRD = np.float32(1e-12), np.float32(1 / 3)
-FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
 ROUGHNESS_FALLOFF = LOG2_E / np.float32(constants.ROUGHNESS_SCALE)
 
 Guide = namedtuple("Guide", "depth nx ny nz hit roughness")
@@ -131,123 +129,3 @@ def edge_weights(weights, guide, plane, y, tap, edge):
     planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
     for i in range(weights.shape[0]):
         weights[i] = there.hit[i] * exp2(edge_exponent(i, here, planes, i, there, dx, dy, edge))
-
-
-@scalar
-def add_moments(total, mean, square, weights, light, y, tap):
-    """Add a tap to the sums of `reference.moments_reference`; they are about the centre's value."""
-    total, mean, square = total[tap.first : tap.end], mean[tap.first : tap.end], square[tap.first : tap.end]
-    here, there = light[y, tap.first : tap.end], light[tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    for i in range(weights.shape[0]):
-        away, weight = there[i] - here[i], weights[i]
-        total[i] += weight
-        mean[i] += weight * away
-        square[i] += weight * away * away
-
-
-@scalar
-def finish_moments(out, total, mean, square, light, y):
-    """Mean and unbiased variance of a row from its sums."""
-    means, variances, here = out[0, y], out[1, y], light[y]
-    for x in range(here.shape[0]):
-        count = max(total[x], LEAST)
-        average = mean[x] / count
-        variance = max(square[x] / count - average * average, ZERO)
-        means[x] = average + here[x]
-        variances[x] = variance * (count / max(count - ONE, ONE))
-
-
-@scalar
-def noise_row(noise, column, variance, y):
-    """A row of the 3x3 means' standard deviation: `edges.blurred` variance, its root, over the root of nine."""
-    height, width = variance.shape
-    above, here, below = variance[max(y - 1, 0)], variance[y], variance[min(y + 1, height - 1)]
-    upper, lower = QUARTER if y > 0 else ZERO, QUARTER if y + 1 < height else ZERO
-    norm = ONE / (upper + lower + QUARTER + QUARTER)
-    for x in range(width):
-        column[x] = (upper * above[x] + (QUARTER + QUARTER) * here[x] + lower * below[x]) * norm
-    last = width - 1
-    left, right, middle = column[: max(last - 1, 0)], column[2:], column[1 : max(last, 1)]
-    inner = noise[1 : max(last, 1)]
-    for i in range(inner.shape[0]):
-        inner[i] = QUARTER * (left[i] + right[i]) + (QUARTER + QUARTER) * middle[i]
-    for x in (0, last):
-        beside = column[min(x + 1, last)] if x == 0 else column[x - 1]
-        noise[x] = (column[x] + column[x] + beside) / (ONE + ONE + ONE) if width > 1 else column[x]
-    for x in range(width):
-        noise[x] = math.sqrt(max(noise[x], ZERO) + NOISELESS) * THIRD
-
-
-@scalar
-def wavelet_weights(weights, guide, plane, values, tolerance, reach, y, tap, share, edge):
-    """The weights of one tap of `reference.wavelet_reference` for a row of pixels."""
-    here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
-    planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
-    light = values[values.shape[0] - 2]
-    mine, other = light[y, tap.first : tap.end], light[tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    steps, limits = tolerance[tap.first : tap.end], reach[y, tap.first : tap.end]
-    square = LOG2_E * (dx * dx + dy * dy)
-    for i in range(weights.shape[0]):
-        away = abs(other[i] - mine[i]) * steps[i] + limits[i] * square
-        weights[i] = share * there.hit[i] * exp2(edge_exponent(i, here, planes, i, there, dx, dy, edge) - away)
-
-
-@scalar
-def wavelet_steps(tolerance, noise, light, y, phi_color):
-    """The exponent of 2 that a unit of difference in luminance costs, for a row."""
-    here, phi = light[y], np.float32(phi_color)
-    for x in range(here.shape[0]):
-        tolerance[x] = LOG2_E / (phi * noise[x] + FLOOR * abs(here[x]))
-
-
-@scalar
-def add_values(sums, weights, values, tap, channels):
-    """Add a tap's weighted values to the sums of a row, and its weight to the sum after them."""
-    for c in range(channels):
-        total, there = sums[c, tap.first : tap.end], values[c, tap.y, tap.first + tap.dx : tap.end + tap.dx]
-        for i in range(weights.shape[0]):
-            total[i] += weights[i] * there[i]
-    total = sums[channels, tap.first : tap.end]
-    for i in range(weights.shape[0]):
-        total[i] += weights[i]
-
-
-@scalar
-def add_spread(spread, weights, variance, tap):
-    """Add a tap's variance, weighted as that of a mean."""
-    total, there = spread[tap.first : tap.end], variance[tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    for i in range(weights.shape[0]):
-        total[i] += weights[i] * weights[i] * there[i]
-
-
-@scalar
-def falloff_row(falloff, share, width, y):
-    """A row's spatial Gaussian as an exponent of 2 for each square pixel; narrower at edges."""
-    here, half = width[y], LOG2_E / np.float32(2)
-    for x in range(here.shape[0]):
-        sigma = here[x] * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share[x])
-        falloff[x] = -half / (sigma * sigma)
-
-
-@scalar
-def bilateral_weights(weights, guide, plane, values, tolerance, falloff, y, tap, edge):
-    """The weights of one tap of `reference.bilateral_reference` for a row of pixels."""
-    here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
-    planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
-    light = values[values.shape[0] - 1]
-    mine, other = light[y, tap.first : tap.end], light[tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    limits, narrow = tolerance[y, tap.first : tap.end], falloff[tap.first : tap.end]
-    square = dx * dx + dy * dy
-    for i in range(weights.shape[0]):
-        away = (other[i] - mine[i]) / limits[i]
-        unlike = LOG2_E * max(away * away - ONE, ZERO)
-        exponent = edge_exponent(i, here, planes, i, there, dx, dy, edge) + narrow[i] * square - unlike
-        weights[i] = there.hit[i] * exp2(exponent)
-
-
-@scalar
-def finish_row(out, sums, total, before, hit, y):
-    """Means of a row from their sums; pixels that hit nothing are as before."""
-    new, old, known = out[y], before[y], hit[y]
-    for x in range(total.shape[0]):
-        new[x] = sums[x] / max(total[x], LEAST) if known[x] != ZERO else old[x]

@@ -8,9 +8,18 @@ from torch import Tensor
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
-from post.filters.fxaa_reference import stairs_reference
-from post.filters.reference import bilateral_reference, moments_reference, wavelet_reference
+from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
 from post.filters.signals import luminance
+
+SQUARINGS = (7, 5)  # of the cosine between normals: powers of 128 and 32, the defaults of the filters
+
+
+def squarings(power: float) -> tuple[int, ...]:
+    """As many numbers as a kernel squares a cosine before it raises it to what is left of ``power``.
+
+    Kernels are compiled for each length: few, so that few powers are compiled for.
+    """
+    return (0,) * next((count for count in SQUARINGS if power >= 2**count), 0)
 
 
 @torch.library.custom_op("gbufrt::moments", mutates_args=())
@@ -23,7 +32,7 @@ def moments_cpu(
 
     out = light.new_empty(light.shape[0], 2, *light.shape[2:])
     inputs = (array(out), array(light[:, 0]), array(guide), array(plane))
-    moments_rows(*inputs, radius, perspective, depth_sensitivity, COARSE_POWER, threads())
+    moments_rows(*inputs, radius, perspective, depth_sensitivity, squarings(COARSE_POWER), threads())
     return out
 
 
@@ -50,7 +59,7 @@ def wavelet_cpu(
 
     out = torch.empty_like(values, memory_format=torch.contiguous_format)
     inputs = (array(out), array(values), array(guide), array(plane), array(reach[:, 0]))
-    wavelet_rows(*inputs, step, perspective, phi_color, phi_depth, phi_normal, threads())
+    wavelet_rows(*inputs, step, perspective, phi_color, phi_depth, phi_normal, squarings(phi_normal), threads())
     return out
 
 
@@ -77,7 +86,8 @@ def bilateral_cpu(
 
     out = values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
     inputs = (array(out), array(values), array(guide), array(plane), array(width[:, 0]), array(tolerance[:, 0]))
-    bilateral_rows(*inputs, radius, perspective, depth_sensitivity, normal_power, threads())
+    edge = (depth_sensitivity, normal_power, squarings(normal_power))
+    bilateral_rows(*inputs, radius, perspective, *edge, threads())
     return out
 
 
@@ -86,21 +96,24 @@ def _(values, guide, plane, width, tolerance, radius, perspective, depth_sensiti
     return values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
 
 
-@torch.library.custom_op("gbufrt::smooth_stairs", mutates_args=())
-def stairs_cpu(image: Tensor, subpixel: float, edge_threshold: float, dark_threshold: float) -> Tensor:
-    """``(B, 3, H, W)``. See `smooth_stairs`."""
+@torch.library.custom_op("gbufrt::bilateral_limits", mutates_args=())
+def limits_cpu(
+    light: Tensor, variance: Tensor, sigma: float, sensitivity: float, phi_color: float
+) -> tuple[Tensor, Tensor]:
+    """See `bilateral_limits`."""
     from gbufrt.compute.kernel import array, threads
-    from post.filters.drivers import stairs_rows
+    from post.filters.drivers import limits_rows
 
-    out = torch.empty_like(image, memory_format=torch.contiguous_format)
-    luma = image.new_empty(image.shape[0], image.shape[2], image.shape[3] + 2)
-    stairs_rows(array(out), array(luma), array(image), subpixel, edge_threshold, dark_threshold, threads())
-    return out
+    width, tolerance = (torch.empty_like(light, memory_format=torch.contiguous_format) for _ in range(2))
+    planes = (array(tensor[:, 0]) for tensor in (width, tolerance, light, variance))
+    limits_rows(*planes, sigma, sensitivity, phi_color, threads())
+    return width, tolerance
 
 
-@stairs_cpu.register_fake
-def _(image, subpixel, edge_threshold, dark_threshold):
-    return torch.empty_like(image, memory_format=torch.contiguous_format)
+@limits_cpu.register_fake
+def _(light, variance, sigma, sensitivity, phi_color):
+    width, tolerance = (torch.empty_like(light, memory_format=torch.contiguous_format) for _ in range(2))
+    return width, tolerance
 
 
 def moments(
@@ -162,6 +175,34 @@ def wavelet(
     return wavelet_cpu(*planes, step, geometry.perspective, *map(float, phi))
 
 
+def bilateral_limits(
+    light: Tensor,
+    variance: Tensor,
+    *,
+    sigma: float,
+    sensitivity: float,
+    phi_color: float,
+    compiled: bool | None = None,
+) -> tuple[Tensor, Tensor]:
+    """How far `joint_bilateral` reaches, and what differences it takes for noise.
+
+    Args:
+        light: ``(B, 1, H, W)``: mean luminance.
+        variance: ``(B, 1, H, W)``: of single pixels' luminance.
+        sigma: widest standard deviation of the spatial Gaussian, pixels.
+        sensitivity: the Gaussian is widest where this times the relative noise reaches one.
+        phi_color: difference between 3x3 means, in their standard deviations, up to which a tap counts in full.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``width`` and ``tolerance`` of `joint_bilateral`.
+    """
+    tunables = (sigma, sensitivity, phi_color)
+    if form_of(light, variance, *tunables, compiled=compiled) is Form.REFERENCE:
+        return limits_reference(light, variance, *tunables)
+    return limits_cpu(light, variance, *map(float, tunables))
+
+
 def joint_bilateral(
     values: Tensor,
     geometry: Surface,
@@ -191,24 +232,3 @@ def joint_bilateral(
     if form_of(*planes, *edge, compiled=compiled) is Form.REFERENCE:
         return bilateral_reference(values, geometry, width, tolerance, radius, *edge)
     return bilateral_cpu(*planes, radius, geometry.perspective, *map(float, edge))
-
-
-def smooth_stairs(
-    image: Tensor, *, subpixel: float, edge_threshold: float, dark_threshold: float, compiled: bool | None = None
-) -> Tensor:
-    """Anti-alias a finished picture by its own luma edges.
-
-    Args:
-        image: ``(B, 3, H, W)`` display-referred and encoded, in [0, 1].
-        subpixel: see `post.fxaa`, as the rest.
-        edge_threshold: see ``subpixel``.
-        dark_threshold: see ``subpixel``.
-        compiled: see `gbufrt.compute.dispatch.form_of`.
-
-    Returns:
-        ``(B, 3, H, W)``; pixels without an edge are exactly as they were.
-    """
-    tunables = (subpixel, edge_threshold, dark_threshold)
-    if form_of(image, *tunables, compiled=compiled) is Form.REFERENCE:
-        return stairs_reference(image, *tunables)
-    return stairs_cpu(image, *map(float, tunables))

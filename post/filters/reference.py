@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from post.filters.constants import AT_EDGES, B3, COARSE_POWER, FLOOR
+from post.filters.constants import AT_EDGES, B3, COARSE_POWER, FLOOR, MIN_CONTRAST, MIN_MEAN, NARROWEST
 from post.filters.edges import Surface, blurred, edge_weight, offsets, padded, windows
 
 
@@ -156,6 +156,15 @@ def _open_share(
                 perspective=perspective, depth_sensitivity=depth_sensitivity, normal_power=normal_power,
             )  # fmt: skip
     return total[:, None] / 4
+
+
+def limits_reference(
+    light: Tensor, variance: Tensor, sigma: float, sensitivity: float, phi_color: float
+) -> tuple[Tensor, Tensor]:
+    """Arguments and result are those of `post.filters.op.bilateral_limits`."""
+    noise = variance.clamp_min(1e-12).sqrt() / light.abs().clamp_min(MIN_MEAN)
+    width = sigma * (NARROWEST + (1 - NARROWEST) * (sensitivity * noise).clamp_max(1.0))
+    return width, phi_color * noise_of_mean(variance) + MIN_CONTRAST * light.abs()
 
 
 def noise_of_mean(variance: Tensor) -> Tensor:

@@ -21,17 +21,18 @@ def upsampled_rows(out, low, guide, plane, clear, stride, row, column, perspecti
     batch, _, height, width = out.shape
     grid = Grid(stride, row, column, low.shape[2], low.shape[3])
     for thread in prange(threads):
-        weights = np.empty(AROUND, np.float32)
+        weights, near = np.empty(AROUND, np.float32), np.empty((3, width), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, 0, width, grid, perspective)
+            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, near, y, 0, width, grid, perspective)
 
 
 @scalar
 def upsampled_pixel(i, out, low, guide, plane, clear, stride, row, column, perspective):
     b, y, x = pixel_of(i, out.shape[2], out.shape[3])
-    grid, weights = Grid(stride, row, column, low.shape[2], low.shape[3]), cuda.local.array(AROUND, np.float32)
-    upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, y, x, x + 1, grid, perspective)
+    grid = Grid(stride, row, column, low.shape[2], low.shape[3])
+    weights, near = cuda.local.array(AROUND, np.float32), cuda.local.array((3, 1), np.float32)
+    upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, near, y, x, x + 1, grid, perspective)
 
 
 upsampled_each = Each(upsampled_pixel)

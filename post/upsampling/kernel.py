@@ -6,18 +6,20 @@ samples around it, of which the inner four are its nearest; the others are weigh
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.approximations import exp2
-from gbufrt.compute.kernel import inlined, scalar
-from post.filters.kernel import edge_exponent, edge_of, guide_row, plane_row
+from gbufrt.compute.kernel import contracted, inlined, scalar
+from post.filters.kernel import guide_row
+from post.filters.weight_kernel import Near, edge_weight, edge_with, near_row
 from post.upsampling import constants
 
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
 ENOUGH, ANY, ONLY_NEAR = np.float32(constants.ENOUGH), np.float32(constants.ANY), np.float32(constants.ONLY_NEAR)
 SENSITIVITY, POWER = np.float32(constants.DEPTH_SENSITIVITY), np.float32(constants.NORMAL_POWER)
+SQUARINGS = (0,) * round(math.log2(constants.NORMAL_POWER))  # of a cosine: see `weight_kernel`
 SPAN = 4  # samples around a pixel, in each direction
 
 Grid = namedtuple("Grid", "stride row column rows columns")
@@ -27,35 +29,62 @@ Pixel = namedtuple("Pixel", "x y left top")
 
 
 @scalar
-def upsampled_row(out, low, guide, plane, clear, weights, y, first, end, grid, perspective):
-    """Pixels ``first`` to ``end`` of a row from samples ``low`` ``(C, h, w)``; ``weights`` is scratch for one pixel."""
-    width = out.shape[2]
-    edge = edge_of(guide, perspective, SENSITIVITY / np.float32(grid.stride), POWER)
-    here, planes = guide_row(guide, y, 0, width), plane_row(plane, y, 0, width)
+def upsampled_row(out, low, guide, plane, clear, weights, near, y, first, end, grid, perspective):
+    """Pixels ``first`` to ``end`` of a row from samples ``low`` ``(C, h, w)``; ``weights`` is room for those around a
+    pixel, and ``near`` ``(3, end - first)`` for the pixels' `weight_kernel.Near`.
+    """
+    edge = edge_with(guide, perspective, SQUARINGS, POWER)
+    near_row(near, plane, y, first, end, SENSITIVITY / np.float32(grid.stride))
+    here, planes = guide_row(guide, y, first, end), Near(near[0], near[1], near[2])
     for x in range(first, end):
-        if here.hit[x] == ZERO:
+        if here.hit[x - first] == ZERO:
             for c in range(out.shape[0]):
                 out[c, y, x] = clear[c]
             continue
         at = Pixel(x, y, (x - grid.column) // grid.stride, (y - grid.row) // grid.stride)
+        if _is_sample(at, grid):
+            for c in range(out.shape[0]):
+                out[c, y, x] = low[c, at.top, at.left]
+            continue
         weights[:] = ZERO
-        total, start, stop = _weigh(weights, 1, 3, ONE, at, grid, guide, here, planes, edge), 1, 3
+        total, start, stop = _weigh(weights, 1, 3, ONE, at, grid, guide, x - first, here, planes, edge), 1, 3
         if total < ENOUGH:
-            total += _weigh(weights, 0, SPAN, ONE - total / ENOUGH, at, grid, guide, here, planes, edge)
+            total += _weigh(weights, 0, SPAN, ONE - total / ENOUGH, at, grid, guide, x - first, here, planes, edge)
             start, stop = 0, SPAN
-        scale = ONE / max(total, TINY)
-        for c in range(out.shape[0]):
-            value = ZERO
-            for j in range(start, stop):
-                row = min(max(at.top + j - 1, 0), grid.rows - 1)
-                for i in range(start, stop):
-                    value += weights[j * SPAN + i] * low[c, row, min(max(at.left + i - 1, 0), grid.columns - 1)]
-            out[c, y, x] = value * scale
+        _mix(out, low, weights, ONE / max(total, TINY), start, stop, at, grid)
 
 
 @inlined
-def _weigh(weights, start, end, factor, at, grid, guide, here, planes, edge):
-    """Add the weights of the nearest samples, from 1 to 3 both ways, or of all; the sum of what was added."""
+def _is_sample(at, grid):
+    """Whether a pixel is itself a sample: it then keeps its value, because all its weight is its own."""
+    inside = at.top >= 0 and at.left >= 0
+    across, down = at.left * grid.stride + grid.column, at.top * grid.stride + grid.row
+    return inside and across == at.x and down == at.y
+
+
+@contracted
+@inlined
+def _mix(out, low, weights, scale, start, end, at, grid):
+    """A pixel from its samples by their weights."""
+    for c in range(out.shape[0]):
+        out[c, at.y, at.x] = ZERO
+    for j in range(start, end):
+        row = min(max(at.top + j - 1, 0), grid.rows - 1)
+        for i in range(start, end):
+            weight = weights[j * SPAN + i] * scale
+            if weight != ZERO:
+                column = min(max(at.left + i - 1, 0), grid.columns - 1)
+                for c in range(out.shape[0]):
+                    out[c, at.y, at.x] += weight * low[c, row, column]
+
+
+@contracted
+@inlined
+def _weigh(weights, start, end, factor, at, grid, guide, number, here, planes, edge):
+    """Add the weights of the nearest samples, from 1 to 3 both ways, or of all; the sum of what was added.
+
+    ``number`` is the pixel's in ``here`` and ``planes``.
+    """
     every, total = end == SPAN, ZERO
     reach = ONE + ONE if every else ONE
     across, down = _samples(at.x - grid.column, grid.stride), _samples(at.y - grid.row, grid.stride)
@@ -68,8 +97,7 @@ def _weigh(weights, start, end, factor, at, grid, guide, here, planes, edge):
             if share == ZERO and not every:
                 continue
             column = min(max(at.left + i - 1, 0), grid.columns - 1) * grid.stride + grid.column
-            exponent = edge_exponent(at.x, here, planes, column, there, np.float32(column - at.x), dy, edge)
-            same = there.hit[column] * exp2(exponent)
+            same = edge_weight(number, here, planes, column, there, np.float32(column - at.x), dy, edge, ZERO)
             if every:
                 share, same = share + ONLY_NEAR, same + ANY * there.hit[column] + ANY * ANY
             weights[j * SPAN + i] += factor * share * same

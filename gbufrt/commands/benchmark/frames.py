@@ -55,10 +55,10 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
         spent[name].append((now(name) - begun) * 1e3)
 
     def total() -> float:
-        state, totals = None, []
-        for index in range(repeats + 1):
+        results, totals = pipeline.stream(frame.replace(index=index) for index in range(repeats + 1)), []
+        for _ in range(repeats + 1):
             start = time.perf_counter()
-            _, state = pipeline(frame.replace(index=index), state)
+            next(results)
             wait(device)
             totals.append((time.perf_counter() - start) * 1e3)
         return median(totals[1:])

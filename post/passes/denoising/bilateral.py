@@ -7,14 +7,10 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.specular import BROAD_ROUGHNESS
-from post.filters.edges import MIN_MEAN
-from post.filters.op import joint_bilateral, spatial_moments
-from post.filters.reference import noise_of_mean
+from post.filters.op import bilateral_limits, joint_bilateral, spatial_moments
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 
-MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
-NARROWEST = 0.4  # of sigma, where there is no noise
 LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
 
 
@@ -77,8 +73,9 @@ def bilateral(
     geometry = surface(depth, normal, hit, camera, roughness)
     local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
     variance = spread if variance is None else variance
-    noise = variance.clamp_min(1e-12).sqrt() / local.abs().clamp_min(MIN_MEAN)
-    width = sigma * (NARROWEST + (1 - NARROWEST) * (variance_sensitivity * noise).clamp_max(1.0))
+    width, tolerance = bilateral_limits(
+        local, variance, sigma=sigma, sensitivity=variance_sensitivity, phi_color=phi_color
+    )
     if roughness is not None:
         width = width * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)
     if confidence is not None:
@@ -86,7 +83,6 @@ def bilateral(
     if roughness is not None and distance is not None:
         lobe = LOBE * roughness.square() * distance * camera.pixels_per_unit(depth + distance)
         width = torch.minimum(width, lobe.clamp_min(1e-3))
-    tolerance = phi_color * noise_of_mean(variance) + MIN_CONTRAST * local.abs()
     return joint_bilateral(
         torch.cat([signal, local], dim=1), geometry, width, tolerance,
         radius=radius, depth_sensitivity=depth_sensitivity, normal_power=normal_power,

@@ -18,6 +18,7 @@ from post.filters.surfaces import surface
 from post.history.antilag import pooled, sample_variance
 from post.history.constants import YOUNG
 from post.history.op import accumulate, read_history
+from post.history.planes import together
 from post.history.reproject import geometry_of, history_for, motion_of
 from post.passes.denoising.atrous import atrous
 
@@ -100,7 +101,7 @@ def _fetch(
             f"the history holds {kept['signal'].shape[1]} channels but the signal has {signal.shape[1]}; "
             "start with state=None when signals come or go"
         )
-    everything = torch.cat([*(kept[name] for name in STORED), history.length], dim=1)
+    everything = together([*(kept[name] for name in STORED), history.length])
     options: dict[str, Any] = {"length": history.length}
     if sharp:
         options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from post.filters.op import smooth_stairs
+from post.filters.fxaa_op import smooth_stairs
 
 
 def fxaa(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from gbufrt.compute.approximations import atan2, cos_sin, exp2, log2
+from gbufrt.compute.approximations import atan2, cos_sin, exp2, falling_exp2, log2
 
 
 def test_exp2() -> None:
@@ -14,6 +14,14 @@ def test_exp2() -> None:
     assert np.abs(got / 2.0 ** x.astype(np.float64) - 1).max() < 3e-7
     assert exp2(np.float32(-1e9)) < 1.2e-38
     assert 1e38 < exp2(np.float32(1e9)) < np.inf
+
+
+def test_falling_exp2() -> None:
+    x = np.append(np.linspace(-125.9, 0, 5001, dtype=np.float32), np.float32(0))
+    with np.errstate(over="ignore"):
+        got = np.array([falling_exp2(v) for v in x], dtype=np.float64)
+    assert np.abs(got / 2.0 ** x.astype(np.float64) - 1).max() < 3e-7
+    assert falling_exp2(np.float32(-1e9)) < 1.2e-38
 
 
 def test_log2() -> None:

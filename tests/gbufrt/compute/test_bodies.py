@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import torch
 
-from gbufrt.compute.bodies import fingerprint, inlined, is_scalar, scalar
+from gbufrt.compute.bodies import contracted, fingerprint, inlined, is_scalar, scalar
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import CPU
 
@@ -122,11 +122,12 @@ def thrice(x):
     return 3 * x
 
 
-def test_an_inlined_helper_is_scalar_and_the_key_says_that_it_is_inlined(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("mark", [inlined, contracted])
+def test_a_marked_helper_is_scalar_and_the_key_says_how_it_is_marked(mark, monkeypatch: pytest.MonkeyPatch) -> None:
     before = fingerprint(uses_thrice)
-    monkeypatch.setitem(thrice.__dict__, "__inlined__", True)
+    monkeypatch.setitem(thrice.__dict__, f"__{mark.__name__}__", True)
     assert fingerprint(uses_thrice) != before
-    assert is_scalar(inlined(lambda x: x))
+    assert is_scalar(mark(lambda x: x))
 
 
 @scalar

@@ -10,7 +10,9 @@ from torch import Tensor
 from post.filters.edges import Surface
 from post.filters.op import (
     bilateral_cpu,
+    bilateral_limits,
     joint_bilateral,
+    limits_cpu,
     moments,
     moments_cpu,
     spatial_moments,
@@ -70,6 +72,25 @@ def test_joint_bilateral(case: str, radius: int) -> None:
     assert float((got - values[:, :-1]).abs().mean()) > 0.03
 
 
+@pytest.mark.parametrize("power", [2.0, 40.0, 200.0])
+def test_powers_of_normals_that_squares_do_not_make(power: float) -> None:
+    flat = scene()
+    normal = torch.nn.functional.normalize(flat.guide[:, 1:4] + 0.4 * noise(3), dim=1)
+    geometry = Surface(torch.cat([flat.guide[:, :1], normal, flat.guide[:, 4:]], dim=1), flat.plane, True)
+    inputs = (noise(2), geometry, 4 + 0 * noise(1), 1 + noise(1))
+    options = {"radius": 2, "depth_sensitivity": 1.0, "normal_power": power}
+    got, want = (joint_bilateral(*inputs, **options, compiled=form) for form in (True, False))
+    assert_close(got, want)
+
+
+def test_limits() -> None:
+    given, options = (noise(1) - 0.5, noise(2)[:, 1:] - 0.1), {"sigma": 3.0, "sensitivity": 0.7, "phi_color": 2.0}
+    got, want = (bilateral_limits(*given, **options, compiled=form) for form in (True, False))
+    for one, other in zip(got, want, strict=True):
+        assert_close(one, other)
+        assert float(other.std()) > 0.01
+
+
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (2, 2), (5, 3)])
 def test_pictures_smaller_than_the_kernel(size: tuple[int, int]) -> None:
     ones = torch.ones(1, 1, *size)
@@ -122,6 +143,7 @@ def test_operators_are_registered_properly() -> None:
     for operator, given in (
         (moments_cpu, (noise(1), *planes, 1, True, 1.0)),
         (wavelet_cpu, (noise(5), *planes, noise(1), 2, True, 1.0, 1.0, 128.0)),
+        (limits_cpu, (noise(1), noise(1), 1.0, 1.0, 1.0)),
         (bilateral_cpu, (noise(4), *planes, noise(1), noise(1), 2, True, 1.0, 32.0)),
     ):
         torch.library.opcheck(operator, given, test_utils=checks)

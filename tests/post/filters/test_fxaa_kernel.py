@@ -9,7 +9,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.filters.op import smooth_stairs, stairs_cpu
+from post.filters.fxaa_op import smooth_stairs, stairs_cpu
 
 TUNABLES: dict[str, Any] = {"subpixel": 0.5, "edge_threshold": 0.125, "dark_threshold": 0.03}
 

@@ -1,0 +1,231 @@
+"""The compiled denoisers: how a wavelet, a joint bilateral kernel and moments weigh their taps, a row at a time.
+
+Names and steps are those of the torch reference in `post.filters.reference`, the definition; what they share is in
+`post.filters.weight_kernel`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from gbufrt.compute.approximations import LOG2_E
+from gbufrt.compute.kernel import contracted, inlined, scalar
+from post.filters import constants
+from post.filters.constants import B3
+from post.filters.kernel import guide_row
+from post.filters.weight_kernel import edge_weight, near_of, there_row, weigh_further
+
+ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+LEAST, NOISELESS, THIRD = np.float32(1e-6), np.float32(1e-12), np.float32(1 / 3)
+FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
+NARROWEST, MIN_CONTRAST = np.float32(constants.NARROWEST), np.float32(constants.MIN_CONTRAST)
+MIN_MEAN = np.float32(constants.MIN_MEAN)
+
+Own = namedtuple("Own", "light scale limit")
+"""What a pixel holds against its taps: its light, a factor on the difference, and what a square pixel away costs."""
+
+
+@scalar
+def surface_weights(weights, guide, near, y, taps, edge):
+    """The weights of taps by surface alone, for a row of pixels."""
+    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
+    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
+    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
+    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
+    if taps.count == 1:
+        for i in range(size):
+            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
+    else:
+        for i in range(size):
+            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
+            two[i] = edge_weight(i, here, near, i + step, there, dx + gap, dy, edge, ZERO)
+            three[i] = edge_weight(i, here, near, i + step + step, there, dx + gap + gap, dy, edge, ZERO)
+    weigh_further(weights, guide, y, taps, edge)
+
+
+@contracted
+@inlined
+def _wavelet_weight(i, here, near, own, j, there, other, dx, dy, edge):
+    """One tap of `reference.wavelet_reference`, without its share."""
+    away = abs(other[j] - own.light[i]) * own.scale[i] + own.limit[i] * (dx * dx + dy * dy)
+    return edge_weight(i, here, near, j, there, dx, dy, edge, -away)
+
+
+@contracted
+@scalar
+def wavelet_weights(weights, guide, near, light, scale, limit, y, taps, shares, edge):
+    """The weights of taps of `reference.wavelet_reference` for a row of pixels; ``shares`` are the B-spline's."""
+    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
+    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
+    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
+    own = Own(light[y, taps.first : taps.end], scale[taps.first : taps.end], limit[taps.first : taps.end])
+    other = light[taps.y, taps.first + taps.dx : taps.end + taps.dx + (taps.count - 1) * taps.step]
+    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
+    if taps.count == 1:
+        share = shares[taps.number]
+        for i in range(size):
+            one[i] = share * _wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
+    else:
+        a, b, c = shares
+        for i in range(size):
+            j, k = i + step, i + step + step
+            one[i] = a * _wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
+            two[i] = b * _wavelet_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
+            three[i] = c * _wavelet_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
+    weigh_further(weights, guide, y, taps, edge)
+
+
+@contracted
+@inlined
+def _bilateral_weight(i, here, near, own, j, there, other, dx, dy, edge):
+    """One tap of `reference.bilateral_reference`."""
+    away = (other[j] - own.light[i]) * own.scale[i]
+    exponent = own.limit[i] * (dx * dx + dy * dy) - LOG2_E * max(away * away - ONE, ZERO)
+    return edge_weight(i, here, near, j, there, dx, dy, edge, exponent)
+
+
+@scalar
+def bilateral_weights(weights, guide, near, light, scale, falloff, y, taps, edge):
+    """The weights of taps of `reference.bilateral_reference` for a row of pixels."""
+    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
+    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
+    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
+    own = Own(light[y, taps.first : taps.end], scale[taps.first : taps.end], falloff[taps.first : taps.end])
+    other = light[taps.y, taps.first + taps.dx : taps.end + taps.dx + (taps.count - 1) * taps.step]
+    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
+    if taps.count == 1:
+        for i in range(size):
+            one[i] = _bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
+    else:
+        for i in range(size):
+            j, k = i + step, i + step + step
+            one[i] = _bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
+            two[i] = _bilateral_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
+            three[i] = _bilateral_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
+    weigh_further(weights, guide, y, taps, edge)
+
+
+@contracted
+@scalar
+def add_moments(sums, weights, light, y, taps):
+    """Add taps to the sums of `reference.moments_reference`; they are about the centre's value."""
+    first, end = taps.first, taps.end
+    total, mean, square, here = sums[0, first:end], sums[1, first:end], sums[2, first:end], light[y, first:end]
+    for k in range(taps.count):
+        shift = taps.dx + k * taps.step
+        row, there = weights[k, : end - first], light[taps.y, first + shift : end + shift]
+        for i in range(row.shape[0]):
+            away, weight = there[i] - here[i], row[i]
+            total[i] += weight
+            mean[i] += weight * away
+            square[i] += weight * away * away
+
+
+@contracted
+@scalar
+def add_spread(spread, weights, variance, taps):
+    """Add the taps' variance, weighted as that of a mean."""
+    total = spread[taps.first : taps.end]
+    for k in range(taps.count):
+        shift = taps.dx + k * taps.step
+        row, there = weights[k, : total.shape[0]], variance[taps.y, taps.first + shift : taps.end + shift]
+        for i in range(row.shape[0]):
+            total[i] += row[i] * row[i] * there[i]
+
+
+@scalar
+def finish_moments(out, total, mean, square, light, y):
+    """Mean and unbiased variance of a row from its sums."""
+    means, variances, here = out[0, y], out[1, y], light[y]
+    for x in range(here.shape[0]):
+        count = max(total[x], LEAST)
+        average = mean[x] / count
+        variance = max(square[x] / count - average * average, ZERO)
+        means[x] = average + here[x]
+        variances[x] = variance * (count / max(count - ONE, ONE))
+
+
+@scalar
+def noise_row(noise, column, variance, y):
+    """A row of the 3x3 means' standard deviation: `edges.blurred` variance, its root, over the root of nine."""
+    height, width = variance.shape
+    above, here, below = variance[max(y - 1, 0)], variance[y], variance[min(y + 1, height - 1)]
+    upper, lower = QUARTER if y > 0 else ZERO, QUARTER if y + 1 < height else ZERO
+    norm = ONE / (upper + lower + QUARTER + QUARTER)
+    for x in range(width):
+        column[x] = (upper * above[x] + (QUARTER + QUARTER) * here[x] + lower * below[x]) * norm
+    last = width - 1
+    left, right, middle = column[: max(last - 1, 0)], column[2:], column[1 : max(last, 1)]
+    inner = noise[1 : max(last, 1)]
+    for i in range(inner.shape[0]):
+        inner[i] = QUARTER * (left[i] + right[i]) + (QUARTER + QUARTER) * middle[i]
+    for x in (0, last):
+        beside = column[min(x + 1, last)] if x == 0 else column[x - 1]
+        noise[x] = (column[x] + column[x] + beside) / (ONE + ONE + ONE) if width > 1 else column[x]
+    for x in range(width):
+        noise[x] = math.sqrt(max(noise[x], ZERO) + NOISELESS) * THIRD
+
+
+@scalar
+def wavelet_limits(limits, light, reach, y, phi_color):
+    """What differences cost in exponents of 2: a unit of luminance, from the noise there, and a square pixel."""
+    here, wide, phi = light[y], reach[y], np.float32(phi_color)
+    noise, square = limits[0], limits[1]
+    for x in range(here.shape[0]):
+        noise[x] = LOG2_E / (phi * noise[x] + FLOOR * abs(here[x]))
+        square[x] = LOG2_E * wide[x]
+
+
+@scalar
+def spline_shares(i, j):
+    """The B-spline's shares of the taps (i, j), (i + 1, j) and (i + 2, j)."""
+    down, last = B3[j + 2], len(B3) - 1
+    return np.float32(down * B3[i + 2]), np.float32(down * B3[i + 3]), np.float32(down * B3[min(i + 4, last)])
+
+
+@scalar
+def center_row(sums, values, y, span):
+    """Begin the sums of a row with the wavelet's middle tap."""
+    share, channels = np.float32(B3[2] * B3[2]), values.shape[0] - 1
+    first, end = span
+    sums[:] = 0
+    for c in range(channels):
+        total, here = sums[c, first:end], values[c, y, first:end]
+        for i in range(total.shape[0]):
+            total[i] = share * here[i]
+    spread, here = sums[channels + 1, first:end], values[channels, y, first:end]
+    sums[channels, first:end] = share
+    for i in range(spread.shape[0]):
+        spread[i] = share * share * here[i]
+
+
+@scalar
+def bilateral_limits(limits, share, width, tolerance, y):
+    """One over the tolerance, and the spatial Gaussian as an exponent of 2 for each square pixel; narrower at edges."""
+    scale, falloff, here, limit, half = limits[0], limits[1], width[y], tolerance[y], LOG2_E / np.float32(2)
+    for x in range(here.shape[0]):
+        sigma = here[x] * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share[x])
+        scale[x], falloff[x] = ONE / limit[x], -half / (sigma * sigma)
+
+
+@scalar
+def limits_row(width, tolerance, column, light, variance, y, sigma, sensitivity, phi_color):
+    """A row of `reference.limits_reference`."""
+    wide, limit, here, spread = width[y], tolerance[y], light[y], variance[y]
+    noise_row(limit, column, variance, y)
+    for x in range(here.shape[0]):
+        size = abs(here[x])
+        noise = math.sqrt(max(spread[x], NOISELESS)) / max(size, MIN_MEAN)
+        wide[x] = sigma * (NARROWEST + (ONE - NARROWEST) * min(sensitivity * noise, ONE))
+        limit[x] = phi_color * limit[x] + MIN_CONTRAST * size
+
+
+@scalar
+def finish_row(out, sums, total, before, hit, y):
+    """Means of a row from their sums; pixels that hit nothing are as before."""
+    new, old, known = out[y], before[y], hit[y]
+    for x in range(total.shape[0]):
+        new[x] = sums[x] / max(total[x], LEAST) if known[x] != ZERO else old[x]

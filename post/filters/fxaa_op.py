@@ -1,0 +1,47 @@
+"""Anti-aliasing by luma edges as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.compute.dispatch import Form, form_of
+from post.filters.fxaa_reference import stairs_reference
+
+
+@torch.library.custom_op("gbufrt::smooth_stairs", mutates_args=())
+def stairs_cpu(image: Tensor, subpixel: float, edge_threshold: float, dark_threshold: float) -> Tensor:
+    """``(B, 3, H, W)``. See `smooth_stairs`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import stairs_rows
+
+    out = torch.empty_like(image, memory_format=torch.contiguous_format)
+    luma = image.new_empty(image.shape[0], image.shape[2], image.shape[3] + 2)
+    stairs_rows(array(out), array(luma), array(image), subpixel, edge_threshold, dark_threshold, threads())
+    return out
+
+
+@stairs_cpu.register_fake
+def _(image, subpixel, edge_threshold, dark_threshold):
+    return torch.empty_like(image, memory_format=torch.contiguous_format)
+
+
+def smooth_stairs(
+    image: Tensor, *, subpixel: float, edge_threshold: float, dark_threshold: float, compiled: bool | None = None
+) -> Tensor:
+    """Anti-alias a finished picture by its own luma edges.
+
+    Args:
+        image: ``(B, 3, H, W)`` display-referred and encoded, in [0, 1].
+        subpixel: see `post.fxaa`, as the rest.
+        edge_threshold: see ``subpixel``.
+        dark_threshold: see ``subpixel``.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 3, H, W)``; pixels without an edge are exactly as they were.
+    """
+    tunables = (subpixel, edge_threshold, dark_threshold)
+    if form_of(image, *tunables, compiled=compiled) is Form.REFERENCE:
+        return stairs_reference(image, *tunables)
+    return stairs_cpu(image, *map(float, tunables))

@@ -1,0 +1,148 @@
+"""Edge weights of the filters' taps, compiled: a row of pixels at a time, and three taps where all lie in the picture.
+
+What a pixel brings to its taps is prepared once a row. The cosine between normals is raised to its power by squaring
+it, as often as the length of a tuple says, which the compiler knows; the other factors are added up as exponents of 2.
+Three taps share what they read of their pixel. Names and steps are those of `post.filters.edges.edge_weight`.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from gbufrt.compute.approximations import LOG2_E, exp2, falling_exp2, log2
+from gbufrt.compute.kernel import contracted, inlined, scalar
+from post.filters.constants import ROUGHNESS
+from post.filters.kernel import ROUGHNESS_FALLOFF, guide_row
+
+ZERO, ONE, TWO, TINY = np.float32(0), np.float32(1), np.float32(2), np.float32(1e-30)
+GROUP = 3  # taps at a time
+PARTS = 1 + 2 * GROUP  # of a row: where all taps of a group lie in the picture, and for each what is left and right
+
+Edge = namedtuple("Edge", "perspective squares rest roughness")
+"""How geometry counts: squarings of the cosine (their number is the length), its power beyond these, and roughness."""
+Taps = namedtuple("Taps", "y first end dx dy step count number")
+"""One or three taps: their row, which pixels of the centre's row they serve, the first's place, pixels between them,
+and the first's number in its group."""
+Near = namedtuple("Near", "along x y")
+"""A row of `edges.Surface.plane`, in exponents of 2 for a pixel footprint of distance."""
+
+
+@scalar
+def edge_with(guide, perspective, squares, normal_power):
+    """The constants of an edge weight."""
+    squared = ONE
+    for _ in range(len(squares)):
+        squared *= TWO
+    roughness = ROUGHNESS_FALLOFF if guide.shape[0] > ROUGHNESS else ZERO
+    return Edge(perspective, squares, np.float32(normal_power) - squared, roughness)
+
+
+@contracted
+@scalar
+def near_row(near, plane, y, first, end, depth_sensitivity):
+    """Pixels ``first`` to ``end`` of a row of `Near`, for ``near`` ``(3, end - first)``."""
+    along, slope_x = plane[0, y, first:end], plane[1, y, first:end]
+    slope_y, scale = plane[2, y, first:end], plane[3, y, first:end]
+    out_along, out_x, out_y = near[0], near[1], near[2]
+    factor = LOG2_E * np.float32(depth_sensitivity)
+    for x in range(along.shape[0]):
+        footprint = factor * scale[x]
+        out_along[x] = footprint * along[x]
+        out_x[x], out_y[x] = footprint * slope_x[x], footprint * slope_y[x]
+
+
+@scalar
+def part_of(part, y, span, place, step, count, size):
+    """The taps of a group that a part of a row has: see `PARTS`; empty where there is nothing.
+
+    Args:
+        part: below `PARTS`.
+        y: the centre's row.
+        span: first pixel of the row that counts, and the one after the last.
+        place: (dx, dy) of the first tap, pixels.
+        step: pixels from tap to tap.
+        count: of taps in the group.
+        size: (height, width).
+    """
+    (first, end), (dx, dy), (height, width) = span, place, size
+    low, high = max(first, -dx), min(end, width - dx - (count - 1) * step)
+    if count < GROUP or low >= high:
+        low, high = end, end
+    row, number = y + dy, (part - 1) // 2
+    here = dx + number * step
+    if part == 0:
+        number, here, begin, stop = 0, dx, low, high
+    elif part % 2 == 1:
+        begin, stop = max(first, -here), min(low, end, width - here)
+    else:
+        begin, stop = max(high, -here), min(end, width - here)
+    if number >= count or not 0 <= row < height or begin >= stop:
+        return Taps(y, first, first, 0, 0, 0, 1, 0)
+    return Taps(row, begin, stop, here, dy, step, GROUP if part == 0 else 1, number)
+
+
+@scalar
+def near_of(near, taps):
+    """The pixels of a prepared row that taps serve."""
+    return Near(near[0, taps.first : taps.end], near[1, taps.first : taps.end], near[2, taps.first : taps.end])
+
+
+@scalar
+def there_row(guide, taps):
+    """What taps read of the guide."""
+    return guide_row(guide, taps.y, taps.first + taps.dx, taps.end + taps.dx + (taps.count - 1) * taps.step)
+
+
+@contracted
+@inlined
+def edge_weight(i, here, near, j, there, dx, dy, edge, exponent):
+    """`edges.edge_weight` of pixel i and its tap j times 2 to the power ``exponent``, but for `weigh_further`."""
+    factor = there.depth[j] if edge.perspective else ONE
+    distance = near.along[i] * (there.depth[j] - here.depth[i]) + (near.x[i] * dx + near.y[i] * dy) * factor
+    cosine = max(here.nx[i] * there.nx[j] + here.ny[i] * there.ny[j] + here.nz[i] * there.nz[j], TINY)
+    for _ in range(len(edge.squares)):
+        cosine = cosine * cosine
+    return there.hit[j] * cosine * falling_exp2(exponent - abs(distance))
+
+
+@contracted
+@scalar
+def weigh_further(weights, guide, y, taps, edge):
+    """Multiply weights by what few filters need: a power of the cosine that squarings do not make, and roughness."""
+    if edge.rest == ZERO and edge.roughness == ZERO:
+        return
+    here, every = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps)
+    for k in range(taps.count):
+        row, shift = weights[k, : taps.end - taps.first], np.uint64(k * taps.step)
+        for i in range(np.uint64(row.shape[0])):
+            j = i + shift
+            cosine = here.nx[i] * every.nx[j] + here.ny[i] * every.ny[j] + here.nz[i] * every.nz[j]
+            exponent = edge.rest * log2(min(max(cosine, TINY), ONE))
+            rougher = abs(here.roughness[i] - every.roughness[j]) * edge.roughness
+            row[i] *= exp2(exponent - rougher)
+
+
+@contracted
+@scalar
+def add_values(sums, weights, values, taps, channels):
+    """Add weighted values to the sums of a row, and weights to the sum after them."""
+    first, end, step = taps.first, taps.end, np.uint64(taps.step)
+    size, reach = end - first, end + taps.dx + (taps.count - 1) * taps.step
+    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
+    weight = sums[channels, first:end]
+    if taps.count == 1:
+        for c in range(channels):
+            total, there = sums[c, first:end], values[c, taps.y, first + taps.dx : reach]
+            for i in range(size):
+                total[i] += one[i] * there[i]
+        for i in range(size):
+            weight[i] += one[i]
+        return
+    for c in range(channels):
+        total, there = sums[c, first:end], values[c, taps.y, first + taps.dx : reach]
+        for i in range(np.uint64(size)):
+            total[i] += one[i] * there[i] + two[i] * there[i + step] + three[i] * there[i + step + step]
+    for i in range(size):
+        weight[i] += one[i] + two[i] + three[i]

@@ -1,0 +1,64 @@
+"""States: one that is handed over is let go of stage by stage."""
+
+from __future__ import annotations
+
+import weakref
+
+import boxes
+import torch
+
+from gbufrt import Frame, History, Pass, Pipeline, PipelineState, TemporalPass
+from gbufrt.tree import map_tensors
+
+
+class Remembers(TemporalPass):
+    """Keeps a plane from frame to frame, and notes which planes it has kept."""
+
+    reads, writes = frozenset({"depth"}), frozenset({"count"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.kept: list[weakref.ref[torch.Tensor]] = []
+
+    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
+        length = torch.ones_like(frame.gbuffer.depth) if state is None else state.length + 1
+        self.kept.append(weakref.ref(length))
+        return frame.write("count", length.clone()), History(length=length)
+
+
+class Counts(Pass):
+    """Writes how many of the planes that another pass has kept are still in memory."""
+
+    reads, writes = frozenset({"count"}), frozenset({"alive"})
+
+    def __init__(self, other: Remembers) -> None:
+        super().__init__()
+        self._other = [other]
+
+    def forward(self, frame: Frame) -> Frame:
+        alive = sum(plane() is not None for plane in self._other[0].kept)
+        return frame.write("alive", torch.full_like(frame.read("count"), alive))
+
+
+def streamed(runs: int) -> list[tuple[float, float]]:
+    first = Remembers()
+    pipeline = Pipeline(inner=Pipeline(first=first), then=Counts(first))
+    frames = (boxes.frame(boxes.camera((4, 6)), index=i) for i in range(runs))
+    return [(float(f.read("count").max()), float(f.read("alive").max())) for f in pipeline.stream(frames)]
+
+
+def test_a_stream_lets_go_of_each_old_state_once_it_has_been_read(monkeypatch) -> None:
+    monkeypatch.setattr(PipelineState, "detach", lambda self: self)  # whose tensors are others
+    assert streamed(3) == [(1, 1), (2, 1), (3, 1)]
+
+
+def test_a_state_that_is_not_handed_over_stays_as_it_is() -> None:
+    pipeline = Pipeline(inner=Pipeline(first=Remembers()))
+    frames = [boxes.frame(boxes.camera((4, 6)), index=i) for i in range(3)]
+    _, state = pipeline(frames[0])
+    copy = map_tensors(torch.clone, state)
+    once, again = (pipeline(frames[1], state)[0].read("count") for _ in range(2))
+    assert torch.equal(once, again)
+    handed = copy.handed_over()
+    assert torch.equal(pipeline(frames[1], handed)[0].read("count"), once)
+    assert torch.equal(pipeline(frames[2], copy)[0].read("count"), once)
