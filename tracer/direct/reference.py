@@ -74,10 +74,10 @@ class Direct:
         Returns:
             ``(3, H, W)``.
         """
-        size, lit, sun = self.surface.size, self.surface.lit, self.scene.sun
+        size, sun = self.surface.size, self.scene.sun
         arrived = torch.zeros_like(self.surface.points).view(3, *size)
         if sun is not None:
-            level = ALL * lit.view(size).byte()
+            level = ALL * (self._seen > 0).byte()
             coming = arriving(self.sun(sun), level, noise[:2], seen=self._seen, samples=samples, start=0)
             arrived = coming * coming.new_tensor(sun.irradiance)[:, None, None]
         return arrived + self._lamp_light(noise, samples, arrived) if len(self.lamps) else arrived
@@ -153,10 +153,10 @@ class Direct:
         chosen = torch.zeros(DRAWS, len(known), dtype=torch.long, device=known.device)
         scale = known.new_zeros(chosen.shape)
         faces, seen = [_faces(lamps, lamp) for lamp in range(len(lamps))], surface.share
-        for part in surface.lit.nonzero()[:, 0].split(CHUNK):
+        for part in seen.nonzero()[:, 0].split(CHUNK):
             points, normals = surface.points[:, part], surface.normals[:, part]
             power = torch.stack([_importance(lamps, lamp, faces[lamp], points, normals) for lamp in range(len(lamps))])
-            total = (known[part] + power.sum(dim=0)) / seen[part].clamp_min(1e-6)
+            total = (known[part] + power.sum(dim=0)) / seen[part]
             levels[:, part] = sum((power > s * total).byte() for s in (SHARE_ALONE, SHARE_FINE, SHARE_FULL))
             rest = torch.where(power > SHARE_ALONE * total, 0.0, power)
             upto = rest.cumsum(dim=0)

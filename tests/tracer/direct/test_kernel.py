@@ -80,8 +80,6 @@ def test_what_is_seen_less_and_lit_besides_gets_the_same_light():
     besides = torch.arange(height * width) % width / width
     light = assert_alike(polished_scene(1), 16, 1, seen=seen, besides=besides)
     assert light[:, ::4].abs().max() == 0, "nothing of these rows is seen"
-    whole = forms(polished_scene(1))[0].arriving(blue_noise(*SIZE, index=1, dims=3, seed=1), 16)
-    assert (light - whole)[:, 1::4].abs().mean() > 3 * (light - whole)[:, 3::4].abs().mean()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
