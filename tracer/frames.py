@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from torch import Tensor
+
 from gbufrt import Camera, Frame, GBuffer
 from tracer.direct.fog import foggy
 from tracer.direct.lighting import light
@@ -46,8 +48,9 @@ def render(
     picture = environment(scene).to(camera.device)
     picture = picture.expand(camera.batch, *picture.shape[1:])
 
-    def lit(gbuffer: GBuffer, behind: Frame | None) -> Frame:
-        radiance, ambient = light(scene, gbuffer, poses=poses, samples=light_samples, index=index, times=times)
+    def lit(gbuffer: GBuffer, behind: Frame | None, seen: Tensor | None = None) -> Frame:
+        given = {"samples": light_samples, "index": index, "times": times, "seen": seen}
+        radiance, ambient = light(scene, gbuffer, poses=poses, **given)
         return Frame(
             gbuffer=gbuffer,
             index=index,
@@ -58,5 +61,6 @@ def render(
             behind=behind,
         )
 
-    frame = lit(first, None if second is None else lit(second, None))
+    through = None if first.transmittance is None else first.transmittance.amax(dim=1, keepdim=True)
+    frame = lit(first, None if second is None else lit(second, None, through))
     return frame if scene.fog is None else foggy(scene, frame, poses=poses, index=index)

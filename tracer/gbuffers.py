@@ -209,13 +209,12 @@ def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor, rises: 
         motion, motion_z = _moved(rays, depth, points, (rises != 0)[:, None], motion, motion_z)
     if not scene.instances or not bool((hits.instance > 0).any()):
         return motion, motion_z
-    matrices = scene.world_from_model(rays.poses_before.double())
-    matrices = torch.cat(
-        [torch.eye(4, dtype=torch.float64, device=depth.device).expand_as(matrices[:, :1]), matrices], 1
-    )
-    chosen = matrices[torch.arange(camera.batch, device=depth.device)[:, None, None], hits.instance.long()]
-    points = (chosen[..., :3, :3] @ hits.local.double()[..., None])[..., 0] + chosen[..., :3, 3]
-    return _moved(rays, depth, points.permute(0, 3, 1, 2), (hits.instance > 0)[:, None], motion, motion_z)
+    moves = hits.instance > 0
+    batch, *_ = where = moves.nonzero(as_tuple=True)
+    chosen = scene.world_from_model(rays.poses_before.double())[batch, hits.instance[where].long() - 1]
+    points = depth.new_zeros(*moves.shape, 3, dtype=torch.float64)
+    points[where] = (chosen[:, :3, :3] @ hits.local[where].double()[..., None])[..., 0] + chosen[:, :3, 3]
+    return _moved(rays, depth, points.permute(0, 3, 1, 2), moves[:, None], motion, motion_z)
 
 
 def _moved(

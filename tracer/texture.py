@@ -8,12 +8,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.tree import map_tensors
 from tracer.scene.scene import Scene
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
 from tracer.traversal.rays import Hits
 
 OCTAVES = ((8, 0.55), (2, 0.2), (1, 0.45))
 """Cells along a face's side and their amplitude: the texels, coarse blotches, and the whole face."""
+FADED = 0.75  # pixels across a cell up to which it is not visible
 GRAZING = 0.05  # least cosine between a textured normal and the way back along the ray
 
 
@@ -51,7 +53,10 @@ def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, 
     table, which = scene.materials, hits.material.long()
     scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
     pixels = pixels_per_unit * (hits.normal * directions).sum(-1).abs().clamp_min(1e-3).sqrt()
-    tone = 1 + table.variation[which] * variation(hits, hits.instance, pixels * scales)
+    strays, wide = table.variation[which], pixels * scales
+    shows = (hits.hit & (strays > 0) & (wide > FADED)).nonzero(as_tuple=True)
+    tone = torch.ones_like(strays)
+    tone[shows] += strays[shows] * variation(map_tensors(lambda x: x[shows], hits), hits.instance[shows], wide[shows])
     plain = Look(
         albedo=(table.albedo[which] * tone[..., None]).clamp(0.0, 1.0),
         roughness=table.roughness[which],
@@ -125,7 +130,7 @@ def variation(hits: Hits, texture_ids: Tensor, pixels_per_voxel: Tensor) -> Tens
     for side, amplitude in OCTAVES:
         cell = (uv * side).long().clamp_max(side - 1)
         number = mix(face + (cell[..., 0] * side + cell[..., 1] + 64 * side) * 668265263)
-        visible = ((pixels_per_voxel / side - 0.75) / 1.25).clamp(0.0, 1.0)  # from 3/4 of a pixel to two
+        visible = ((pixels_per_voxel / side - FADED) / 1.25).clamp(0.0, 1.0)  # up to two pixels
         total = total + amplitude * visible * (number.to(total.dtype) * (2.0 / 0xFFFFFFFF) - 1.0)
     return total
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gbufrt.compute.kernel import allocating, scalar
 from tracer.direct.kernel import AREA, CENTER, FACING, MEAN, MOVED, OFFSET, RADIUS
-from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, SHARE_ALONE, SHARE_FINE
+from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
@@ -86,28 +86,30 @@ def bound(sources, number, center, reach, low, high):
 
 @allocating
 def extent(surface, start, width, tile):
-    """The lit pixel nearest a tile's centre (-1 for none), and the ranges of its lit points and normals."""
-    points, normals, lit = surface
-    nearest, middle = np.inf, -1
+    """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
+    ranges of its lit points and normals."""
+    points, normals, seen = surface
+    nearest, middle, clearest = np.inf, -1, 0.0
     low, high = np.full(6, np.inf), np.full(6, -np.inf)
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
             i = start + y * width + x
-            if lit[i]:
+            if seen[i] > 0:
+                clearest = max(clearest, seen[i])
                 away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
                 if away < nearest:
                     nearest, middle = away, i
                 for k in range(3):
                     low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
                     low[3 + k], high[3 + k] = min(low[3 + k], normals[i, k]), max(high[3 + k], normals[i, k])
-    return middle, low, high
+    return middle, clearest, low, high
 
 
 @scalar
-def find_candidates(sources, few, point, normal, known, low, high, candidates, others):
+def find_candidates(sources, few, point, normal, known, clearest, low, high, candidates, others):
     """Sort all lamps into candidates and others; up to ``few`` lamps are all candidates.
 
-    ``point``, ``normal`` and ``known`` are those of one pixel, ``low`` and ``high`` the tile's ranges. Left in
+    ``point``, ``normal`` and ``known`` are those of one pixel, the rest of the tile as `extent` gives it. Left in
     ``others``: their numbers, and the sum of their weights up to each. Returned: the number of both, and what the
     others send to the pixel.
     """
@@ -124,6 +126,7 @@ def find_candidates(sources, few, point, normal, known, low, high, candidates, o
     for number in range(lamps):
         upto[number] = roughly(sources, number, point, normal)
         total += upto[number]
+    total /= clearest
     found, count, rest, sent = 0, 0, 0.0, 0.0
     for number in range(lamps):
         here, most_here = upto[number], bound(sources, number, center, reach, least, most)
@@ -138,42 +141,48 @@ def find_candidates(sources, few, point, normal, known, low, high, candidates, o
 
 
 @scalar
-def list_lamps(sources, candidates, point, normal, known, sent, power, marked):
+def list_lamps(sources, candidates, point, normal, known, seen, sent, power, marked):
     """List the candidates worth rays of their own; leave in ``power`` the importance of the rest.
 
     A lamp for which ``marked`` has no room stays in the rest. Returned: the length of the list, the sum of ``power``,
-    and how many of the rest are drawn.
+    and how many of the rest are drawn in the mean.
     """
     total = known + sent
     for k in range(len(candidates)):
         power[k] = importance(sources, candidates[k], point, normal)
         total += power[k]
+    total /= seen
     count, rest = 0, 0.0
     for k in range(len(candidates)):
         if power[k] > SHARE_ALONE * total and count < len(marked):
-            marked[count] = 2 * candidates[k] + (1 if power[k] > SHARE_FINE * total else 0)
+            level = 1 + (1 if power[k] > SHARE_FINE * total else 0) + (1 if power[k] > SHARE_FULL * total else 0)
+            marked[count] = 4 * candidates[k] + level
             count += 1
             power[k] = 0.0
         rest += power[k]
-    draws = min(max(math.ceil(DRAWS_PER_SHARE * (rest + sent) / max(total, 1e-30)), 1), DRAWS)
+    share = (rest + sent) / max(total, 1e-30)
+    draws = min(max(DRAWS_PER_SHARE * share, min(max(FAINT * share, 1e-6), 1.0)), DRAWS)
     return count, rest, draws
 
 
 @scalar
 def draw_rest(candidates, power, rest, others, count, die, draws, chosen, scale):
-    """Draw lamps of the rest: candidates by importance, others by weight; ``scale`` is the inverse of how often."""
+    """Draw lamps of the rest: candidates by importance, others by weight; ``scale`` is the inverse of how often.
+
+    There are ``draws`` in the mean: each is a step further along the sum of the weights, from a first place by ``die``.
+    """
     numbers, upto = others
     total = rest + (upto[count - 1] if count > 0 else 0.0)
     draw, reached, last = 0, 0.0, -1
     for k in range(len(candidates)):
         if power[k] > 0:
             reached, last = reached + power[k], k
-            while draw < draws and (die + draw) / draws * total < reached:
+            while die + draw < draws and (die + draw) / draws * total < reached:
                 chosen[draw], scale[draw] = candidates[k], total / (power[k] * draws)
                 draw += 1
-    while draw < draws and count > 0:
+    while die + draw < draws and count > 0:
         k = min(np.searchsorted(upto[:count], (die + draw) / draws * total - rest, side="right"), count - 1)
         chosen[draw], scale[draw] = numbers[k], total / ((upto[k] - (upto[k - 1] if k > 0 else 0.0)) * draws)
         draw += 1
-    if draw < draws and last >= 0:  # rounded up to the end
+    if die + draw < draws and last >= 0:  # rounded up to the end
         chosen[draw], scale[draw] = candidates[last], total / (power[last] * draws)

@@ -20,10 +20,10 @@ from gbufrt.compute.kernel import array, driver, scalar, threads
 from tracer.direct import reference
 from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE, draw_rest, extent, find_candidates, list_lamps
 from tracer.direct.kernel import Sources
-from tracer.direct.pixel_kernel import first_rays, light_of_pixel
+from tracer.direct.pixel_kernel import LEVEL, first_rays, light_of_pixel
 from tracer.direct.reference import DRAWS
 from tracer.lights.emitters import Lamps
-from tracer.lights.shadows import MOST, REACH, stages
+from tracer.lights.shadows import AGREE, ALL, MOST, REACH, stages
 from tracer.scene.scene import Sun
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
@@ -39,19 +39,19 @@ LONG = 32  # where their lists may have more entries than that
 def _list_tile(
     sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, tile, candidates, others, power
 ):
-    points, normals, lit = surface
-    i, low, high = extent(surface, start, width, tile)
+    points, normals, seen = surface
+    i, clearest, low, high = extent(surface, start, width, tile)
     found, count, sent = 0, 0, 0.0
     if i >= 0:
-        given = triple(points, i, 0), triple(normals, i, 0), known[i], low, high, candidates, others
+        given = triple(points, i, 0), triple(normals, i, 0), known[i], clearest, low, high, candidates, others
         found, count, sent = find_candidates(sources, few, *given)
     used = candidates[:found]
     for row in range(tile[0], tile[1]):
         for p in range(row * width + tile[2], row * width + tile[3]):
             i = start + p
             counts[p], scale[p, :] = 0, np.float32(0)
-            if lit[i]:
-                given = triple(points, i, 0), triple(normals, i, 0), known[i], sent, power, lists[p]
+            if seen[i] > 0:
+                given = triple(points, i, 0), triple(normals, i, 0), known[i], seen[i], sent, power, lists[p]
                 counts[p], rest, draws = list_lamps(sources, used, *given)
                 draw_rest(used, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
 
@@ -78,7 +78,7 @@ def _first_of(begin, end, space, sources, surface, turned, start, offsets, marke
         point, normal = triple(points, i, 0), triple(normals, i, 0)
         turn = (turned[0, i], turned[1, i])
         for k in range(offsets[p], offsets[p + 1]):
-            first_rays(space, sources, marked[k] >> 1, point, normal, turn, counts, each, blockers, sums[k])
+            first_rays(space, sources, marked[k] >> LEVEL, point, normal, turn, counts, each, blockers, sums[k])
 
 
 @driver
@@ -93,14 +93,14 @@ def first_all(space, sources, widest, surface, turned, start, offsets, marked, c
 
 @scalar
 def _finish(begin, end, space, sources, surface, turned, start, near, rest, counts, each, blockers, found, out):
-    points, normals, _ = surface
+    points, normals, seen = surface
     offsets, (chosen, scale) = near[0], rest
     for p in range(begin, end):
         i = start + p
         if offsets[p + 1] > offsets[p] or scale[p, 0] > 0:
             place = triple(points, i, 0), triple(normals, i, 0), (turned[0, i], turned[1, i])
-            one = chosen[p], scale[p]
-            light = light_of_pixel(space, sources, near, place, p, one, counts, each, blockers, found)
+            agree, one = AGREE / max(seen[i], 1e-6), (chosen[p], scale[p])
+            light = light_of_pixel(space, sources, near, place, p, agree, one, counts, each, blockers, found)
             for c in range(3):
                 out[c, i] += np.float32(light[c])
 
@@ -124,17 +124,17 @@ class Direct(reference.Direct):
 
     def arriving(self, noise: Tensor, samples: int) -> Tensor:
         """See `tracer.direct.reference.Direct.arriving`."""
-        size, lit = self.surface.size, self.surface.lit
+        size, lit = self.surface.size, self.surface.share > 0
         arrived = torch.zeros(3, lit.numel())
         if self.scene.sun is not None:
             for start, rows, pixels in self._bands(1):
                 alone = lit[start : start + pixels].int()
                 offsets = np.concatenate([[0], array(alone.cumsum(0))])
-                marked = np.full(offsets[-1], 2 * len(self.lamps) + 1, np.int32)
+                marked = np.full(offsets[-1], (len(self.lamps) << LEVEL) + ALL, np.int32)
                 none = np.zeros((pixels, DRAWS), np.int32), np.zeros((pixels, DRAWS), np.float32)
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, none)
         if len(self.lamps):
-            known, dice = arrived.mean(dim=0), noise[2].flatten()
+            known, dice = self._known(arrived), noise[2].flatten()
             for start, rows, pixels in self._bands(self._longest):
                 lists, counts, rest = self.lists(known, dice, start, pixels)
                 offsets = np.concatenate([[0], counts.cumsum()])
@@ -193,7 +193,7 @@ class Direct(reference.Direct):
     @cached_property
     def _surface(self) -> tuple[np.ndarray, ...]:
         surface = self.surface
-        return array(surface.points.T), array(surface.normals.T), array(surface.lit)
+        return array(surface.points.T), array(surface.normals.T), array(surface.share)
 
     @cached_property
     def _space(self) -> tuple[np.ndarray, ...]:

@@ -22,6 +22,7 @@ MOVED, AREA = 3, 4
 CENTER, RADIUS, MEAN = 0, 3, 4
 """Columns of `Sources.lamps`; the mean of the radiance."""
 SMALL = 1e-2  # square of the tangent of an angle below which a series is exact in float32
+FAR = 36.0  # square of a distance in diagonals of a rectangle beyond which a series errs by 2e-5 of area / distance^2
 
 
 class Sources(NamedTuple):
@@ -69,18 +70,39 @@ def _edge(a, b, normal):
     return atan2(size, across) * lean / max(size, 1e-20)
 
 
+@inlined
+def _far(square, lean, one, other):
+    """The mean over a rectangle of the cosine to a normal over the cube of the distance, to the second order.
+
+    ``square`` and ``lean`` are the products of the vector to its middle with itself and with the normal, ``one`` and
+    ``other`` those of each edge with itself, with the normal and with that vector.
+    """
+    inverse, bend = 1 / square, 0.0
+    for edge in (one, other):
+        side, tilt, slope = edge
+        slope *= inverse
+        bend += lean * (6 * slope * slope - side * inverse) - 2 * tilt * slope
+    return inverse * inverse * (lean + bend / 6)
+
+
 @scalar
 def rectangle_irradiance(rectangles, k, point, normal):
     """See `tracer.lights.form_factor.rectangle_irradiance`."""
     if dot(triple(rectangles, k, FACING), point) <= rectangles[k, OFFSET]:
         return 0.0
     a = along(triple(rectangles, k, CORNER), point, -1.0)
-    edge = triple(rectangles, k, EDGE_U)
+    edge, other = triple(rectangles, k, EDGE_U), triple(rectangles, k, EDGE_V)
+    middle = along(along(a, edge, 0.5), other, 0.5)
+    square, lean = dot(middle, middle), dot(normal, middle)
+    u, v, lean_u, lean_v = dot(edge, edge), dot(other, other), dot(normal, edge), dot(normal, other)
+    if square > FAR * (u + v) and lean > (abs(lean_u) + abs(lean_v)) / 2:
+        height = dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET]
+        return height * _far(square, lean, (u, lean_u, dot(middle, edge)), (v, lean_v, dot(middle, other)))
     above, total, cut = dot(normal, a), 0.0, False
     leaves = enters = (0.0, 0.0, 0.0)
     for side in range(4):
         if side == 1:
-            edge = triple(rectangles, k, EDGE_V)
+            edge = other
         elif side > 1:
             edge = scaled(triple(rectangles, k, EDGE_U if side == 2 else EDGE_V), -1.0)
         b = added(a, edge)

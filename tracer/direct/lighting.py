@@ -23,6 +23,7 @@ from tracer.weather.waves import above_waves
 
 LIFT = 1e-3  # world units that shadow rays begin above a surface and before it, and
 LIFT_RELATIVE = 2e-6  # of the depth, whose rounding grows with it
+SKY_SHARE = 1 / 64  # of the unoccluded sky's light, which lamps are weighed against
 
 
 def light(
@@ -34,6 +35,7 @@ def light(
     index: int = 0,
     seed: int = 0,
     times: Sequence[float] | None = None,
+    seen: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Direct light and sky light that leave every pixel's surface toward the camera.
 
@@ -44,8 +46,9 @@ def light(
     times the transmittance, is added later.
 
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
-    off: those that may give a pixel at most 1/128 of the light it could get are represented by up to eight of them,
-    drawn in proportion, and those below 1/32 get a sixteenth of the samples.
+    off: those that may give a pixel at most 1/96 of the light it could get are represented by up to eight of them,
+    drawn in proportion, those below 1/32 get a sixteenth of the samples, and those below 1/16 a quarter. A share of the
+    sky's light counts to what a pixel could get, as much of it as reaches all but the deepest caves.
 
     Args:
         scene: what is there, and its sun and sky.
@@ -55,6 +58,8 @@ def light(
         index: frame number, from which the noise comes.
         seed: another seed, another noise.
         times: B, seconds, of the waves that reflect the sun, where there are any; by default 0.
+        seen: ``(B, 1, H, W)`` in [0, 1], how much of each pixel's light reaches the camera; by default all. The less it
+            is, the fewer samples are taken.
 
     Returns:
         ``radiance`` and ``ambient``, both ``(B, 3, H, W)`` outgoing linear radiance.
@@ -75,13 +80,15 @@ def light(
         diffuse = diffuse * gbuffer.opacity
     points = above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
-    arrived = []
+    arrived, sky_light = [], sky_irradiance(scene, gbuffer.normal)
     for b in range(batch):
         surface = Surface(
             points=points[b].flatten(1).float(),
             normals=gbuffer.normal[b].flatten(1).float(),
             lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
             size=camera.size,
+            seen=None if seen is None else seen[b].flatten(),
+            besides=SKY_SHARE * sky_light[b].mean(dim=0).flatten(),
         )
         arrived.append(_direct(scene, poses[b], surface).arriving(noise, samples))
         if scene.waves is not None:
@@ -98,7 +105,7 @@ def light(
     shown = diffuse * torch.stack(arrived)
     if gbuffer.emission is not None:
         shown = shown + gbuffer.emission
-    ambient = diffuse * sky_irradiance(scene, gbuffer.normal)
+    ambient = diffuse * sky_light
     return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
 
 

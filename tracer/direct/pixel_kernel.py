@@ -1,14 +1,16 @@
 """The compiled form of `tracer.direct.reference.Direct.arriving`: one pixel and its list of sources.
 
-A list holds the numbers of sources in rising order, each shifted left by one; the lowest bit says whether the source
-matters enough for more than the first rays.
+A list holds the numbers of sources in rising order, each shifted left by `LEVEL` bits, which say how much the source
+matters; see `tracer.lights.shadows.FIRST`.
 """
 
 from __future__ import annotations
 
 from gbufrt.compute.kernel import scalar
 from tracer.direct.kernel import aim, send
-from tracer.lights.shadows import AGREE, LEAST, MOST, NEXT, REACH, UNBLOCKED, WEIGHT
+from tracer.lights.shadows import ALL, LEAST, MOST, NEXT, QUARTER, REACH, UNBLOCKED, WEIGHT
+
+LEVEL = 2  # bits
 
 
 @scalar
@@ -26,7 +28,7 @@ def _begin(sources, number, samples):
 
 
 @scalar
-def _differs(near, p, k, reach):
+def _differs(near, p, k, reach, agree):
     """Whether the first rays to source ``k`` of pixel ``p`` differ, among themselves or from those within reach.
 
     So they do where none was sent, see `tracer.lights.shadows.arriving`.
@@ -34,20 +36,20 @@ def _differs(near, p, k, reach):
     offsets, marked, sums, width = near
     if sums[k, WEIGHT] <= 0 and sums[k, UNBLOCKED] > 0:
         return True
-    least, most = sums[k, LEAST], sums[k, MOST]
+    number, least, most = marked[k] >> LEVEL, sums[k, LEAST], sums[k, MOST]
     place, column = k - offsets[p], p % width
     for dy in range(-reach, reach + 1):
         for dx in range(-reach, reach + 1):
             q = p + dy * width + dx
             if 0 <= column + dx < width and 0 <= q < len(offsets) - 1:
                 j, end = offsets[q] + place, offsets[q + 1]
-                if j >= end or marked[j] >> 1 != marked[k] >> 1:  # most lists are alike
+                if j >= end or marked[j] >> LEVEL != number:  # most lists are alike
                     j = offsets[q]
-                    while j < end and marked[j] >> 1 < marked[k] >> 1:
+                    while j < end and marked[j] >> LEVEL < number:
                         j += 1
-                if j < end and marked[j] >> 1 == marked[k] >> 1:
+                if j < end and marked[j] >> LEVEL == number:
                     least, most = min(least, sums[j, LEAST]), max(most, sums[j, MOST])
-        if most - least > AGREE:
+        if most - least > agree:
             return True
     return False
 
@@ -64,22 +66,23 @@ def _gathered(light, sums, color, scale):
 
 
 @scalar
-def light_of_pixel(space, sources, near, place, p, rest, counts, each, blockers, found):
-    """Irradiance of pixel ``p`` from the sources of its list, with more rays where the first differ, and the rest."""
+def light_of_pixel(space, sources, near, place, p, agree, rest, counts, each, blockers, found):
+    """Irradiance of pixel ``p`` from the sources of its list and the rest, with more rays where transmission differs by
+    more than ``agree``."""
     offsets, marked, sums, _ = near
     point, normal, turn = place
     first, second, samples = counts
     light = (0.0, 0.0, 0.0)
     for k in range(offsets[p], offsets[p + 1]):
-        number = marked[k] >> 1
-        if samples > first and marked[k] & 1 and _differs(near, p, k, REACH):
+        number, level = marked[k] >> LEVEL, marked[k] & ALL
+        if samples > first and level >= QUARTER and _differs(near, p, k, REACH, agree):
             begin = _begin(sources, number, samples)
             given = space, sources, number, point, normal, turn
             aim(sources, number, point, normal, each, found)
             for row in range(1, MOST + 1):
                 found[row] = sums[k, row]
             send(*given, begin + first, begin + second, each, blockers, found)
-            if found[MOST] - found[LEAST] > AGREE or _differs(near, p, k, NEXT):
+            if level >= ALL and (found[MOST] - found[LEAST] > agree or _differs(near, p, k, NEXT, agree)):
                 send(*given, begin + second, begin + samples, each, blockers, found)
             light = _gathered(light, found, sources.colors[number], 1.0)
         else:

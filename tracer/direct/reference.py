@@ -16,15 +16,29 @@ from torch import Tensor
 from gbufrt.noise.noise import PLASTIC
 from tracer.lights.emitters import Lamps
 from tracer.lights.form_factor import cross, disc_cosine, dot, rectangle_irradiance
-from tracer.lights.shadows import LEAST, MOST, PASSED, SHORT, UNBLOCKED, WEIGHT, ShadowRays, Surface, arriving
+from tracer.lights.shadows import (
+    ALL,
+    FIRST,
+    LEAST,
+    MOST,
+    PASSED,
+    SHORT,
+    UNBLOCKED,
+    WEIGHT,
+    ShadowRays,
+    Surface,
+    arriving,
+)
 from tracer.sampling.sequence import disc
 from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
 
 CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
-SHARE_ALONE = 1 / 128  # lamps that may give a pixel at most this share of its light are drawn
-DRAWS, DRAWS_PER_SHARE = 8, 24  # one ray for each 24th of the light that these give, at most eight
-SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets a sixteenth of the samples
+SHARE_ALONE = 1 / 96  # lamps that may give a pixel at most this share of its light are drawn
+DRAWS, DRAWS_PER_SHARE = 8, 40  # one ray for each 40th of the light that these give, at most eight,
+FAINT = 192  # and at least one in 192 pixels for each 192nd of it, up to one in each
+SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets a sixteenth of the samples,
+SHARE_FULL = 1 / 16  # and one that may give at most this a quarter
 
 Draw = Callable[[Tensor], tuple[Tensor, Tensor, Tensor]]
 """From two numbers in [0, 1) a pixel, ``(2, n)``: directions ``(3, n)``, distances ``(n,)`` and weights ``(n,)``."""
@@ -60,27 +74,37 @@ class Direct:
         Returns:
             ``(3, H, W)``.
         """
-        size, lit, sun = self.surface.size, self.surface.lit, self.scene.sun
+        size, sun = self.surface.size, self.scene.sun
         arrived = torch.zeros_like(self.surface.points).view(3, *size)
         if sun is not None:
-            wanted = lit.view(size)
-            coming = arriving(self.sun(sun), wanted, wanted, noise[:2], samples=samples, start=0)
+            level = ALL * (self._seen > 0).byte()
+            coming = arriving(self.sun(sun), level, noise[:2], seen=self._seen, samples=samples, start=0)
             arrived = coming * coming.new_tensor(sun.irradiance)[:, None, None]
         return arrived + self._lamp_light(noise, samples, arrived) if len(self.lamps) else arrived
 
     def _lamp_light(self, noise: Tensor, samples: int, known: Tensor) -> Tensor:
         """``(3, H, W)`` irradiance from lamps, where ``known`` ``(3, H, W)`` comes from elsewhere."""
         size, radiance = self.surface.size, self.lamps.radiance
-        levels, chosen, scale = self.choices(known.mean(dim=0).flatten(), noise[2].flatten())
-        arrived = torch.zeros_like(known)
+        levels, chosen, scale = self.choices(self._known(known), noise[2].flatten())
+        arrived, given = torch.zeros_like(known), {"seen": self._seen}
         for lamp, level in enumerate(levels.view(-1, *size)):
-            coming = arriving(self.lamp(lamp), level >= 1, level >= 2, noise[:2], samples=samples, start=samples * lamp)
+            coming = arriving(self.lamp(lamp), level, noise[:2], samples=samples, start=samples * lamp, **given)
             arrived += coming * radiance[lamp][:, None, None]
         for draw, (lamp, ratio) in enumerate(zip(chosen, scale, strict=True)):
-            left, start = (ratio > 0).view(size), samples * len(self.lamps) + draw
-            coming = arriving(self.lamp_of_each(lamp), left, left, noise[:2], samples=1, start=start)
+            level, start = FIRST * (ratio > 0).view(size).byte(), samples * len(self.lamps) + draw
+            coming = arriving(self.lamp_of_each(lamp), level, noise[:2], samples=1, start=start, **given)
             arrived += coming * (radiance[lamp].T * ratio).view_as(coming)
         return arrived
+
+    def _known(self, arrived: Tensor) -> Tensor:
+        """``(N,)`` irradiance that lamps are weighed against, where ``arrived`` ``(3, ...)`` comes from the sun."""
+        known, besides = arrived.mean(dim=0).flatten(), self.surface.besides
+        return known if besides is None else known + besides
+
+    @property
+    def _seen(self) -> Tensor:
+        """``(H, W)``, see `Surface.seen`."""
+        return self.surface.share.view(self.surface.size)
 
     def sun(self, sun: Sun) -> ShadowRays:
         """Samples of the sun's disc; its unblocked irradiance is what lies above the surface's horizon."""
@@ -119,30 +143,31 @@ class Direct:
             dice: ``(N,)`` in [0, 1).
 
         Returns:
-            ``(L, N)`` uint8: 0 not worth its own rays, 1 worth some, 2 worth all; and the numbers ``(D, N)`` of lamps
-            drawn from those of level 0, in proportion to what they send, with the ratios ``(D, N)`` of what all of
-            these send to what each sends, over how many are drawn; 0 beyond these. All are 0 where a pixel is not lit.
+            ``(L, N)`` uint8, how much each lamp matters, see `tracer.lights.shadows.FIRST`; and the numbers ``(D, N)``
+            of lamps drawn from those of level 0, in proportion to what they send, with the ratios ``(D, N)`` of what
+            all of these send to what each sends, over how many are drawn in the mean; 0 beyond these. All are 0 where
+            a pixel is not lit.
         """
         surface, lamps = self.surface, self.lamps
         levels = torch.zeros(len(lamps), len(known), dtype=torch.uint8, device=known.device)
         chosen = torch.zeros(DRAWS, len(known), dtype=torch.long, device=known.device)
         scale = known.new_zeros(chosen.shape)
-        faces = [_faces(lamps, lamp) for lamp in range(len(lamps))]
-        for part in surface.lit.nonzero()[:, 0].split(CHUNK):
+        faces, seen = [_faces(lamps, lamp) for lamp in range(len(lamps))], surface.share
+        for part in seen.nonzero()[:, 0].split(CHUNK):
             points, normals = surface.points[:, part], surface.normals[:, part]
             power = torch.stack([_importance(lamps, lamp, faces[lamp], points, normals) for lamp in range(len(lamps))])
-            total = known[part] + power.sum(dim=0)
-            levels[:, part] = (power > SHARE_ALONE * total).byte() + (power > SHARE_FINE * total).byte()
+            total = (known[part] + power.sum(dim=0)) / seen[part]
+            levels[:, part] = sum((power > s * total).byte() for s in (SHARE_ALONE, SHARE_FINE, SHARE_FULL))
             rest = torch.where(power > SHARE_ALONE * total, 0.0, power)
             upto = rest.cumsum(dim=0)
             share = upto[-1] / total.clamp_min(1e-30)
-            draws = (DRAWS_PER_SHARE * share).ceil().clamp(1, DRAWS)
+            draws = (FAINT * share).clamp(1e-6, 1).maximum(DRAWS_PER_SHARE * share).clamp_max(DRAWS)
             for draw in range(DRAWS):
                 die = (dice[part] + draw) / draws
-                which = (die * upto[-1] >= upto).sum(dim=0).clamp_max(len(lamps) - 1)
+                which = (die.clamp_max(1) * upto[-1] >= upto).sum(dim=0).clamp_max(len(lamps) - 1)
                 mine = rest.gather(0, which[None])[0]
                 chosen[draw, part] = which
-                drawn = (mine > 0) & (draw < draws)
+                drawn = (mine > 0) & (die < 1)
                 scale[draw, part] = torch.where(drawn, upto[-1] / mine.clamp_min(1e-30) / draws, 0.0)
         return levels, chosen, scale
 

@@ -26,34 +26,55 @@ UNBLOCKED, PASSED, WEIGHT, LEAST, MOST = 0, slice(1, 4), 4, 5, 6
 weight and of the weights, and the least and greatest transmission, 1 and 0 for no samples."""
 
 
+FIRST, QUARTER, ALL = 1, 2, 3
+"""How much a source matters to a pixel: enough for the first of its samples, for a quarter, for all; 0 for less."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surface:
-    """The surfaces of one picture, flat: ``points`` and ``normals`` ``(3, N)`` world space, ``lit`` ``(N,)`` bool
-    (whether a pixel can receive direct light at all), and ``size`` ``(H, W)`` with H W = N."""
+    """The surfaces of one picture, flat.
+
+    Args:
+        points: ``(3, N)`` world space.
+        normals: ``(3, N)`` world space, unit length.
+        lit: ``(N,)`` bool, whether a pixel can receive direct light at all.
+        size: ``(H, W)`` with H W = N.
+        seen: ``(N,)`` in [0, 1], how much of a pixel's light reaches the camera; by default all. Where it is little,
+            so are the samples.
+        besides: ``(N,)`` irradiance that lamps are weighed against, as they are against the sun's; by default 0.
+    """
 
     points: Tensor
     normals: Tensor
     lit: Tensor
     size: tuple[int, int]
+    seen: Tensor | None = None
+    besides: Tensor | None = None
+
+    @property
+    def share(self) -> Tensor:
+        """``(N,)`` what ``seen`` says, 0 where a pixel is not lit."""
+        share = self.lit.to(self.points.dtype)
+        return share if self.seen is None else share * self.seen
 
 
 def arriving(
-    shadow_rays: ShadowRays, wanted: Tensor, refine: Tensor, noise: Tensor, *, samples: int, start: int
+    shadow_rays: ShadowRays, level: Tensor, noise: Tensor, *, seen: Tensor, samples: int, start: int
 ) -> Tensor:
     """Irradiance from a source of unit radiance (the sun: of unit irradiance), with shadows.
 
     A sixteenth of the samples comes first. Away from the edges of shadows these agree with each other and with those of
-    the pixels around, and are enough. Elsewhere a quarter is taken and, where these too or the pixels next to this one
-    differ, all. So it is where the first were not sent, because they chose a place of the source that the surface does
-    not see: their weight is 0, and without others the pixel would stay dark. That omits about one per cent of a
-    source's light in its penumbra, at the faint outer rim. Transmission is the weighted mean over the samples, so that
-    light without shadow is exact.
+    the pixels around, as far as the difference is seen, and are enough. Elsewhere a quarter is taken and, where these
+    too or the pixels next to this one differ, all. So it is where the first were not sent, because they chose a place
+    of the source that the surface does not see: their weight is 0, and without others the pixel would stay dark. That
+    omits about one per cent of a source's light in its penumbra, at the faint outer rim. Transmission is the weighted
+    mean over the samples, so that light without shadow is exact.
 
     Args:
         shadow_rays: samples of the source; see `ShadowRays`.
-        wanted: ``(H, W)`` bool: where the source matters.
-        refine: ``(H, W)`` bool: where it matters enough for more than the first samples.
+        level: ``(H, W)`` uint8: how much the source matters; see `FIRST`.
         noise: ``(2, H, W)`` in [0, 1): how each pixel's sample points are rotated.
+        seen: ``(H, W)`` in [0, 1], how much of a pixel's light reaches the camera.
         samples: at most so many rays a pixel.
         start: number of the first point of the R2 sequence.
 
@@ -62,11 +83,11 @@ def arriving(
 
     Source: Roberts 2018 (R2); Heitz et al. 2018 (ratio of shadowed to analytic light).
     """
-    arrived = noise.new_zeros(3, *wanted.shape)
+    arrived, wanted = noise.new_zeros(3, *level.shape), level > 0
     if not bool(wanted.any()):
         return arrived
     crop = _crop(wanted)
-    wanted, refine, flat = wanted[crop], refine[crop], noise[:, *crop].flatten(1)
+    level, seen, flat = level[crop], seen[crop], noise[:, *crop].flatten(1)
     numbers = torch.arange(arrived[0].numel(), device=flat.device).view(arrived.shape[1:])[crop].flatten()
     sums = flat.new_zeros(MOST + 1, len(numbers))
     sums[LEAST] = 1.0
@@ -81,18 +102,18 @@ def arriving(
         sums[MOST, part] = sums[MOST, part].maximum(found[MOST])
 
     def differ(reach: int) -> Tensor:
-        least, most = (sums[row].view(wanted.shape) for row in (LEAST, MOST))
+        least, most = (sums[row].view(level.shape) for row in (LEAST, MOST))
         unsent = (sums[WEIGHT] <= 0) & (sums[UNBLOCKED] > 0)
-        return (_widest(most, reach) + _widest(-least, reach) > AGREE) | unsent.view(wanted.shape)
+        return ((_widest(most, reach) + _widest(-least, reach)) * seen > AGREE) | unsent.view(level.shape)
 
     first, second = stages(samples)
-    send(wanted, 0, first)
+    send(level >= FIRST, 0, first)
     if samples > first:
-        around, beside = wanted & refine & differ(REACH), differ(NEXT)
+        around, beside = (level >= QUARTER) & differ(REACH), differ(NEXT)
         send(around, first, second)
-        send(around & (beside | differ(0)), second, samples)
+        send(around & (level >= ALL) & (beside | differ(0)), second, samples)
     through = sums[PASSED] / sums[WEIGHT].clamp_min(1e-20)
-    arrived[:, *crop] = (through * sums[UNBLOCKED]).view(3, *wanted.shape)
+    arrived[:, *crop] = (through * sums[UNBLOCKED]).view(3, *level.shape)
     return arrived
 
 

@@ -14,9 +14,10 @@ from voxels import DARK, LAMP, STONE, polished_scene, world
 from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
 from tracer.direct import choice_kernel, drivers, lighting, reference
+from tracer.direct.pixel_kernel import LEVEL
 from tracer.gbuffers import gbuffer
 from tracer.lights.emitters import Lamps, lamps_of, lamps_of_world
-from tracer.lights.shadows import Surface
+from tracer.lights.shadows import ALL, FIRST, QUARTER, Surface
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Scene, Sun
 from tracer.scene.world import World
@@ -42,7 +43,7 @@ def lamps_over_ground() -> Scene:
     return Scene(world=world((128, 12, 128), ground, *pillars, *lamps, origin=(-64, 0, -64)), sun=None, sky=DARK)
 
 
-def forms(scene: Scene) -> tuple[reference.Direct, drivers.Direct]:
+def forms(scene: Scene, **surface_fields: torch.Tensor) -> tuple[reference.Direct, drivers.Direct]:
     """The reference and the compiled form over one picture."""
     poses = scene.poses([TIME])
     buffer = gbuffer(scene, Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE), time=TIME)
@@ -51,15 +52,16 @@ def forms(scene: Scene) -> tuple[reference.Direct, drivers.Direct]:
         normals=buffer.normal[0].flatten(1).float(),
         lit=buffer.hit.flatten(),
         size=SIZE,
+        **surface_fields,
     )
     given = {"scene": scene, "poses": poses[0], "surface": surface, "lamps": lamps_of(scene, poses[0])}
     return reference.Direct(**given), drivers.Direct(**given)
 
 
-def assert_alike(scene: Scene, samples: int, seed: int) -> torch.Tensor:
+def assert_alike(scene: Scene, samples: int, seed: int, **surface_fields: torch.Tensor) -> torch.Tensor:
     """All but a few pixels, whose rays graze an edge, get the same light; that of the reference."""
     noise = blue_noise(*SIZE, index=seed, dims=3, seed=seed)
-    wanted, found = (form.arriving(noise, samples) for form in forms(scene))
+    wanted, found = (form.arriving(noise, samples) for form in forms(scene, **surface_fields))
     off = (found - wanted).abs() > 1e-4 + 2e-3 * wanted
     assert off.any(0).float().mean() <= 0.004
     assert wanted.mean() > 0.01
@@ -69,6 +71,14 @@ def assert_alike(scene: Scene, samples: int, seed: int) -> torch.Tensor:
 @pytest.mark.parametrize(("samples", "seed"), [(1, 1), (6, 2), (16, 1)])
 def test_sun_and_lamps_send_the_same_light(samples: int, seed: int):
     assert_alike(polished_scene(seed), samples, seed)
+
+
+def test_what_is_seen_less_and_lit_besides_gets_the_same_light():
+    height, width = SIZE
+    seen = (torch.arange(height * width) // width % 4 / 3).square()
+    besides = torch.arange(height * width) % width / width
+    light = assert_alike(polished_scene(1), 16, 1, seen=seen, besides=besides)
+    assert light[:, ::4].abs().max() == 0, "nothing of these rows is seen"
 
 
 def test_lamps_alone_send_the_same_light():
@@ -101,15 +111,37 @@ def test_the_same_lamps_matter(seed: int):
     levels = torch.zeros_like(want)
     for pixel, count in enumerate(counts.tolist()):
         for entry in lists[pixel, :count].tolist():
-            levels[entry >> 1, pixel] = 1 + (entry & 1)
+            levels[entry >> LEVEL, pixel] = entry & ALL
     assert (levels != want).float().mean() < 1e-3
-    assert set(want.unique().tolist()) == {0, 1, 2}
+    assert set(want.unique().tolist()) == {0, FIRST, QUARTER, ALL}
     drawn = ratio > 0
     assert int(drawn.sum()) > 50
     chosen, scale = torch.from_numpy(chosen.T), torch.from_numpy(scale.T)
     agree = chosen[drawn] == which[drawn]
     assert agree.float().mean() > 0.99
     torch.testing.assert_close(scale[drawn][agree], ratio[drawn][agree], rtol=1e-2, atol=1e-3)
+
+
+@pytest.mark.parametrize("known", [0.0, 50.0, 1e4])
+def test_draws_give_in_the_mean_what_all_of_the_rest_would(known: float):
+    """At one point, over all dice: with many draws, with one, and with one in so many pixels."""
+    count = 1 << 10
+    dice = (torch.arange(count) + 0.5) / count
+    plain, compiled = forms(lamps_over_ground())
+    for form in (plain, compiled):
+        rows = {name: getattr(form.surface, name)[:, 1000:1001].repeat(1, count) for name in ("points", "normals")}
+        surface = Surface(**rows, lit=torch.ones(count, dtype=torch.bool), size=(32, 32))
+        levels, chosen, scale = replace(plain, surface=surface).choices(torch.full((count,), known), dice)
+        if form is compiled:
+            drawn = replace(compiled, surface=surface).lists(torch.full((count,), known), dice, 0, count)[2]
+            chosen, scale = (torch.from_numpy(x.T) for x in drawn)
+        faces = [reference._faces(form.lamps, lamp) for lamp in range(len(form.lamps))]
+        at = rows["points"][:, :1], rows["normals"][:, :1]
+        power = torch.cat([reference._importance(form.lamps, n, face, *at) for n, face in enumerate(faces)])
+        rest = power[levels[:, 0] == 0].sum()
+        drawn = (scale * power[chosen.long()]).sum(0)
+        assert (drawn == 0).any() == (known == 1e4)
+        assert drawn.mean().item() == pytest.approx(rest.item(), rel=0.02)
 
 
 def test_bands_leave_no_seam(monkeypatch: pytest.MonkeyPatch):
@@ -120,28 +152,29 @@ def test_bands_leave_no_seam(monkeypatch: pytest.MonkeyPatch):
     assert torch.equal(compiled.arriving(noise, 16), whole)
 
 
-def test_a_list_holds_no_more_lamps_than_it_has_room_for():
+def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.MonkeyPatch):
     """Of 128 lamps that are alike, rounding lets each give more than a 128th of the light."""
+    monkeypatch.setattr(choice_kernel, "SHARE_ALONE", 1 / 128)
     sources = drivers.sources_of(forms(polished_scene(1))[0].lamps, None)
     point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
     number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward) > 0)
     sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward)
     alike, power = np.full(128, number, np.int32), np.empty(128)
     row = np.full(128, -1, np.int32)
-    given = sources, alike, point, toward, 0.0, 0.0, power
+    given = sources, alike, point, toward, 0.0, 1.0, 0.0, power
     assert choice_kernel.list_lamps(*given, row)[0] == 128, "rounding has to matter for what follows"
-    count, rest, _ = choice_kernel.list_lamps(*given, row[: choice_kernel.MOST_ALONE])
-    assert count == choice_kernel.MOST_ALONE == 127
+    count, rest, _ = choice_kernel.list_lamps(*given, row[:127])
+    assert count == 127
     assert rest == power[-1] > 0, "it may still be drawn"
 
 
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
-    width, lit, zeros = 12, np.zeros(120, bool), np.zeros((120, 3))
-    tile, surface = (1, 9, 2, 10), (zeros, zeros, lit)
+    width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
+    tile, surface = (1, 9, 2, 10), (zeros, zeros, seen)
     assert choice_kernel.extent(surface, 0, width, tile)[0] == -1
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
-        lit[y * width + x] = True
-        assert choice_kernel.extent(surface, 0, width, tile)[0] == y * width + x
+        seen[y * width + x] = 1 / (y + 1)
+        assert choice_kernel.extent(surface, 0, width, tile)[:2] == (y * width + x, seen.max())
 
 
 def test_long_lists_make_low_bands():
@@ -208,7 +241,8 @@ def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
     point, away = (0.0, 40.0, 0.0), (0.0, 1.0, 0.0)  # above everything, and turned from it
     low, high = np.array([*point, -1.0, -1.0, -1.0]), np.array([*point, 1.0, 1.0, 1.0])
     bright = 1e9  # nothing is worth rays of its own
-    found, count, sent = choice_kernel.find_candidates(sources, 0, point, away, bright, low, high, candidates, others)
+    tile = 1.0, low, high, candidates, others
+    found, count, sent = choice_kernel.find_candidates(sources, 0, point, away, bright, *tile)
     assert (found, sent) == (0, 0.0)
     reached = [n for n in range(lamps) if choice_kernel.importance(sources, n, point, (0.0, -1.0, 0.0)) > 0]
     assert len(reached) > 4

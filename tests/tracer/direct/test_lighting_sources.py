@@ -9,6 +9,7 @@ import torch
 import torch.nn.functional as F
 from voxels import GLASS, LAMP, STONE, TABLE, pose, world
 
+from tracer.direct.kernel import rectangle_irradiance as rectangle_irradiance_of_one
 from tracer.lights.emitters import MANY, lamps_of, lamps_of_world
 from tracer.lights.form_factor import disc_cosine, dot, rectangle_irradiance
 from tracer.scene.scene import MASK_ALL, MASK_SECONDARY, Instance, Scene
@@ -52,6 +53,24 @@ def test_rectangles_match_quadrature_where_the_horizon_cuts_them_and_behind():
     assert int(below.sum()) > 3
     assert int((truth == 0).sum()) > 20
     assert (got[truth == 0] < 1e-6).all()
+
+
+def test_a_series_gives_far_rectangles_the_light_of_the_closed_form():
+    g = torch.Generator().manual_seed(0)
+    cases = 0
+    for _ in range(300):
+        corner, normal, way, u, v = F.normalize(torch.randn(5, 3, generator=g).double(), dim=1)
+        u, v = u * 1.5, torch.linalg.cross(u, v)
+        diagonal, away = (u @ u + v @ v).sqrt(), 6.1 + 10 * torch.rand((), generator=g).double()
+        point = corner + (u + v) / 2 + way * diagonal * away
+        facing = torch.linalg.cross(u, v)
+        table = torch.cat([corner, u, v, facing, (facing @ corner)[None]])[None].numpy()
+        got = rectangle_irradiance_of_one(table, 0, tuple(point.tolist()), tuple(normal.tolist()))
+        columns = [x[:, None] for x in (point, normal)] + [x[:, None, None] for x in (corner, u, v)]
+        want = rectangle_irradiance(*columns).item()
+        assert got == pytest.approx(want, abs=2e-5 * (facing.norm() / (diagonal * away) ** 2).item())
+        cases += want > 0
+    assert cases > 60
 
 
 def test_a_setting_disc_matches_quadrature():
