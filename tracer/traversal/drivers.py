@@ -12,7 +12,7 @@ from torch import Tensor
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import array, driver, scalar, threads
-from tracer.traversal import batch_kernel, kernel
+from tracer.traversal import batch_kernel, kernel, run_kernel
 from tracer.traversal.lane_kernel import BATCH, new_lanes
 
 surface_each, transmit_each, runs_each = Each(kernel.surface), Each(kernel.transmit), Each(kernel.runs)
@@ -42,6 +42,25 @@ def transmitted_all(rays, transforms, grids, mask, passed, lanes):
             own, first = transforms[n // batches], n // batches * each
             begin = first + n % batches * BATCH
             _transmitted_of(scratch, begin, min(begin + BATCH, first + each), own, grids, rays, mask, passed)
+
+
+@scalar
+def _runs_of(lanes, begin, end, own, grids, rays, starts, lengths):
+    origins, directions, spans = rays
+    some = origins[begin:end], directions[begin:end], spans[begin:end]
+    run_kernel.run_lengths(lanes, own, grids, some, starts[begin:end], lengths[begin:end])
+
+
+@driver
+def runs_all(rays, transforms, grids, starts, lengths, lanes):
+    each = len(lengths) // len(transforms)
+    batches = (each + BATCH - 1) // BATCH
+    for lane in prange(lanes):
+        scratch = new_lanes()
+        for n in range(lane, batches * len(transforms), lanes):
+            own, first = transforms[n // batches], n // batches * each
+            begin = first + n % batches * BATCH
+            _runs_of(scratch, begin, min(begin + BATCH, first + each), own, grids, rays, starts, lengths)
 
 
 @driver
@@ -82,7 +101,10 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
 def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
     """See `tracer.traversal.op.runs`."""
     lengths = rays[0].new_zeros(len(starts), 2, dtype=torch.float32)
-    runs_each(len(starts), *rays, *grids, starts, lengths)
+    if simulated() or lengths.is_cuda:
+        runs_each(len(starts), *rays, *grids, starts, lengths)
+    elif len(starts):
+        runs_all(*_arrays(rays, grids), array(starts), array(lengths), threads())
     return lengths
 
 

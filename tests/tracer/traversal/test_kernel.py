@@ -145,6 +145,12 @@ def test_lanes_answer_as_single_rays_do_through_many_instances_and_batches() -> 
     light = drivers.transmit(rays, grids, MASK_ALL)
     assert ((passed > 0) & (passed < 1)).any(dim=1).sum() > 100
     assert ((light - passed).abs() > 1e-6).any(dim=1).float().mean() <= 0.001
+    starts = torch.cat([ids[:, :2], ids[:, 4:]], dim=1)
+    rays[2] = torch.stack([numbers[:, 0], numbers[:, 0] + 6.0], dim=1)
+    lengths = torch.zeros(len(origins), 2)
+    drivers.runs_each(len(origins), *rays, *grids, starts, lengths)
+    assert (lengths[:, 0] > lengths[:, 1]).sum() > 30
+    assert ((drivers.runs(rays, grids, starts) - lengths).abs() > 1e-5).any(dim=1).float().mean() <= 0.001
 
 
 def test_fakes_give_the_shapes() -> None:
