@@ -123,7 +123,7 @@ def bilateral_rows(
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             edge = edge_with(guide[b], perspective, squares, normal_power)
-            near_row(near, plane[b], y, 0, width, depth_sensitivity)
+            near_row(near, plane[b], y, 0, size, depth_sensitivity)
             span = hit_span(guide[b, HIT], y)
             sums[0] = 0
             for place in ((-1, 0), (1, 0), (0, -1), (0, 1)):
