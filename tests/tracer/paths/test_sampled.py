@@ -19,6 +19,7 @@ from tracer.paths.sampled import one_a_stratum, sample_light, sampled
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
+from tracer.truth.path_tracer import path_trace
 from tracer.truth.truth import light_truth
 
 COLOR = (0.5, 0.6, 0.7)
@@ -64,6 +65,16 @@ def test_an_open_floor_gets_all_of_the_sun():
     want = torch.tensor([3.0, 2.0, 1.0]).view(1, 3, 1, 1) * cosine / math.pi
     torch.testing.assert_close(light.direct, want.expand_as(light.direct), rtol=0.01, atol=0)
     assert bool((light.shadow == torch.tensor([1.0, 0.0]).view(1, 2, 1, 1)).all())
+
+
+def test_rough_surfaces_reflect_the_sun():
+    table = MaterialTable.of([Material(name="coal", albedo=(0.0, 0.0, 0.0), roughness=0.5, variation=0.0)])
+    lit = floor(Sun(direction=(0.3, 0.8, 0.2), irradiance=(3.0, 2.0, 1.0), angular_radius=0.01))
+    scene = replace(lit, world=replace(lit.world, materials=table), sky=DARK)
+    light = sample_light(scene, gbuffer(scene, voxels.above()))
+    want = path_trace(scene, voxels.above(), samples=1, antialias=False).values["radiance"]
+    assert float(want.mean()) > 0.01
+    torch.testing.assert_close(light.specular, want, rtol=0.01, atol=0)
 
 
 def test_an_open_floor_gets_all_of_an_even_sky():
