@@ -13,7 +13,7 @@ from voxels import DARK, LAMP, STONE
 
 from gbufrt import Camera
 from gbufrt.frame import Frame
-from tracer.frames import render
+from tracer.frames import render, unlit
 from tracer.gbuffers import gbuffer
 from tracer.paths.sampled import one_a_stratum, sample_light, sampled
 from tracer.scene.material import Material, MaterialTable
@@ -169,3 +169,12 @@ def test_bad_values_are_told():
         sample_light(scene, g, poses=scene.poses([0.0]), bounces=0)
     with pytest.raises(ValueError, match="albedo"):
         sample_light(scene, g.replace(albedo=None), poses=scene.poses([0.0]))
+
+
+def test_the_frame_before_needs_no_light():
+    scene = room()
+    now, before = frame(scene, 5), frame(scene, 4)
+    want = sampled(scene, now, before=before)
+    got = sampled(scene, now, before=unlit(scene, camera(), index=4))
+    for name in ("replayed", "replayed_diffuse", "replayed_specular"):
+        assert torch.equal(got.read(name), want.read(name))
