@@ -181,20 +181,23 @@ class Frame:
             layer, prefix = layer.behind, f"{prefix}behind."
 
     def still(self) -> Frame:
-        """The frame as if nothing had moved before it, and the same of what lies `behind`."""
+        """The frame as if nothing had moved or changed before it, and the same of what lies `behind`."""
         g = self.gbuffer
         none = {name: torch.zeros_like(g_name) for name in MOTION if (g_name := getattr(g, name)) is not None}
         behind = None if self.behind is None else self.behind.still()
-        return replace(self, gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind)
+        gone = dict.fromkeys(REPLAYED)  # they are at the pixels of a camera that stood elsewhere
+        return replace(self, gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind, **gone)
 
     def moving_as(self, frame: Frame) -> Frame:
-        """This frame with the motion and the cut of another one, and the same of what lies `behind`: undoes `still`."""
+        """This frame with motion, cut and replayed samples of another one, and the same of what lies `behind`: undoes
+        `still`."""
         g, behind = frame.gbuffer, self.behind
         motion = {name: tensor for name in MOTION if (tensor := getattr(g, name)) is not None}
         if behind is not None and frame.behind is not None:
             behind = behind.moving_as(frame.behind)
         moving = self.gbuffer.replace(previous_camera=g.previous_camera, **motion)
-        return replace(self, gbuffer=moving, cut=frame.cut, behind=behind)
+        replayed = {name: getattr(frame, name) for name in REPLAYED}
+        return replace(self, gbuffer=moving, cut=frame.cut, behind=behind, **replayed)
 
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
@@ -205,8 +208,9 @@ class Frame:
 
 SIGNALS = channels_of(Frame)
 MOTION = ("motion", "motion_z")
+REPLAYED = ("replayed", "replayed_diffuse", "replayed_specular")
 LIGHT = (
     *("radiance", "ambient", "environment", "fog_transmittance", "fog_light", "fog_mirrored"),
-    *("diffuse", "indirect", "specular", "shadow", "replayed", "replayed_diffuse", "replayed_specular"),
+    *("diffuse", "indirect", "specular", "shadow", *REPLAYED),
 )
 """Signals that come with the frame rather than from a pass."""

@@ -64,3 +64,10 @@ def render(
     through = None if first.transmittance is None else first.transmittance.amax(dim=1, keepdim=True)
     frame = lit(first, None if second is None else lit(second, None, through))
     return frame if scene.fog is None else foggy(scene, frame, poses=poses, index=index)
+
+
+def unlit(scene: Scene, camera: Camera, *, time: float = 0.0, index: int = 0) -> Frame:
+    """As `render`, without light and motion: what `tracer.sampled` needs of the frame before."""
+    first, second = layers(scene, camera, time=time)
+    behind = None if second is None else Frame(gbuffer=second, index=index, time=time)
+    return Frame(gbuffer=first, index=index, time=time, behind=behind)

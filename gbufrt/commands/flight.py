@@ -23,6 +23,7 @@ LEAD_IN = 64
 """Frames that a shot begins early. The pictures after a seam are then 52 dB from those of one run, at 960x540 (47 with
 48 frames): GI's running mean, the slowest history, goes over 33 frames. More runs over the first frame (--warmup) do
 not replace them."""
+BOUNCES = 4  # of sampled light, as `tracer.path_trace` has by default
 LONGEST = 256  # frames of a shot: so much is lost with its worker. Longer only where the lead-in would be a quarter
 
 
@@ -153,7 +154,8 @@ class Job:
         """
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
-        from tracer.truth.one_path import one_path
+        from tracer.frames import unlit
+        from tracer.paths.sampled import sampled
 
         view, number = self.seen_from(scene), index if still is None else still
         before, size = index - (still is None), sampling.rendered(self.size)
@@ -174,7 +176,12 @@ class Job:
             index=number,
             **({"light_samples": 1} if sampling.paths else more),
         )
-        return one_path(there, frame) if sampling.paths else frame
+        if not sampling.paths:
+            return frame
+        last = None
+        if still is None and index > 0:  # traced again, so that no frame needs another's files
+            last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)
+        return without_ambient(sampled(there, frame, before=last, bounces=BOUNCES))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +193,7 @@ class Sampling:
     jitter: int = 0
     """Frames after which the camera's jitter repeats; 0 for none."""
     paths: bool = False
-    """Whether light comes by one path a pixel, in place of direct light."""
+    """Whether light comes by one sample a pixel, diffuse and specular apart, with replayed ones of the frame before."""
 
     def rendered(self, size: tuple[int, int]) -> tuple[int, int]:
         """What is traced of a picture of ``size`` ``(H, W)``.
@@ -201,6 +208,12 @@ class Sampling:
                 f"--size {size[1]}x{size[0]} is no multiple of upscale.ratio {self.ratio:g}; {fits} is one"
             )
         return height, width
+
+
+def without_ambient(frame: Frame) -> Frame:
+    """The frame without open sky, which sampled light holds, and the same of what lies behind."""
+    behind = None if frame.behind is None else without_ambient(frame.behind)
+    return frame.replace(ambient=None, behind=behind)
 
 
 def stem(index: int) -> str:

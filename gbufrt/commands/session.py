@@ -177,8 +177,10 @@ class Runner:
 
 def bare(frame: Frame) -> Frame:
     """The frame without anything that a pass wrote: G-buffer, light, and the same of what lies behind."""
+    ways = frame.reflection_distance if frame.specular is not None else None  # of the tracer's specular rays
     return Frame(
         gbuffer=frame.gbuffer,
+        reflection_distance=ways,
         index=frame.index,
         time=frame.time,
         cut=frame.cut,

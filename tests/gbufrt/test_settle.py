@@ -9,6 +9,7 @@ import pytest
 import torch
 
 from gbufrt import Frame, History, Pass, Pipeline, TemporalPass
+from gbufrt.frame import REPLAYED
 from gbufrt.noise.noise import blue_noise
 from post import SSR, EstimateMissing
 
@@ -114,3 +115,18 @@ def test_what_is_left_out_for_want_of_an_input_is_told_once():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         Pipeline(missing=EstimateMissing(), mirrors=SSR(samples=1))(plain.replace(environment=frame.environment))
+
+
+def test_a_still_has_no_replayed_samples():
+    frame = moving()
+    again = dict(zip(REPLAYED, (frame.read(name) for name in ("depth", "normal", "normal")), strict=True))
+    frame = frame.replace(**again, behind=frame.replace(**again))
+    still = frame.still()
+    back = still.moving_as(frame)
+    assert still.behind is not None
+    assert back.behind is not None
+    for name in REPLAYED:
+        assert still.get(name) is None
+        assert still.behind.get(name) is None
+        assert torch.equal(back.read(name), frame.read(name))
+        assert back.behind.get(name) is not None

@@ -7,12 +7,14 @@ from pathlib import Path
 import boxes
 import pytest
 import torch
+from torch import Tensor
 
 from gbufrt import Frame
 from gbufrt.files.exr import read_exr, write_exr
 from gbufrt.noise.noise import halton_jitter
 from post import DepthOfField, Enlarged, MotionBlur, minecraft_rtx, with_fog
 from post.path_traced import QUALITIES
+from post.shading.ggx import specular_albedo
 from post.upsampling.enlarged import enlarged
 
 SIZE = (18, 24)
@@ -25,7 +27,12 @@ def frames(count: int) -> list[Frame]:
         camera = boxes.camera(SIZE, dx=0.05 * index).with_jitter(halton_jitter(index, length=32))
         frame = boxes.frame(camera, previous=previous, index=index).replace(ambient=None)
         noise = torch.rand(frame.gbuffer.depth.shape, generator=torch.Generator().manual_seed(index))
-        made.append(frame.replace(radiance=frame.read("radiance") * 2 * noise))
+        light = frame.read("radiance") * 2 * noise
+        chosen, again = torch.zeros_like(noise), (light if not made else made[-1].read("diffuse"))
+        chosen[..., 1::3, 1::3] = 1.0
+        apart = {"diffuse": light, "specular": 0.1 * light, "replayed": chosen if made else None}
+        apart |= {"replayed_diffuse": again, "replayed_specular": 0.1 * again} if made else {}
+        made.append(frame.replace(radiance=light, **apart))
         previous = camera
     return made
 
@@ -40,6 +47,7 @@ def test_pictures_are_as_large_as_the_preset_says(preset):
     assert result.read("composite").shape[2:] == SIZE
     assert result.gbuffer is frame.gbuffer, "what was traced stays"
     assert result.radiance is frame.radiance
+    assert result.diffuse is frame.diffuse
     assert 0 <= float(result.read("image").min()) < float(result.read("image").max()) <= 1
 
 
@@ -91,11 +99,39 @@ def test_smaller_pictures_than_the_g_buffer_are_refused():
 
 
 def test_fog_goes_before_the_composite():
-    names = [name for name, _ in with_fog(minecraft_rtx("low")).passes()]
+    names = [name for name, _ in with_fog(minecraft_rtx("low", denoiser="denoise")).passes()]
     assert names[1:4] == ["light.fog", "light.fog_behind.fog", "light.composite"]
+
+
+def test_all_light_in_one_is_denoised_likewise():
+    (frame,) = frames(1)
+    whole = frame.replace(diffuse=None, specular=None)
+    result, _ = minecraft_rtx("high", denoiser="denoise")(whole)
+    assert result.read("radiance_history").shape[2:] == SIZE
+    with pytest.raises(ValueError, match="'diffuse', which the frame lacks"):
+        minecraft_rtx("high")(whole)
+
+
+def test_light_adds_up_in_both_layers():
+    pipeline = minecraft_rtx("low").without("light.diffuse", "light.specular", "upscale", "display")
+    pipeline = pipeline.without("light.behind.diffuse", "light.behind.specular")
+    (far,) = frames(1)
+    clear = torch.full_like(far.read("diffuse"), 0.25)
+    frame = far.replace(gbuffer=far.gbuffer.replace(transmittance=clear), ambient=clear)
+    g, hit = frame.gbuffer, frame.gbuffer.hit
+    result, _ = pipeline(frame.replace(behind=far))
+
+    def light(through: Tensor | float) -> Tensor:
+        own = far.read("albedo") * far.read("diffuse") + through
+        return own * (1 - specular_albedo(g)) + far.read("specular")
+
+    want = light(0.25 * light(0.0))
+    torch.testing.assert_close(result.read("composite").where(hit, 0), want.where(hit, 0))
 
 
 def test_mistakes_are_told():
     with pytest.raises(ValueError, match=r"'hihg' \(did you mean high\?\)"):
         minecraft_rtx("hihg")
+    with pytest.raises(ValueError, match="denoiser must be one of asvgf, denoise"):
+        minecraft_rtx(denoiser="svgf")  # pyright: ignore[reportArgumentType]
     assert minecraft_rtx("low", tunables={"upscale.sharpness": 0.5}).all_tunables()["upscale.sharpness"] == 0.5

@@ -195,6 +195,19 @@ def specular_lamps(
     return light, at.points + sample.direction * sample.distance[:, None], facing
 
 
+def specular_sun(scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
+    """Radiance ``(N, 3)`` of the sun's specular reflections, by one shadow ray each; see `specular_lamps`.
+
+    None where the surface is so smooth that it shows the disc itself.
+    """
+    light = torch.zeros_like(at.points)
+    if lights.sun is not None:
+        blunt = ~_sharp(scene, at)[0]
+        given = replace(lights, lamps=None), at[blunt], u[:, blunt], lambda s: glossy(at[blunt], s.direction)
+        ((_, light[blunt]),) = direct(scene, *given, poses=poses)
+    return light
+
+
 def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
     """Response of surfaces, without the specular share where it is sharp."""
     value = at.diffuse * at.enters * even_response(at, sample)

@@ -16,6 +16,7 @@ from tracer.direct.lighting import batched
 from tracer.paths.integrators import DIRECT_DIMS, REFLECTION_DIMS, indirect_dims
 from tracer.paths.interaction import Vertices
 from tracer.paths.op import indirect, lit, reflected
+from tracer.paths.radiance import specular_sun
 from tracer.paths.receivers import Integrand, Receivers, receivers_of, sums_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
@@ -64,8 +65,9 @@ def sample_light(
     """Light that leaves every pixel's surface toward the camera, by one path a pixel for each signal.
 
     One shadow ray goes to the sun and one to a lamp, one diffuse ray gathers the sky or what a surface sends, and one
-    specular ray does the same. Emission of the surfaces themselves is not part of it: outgoing light is emission +
-    albedo x diffuse + specular. Light that waves reflect, fog and haze are not either.
+    specular ray does the same; of the sun, rough surfaces reflect what a shadow ray brings. Emission of the surfaces
+    themselves is not part of it: outgoing light is emission + albedo x diffuse + specular. Light that waves reflect,
+    fog and haze are not either. Of diffuse light, `post.Composite` takes off what a dielectric reflects.
 
     The numbers of a pixel depend on the pixel, ``index`` and ``seed`` alone: blue noise over the picture, an
     Owen-scrambled Sobol sequence over 128 frames. So samples can be replayed: given the G-buffer of an earlier frame
@@ -120,6 +122,8 @@ def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
         found = reflected(scene, at, start, u[second:], LAMP_ROUGHNESS)
         names = {"specular": "reflection", "distance": "distance", "flies": "flies", "ends": "ends"}
         light = {name: found[given] for name, given in names.items()}
+        many = start.repeat(u.shape[1] // max(len(start), 1))
+        light["specular"] = light["specular"] + specular_sun(scene, at.lights, many, u[:first], at.poses)
         return {**lit(scene, at, white, u[:first]), "indirect": around["gi"] + around["sky"], **light}
 
     return integrand, second + REFLECTION_DIMS

@@ -4,28 +4,47 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import boxes
 import pytest
 import torch
 from command_line import assert_same_results, install, run
 from PIL import Image
+from torch import Tensor
 
-from gbufrt import Frame
+from gbufrt import Camera, Frame
 from gbufrt.commands.flight import Sampling
 from gbufrt.files.exr import read_exr, read_notes
 from gbufrt.noise.noise import blue_noise
+from tracer.scene.scene import Scene
 
 RTX = ("--pipeline", "minecraft-rtx", "--size", "24x16", "--warmup", "1")
 
 
-def fake_paths(scene: object, frame: Frame) -> Frame:
-    noise = blue_noise(*frame.gbuffer.camera.size, index=frame.index)[None]
-    return frame.replace(radiance=frame.read("radiance") * 2 * noise, ambient=None, behind=None)
+def fake_samples(scene: Scene, frame: Frame, *, before: Frame | None, bounces: int) -> Frame:
+    def light(of: Frame) -> Tensor:
+        return boxes.frame(of.gbuffer.camera).read("radiance") * 2 * blue_noise(*of.gbuffer.camera.size, index=of.index)
+
+    lit = frame.replace(diffuse=light(frame), specular=0.1 * light(frame), behind=None)
+    lit = lit.replace(reflection_distance=torch.ones_like(frame.gbuffer.depth))
+    if before is None:
+        return lit
+    assert before.index == frame.index - 1
+    assert torch.equal(before.read("depth"), fake_unlit(scene, before.gbuffer.camera, index=0).read("depth"))
+    chosen = torch.zeros_like(frame.gbuffer.depth)
+    chosen[..., 1::3, 1::3] = 1.0
+    again = 0.5 * light(before)
+    return lit.replace(replayed=chosen, replayed_diffuse=again, replayed_specular=0.1 * again)
+
+
+def fake_unlit(scene: Scene, camera: Camera, *, time: float = 0.0, index: int) -> Frame:
+    return Frame(gbuffer=boxes.frame(camera).gbuffer, index=index, time=time)
 
 
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     install(monkeypatch, tmp_path)
-    monkeypatch.setattr("tracer.truth.one_path.one_path", fake_paths)
+    monkeypatch.setattr("tracer.paths.sampled.sampled", fake_samples)
+    monkeypatch.setattr("tracer.frames.unlit", fake_unlit)
 
 
 def test_small_frames_large_pictures_resumed_and_run_again():
@@ -44,8 +63,10 @@ def test_small_frames_large_pictures_resumed_and_run_again():
     assert_same_results("whole", "parts")
     assert run("post", "whole", "--out", "again") == 0
     again = read_exr("again/frame_0002.exr")
-    assert torch.equal(again.read("radiance"), frame.read("radiance")), "noisy, as it was traced"
+    for name in ("diffuse", "replayed_diffuse", "reflection_distance"):
+        assert torch.equal(again.read(name), frame.read(name)), "noisy, as it was traced"
     assert again.read("image").shape == frame.read("image").shape
+    assert read_exr("whole/frame_0000.exr").replayed is None, "no frame is before the first"
 
 
 def test_mistakes_are_told(capsys: pytest.CaptureFixture[str]):

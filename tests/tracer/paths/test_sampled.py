@@ -13,12 +13,13 @@ from voxels import DARK, LAMP, STONE
 
 from gbufrt import Camera
 from gbufrt.frame import Frame
-from tracer.frames import render
+from tracer.frames import render, unlit
 from tracer.gbuffers import gbuffer
 from tracer.paths.sampled import one_a_stratum, sample_light, sampled
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
+from tracer.truth.path_tracer import path_trace
 from tracer.truth.truth import light_truth
 
 COLOR = (0.5, 0.6, 0.7)
@@ -64,6 +65,16 @@ def test_an_open_floor_gets_all_of_the_sun():
     want = torch.tensor([3.0, 2.0, 1.0]).view(1, 3, 1, 1) * cosine / math.pi
     torch.testing.assert_close(light.direct, want.expand_as(light.direct), rtol=0.01, atol=0)
     assert bool((light.shadow == torch.tensor([1.0, 0.0]).view(1, 2, 1, 1)).all())
+
+
+def test_rough_surfaces_reflect_the_sun():
+    table = MaterialTable.of([Material(name="coal", albedo=(0.0, 0.0, 0.0), roughness=0.5, variation=0.0)])
+    lit = floor(Sun(direction=(0.3, 0.8, 0.2), irradiance=(3.0, 2.0, 1.0)))
+    scene = replace(lit, world=replace(lit.world, materials=table), sky=DARK)
+    light = light_truth(scene, gbuffer(scene, voxels.above()), samples=128)
+    want = path_trace(scene, voxels.above(), samples=128, antialias=False).values["radiance"]
+    assert float(want.mean()) > 0.01
+    torch.testing.assert_close(light.specular.mean(), want.mean(), rtol=0.01, atol=0)
 
 
 def test_an_open_floor_gets_all_of_an_even_sky():
@@ -158,3 +169,12 @@ def test_bad_values_are_told():
         sample_light(scene, g, poses=scene.poses([0.0]), bounces=0)
     with pytest.raises(ValueError, match="albedo"):
         sample_light(scene, g.replace(albedo=None), poses=scene.poses([0.0]))
+
+
+def test_the_frame_before_needs_no_light():
+    scene = room()
+    now, before = frame(scene, 5), frame(scene, 4)
+    want = sampled(scene, now, before=before)
+    got = sampled(scene, now, before=unlit(scene, camera(), index=4))
+    for name in ("replayed", "replayed_diffuse", "replayed_specular"):
+        assert torch.equal(got.read(name), want.read(name))
