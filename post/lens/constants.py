@@ -1,4 +1,4 @@
-"""Numbers that the torch reference of the lens and its kernel share."""
+"""Numbers that the torch references of the lens and its kernels share."""
 
 from __future__ import annotations
 
@@ -7,3 +7,8 @@ BRIGHT = 1.0  # of the picture's mean level: pixels this bright count half where
 FINEST = 0.25  # pixels between the radii of the two sharpest layers
 TINY = 1e-6  # coverage below this is rounding
 EDGE = 0.5  # pixels beyond the radius at which a disc ends; it is whole a pixel further in
+
+LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it should cover, plus
+LANDING_RELATIVE = 0.1  # of the distance it moved, because neighbours on one surface do not move quite alike
+STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
+OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known

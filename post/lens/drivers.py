@@ -1,14 +1,28 @@
-"""Run the tile body of `post.lens.tile_kernel` over pictures on CPU threads."""
+"""Run the bodies of `post.lens`'s kernels over pictures on CPU threads."""
 
 from __future__ import annotations
 
+import numpy as np
 from numba import prange
 
-from gbufrt.compute.kernel import driver
+from gbufrt.compute.kernel import driver, scalar
+from post.lens.shutter_kernel import (
+    OWN_WEIGHT,
+    TOGETHER,
+    add_row,
+    candidate_row,
+    finish_row,
+    moves,
+    start_row,
+    tap_row,
+    time_row,
+    weigh_row,
+)
 from post.lens.spread_kernel import Window
 from post.lens.tile_kernel import tile
 
 TILE = 64  # pixels: what a thread works on fits its cache
+RUN = 256  # pixels of a row: what a thread knows of them fits its fastest cache
 
 
 @driver
@@ -20,3 +34,44 @@ def layer_tiles(out, color, coc, level, reach, weights, inner, outer, ramps, thr
             b, top, left = item // (down * across), item // across % down * TILE, item % across * TILE
             window = Window(top, min(top + TILE, height), left, min(left + TILE, width))
             tile(out[b], color[b], coc[b], level[b], reach, weights, inner, outer, ramps, window)
+
+
+@driver
+def reconstruct_rows(out, color, depth, path, dominant, picture, known, noise, opening, samples, softness, threads):
+    """See `post.lens.op.reconstruct`."""
+    batch, _, height, width = color.shape
+    for thread in prange(threads):
+        rows, sums = np.empty((22, RUN), np.float32), np.zeros((picture.shape[1] * TOGETHER, RUN), np.float32)
+        places = np.empty((2, RUN), np.int32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            given = color[b], depth[b], path[b], dominant[b], picture[b], known[b], noise
+            for first in range(0, width, RUN):
+                end = min(first + RUN, width)
+                _reconstruct_run(out[b], given, rows, sums, places, opening, samples, softness, y, first, end)
+
+
+@scalar
+def _reconstruct_run(out, given, rows, sums, places, opening, samples, softness, y, first, end):
+    """Pixels ``first`` to ``end`` of a row."""
+    color, depth, path, dominant, picture, known, noise = given
+    count, width, soft = end - first, depth.shape[1], np.float32(softness)
+    time, weight, moved_x, moved_y = rows[0, :count], rows[1, :count], rows[2, :count], rows[3, :count]
+    a, a_x, a_y, a_found, a_behind = rows[4, :count], rows[5, :count], rows[6, :count], rows[7, :count], rows[8, :count]
+    b, b_x, b_y, b_found = rows[9, :count], rows[10, :count], rows[11, :count], rows[12, :count]
+    b_behind, a_taps, b_taps = rows[13, :count], rows[14:18], rows[18:22]
+    a_place, b_place = places[0, :count], places[1, :count]
+    start_row(sums, weight, color, OWN_WEIGHT, y, first)
+    if moves(dominant, y, first, end):
+        for i in range(samples):
+            time_row(time, noise, opening, i, samples, y, first)
+            moved = a_place, moved_x, moved_y, known, depth
+            candidate_row(a_x, a_y, a_found, a, a_behind, *moved, dominant, time, soft, y, first, end)
+            candidate_row(b_x, b_y, b_found, b, b_behind, *moved, path, time, soft, y, first, end)
+            weigh_row(a, b, a_found, b_found, a_behind, b_behind, soft)
+            tap_row(a_place, a_taps, weight, a_x, a_y, a, width)
+            tap_row(b_place, b_taps, weight, b_x, b_y, b, width)
+            for k in range(picture.shape[0]):
+                red, green, blue = sums[3 * k, :count], sums[3 * k + 1, :count], sums[3 * k + 2, :count]
+                add_row(red, green, blue, picture[k], a_place, a_taps, b_place, b_taps, width)
+    finish_row(out, color, sums, weight, dominant, y, first, end)

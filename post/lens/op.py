@@ -1,4 +1,4 @@
-"""Layers of like blur as a torch operator: a kernel on the CPU, the torch reference elsewhere and for gradients."""
+"""Layers of like blur and an open shutter as torch operators: kernels on the CPU, else the torch references."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from torch import Tensor
 from gbufrt.compute.dispatch import Form, form_of
 from post.lens.constants import EDGE, FINEST
 from post.lens.reference import border, bright_level, layers_reference, signed
+from post.lens.shutter_reference import reconstruct_reference
 
 
 class Tables(NamedTuple):
@@ -63,6 +64,73 @@ def spread_layers(color: Tensor, coc: Tensor, radii: list[float], *, compiled: b
     if form_of(color, coc, compiled=compiled) is Form.REFERENCE:
         return layers_reference(color, coc, radii)
     return layers_cpu(color, coc, radii)
+
+
+@torch.library.custom_op("gbufrt::reconstruct_blur", mutates_args=())
+def reconstruct_cpu(
+    color: Tensor, depth: Tensor, path: Tensor, dominant: Tensor, noise: Tensor, opening: float, samples: int,
+    softness: float,
+) -> Tensor:  # fmt: skip
+    """``(B, C, H, W)``. See `reconstruct`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.lens.drivers import reconstruct_rows
+    from post.lens.shutter_kernel import TOGETHER
+
+    out = torch.empty_like(color, memory_format=torch.contiguous_format)
+    picture = side_by_side(color, TOGETHER)
+    planes = (color, depth[:, 0], path, dominant, picture, torch.cat([depth, path], 1).flatten(2), noise)
+    reconstruct_rows(array(out), *map(array, planes), opening, samples, softness, threads())
+    return out
+
+
+def side_by_side(color: Tensor, together: int) -> Tensor:
+    """``(B, G, N)``: the channels of each pixel, in groups of ``together``; the last group is filled up with zeros.
+
+    A kernel also reads a row and a pixel after the last, but with no weight: they are zeros.
+    """
+    batch, channels, _, width = color.shape
+    groups = -(-channels // together)
+    filled = F.pad(color.flatten(2), (0, width + 1, 0, groups * together - channels))
+    return filled.view(batch, groups, together, -1).mT.reshape(batch, groups, -1)
+
+
+@reconstruct_cpu.register_fake
+def _(color, depth, path, dominant, noise, opening, samples, softness):
+    return torch.empty_like(color, memory_format=torch.contiguous_format)
+
+
+def reconstruct(
+    color: Tensor,
+    depth: Tensor,
+    path: Tensor,
+    dominant: Tensor,
+    noise: Tensor,
+    *,
+    opening: float,
+    samples: int,
+    softness: float | Tensor,
+    compiled: bool | None = None,
+) -> Tensor:
+    """What an open shutter records, from one picture and its motion; see `post.motion_blur`.
+
+    Args:
+        color: ``(B, C, H, W)`` linear, finite.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        path: ``(B, 2, H, W)`` the way of each pixel's surface while the shutter is open, backward in time, pixels.
+        dominant: as ``path``: of the fastest surface nearby. Where it is shorter than half a pixel, the picture stays.
+        noise: ``(H, W)`` in [0, 1): where in its share of the exposure each moment lies.
+        opening: when the shutter opens, as a share of its time before the frame: -0.5 or 0.
+        samples: moments of the exposure.
+        softness: see `post.motion_blur`.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, C, H, W)``.
+    """
+    planes = (color, depth, path, dominant, noise)
+    if form_of(*planes, softness, compiled=compiled) is Form.REFERENCE:
+        return reconstruct_reference(*planes, opening, samples, softness)
+    return reconstruct_cpu(*planes, opening, samples, float(softness))
 
 
 def layer_radii(largest: float, step: float) -> list[float]:

@@ -14,14 +14,12 @@ from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
 from gbufrt.sampling import inside, pixel_centers, sample
+from post.lens.constants import STILL
+from post.lens.op import reconstruct
+from post.lens.shutter_reference import moments
 
 Position = Literal["center", "trailing"]
 Weights = Literal["reconstruction", "similarity"]
-
-LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it should cover, plus
-LANDING_RELATIVE = 0.1  # of the distance it moved, because neighbours on one surface do not move quite alike
-STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
-OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
 
 
 def motion_blur(
@@ -74,17 +72,16 @@ def motion_blur(
     if position not in ("center", "trailing"):
         raise ValueError(f"position must be 'center' or 'trailing', got {position!r}")
     color, depth, motion = finite(color), finite(depth), finite(motion)
-    first, last = (-0.5, 0.5) if position == "center" else (0.0, 1.0)
+    opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
-    path = _limited(motion.to(color.dtype) * share, tile / max(-first, last))
+    path = _limited(motion.to(color.dtype) * share, tile / (1 + opening))
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
-    times = [first + (last - first) * (i + noise[:1, None]) / samples for i in range(samples)]
     if weights == "similarity":
-        return _similarity(color, path, times)
+        return _similarity(color, path, moments(noise[0], opening, samples))
     dominant = _dominant(path, tile, noise[1:])
     if not waits(color) and not bool((dominant.detach().square().sum(1) > STILL**2).any()):
         return color
-    return _reconstruct(color, depth, path, dominant, times, softness)
+    return reconstruct(color, depth, path, dominant, noise[0], opening=opening, samples=samples, softness=softness)
 
 
 def _dominant(path: Tensor, tile: int, noise: Tensor) -> Tensor:
@@ -104,51 +101,6 @@ def _longest(path: Tensor, size: int, stride: int, padding: int) -> Tensor:
     square = path.detach().square().sum(1, keepdim=True)
     _, where = F.max_pool2d(square, size, stride, padding, ceil_mode=True, return_indices=True)
     return path.flatten(2).gather(2, where.flatten(2).expand(-1, 2, -1)).view(*path.shape[:2], *where.shape[2:])
-
-
-def _reconstruct(
-    color: Tensor, depth: Tensor, path: Tensor, dominant: Tensor, times: list[Tensor], softness: float
-) -> Tensor:
-    px = pixel_centers(color)
-    known = torch.cat([depth.to(color.dtype), path], dim=1)
-    total, weight = color * OWN_WEIGHT, torch.full_like(color[:, :1], OWN_WEIGHT)
-    for time in times:
-        visible, share = _moment(color, known, px, path, dominant, time, softness)
-        total, weight = total + visible, weight + share
-    return total / weight
-
-
-def _moment(
-    color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float
-) -> tuple[Tensor, Tensor]:
-    """A pixel's weighted colour at one moment, and the weight."""
-    a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
-    b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
-    a_front = _in_front(a_depth, b_depth, softness)
-    # Where nothing lands at this moment, a surface behind the pixel's own shows; one in front of it does not count.
-    bare = (1 - a_lands) * (1 - b_lands) / (a_behind + b_behind).clamp_min(1.0)
-    a = a_lands * (1 - b_lands * (1 - a_front)) + bare * a_behind
-    b = b_lands * (1 - a_lands * a_front) + bare * b_behind
-    return a * a_color + b * b_color, a + b
-
-
-def _candidate(
-    color: Tensor, known: Tensor, px: Tensor, path: Tensor, time: Tensor, softness: float
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """The point that ``path`` brings here at ``time``: colour, depth, whether its own path does so, and whether it
-    lies behind what is here now."""
-    at = px - path * time
-    found, there = sample(known, at, mode="nearest"), inside(at, (color.shape[-2], color.shape[-1]))
-    miss = length((found[:, 1:] - path) * time)
-    lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * length(path * time))).clamp(0, 1)
-    behind = 2 * (_in_front(known[:, :1], found[:, :1], softness) - 0.5).clamp_min(0)
-    return sample(color, at), found[:, :1], lands * there, behind * there
-
-
-def _in_front(near: Tensor, far: Tensor, softness: float) -> Tensor:
-    """1 where ``near`` is nearer than ``far``, 0 where it is farther, a half where they are equal."""
-    scale = 2 * softness * torch.minimum(near, far).abs().clamp_min(1e-12)
-    return (0.5 + (far - near) / scale).clamp(0, 1)
 
 
 def _similarity(color: Tensor, path: Tensor, times: list[Tensor]) -> Tensor:

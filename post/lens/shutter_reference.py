@@ -1,0 +1,69 @@
+"""An open shutter in torch: the definition of `post.lens.op.reconstruct`, with its gradients."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.directions import length
+from gbufrt.sampling import inside, pixel_centers, sample
+from post.lens.constants import LANDING_RELATIVE, LANDING_TOLERANCE, OWN_WEIGHT, STILL
+
+
+def reconstruct_reference(
+    color: Tensor,
+    depth: Tensor,
+    path: Tensor,
+    dominant: Tensor,
+    noise: Tensor,
+    opening: float,
+    samples: int,
+    softness: float | Tensor,
+) -> Tensor:
+    """``(B, C, H, W)``. Arguments and result are those of `post.lens.op.reconstruct`."""
+    px = pixel_centers(color)
+    known = torch.cat([depth.to(color.dtype), path], dim=1)
+    total, weight = color * OWN_WEIGHT, torch.full_like(color[:, :1], OWN_WEIGHT)
+    for time in moments(noise, opening, samples):
+        visible, share = _moment(color, known, px, path, dominant, time, softness)
+        total, weight = total + visible, weight + share
+    moves = dominant.detach().square().sum(1, keepdim=True) > STILL**2
+    return torch.where(moves, total / weight, color)
+
+
+def moments(noise: Tensor, opening: float, samples: int) -> list[Tensor]:
+    """``(1, 1, H, W)`` each: the moments of an exposure that lasts a frame and starts at ``opening``, in frames."""
+    return [opening + (i + noise[None, None]) / samples for i in range(samples)]
+
+
+def _moment(
+    color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float | Tensor
+) -> tuple[Tensor, Tensor]:
+    """A pixel's weighted colour at one moment, and the weight."""
+    a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
+    b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
+    a_front = _in_front(a_depth, b_depth, softness)
+    # Where nothing lands at this moment, a surface behind the pixel's own shows; one in front of it does not count.
+    bare = (1 - a_lands) * (1 - b_lands) / (a_behind + b_behind).clamp_min(1.0)
+    a = a_lands * (1 - b_lands * (1 - a_front)) + bare * a_behind
+    b = b_lands * (1 - a_lands * a_front) + bare * b_behind
+    return a * a_color + b * b_color, a + b
+
+
+def _candidate(
+    color: Tensor, known: Tensor, px: Tensor, path: Tensor, time: Tensor, softness: float | Tensor
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The point that ``path`` brings here at ``time``: colour, depth, whether its own path does so, and whether it
+    lies behind what is here now."""
+    at = px - path * time
+    found, there = sample(known, at, mode="nearest"), inside(at, (color.shape[-2], color.shape[-1]))
+    miss = length((found[:, 1:] - path) * time)
+    lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * length(path * time))).clamp(0, 1)
+    behind = 2 * (_in_front(known[:, :1], found[:, :1], softness) - 0.5).clamp_min(0)
+    return sample(color, at), found[:, :1], lands * there, behind * there
+
+
+def _in_front(near: Tensor, far: Tensor, softness: float | Tensor) -> Tensor:
+    """1 where ``near`` is nearer than ``far``, 0 where it is farther, a half where they are equal."""
+    scale = 2 * softness * torch.minimum(near, far).abs().clamp_min(1e-12)
+    return (0.5 + (far - near) / scale).clamp(0, 1)

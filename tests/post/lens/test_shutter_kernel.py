@@ -1,0 +1,116 @@
+"""The compiled open shutter against its torch reference."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from post.lens.op import reconstruct, reconstruct_cpu
+from post.passes.lens.motion_blur import motion_blur
+
+OPENINGS = {"center": -0.5, "trailing": 0.0}
+ROUNDED = 2e-3  # share of pixels where a point may lie on another pixel's side of a border by rounding
+
+
+def noise(*shape: int, seed: int) -> Tensor:
+    return torch.rand(shape, generator=torch.Generator().manual_seed(seed))
+
+
+def scene(size: tuple[int, int] = (31, 17), channels: int = 3, *, still: bool = False) -> dict[str, Any]:
+    """Fast things before and behind a slower ground, under a sky that is far away; ``still``: the ground stands."""
+    height, width = size
+    depth, path = 8 + noise(1, 1, *size, seed=1), 0.3 * noise(1, 2, *size, seed=2)
+    path[:, 0] += 2.0
+    path *= not still
+    top, left = height // 3, width // 3
+    depth[..., :top, :], path[..., :top, :] = 1e4, 0.0
+    dominant = path.clone()
+    dominant[..., : top + 6, : left + 9] = torch.tensor([5.3, -3.1]).view(1, 2, 1, 1)
+    depth[..., top : top + 6, left : left + 5] = 3.0
+    path[..., top : top + 6, left : left + 5] = torch.tensor([5.3, -3.1]).view(1, 2, 1, 1)
+    depth[..., top + 8 :, left:] = 20.0
+    path[..., top + 8 :, left:] = dominant[..., top + 8 :, left:] = torch.tensor([-4.2, 6.7]).view(1, 2, 1, 1)
+    color = 4 * noise(1, channels, *size, seed=3) ** 4
+    return {"color": color, "depth": depth, "path": path, "dominant": dominant, "noise": noise(*size, seed=4)}
+
+
+def forms(given: dict[str, Any], *, opening: float = -0.5, samples: int = 5) -> tuple[Tensor, Tensor]:
+    settings = {"opening": opening, "samples": samples, "softness": 0.02}
+    got, want = (reconstruct(**given, **settings, compiled=form) for form in (True, False))
+    return got, want
+
+
+def assert_close(got: Tensor, want: Tensor) -> None:
+    assert got.shape == want.shape
+    assert float(((got - want).abs() > 1e-4).any(1).float().mean()) <= ROUNDED
+
+
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+@pytest.mark.parametrize("size", [(31, 17), (1, 1), (1, 9), (9, 1), (40, 300)], ids=str)
+def test_forms_agree(size: tuple[int, int], opening: float) -> None:
+    given = scene(size)
+    got, want = forms(given, opening=opening)
+    assert_close(got, want)
+    if min(size) > 9:
+        assert float((want - given["color"]).abs().mean()) > 0.1
+
+
+@pytest.mark.parametrize("channels", [1, 2, 4, 7])
+def test_any_number_of_channels(channels: int) -> None:
+    assert_close(*forms(scene(channels=channels)))
+
+
+def test_pixels_that_nothing_moves_over_stay_to_the_bit() -> None:
+    given = scene(still=True)
+    for found in forms(given):
+        stays = (given["dominant"] == 0).all(1, keepdim=True).expand_as(found)
+        assert 0.1 < float(stays.float().mean()) < 0.9
+        assert torch.equal(found[stays], given["color"][stays])
+        assert not torch.equal(found, given["color"])
+    given["path"], given["dominant"] = (0.3 * torch.ones_like(given["path"]),) * 2
+    for found in forms(given):
+        assert torch.equal(found, given["color"]), "paths shorter than half a pixel"
+
+
+def test_batch_equals_loop() -> None:
+    one, other = scene(), {name: value.flip(-1).contiguous() for name, value in scene().items()}
+    noises = one.pop("noise")
+    other.pop("noise")
+    both = {name: torch.cat([one[name], other[name]]) for name in one}
+    together = forms(both | {"noise": noises})[0]
+    for i, given in enumerate((one, other)):
+        assert torch.equal(together[i : i + 1], forms(given | {"noise": noises})[0])
+
+
+def test_threads_and_layout_do_not_matter() -> None:
+    given, count = scene((40, 30)), torch.get_num_threads()
+    want, _ = forms(given)
+    kept = given["color"].clone()
+    try:
+        torch.set_num_threads(1)
+        other = given | {"color": given["color"].contiguous(memory_format=torch.channels_last)}
+        assert torch.equal(forms(other)[0], want)
+    finally:
+        torch.set_num_threads(count)
+    assert torch.equal(given["color"], kept)
+
+
+@pytest.mark.parametrize("position", ["center", "trailing"])
+def test_the_pass_takes_the_kernel_and_gradients_the_reference(position: Any) -> None:
+    given = scene((40, 30))
+    color, depth, motion = given["color"], given["depth"], 2 * given["path"]
+    want = motion_blur(color.double(), depth.double(), motion.double(), position=position, tile=8).float()
+    assert_close(motion_blur(color, depth, motion, position=position, tile=8), want)
+    light, way = color.clone().requires_grad_(), motion.clone().requires_grad_()
+    blurred = motion_blur(light, depth, way, position=position, tile=8)
+    assert_close(blurred.detach(), want)
+    for gradient in torch.autograd.grad(blurred.square().sum(), (light, way)):
+        assert float(gradient.abs().max()) > 1e-3
+
+
+def test_operator_is_registered_properly() -> None:
+    given = (*scene().values(), -0.5, 3, 0.02)
+    torch.library.opcheck(reconstruct_cpu, given, test_utils=("test_schema", "test_faketensor"))
