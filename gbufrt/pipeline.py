@@ -147,8 +147,8 @@ class Pipeline(Branch):
         they are loaded in a moment. Stderr says what is compiled. To reach every kernel, the pipeline runs over a frame
         twice, without a history and with one; nothing of that is kept.
 
-        `torch.compile` is not used: beside the kernels it gained nothing but a quarter of motion blur, for a minute of
-        compilation and a third of one for every further size.
+        `torch.compile` is not used: of what has a kernel it gained nothing, for a minute of compilation and a third of
+        one for every further size.
 
         Args:
             frame: one like those to come, of any size; by default a small one with all that the tracer gives.
