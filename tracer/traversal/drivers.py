@@ -19,6 +19,21 @@ surface_each, transmit_each, runs_each = Each(kernel.surface), Each(kernel.trans
 
 
 @scalar
+def _batches(rays, pictures):
+    """How many batches all rays make, when each holds rays of one of ``pictures`` alone."""
+    return pictures * ((rays // pictures + BATCH - 1) // BATCH)
+
+
+@scalar
+def _batch(n, rays, pictures):
+    """The picture of a batch, its first ray, and the one after its last."""
+    each = rays // pictures
+    batches = (each + BATCH - 1) // BATCH
+    picture, begin = n // batches, n % batches * BATCH
+    return picture, picture * each + begin, picture * each + min(begin + BATCH, each)
+
+
+@scalar
 def _nearest_of(lanes, begin, end, own, grids, rays, left, mask, numbers, ids):
     origins, directions, spans = rays
     some = origins[begin:end], directions[begin:end], spans[begin:end]
@@ -34,14 +49,12 @@ def _transmitted_of(lanes, begin, end, own, grids, rays, mask, passed):
 
 @driver
 def transmitted_all(rays, transforms, grids, mask, passed, lanes):
-    each = len(passed) // len(transforms)
-    batches = (each + BATCH - 1) // BATCH
+    count, pictures = len(passed), len(transforms)
     for lane in prange(lanes):
         scratch = new_lanes()
-        for n in range(lane, batches * len(transforms), lanes):
-            own, first = transforms[n // batches], n // batches * each
-            begin = first + n % batches * BATCH
-            _transmitted_of(scratch, begin, min(begin + BATCH, first + each), own, grids, rays, mask, passed)
+        for n in range(lane, _batches(count, pictures), lanes):
+            picture, begin, end = _batch(n, count, pictures)
+            _transmitted_of(scratch, begin, end, transforms[picture], grids, rays, mask, passed)
 
 
 @scalar
@@ -53,27 +66,22 @@ def _runs_of(lanes, begin, end, own, grids, rays, starts, lengths):
 
 @driver
 def runs_all(rays, transforms, grids, starts, lengths, lanes):
-    each = len(lengths) // len(transforms)
-    batches = (each + BATCH - 1) // BATCH
+    count, pictures = len(lengths), len(transforms)
     for lane in prange(lanes):
         scratch = new_lanes()
-        for n in range(lane, batches * len(transforms), lanes):
-            own, first = transforms[n // batches], n // batches * each
-            begin = first + n % batches * BATCH
-            _runs_of(scratch, begin, min(begin + BATCH, first + each), own, grids, rays, starts, lengths)
+        for n in range(lane, _batches(count, pictures), lanes):
+            picture, begin, end = _batch(n, count, pictures)
+            _runs_of(scratch, begin, end, transforms[picture], grids, rays, starts, lengths)
 
 
 @driver
 def nearest_all(rays, transforms, grids, left, mask, numbers, ids, lanes):
-    each = len(numbers) // len(transforms)
-    batches = (each + BATCH - 1) // BATCH
+    count, pictures = len(numbers), len(transforms)
     for lane in prange(lanes):
         scratch = new_lanes()
-        for n in range(lane, batches * len(transforms), lanes):
-            own, first = transforms[n // batches], n // batches * each
-            begin = first + n % batches * BATCH
-            end = min(begin + BATCH, first + each)
-            _nearest_of(scratch, begin, end, own, grids, rays, left, mask, numbers, ids)
+        for n in range(lane, _batches(count, pictures), lanes):
+            picture, begin, end = _batch(n, count, pictures)
+            _nearest_of(scratch, begin, end, transforms[picture], grids, rays, left, mask, numbers, ids)
 
 
 def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
