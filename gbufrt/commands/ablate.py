@@ -7,17 +7,25 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import COMPOSITES, PRESETS, SUBJECTS, check_cluster, check_folder, check_name, check_world
-from gbufrt.commands.options import (
+from gbufrt.commands.arguments.checks import (
+    COMPOSITES,
+    PRESETS,
+    SUBJECTS,
+    check_cluster,
+    check_folder,
+    check_name,
+    check_world,
+)
+from gbufrt.commands.arguments.options import ClusterOptions
+from gbufrt.commands.arguments.settings import parse_settings
+from gbufrt.commands.arguments.values import (
     MOST_COUNT,
     MOST_FRAMES,
-    ClusterOptions,
     Flag,
     Whole,
     Without,
     at_least,
     parse_names,
-    parse_settings,
     parse_size,
 )
 

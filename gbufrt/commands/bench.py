@@ -9,8 +9,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import PRESETS, check_file, check_name
-from gbufrt.commands.options import MOST_COUNT, Flag, Whole, at_least, check_device, parse_names, parse_size
+from gbufrt.commands.arguments.checks import PRESETS, check_file, check_name
+from gbufrt.commands.arguments.values import MOST_COUNT, Flag, Whole, at_least, check_device, parse_names, parse_size
 
 
 def bench(

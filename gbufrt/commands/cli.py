@@ -13,9 +13,9 @@ from cyclopts.config import Dict
 
 from gbufrt import __version__
 from gbufrt.commands.ablate import ablate
+from gbufrt.commands.arguments.settings import load_config
 from gbufrt.commands.bench import bench
 from gbufrt.commands.inspect import inspect
-from gbufrt.commands.options import load_config
 from gbufrt.commands.passes import passes
 from gbufrt.commands.post import post
 from gbufrt.commands.render import render

@@ -25,9 +25,9 @@ from textwrap import shorten
 from typing import Any
 
 from gbufrt import __version__
+from gbufrt.commands.arguments.checks import START
+from gbufrt.commands.arguments.options import ClusterOptions
 from gbufrt.commands.busy import cores
-from gbufrt.commands.checks import START
-from gbufrt.commands.options import ClusterOptions
 from gbufrt.files.output import atomic
 
 Work = Callable[[Any, Any, Path], Iterator[Any]]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import ENDINGS, check_folder
+from gbufrt.commands.arguments.checks import ENDINGS, check_folder
 
 
 def inspect(

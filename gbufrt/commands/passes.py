@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from gbufrt.commands.checks import check_options
-from gbufrt.commands.options import PassOptions
+from gbufrt.commands.arguments.checks import check_options
+from gbufrt.commands.arguments.options import PassOptions
 
 
 def passes(options: PassOptions | None = None) -> None:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import check_files, check_folder, check_options
-from gbufrt.commands.options import FileOptions, Flag, PassOptions, Without, parse_names
+from gbufrt.commands.arguments.checks import check_files, check_folder, check_options
+from gbufrt.commands.arguments.options import FileOptions, PassOptions
+from gbufrt.commands.arguments.values import Flag, Without, parse_names
 from gbufrt.commands.video import numbered
 
 if TYPE_CHECKING:

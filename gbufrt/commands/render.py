@@ -8,29 +8,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.checks import check_cluster, check_files, check_folder, check_options
-from gbufrt.commands.flight import LEAD_IN, Flight, Job, Sampling, Shot, cut, shoot, stem
-from gbufrt.commands.options import (
-    MOST_FRAMES,
-    ClusterOptions,
-    DayOptions,
-    FileOptions,
-    Flag,
-    FogOptions,
-    PartOptions,
-    PassOptions,
-    Whole,
-    at_least,
-    parse_point,
-    parse_size,
-)
+from gbufrt.commands.arguments.checks import check_cluster, check_files, check_folder, check_options
+from gbufrt.commands.arguments.options import ClusterOptions, FileOptions, PassOptions
+from gbufrt.commands.arguments.values import MOST_FRAMES, Flag, Whole, at_least, parse_point, parse_size
+from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
+from gbufrt.commands.flights.flight import Flight, shoot, stem
+from gbufrt.commands.flights.job import Job
+from gbufrt.commands.flights.sampling import sampling_of
+from gbufrt.commands.flights.shots import LEAD_IN, Shot, cut
 
 if TYPE_CHECKING:
-    from gbufrt.commands.session import Recipe, Runner
+    from gbufrt.commands.session import Runner
     from gbufrt.frame import Frame
-
-JITTERS = 8  # samples of each pixel of the picture before the jitter repeats
-TAA_JITTERS = 16
 
 
 def render(
@@ -173,16 +162,6 @@ def _tell(out: Path, made: list[int], warmup: int) -> None:
         print(f"wrote {len(made)} frames to {out} ({first.name}.png and .exr to {last}.png and .exr)")
     else:
         print(f"wrote {first}.png, the picture, and {first}.exr, with everything that led to it")
-
-
-def sampling_of(runner: Runner, recipe: Recipe, frames: int) -> Sampling:
-    """How the frames of a pipeline are sampled: jittered where a pass averages them, small where one upscales."""
-    stages = {type(stage).__name__: stage for _, stage in runner.pipeline.passes()}
-    paths, upscale = recipe.pipeline == "minecraft-rtx", stages.get("Upscale")
-    if upscale is not None:
-        ratio = upscale.tunables()["ratio"]
-        return Sampling(ratio=ratio, jitter=round(JITTERS * ratio**2), paths=paths)
-    return Sampling(jitter=TAA_JITTERS if frames > 1 and "TAA" in stages else 0, paths=paths)
 
 
 def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -> list[int]:

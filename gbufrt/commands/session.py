@@ -10,17 +10,10 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
-from gbufrt.commands.checks import PIPELINES, check_name
-from gbufrt.commands.options import (
-    MOST_WARMUP,
-    FileOptions,
-    PassOptions,
-    at_least,
-    check_device,
-    fitted,
-    parse_names,
-    parse_settings,
-)
+from gbufrt.commands.arguments.checks import PIPELINES, check_name
+from gbufrt.commands.arguments.options import FileOptions, PassOptions
+from gbufrt.commands.arguments.settings import fitted, parse_settings
+from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, check_device, parse_names
 from gbufrt.commands.progress import Tick
 from gbufrt.files.color_maps import to_srgb
 from gbufrt.files.exr import best_picture, write_exr

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from gbufrt.commands.checks import check_file
-from gbufrt.commands.options import at_least
+from gbufrt.commands.arguments.checks import check_file
+from gbufrt.commands.arguments.values import at_least
 
 
 def video(*files: Path, out: Path, fps: float = 24.0) -> None:

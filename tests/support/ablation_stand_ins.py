@@ -142,7 +142,9 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     }
     for module, (name, value) in stand_ins.items():  # the packages hide some modules behind functions of their name
         monkeypatch.setattr(import_module(module), name, value)
-    monkeypatch.setattr("gbufrt.commands.checks.WORLDS", {"builtin": ("front", "above"), "other": ("front", "above")})
+    monkeypatch.setattr(
+        "gbufrt.commands.arguments.checks.WORLDS", {"builtin": ("front", "above"), "other": ("front", "above")}
+    )
     monkeypatch.setattr("gbufrt.commands.ablation.denoising.FRAMES", 3)
     monkeypatch.setattr("gbufrt.commands.ablation.subjects.PATH_FRAMES", 6)
     for integrator in (ambient_occlusion, indirect_diffuse, reflection, path_trace):

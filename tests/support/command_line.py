@@ -119,7 +119,7 @@ def install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name, attribute, value in (("post.presets", "me1", fake_me1), ("tracer.frames", "render", fake_render)):
         monkeypatch.setattr(import_module(name), attribute, value)
     monkeypatch.setattr("tracer.worlds.load", fake_load)
-    monkeypatch.setattr("gbufrt.commands.checks.WORLDS", {"builtin": ("front", "above"), "hollow": ()})
+    monkeypatch.setattr("gbufrt.commands.arguments.checks.WORLDS", {"builtin": ("front", "above"), "hollow": ()})
     monkeypatch.chdir(tmp_path)
 
 

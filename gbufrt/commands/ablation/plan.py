@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from gbufrt.commands.ablation.subjects import SIGNALS
 from gbufrt.commands.ablation.variants import FULL, Variant, parse_variants
-from gbufrt.commands.checks import SUBJECTS
-from gbufrt.commands.options import at_least
+from gbufrt.commands.arguments.checks import SUBJECTS
+from gbufrt.commands.arguments.values import at_least
 from gbufrt.commands.session import Recipe
 
 if TYPE_CHECKING:

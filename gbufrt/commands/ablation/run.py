@@ -19,8 +19,8 @@ from gbufrt.commands.ablation.records import Record, Store, to_csv
 from gbufrt.commands.ablation.report import write_front, write_page
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.variants import FULL, Variant
-from gbufrt.commands.checks import check_folder
-from gbufrt.commands.options import ClusterOptions
+from gbufrt.commands.arguments.checks import check_folder
+from gbufrt.commands.arguments.options import ClusterOptions
 from gbufrt.commands.progress import progress
 from gbufrt.files.output import write_text
 

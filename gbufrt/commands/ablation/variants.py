@@ -13,8 +13,8 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import Literal, get_args, get_origin, get_type_hints
 
-from gbufrt.commands.checks import PRESETS
-from gbufrt.commands.options import parse_settings
+from gbufrt.commands.arguments.checks import PRESETS
+from gbufrt.commands.arguments.settings import parse_settings
 from gbufrt.commands.session import Recipe
 from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline

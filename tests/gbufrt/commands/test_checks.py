@@ -9,7 +9,7 @@ from typing import get_args
 
 import pytest
 
-from gbufrt.commands import checks
+from gbufrt.commands.arguments import checks
 
 WRONG = (
     ("render --size 0x0 --out out", "--size must be"),

@@ -20,11 +20,11 @@ from typing import Any
 import pytest
 import torch
 
-from gbufrt.commands.checks import check_cluster
+from gbufrt.commands.arguments.checks import check_cluster
+from gbufrt.commands.arguments.options import ClusterOptions
 from gbufrt.commands.cli import main
 from gbufrt.commands.cluster import Cluster, open_cluster
-from gbufrt.commands.flight import cut
-from gbufrt.commands.options import ClusterOptions
+from gbufrt.commands.flights.shots import cut
 from gbufrt.files.exr import read_exr
 
 FRAMES, LEAD_IN = 10, 4
@@ -356,6 +356,6 @@ def test_what_answers_but_is_not_ray_is_told(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_without_ray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("gbufrt.commands.checks.find_spec", lambda name: None)
+    monkeypatch.setattr("gbufrt.commands.arguments.checks.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'gbufrt\[cluster\]'"):
         check_cluster(ClusterOptions(cluster="local"))

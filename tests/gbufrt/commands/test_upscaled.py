@@ -12,7 +12,7 @@ from PIL import Image
 from torch import Tensor
 
 from gbufrt import Camera, Frame
-from gbufrt.commands.flight import Sampling
+from gbufrt.commands.flights.sampling import Sampling
 from gbufrt.files.exr import read_exr, read_notes
 from gbufrt.noise.noise import blue_noise
 from tracer.scene.scene import Scene

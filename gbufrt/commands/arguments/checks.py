@@ -12,16 +12,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from gbufrt.commands.options import (
-    MOST_WARMUP,
-    ClusterOptions,
-    FileOptions,
-    PassOptions,
-    at_least,
-    check_device,
-    parse_names,
-    parse_settings,
-)
+from gbufrt.commands.arguments.options import ClusterOptions, FileOptions, PassOptions
+from gbufrt.commands.arguments.settings import parse_settings
+from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, check_device, parse_names
 from gbufrt.names import meant, no_world, unknown
 
 PIPELINES = ("me1", "minecraft-rtx")

@@ -1,0 +1,105 @@
+"""Flights: a job and its pipeline, how its frames are made in order, and what a worker of a cluster does of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gbufrt.commands.arguments.options import FileOptions
+    from gbufrt.commands.flights.job import Job
+    from gbufrt.commands.flights.sampling import Sampling
+    from gbufrt.commands.flights.shots import Shot
+    from gbufrt.commands.progress import Tick
+    from gbufrt.commands.session import Recipe, Runner
+    from gbufrt.frame import Frame
+    from tracer.scene.scene import Scene
+    from tracer.worlds.stream import Stream
+
+
+def stem(index: int) -> str:
+    """File name of a frame without its ending."""
+    return f"frame_{index:04d}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flight:
+    """A job, its world, and the pipeline that finishes its frames."""
+
+    job: Job
+    scene: Scene | Stream
+    recipe: Recipe
+    sampling: Sampling
+    notes: dict[str, Any]
+    """For the frames' headers."""
+    debug: bool
+    files: FileOptions
+
+    def make(
+        self,
+        shot: Shot,
+        runner: Runner,
+        *,
+        device: Any,
+        doing: Callable[[str], Tick] = lambda _: lambda: None,
+        known: Callable[[int], Frame] | None = None,
+        ready: Callable[[], None] = lambda: None,
+    ) -> Iterator[tuple[int, Frame]]:
+        """A shot's frames by number, in order and finished, the lead-in included.
+
+        The passes see a traced frame as its file will hold it, so that they can be run over the file with the same
+        result.
+
+        Args:
+            shot: which frames.
+            runner: of the recipe, without history.
+            device: where to trace and run.
+            doing: told what is being done; what it returns is called after each step.
+            known: gives a frame that is not wanted, as it was before the passes; by default it is traced.
+            ready: called before the passes run.
+        """
+        wanted = frozenset(shot.wanted)
+        for index in shot.frames:
+            stills = self._stills(index, runner.warmup, device) if self.sampling.paths and index == shot.begin else ()
+            if known is not None and index not in wanted:
+                yield index, runner(known(index), doing(f"reading frame {index} again"), stills)
+                continue
+            traced = self._trace(index, device)
+            doing(f"tracing frame {index}")()
+            ready()
+            yield index, runner(traced, doing(f"passes of frame {index}"), stills)
+
+    def _trace(self, index: int, device: Any, *, still: int | None = None) -> Frame:
+        from gbufrt.commands.session import precision_of
+        from gbufrt.files.precision import as_stored
+
+        traced = self.job.trace(self.scene, index, device, self.sampling, still=still)
+        return as_stored(traced, precision_of(self.files))
+
+    def _stills(self, index: int, count: int, device: Any) -> Iterator[Frame]:
+        """Frames before one, with noise of their own, as if nothing had moved yet."""
+        from gbufrt.pipeline import NOISE_PERIOD
+
+        for before in range(count, 0, -1):
+            yield self._trace(index, device, still=(index - before) % NOISE_PERIOD)
+
+    def save(self, folder: Path, index: int, frame: Frame) -> None:
+        """Write a finished frame's files."""
+        from gbufrt.commands.session import save
+
+        save(folder, stem(index), frame, notes=self.notes, debug=self.debug, files=self.files)
+
+
+def shoot(flight: Flight, shot: Shot, folder: Path) -> Iterator[str]:
+    """Make a shot in a worker of `gbufrt.commands.cluster`, and say which frame is done after each."""
+    import torch
+
+    from gbufrt.commands.session import Runner
+
+    runner, wanted = Runner(flight.recipe.build(), flight.recipe.warmup), frozenset(shot.wanted)
+    for index, frame in flight.make(shot, runner, device=torch.device("cpu")):
+        if index in wanted:
+            flight.save(folder, index, frame)
+        yield f"frame {index}" if index in wanted else f"frame {index}, which leads in to frame {shot.wanted[0]}"
