@@ -13,7 +13,6 @@ from post import me1
 
 SIZE = (270, 480)
 PANES = ((0.9, 0.15, 0.1), (0.95, 0.75, 0.1), (0.1, 0.6, 0.2), (0.1, 0.25, 0.9))
-out = Path("out/weather.jpg")
 
 
 def chapel(*, stained: bool) -> tracer.Scene:
@@ -40,15 +39,17 @@ def picture(scene: tracer.Scene, camera: Camera) -> torch.Tensor:
         return me1("high").settle(frame, 12)[0].read("image")[0]
 
 
-valley = tracer.load("valley")
-plaza, lake = (valley.views[name].camera(1.3, size=SIZE) for name in ("plaza", "lake"))
-inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
-day = tracer.at_hour(valley, 15.0)
-morning = tracer.at_hour(valley, 8.5)
-pairs = (
-    (picture(day, plaza), picture(tracer.raining(day, 0.8), plaza)),
-    (picture(morning, lake), picture(replace(morning, waves=tracer.Waves()), lake)),
-    (picture(chapel(stained=False), inside), picture(chapel(stained=True), inside)),
-)
-out.parent.mkdir(parents=True, exist_ok=True)
-to_pil(torch.cat([torch.cat(pair, dim=2) for pair in pairs], dim=1)[None]).save(out, quality=88)
+if __name__ == "__main__":
+    valley = tracer.load("valley")
+    plaza, lake = (valley.views[name].camera(1.3, size=SIZE) for name in ("plaza", "lake"))
+    inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
+    day = tracer.at_hour(valley, 15.0)
+    morning = tracer.at_hour(valley, 8.5)
+    pairs = (
+        (picture(day, plaza), picture(tracer.raining(day, 0.8), plaza)),
+        (picture(morning, lake), picture(replace(morning, waves=tracer.Waves()), lake)),
+        (picture(chapel(stained=False), inside), picture(chapel(stained=True), inside)),
+    )
+    out = Path("out/weather.jpg")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    to_pil(torch.cat([torch.cat(pair, dim=2) for pair in pairs], dim=1)[None]).save(out, quality=88)

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
-from gbufrt.commands.arguments.checks import PIPELINES, check_name
+from gbufrt.commands.arguments.checks import DENOISERS, PIPELINES, check_name
 from gbufrt.commands.arguments.options import FileOptions, PassOptions
 from gbufrt.commands.arguments.settings import fitted, parse_settings
 from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, check_device, parse_names
@@ -40,23 +40,29 @@ class Recipe:
     warmup: int = 3
     fog: bool = False
     pipeline: str = "me1"
+    denoiser: str = "asvgf"
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
         """The recipe of the command line; ``start`` fills in what it does not set (a preset or pipeline starts anew).
 
         Raises:
-            ValueError: a setting or the warm-up is malformed, or the pipeline has no such composite.
+            ValueError: a setting or the warm-up is malformed, or the pipeline has no such composite or denoiser.
         """
         base = start or Recipe()
         if options.pipeline not in (None, base.pipeline):
             base = Recipe(pipeline=str(options.pipeline), warmup=WARMUPS[str(options.pipeline)], fog=base.fog)
         if options.preset is not None:
-            base = Recipe(preset=options.preset, warmup=base.warmup, fog=base.fog, pipeline=base.pipeline)
+            kept = {name: getattr(base, name) for name in ("warmup", "fog", "pipeline", "denoiser")}
+            base = Recipe(preset=options.preset, **kept)
         if options.composite is not None:
             if base.pipeline != "me1":
                 raise ValueError(f"--composite is for me1; leave it out with --pipeline {base.pipeline}")
             base = replace(base, composite=options.composite)
+        if options.denoiser is not None:
+            if base.pipeline != "minecraft-rtx":
+                raise ValueError("--denoiser is for minecraft-rtx; leave it out, or give --pipeline minecraft-rtx")
+            base = replace(base, denoiser=options.denoiser)
         warmup = base.warmup if options.warmup is None else options.warmup
         at_least("--warmup", warmup, 0, MOST_WARMUP)
         without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
@@ -92,11 +98,14 @@ class Recipe:
                 warmup=int(found["warmup"]) if warmup is None else warmup,
                 fog=found.get("fog") is True,
                 pipeline=found.get("pipeline", "me1"),
+                denoiser=found.get("denoiser", "asvgf"),
             )
         except (KeyError, TypeError, ValueError, OverflowError):
             return Recipe()
         if recipe.pipeline not in PIPELINES:
             raise ValueError(f"{source} has the unknown pipeline {recipe.pipeline!r}; say which to run with --pipeline")
+        if recipe.denoiser not in DENOISERS:
+            raise ValueError(f"{source} has the unknown denoiser {recipe.denoiser!r}; say which to run with --denoiser")
         if not 0 <= recipe.warmup <= MOST_WARMUP:
             raise ValueError(f"{source} asks for more warm-up runs than {MOST_WARMUP}; say how many with --warmup")
         return recipe
@@ -104,7 +113,7 @@ class Recipe:
     def to_notes(self) -> dict[str, Any]:
         """The recipe as JSON values."""
         notes, plain = {**asdict(self), "without": list(self.without)}, Recipe()
-        usual = {name for name in ("fog", "pipeline") if getattr(self, name) == getattr(plain, name)}
+        usual = {name for name in ("fog", "pipeline", "denoiser") if getattr(self, name) == getattr(plain, name)}
         return {name: value for name, value in notes.items() if name not in usual}
 
     def build(self) -> Pipeline:
@@ -117,7 +126,11 @@ class Recipe:
         from post.presets import me1, with_fog
 
         composite: Any = self.composite
-        pipeline = me1(self.preset, composite=composite) if self.pipeline == "me1" else minecraft_rtx(self.preset)
+        denoiser: Any = self.denoiser
+        if self.pipeline == "me1":
+            pipeline = me1(self.preset, composite=composite)
+        else:
+            pipeline = minecraft_rtx(self.preset, denoiser=denoiser)
         pipeline = with_fog(pipeline) if self.fog else pipeline
         if self.set:
             present = pipeline.all_tunables()

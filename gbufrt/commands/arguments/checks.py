@@ -18,6 +18,7 @@ from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, check_device
 from gbufrt.names import meant, no_world, unknown
 
 PIPELINES = ("me1", "minecraft-rtx")
+DENOISERS = ("asvgf", "denoise")
 PRESETS = ("low", "medium", "high", "ultra")
 COMPOSITES = ("physical", "me1")
 STATUSES = ("blindness", "darkness")
@@ -41,6 +42,8 @@ def check_options(options: PassOptions) -> None:
     """Raise ValueError where a pipeline, preset, composite, setting, warm-up or device is invalid."""
     if options.pipeline is not None:
         check_name("--pipeline", options.pipeline, PIPELINES)
+    if options.denoiser is not None:
+        check_name("--denoiser", options.denoiser, DENOISERS)
     if options.preset is not None:
         check_name("--preset", options.preset, PRESETS)
     if options.composite is not None:

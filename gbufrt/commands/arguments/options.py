@@ -19,6 +19,9 @@ class PassOptions:
     """me1, which adds screen-space light to direct light; or minecraft-rtx, which cleans and upscales light of one path
     a pixel. [default: me1]"""
 
+    denoiser: str | None = None
+    """Of minecraft-rtx: asvgf, diffuse and specular light apart; or denoise, all light in one. [default: asvgf]"""
+
     preset: str | None = None
     """low, medium, high or ultra. [default: high]"""
 

@@ -148,6 +148,7 @@ class Job:
         from tracer.frames import render as trace_frame
         from tracer.frames import unlit
         from tracer.paths.sampled import sampled
+        from tracer.truth.one_path import one_path
 
         view, number = self.seen_from(scene), index if still is None else still
         before, size = index - (still is None), sampling.rendered(self.size)
@@ -168,8 +169,10 @@ class Job:
             index=number,
             **({"light_samples": 1} if sampling.paths else more),
         )
-        if not sampling.paths:
+        if sampling.paths is None:
             return frame
+        if sampling.paths == "denoise":
+            return one_path(there, frame, bounces=BOUNCES)
         last = None
         if still is None and index > 0:  # traced again, so that no frame needs another's files
             last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)

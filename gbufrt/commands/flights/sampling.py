@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Recipe, Runner
@@ -20,8 +20,8 @@ class Sampling:
     """Sides of the picture over those of what is traced."""
     jitter: int = 0
     """Frames after which the camera's jitter repeats; 0 for none."""
-    paths: bool = False
-    """Whether light comes by one sample a pixel, diffuse and specular apart, with replayed ones of the frame before."""
+    paths: Literal["asvgf", "denoise"] | None = None
+    """Which denoiser gets light of one path a pixel, and so in what form; None for direct light without noise."""
 
     def rendered(self, size: tuple[int, int]) -> tuple[int, int]:
         """What is traced of a picture of ``size`` ``(H, W)``.
@@ -41,7 +41,8 @@ class Sampling:
 def sampling_of(runner: Runner, recipe: Recipe, frames: int) -> Sampling:
     """How the frames of a pipeline are sampled: jittered where a pass averages them, small where one upscales."""
     stages = {type(stage).__name__: stage for _, stage in runner.pipeline.passes()}
-    paths, upscale = recipe.pipeline == "minecraft-rtx", stages.get("Upscale")
+    paths: Any = recipe.denoiser if recipe.pipeline == "minecraft-rtx" else None
+    upscale = stages.get("Upscale")
     if upscale is not None:
         ratio = upscale.tunables()["ratio"]
         return Sampling(ratio=ratio, jitter=round(JITTERS * ratio**2), paths=paths)

@@ -129,6 +129,7 @@ def test_names_are_those_of_the_code():
     from gbufrt.files.precision import PRECISIONS
     from gbufrt.files.video import CODECS
     from post.passes.light.composite import Mode
+    from post.path_traced import Denoiser
     from post.presets import STATUSES, Preset
     from tracer.formats.minecraft.window import LEAST, MOST
     from tracer.worlds import FORMATS, WORLDS, terrain
@@ -138,6 +139,7 @@ def test_names_are_those_of_the_code():
     assert get_args(Preset) == checks.PRESETS
     assert (PRECISIONS, COMPRESSIONS, tuple(CODECS)) == (checks.PRECISIONS, checks.COMPRESSIONS, checks.VIDEOS)
     assert get_args(Mode) == checks.COMPOSITES
+    assert get_args(Denoiser) == checks.DENOISERS
     assert checks.SUBJECTS[: len(SIGNALS)] == SIGNALS
     assert tuple(checks.WORLDS) == ("builtin", *WORLDS)
     assert tuple(FORMATS) == checks.ENDINGS

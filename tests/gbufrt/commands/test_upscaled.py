@@ -40,10 +40,17 @@ def fake_unlit(scene: Scene, camera: Camera, *, time: float = 0.0, index: int) -
     return Frame(gbuffer=boxes.frame(camera).gbuffer, index=index, time=time)
 
 
+def fake_path(scene: Scene, frame: Frame, *, bounces: int) -> Frame:
+    return frame.replace(
+        radiance=frame.read("radiance") * 2 * blue_noise(*frame.gbuffer.camera.size, index=frame.index)
+    )
+
+
 @pytest.fixture(autouse=True)
 def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     install(monkeypatch, tmp_path)
     monkeypatch.setattr("tracer.paths.sampled.sampled", fake_samples)
+    monkeypatch.setattr("tracer.truth.one_path.one_path", fake_path)
     monkeypatch.setattr("tracer.frames.unlit", fake_unlit)
 
 
@@ -69,10 +76,23 @@ def test_small_frames_large_pictures_resumed_and_run_again():
     assert read_exr("whole/frame_0000.exr").replayed is None, "no frame is before the first"
 
 
+def test_one_light_for_the_other_denoiser():
+    assert run("render", "--frames", "2", *RTX, "--denoiser", "denoise", "--out", "one") == 0
+    frame = read_exr("one/frame_0001.exr")
+    assert frame.diffuse is None
+    assert read_notes("one/frame_0001.exr")["pipeline"]["denoiser"] == "denoise"
+    assert run("post", "one", "--out", "again") == 0
+    again = read_exr("again/frame_0001.exr")
+    assert torch.equal(again.read("radiance"), frame.read("radiance")), "noisy, as it was traced"
+    assert again.read("image").shape == (1, 3, 16, 24)
+
+
 def test_mistakes_are_told(capsys: pytest.CaptureFixture[str]):
     for options, message in (
         (("--pipeline", "minecraft"), "--pipeline must be me1 or minecraft-rtx"),
         (("--pipeline", "minecraft-rtx", "--composite", "me1"), "--composite is for me1"),
+        (("--denoiser", "denoise"), "--denoiser is for minecraft-rtx"),
+        (("--pipeline", "minecraft-rtx", "--denoiser", "oidn"), "--denoiser must be asvgf or denoise"),
         (("--pipeline", "minecraft-rtx", "--size", "25x16"), "--size 25x16"),
     ):
         assert run("render", *options, "--out", "out") == 2
