@@ -1,4 +1,4 @@
-"""The pictures of the gallery: each effect left out on the left of the line, or its truth, and at work on the right.
+"""The pictures of the gallery: each effect left out on the left, or its truth, and at work on the right.
 
 `python samples/gallery.py OUT [NAME ...]` makes those named, by default all, in some minutes.
 """
@@ -20,11 +20,11 @@ from gbufrt.files.views import layers_sheet
 from gbufrt.noise.noise import halton_jitter
 from post import AerialPerspective, DepthOfField, DisplayEncode, MotionBlur, ToneMap, me1, minecraft_rtx, with_fog
 
-SIZE, SMALL, FPS = (288, 512), (144, 256), 24
+SIZE, SMALL, FPS = (252, 448), (126, 224), 24
 valley = tracer.load("valley")
 afternoon, morning = tracer.at_hour(valley, 15.0), tracer.at_hour(valley, 8.5)
 inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
-bank = Camera.look_at((39.0, 10.5, 60.0), (33.0, 8.0, 44.0), size=SIZE)
+rock = Camera.look_at((104.0, 35.0, 40.0), (140.0, 31.5, 28.5), size=SIZE, fov_y=62.0)
 
 
 def seen(name: str, time: float = 1.3, size: tuple[int, int] = SIZE) -> Camera:
@@ -95,9 +95,9 @@ def layers() -> Tensor:
 def overlay() -> tuple[Tensor, Tensor]:
     """A bar and a cross-hair, over motion blur, depth of field and exposure that do not touch them."""
     hud = torch.zeros(1, 4, *SIZE)
-    hud[:, :, 262:274, 156:356] = torch.tensor([0.1, 0.1, 0.1, 0.6])[:, None, None]
-    hud[:, :, 265:271, 160:300] = torch.tensor([0.9, 0.2, 0.2, 1.0])[:, None, None]
-    hud[:, :, 143:145, 246:266], hud[:, :, 134:154, 255:257] = 1.0, 1.0
+    hud[:, :, 226:238, 124:324] = torch.tensor([0.1, 0.1, 0.1, 0.6])[:, None, None]
+    hud[:, :, 229:235, 128:268] = torch.tensor([0.9, 0.2, 0.2, 1.0])[:, None, None]
+    hud[:, :, 125:127, 214:234], hud[:, :, 116:136, 223:225] = 1.0, 1.0
     frame = tracer.render(valley, seen("plaza"), time=1.3)
     return tuple(me1("high").settle(f, 8)[0].read("image") for f in (frame, frame.write("ui", hud)))
 
@@ -126,6 +126,7 @@ PICTURES: dict[str, Callable[[], Tensor | tuple[Tensor, ...]]] = {
     ),
     "thin_lens": lambda: lens("closeup", DepthOfField(aperture_radius=0.3), aperture_radius=0.3),
     "one_path": noisy,
+    "spectator": lambda: tuple(picture(morning, camera) for camera in (seen("cave"), rock)),
     "layers": layers,
     "overlay": overlay,
 }
@@ -137,7 +138,6 @@ for name in sys.argv[2:] or PICTURES:
         shown = PICTURES[name]()
     if isinstance(shown, tuple):
         left, right = shown
-        middle = left.shape[-1] // 2
-        shown = torch.cat([left[..., : middle - 1], torch.ones_like(left[..., :2]), right[..., middle + 1 :]], dim=-1)
+        shown = torch.cat([left, torch.ones_like(left[..., :2]), right], dim=-1)
     to_pil(shown).save(out / f"{name}.jpg", quality=86)
     print(out / f"{name}.jpg", flush=True)
