@@ -34,8 +34,8 @@ def _radiance_of(begin, end, arrays, camera, picture, rays, u, bounces, spreads,
         isect = interaction_kernel.intersect(
             tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
         )
-        light, onscreen = path_kernel.radiance(
-            tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event
+        light, onscreen = path_kernel.arriving(
+            tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event, True, True
         )
         out[i, 0], out[i, 1], out[i, 2] = light
         out[i, 3], out[i, 4], out[i, 5] = onscreen
@@ -125,6 +125,25 @@ def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
             _reflected_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, sharp, out)
 
 
+@scalar
+def _lobes_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out):
+    tables = interaction_kernel.assembled(arrays)
+    for i in range(begin, end):
+        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
+        even, light, counts = integrator_kernel.lobes(tables, camera, picture, at, u, i, bounces)
+        out[i, 0], out[i, 1], out[i, 2] = even
+        out[i, 3], out[i, 4], out[i, 5] = light
+        out[i, 6], out[i, 7], out[i, 8] = counts
+
+
+@driver
+def lobes_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
+    count = len(out)
+    for lane in prange(lanes):
+        for begin in range(lane * ROWS, count, lanes * ROWS):
+            _lobes_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, bounces, out)
+
+
 def radiance(
     scene: Scene,
     lights: Lights,
@@ -182,6 +201,14 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     reflected_all(*_given(scene, at, start), array(u), float(sharp), threads(), array(out))
     counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
     return {"reflection": out[:, :3], "reflection_onscreen": out[:, 3:6], **counts}
+
+
+def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+    """See `tracer.paths.integrators.lobes`."""
+    out = torch.empty(u.shape[1], 9)
+    lobes_all(*_given(scene, at, start), array(u), bounces, threads(), array(out))
+    counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
+    return {"indirect": out[:, :3], "specular": out[:, 3:6], **counts}
 
 
 def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:

@@ -7,12 +7,14 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
-from tracer.lights.kernel import FACING, NOTHING, lamp_sample, shines, sky, sun_sample
+from gbufrt.specular import LAMP_ROUGHNESS
+from tracer.lights.kernel import DISC, FACING, NOTHING, lamp_sample, shines, sky, sun_sample
 from tracer.lights.samples import DIMS
 from tracer.paths.interaction import FINE, MOST_PASS
 from tracer.paths.interaction_kernel import WHITE, intersect, transmit
 from tracer.paths.on_screen_kernel import sees
-from tracer.paths.path_kernel import diffuse_of, f0_of, from_lamp, gathered
+from tracer.paths.path_kernel import arriving, diffuse_of, direct, f0_of, from_lamp, gathered
+from tracer.paths.radiance import MORE
 from tracer.sampling.scatter_kernel import added, cosine_direction, dot, fresnel, sample_specular, scaled, times
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal.kernel import triple
@@ -94,3 +96,27 @@ def reflected(tables, camera, picture, at, u, i, sharp):
     shows = sees(camera, picture, isect.surface.point, isect.surface.normal)
     onscreen = added(onscreen, times(sent, WHITE if shows else NOTHING))
     return added(light, sent), onscreen, (1.0 if shows else 0.0, isect.t, 1.0, 1.0)
+
+
+@scalar
+def lobes(tables, camera, picture, at, u, i, bounces):
+    """``indirect``, ``specular``; and ``distance``, ``flies``, ``ends`` of the specular ray."""
+    direction = cosine_direction(at.normal, u[0, i], u[1, i])
+    mask = MASK_SECONDARY
+    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
+    rest = bounces - 1
+    light = arriving(tables, camera, picture, isect, 0.0, direction, u, i, 3, rest, True, False, False)[0]
+    even = scaled(light, (1 - at.metallic) * at.opacity)
+    first, alpha = 3 + MORE * bounces, at.roughness * at.roughness
+    sharp_sun, sharp_lamp = alpha < tables.lit.sky[DISC, 0], at.roughness < LAMP_ROUGHNESS
+    light = direct(tables, at, u, i, first + 3, NOTHING, not sharp_sun, not sharp_lamp)
+    direction, weight, cosine = sample_specular(at.normal, at.toward, alpha, u[first, i], u[first + 1, i])
+    if not weight > 0:
+        return even, light, (0.0, 0.0, 0.0)
+    number, onward = u[first + 2, i], first + 3 + DIMS
+    isect = intersect(tables, at.point, direction, number, at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
+    sent = arriving(tables, camera, picture, isect, 0.0, direction, u, i, onward, rest, True, sharp_sun, sharp_lamp)[0]
+    light = added(light, times(scaled(fresnel(f0_of(at), cosine), weight), sent))
+    if isect.t == np.inf:
+        return even, light, (0.0, 1.0, 0.0)
+    return even, light, (isect.t, 1.0, 1.0)

@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import torch
 from torch import Tensor
 
-from tracer.lights.samples import DIMS
+from tracer.lights.samples import DIMS, Lights
 from tracer.lights.sky import sky_along
 from tracer.paths.diffuse import EVEN, even_response, gathered
 from tracer.paths.interaction import Vertices, direct, intersect
-from tracer.paths.radiance import specular_lamps
+from tracer.paths.radiance import MORE, arriving, glossy, sharp
 from tracer.paths.receivers import Receivers
 from tracer.sampling.progressive import Values
 from tracer.sampling.scatter import cosine_direction, fresnel, sample_specular
@@ -98,7 +101,7 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     light, onscreen = torch.zeros_like(start.points), torch.zeros_like(start.points)
     if at.lights.lamps is not None:
         numbers = u[3 : 3 + DIMS, rough]
-        light[rough], places, facing = specular_lamps(scene, at.lights, start[rough], numbers, at.poses)
+        light[rough], places, facing = _specular_lamps(scene, at.lights, start[rough], numbers, at.poses)
         onscreen[rough] = light[rough] * at.picture.sees(places, facing)[:, None]
     sent = gathered(scene, at.lights, surface, u[3 + DIMS :, rows], 1, at.poses)
     sent = factor[rows] * (sent + surface.emission * ~rough[rows, None])
@@ -111,3 +114,76 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     ways[rows], known[rows] = isect.distance[rows], shows.to(known)
     counts = {"onscreen": known, "distance": ways, "flies": flies.to(ways), "ends": isect.hit.to(ways)}
     return {"reflection": light, "reflection_onscreen": onscreen} | {k: v[:, None] for k, v in counts.items()}
+
+
+def lobe_dims(bounces: int) -> int:
+    """How many numbers the paths of `lobes` take."""
+    return 6 + DIMS + 2 * MORE * bounces
+
+
+def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+    """``indirect`` and ``specular`` of `tracer.SampledLight`, by one path from each lobe; see `occlusion`.
+
+    Of sun and lamps, rough surfaces reflect what a shadow ray brings, and smooth ones what the path itself finds. Also
+    found: where there is a specular ray (``flies``), where it hits anything (``ends``), and its length (``distance``).
+    """
+    start = start.repeat(u.shape[1] // max(len(start), 1))
+    sharp_sun, sharp_lamp = sharp(scene, start)
+    given: dict[str, Any] = {"bounces": bounces - 1, "poses": at.poses}
+    begun: dict[str, Any] = {"poses": at.poses, "inside": start.inside}
+    first = 3 + MORE * bounces
+    directions, none = cosine_direction(start.normals, u[:2]), torch.zeros_like(sharp_sun)
+    isect = intersect(scene, start.points, directions, u[2], **begun)
+    even = ((1 - start.metallic) * start.opacity)[:, None]
+    found, _ = arriving(scene, at.lights, isect, directions, u[3:first], sees_sun=none, sees_lamps=none, **given)
+    even = even * found
+
+    u = u[first:]
+    directions, weight, cosine = sample_specular(start.normals, start.toward, start.alpha, u[:2])
+    flies = weight > 0
+    ends = torch.where(flies, torch.inf, 0.0)  # a ray into the surface itself hits nothing
+    isect = intersect(scene, start.points, directions, u[2], t_max=ends, **begun)
+    given |= {"sees_sun": sharp_sun, "sees_lamps": sharp_lamp}
+    found, _ = arriving(scene, at.lights, isect, directions, u[3 + DIMS :], **given)
+    light = fresnel(start.f0, cosine) * weight[:, None] * found
+    light = light + _specular_sun(scene, at.lights, start, u[3 : 3 + DIMS], at.poses)
+    rough = ~sharp_lamp
+    if at.lights.lamps is not None:
+        light[rough] += _specular_lamps(scene, at.lights, start[rough], u[3 : 3 + DIMS, rough], at.poses)[0]
+    distance = torch.where(isect.hit, isect.distance, 0.0)
+    counts = {"distance": distance, "flies": flies.to(weight), "ends": isect.hit.to(weight)}
+    return {"indirect": even, "specular": light} | {k: v[:, None] for k, v in counts.items()}
+
+
+def _specular_lamps(
+    scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Specular reflections of lamps, by one shadow ray each.
+
+    Args:
+        scene: what is there.
+        lights: of the scene, among them a lamp.
+        at: N surfaces.
+        u: ``(6, N)`` in [0, 1).
+        poses: ``(I, 4, 4)``.
+
+    Returns:
+        ``(N, 3)`` each: radiance, the place on the lamp, and the lamp's normal.
+    """
+    lamps = replace(lights, sun=None)
+    ((sample, light),) = direct(scene, lamps, at, u, lambda s: glossy(at, s.direction), poses=poses)
+    facing = torch.zeros_like(at.points) if sample.facing is None else sample.facing
+    return light, at.points + sample.direction * sample.distance[:, None], facing
+
+
+def _specular_sun(scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
+    """Radiance ``(N, 3)`` of the sun's specular reflections, by one shadow ray each; see `_specular_lamps`.
+
+    None where the surface is so smooth that it shows the disc itself.
+    """
+    light = torch.zeros_like(at.points)
+    if lights.sun is not None:
+        blunt = ~sharp(scene, at)[0]
+        given = replace(lights, lamps=None), at[blunt], u[:, blunt], lambda s: glossy(at[blunt], s.direction)
+        ((_, light[blunt]),) = direct(scene, *given, poses=poses)
+    return light

@@ -53,6 +53,15 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: fl
     return drivers.reflected(scene, at, start, u, sharp)
 
 
+def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+    """See `tracer.paths.integrators.lobes`."""
+    if form_of(u) is Form.REFERENCE:
+        return integrators.lobes(scene, at, start, u, bounces)
+    from tracer.paths import drivers
+
+    return drivers.lobes(scene, at, start, u, bounces)
+
+
 def radiance(
     scene: Scene,
     lights: Lights,

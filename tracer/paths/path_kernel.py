@@ -57,7 +57,7 @@ def _response(at, direction, even, mirrors):
 
 
 @scalar
-def _direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
+def direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
     """Direct light from the sun and from one lamp; see `tracer.paths.interaction.direct`."""
     lit, light = tables.lit, NOTHING
     if shines(lit):
@@ -89,7 +89,7 @@ def gathered(tables, at, u, i, first, bounces):
     total, through = NOTHING, WHITE
     for bounce in range(bounces):
         through = times(through, diffuse_of(at))
-        total = added(total, times(through, _direct(tables, at, u, i, first, WHITE, False, False)))
+        total = added(total, times(through, direct(tables, at, u, i, first, WHITE, False, False)))
         direction = cosine_direction(at.normal, u[first + DIMS, i], u[first + DIMS + 1, i])
         if bounce == bounces - 1:
             passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
@@ -114,10 +114,10 @@ def _go_on(tables, at, direction, number):
 
 
 @scalar
-def radiance(tables, camera, picture, isect, known, direction, u, i, first, bounces, next_event):
-    """See `tracer.paths.radiance.radiance`; ``known`` is 1 where the first surface is on screen, else 0."""
+def arriving(tables, camera, picture, isect, known, direction, u, i, first, bounces, next_event, sees_sun, sees_lamps):
+    """See `tracer.paths.radiance.arriving`; ``known`` is 1 where the first surface is on screen, else 0."""
     lit = tables.lit
-    total, onscreen, through, sees_sun, sees_lamps, density = NOTHING, NOTHING, WHITE, True, True, 0.0
+    total, onscreen, through, density = NOTHING, NOTHING, WHITE, 0.0
     sharp = lit.sky[DISC, 0]
     for bounce in range(bounces + 2):
         through = times(through, isect.weight)
@@ -137,7 +137,7 @@ def radiance(tables, camera, picture, isect, known, direction, u, i, first, boun
         light = at.emission if sees_lamps else NOTHING
         sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < LAMP_ROUGHNESS
         if next_event and bounce <= bounces:
-            light = added(light, _direct(tables, at, u, i, first, _diffuse_share(at), not sharp_sun, not sharp_lamp))
+            light = added(light, direct(tables, at, u, i, first, _diffuse_share(at), not sharp_sun, not sharp_lamp))
             if len(lit.sky_upto):
                 light = added(light, _from_sky(tables, at, u[first + DIMS + 5, i], u[first + DIMS + 6, i]))
         light = times(through, light)

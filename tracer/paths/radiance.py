@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -15,7 +16,7 @@ from tracer.lights.samples import DIMS, Lights, LightSample
 from tracer.lights.sky import beyond, sky_along
 from tracer.lights.sky_table import SkyTable
 from tracer.paths.diffuse import even_response
-from tracer.paths.interaction import FINE, Vertices, direct, intersect
+from tracer.paths.interaction import FINE, Interaction, Vertices, direct, intersect
 from tracer.paths.on_screen import Picture
 from tracer.sampling.scatter import cosine_direction, dot, fresnel, sample_specular, specular_response
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
@@ -76,16 +77,58 @@ def radiance(
 
     Source: Kajiya 1986; Veach and Guibas 1995 for the balance heuristic; Arvo and Kirk 1990 for Russian roulette.
     """
-    paths = _Paths.begin(directions, known=picture is not None)
-    paths = paths if known is None else replace(paths, known=paths.known & known)
+    yes = torch.ones_like(directions[:, 0], dtype=torch.bool)
+    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
+    isect = intersect(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first)
+    given: dict[str, Any] = {"bounces": bounces, "poses": poses, "sees_sun": yes, "sees_lamps": yes}
+    given |= {"next_event": next_event, "picture": picture, "known": known}
+    return arriving(scene, lights, isect, directions, u[1:], **given)
+
+
+def arriving(
+    scene: Scene,
+    lights: Lights,
+    isect: Interaction,
+    directions: Tensor,
+    u: Tensor,
+    *,
+    bounces: int,
+    poses: Tensor,
+    sees_sun: Tensor,
+    sees_lamps: Tensor,
+    next_event: bool = True,
+    picture: Picture | None = None,
+    known: Tensor | None = None,
+) -> tuple[Tensor, Tensor]:
+    """All light that arrives along rays from where they end.
+
+    Args:
+        scene: see `radiance`, as ``lights``.
+        lights: see ``scene``.
+        isect: where the N rays end.
+        directions: ``(N, 3)`` of the rays, unit length.
+        u: ``(MORE * (bounces + 1), N)`` in [0, 1).
+        bounces: most surfaces between the one that they hit and a light.
+        poses: ``(I, 4, 4)``.
+        sees_sun: ``(N,)`` bool: no shadow ray has sampled the sun already.
+        sees_lamps: ``(N,)`` bool, likewise.
+        next_event: see `radiance`, as ``picture`` and ``known``.
+        picture: see ``next_event``.
+        known: see ``next_event``.
+
+    Returns:
+        See `radiance`.
+    """
+    rows = torch.arange(len(directions), device=directions.device)
+    density, through = torch.zeros_like(directions[:, 0]), torch.ones_like(directions)
+    known = torch.full_like(sees_sun, picture is not None) if known is None else known & (picture is not None)
+    paths = _Paths(rows=rows, through=through, sees_sun=sees_sun, sees_lamps=sees_lamps, density=density, known=known)
     total, onscreen = torch.zeros_like(directions), torch.zeros_like(directions)
 
     def add(paths: _Paths, light: Tensor) -> None:
         total[paths.rows] += paths.through * light
         onscreen[paths.rows] += paths.through * light * paths.known[:, None]
 
-    first = {"t_min": t_min, "t_max": t_max, "detail": detail, "spreads": spreads}
-    isect, u = intersect(scene, origins, directions, u[0], poses=poses, mask=MASK_PRIMARY, **first), u[1:]
     for bounce in range(bounces + 2):
         paths = replace(paths, through=paths.through * isect.weight)
         away = paths[~isect.hit]
@@ -100,7 +143,7 @@ def radiance(
         if bounce > bounces or not len(paths.rows):
             break
         numbers, u = u[:MORE], u[MORE:]
-        sharp_sun, sharp_lamp = _sharp(scene, at)
+        sharp_sun, sharp_lamp = sharp(scene, at)
         if next_event:
             respond = partial(_response, at, sharp_sun, sharp_lamp)
             for _, light in direct(scene, lights, at, numbers[:DIMS], respond, poses=poses):
@@ -143,13 +186,6 @@ class _Paths:
     density: Tensor
     known: Tensor
 
-    @staticmethod
-    def begin(directions: Tensor, *, known: bool) -> _Paths:
-        rows = torch.arange(len(directions), device=directions.device)
-        yes, none = torch.ones_like(rows, dtype=torch.bool), torch.zeros_like(directions[:, 0])
-        through = torch.ones_like(directions)
-        return _Paths(rows=rows, through=through, sees_sun=yes, sees_lamps=yes, density=none, known=yes & known)
-
     def __getitem__(self, rows: Tensor) -> _Paths:
         return map_tensors(lambda x: x[rows], self)
 
@@ -174,40 +210,6 @@ def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Ten
     return value
 
 
-def specular_lamps(
-    scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Specular reflections of lamps, by one shadow ray each.
-
-    Args:
-        scene: what is there.
-        lights: of the scene, among them a lamp.
-        at: N surfaces.
-        u: ``(6, N)`` in [0, 1).
-        poses: ``(I, 4, 4)``.
-
-    Returns:
-        ``(N, 3)`` each: radiance, the place on the lamp, and the lamp's normal.
-    """
-    lamps = replace(lights, sun=None)
-    ((sample, light),) = direct(scene, lamps, at, u, lambda s: glossy(at, s.direction), poses=poses)
-    facing = torch.zeros_like(at.points) if sample.facing is None else sample.facing
-    return light, at.points + sample.direction * sample.distance[:, None], facing
-
-
-def specular_sun(scene: Scene, lights: Lights, at: Vertices, u: Tensor, poses: Tensor) -> Tensor:
-    """Radiance ``(N, 3)`` of the sun's specular reflections, by one shadow ray each; see `specular_lamps`.
-
-    None where the surface is so smooth that it shows the disc itself.
-    """
-    light = torch.zeros_like(at.points)
-    if lights.sun is not None:
-        blunt = ~_sharp(scene, at)[0]
-        given = replace(lights, lamps=None), at[blunt], u[:, blunt], lambda s: glossy(at[blunt], s.direction)
-        ((_, light[blunt]),) = direct(scene, *given, poses=poses)
-    return light
-
-
 def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
     """Response of surfaces, without the specular share where it is sharp."""
     value = at.diffuse * at.enters * even_response(at, sample)
@@ -221,7 +223,7 @@ def glossy(at: Vertices, directions: Tensor) -> Tensor:
     return specular_response(at.normals, at.toward, at.alpha.clamp_min(LEAST_ALPHA), at.f0, directions)
 
 
-def _sharp(scene: Scene, at: Vertices) -> tuple[Tensor, Tensor]:
+def sharp(scene: Scene, at: Vertices) -> tuple[Tensor, Tensor]:
     """``(N,)`` bool each: whether a surface reflects the sun, and lamps, too sharply for shadow rays to them."""
     disc = 0.0 if scene.sun is None else math.sin(math.radians(scene.sun.angular_radius))
     return at.alpha < disc, at.roughness < LAMP_ROUGHNESS

@@ -11,12 +11,10 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer
 from gbufrt.noise.noise import SLICES
-from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.direct.lighting import batched
-from tracer.paths.integrators import DIRECT_DIMS, REFLECTION_DIMS, indirect_dims
+from tracer.paths.integrators import DIRECT_DIMS, lobe_dims
 from tracer.paths.interaction import Vertices
-from tracer.paths.op import indirect, lit, reflected
-from tracer.paths.radiance import specular_sun
+from tracer.paths.op import lit, lobes
 from tracer.paths.receivers import Integrand, Receivers, receivers_of, sums_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
@@ -64,10 +62,11 @@ def sample_light(
 ) -> SampledLight:
     """Light that leaves every pixel's surface toward the camera, by one path a pixel for each signal.
 
-    One shadow ray goes to the sun and one to a lamp, one diffuse ray gathers the sky or what a surface sends, and one
-    specular ray does the same; of the sun, rough surfaces reflect what a shadow ray brings. Emission of the surfaces
-    themselves is not part of it: outgoing light is emission + albedo x diffuse + specular. Light that waves reflect,
-    fog and haze are not either. Of diffuse light, `post.Composite` takes off what a dielectric reflects.
+    One shadow ray goes to the sun and one to a lamp, and one path begins with a diffuse and one with a specular bounce;
+    they go on as those of `tracer.path_trace`. Of sun and lamps, rough surfaces reflect what shadow rays bring.
+    Emission of the surfaces themselves is not part of it: outgoing light is emission + albedo x diffuse + specular.
+    Light that waves reflect, fog and haze are not either. Of diffuse light, `post.Composite` takes off what a
+    dielectric reflects.
 
     The numbers of a pixel depend on the pixel, ``index`` and ``seed`` alone: blue noise over the picture, an
     Owen-scrambled Sobol sequence over 128 frames. So samples can be replayed: given the G-buffer of an earlier frame
@@ -81,7 +80,7 @@ def sample_light(
         poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
         index: frame number of the G-buffer, from which the noise comes.
         seed: another seed, another noise.
-        bounces: diffuse surfaces after the first, before a light.
+        bounces: most surfaces between the first one and a light, as in `tracer.path_trace`.
         chosen: ``(B, 1, H, W)`` bool, the pixels to sample; by default all.
         poses_then: as ``poses``, when the G-buffer was made, if the instances have moved since.
 
@@ -114,19 +113,13 @@ def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
     """
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
-    first, second = DIRECT_DIMS, DIRECT_DIMS + indirect_dims(bounces)
 
     def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
         white = replace(start, albedo=torch.ones_like(start.albedo))
-        around = indirect(scene, at, white, u[first:second], bounces)
-        found = reflected(scene, at, start, u[second:], LAMP_ROUGHNESS)
-        names = {"specular": "reflection", "distance": "distance", "flies": "flies", "ends": "ends"}
-        light = {name: found[given] for name, given in names.items()}
-        many = start.repeat(u.shape[1] // max(len(start), 1))
-        light["specular"] = light["specular"] + specular_sun(scene, at.lights, many, u[:first], at.poses)
-        return {**lit(scene, at, white, u[:first]), "indirect": around["gi"] + around["sky"], **light}
+        found = lobes(scene, at, start, u[DIRECT_DIMS:], bounces)
+        return {**lit(scene, at, white, u[:DIRECT_DIMS]), **found}
 
-    return integrand, second + REFLECTION_DIMS
+    return integrand, DIRECT_DIMS + lobe_dims(bounces)
 
 
 def sampled_light(found: Mapping[str, Tensor], gbuffer: GBuffer) -> SampledLight:

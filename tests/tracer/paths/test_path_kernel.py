@@ -54,6 +54,7 @@ CASES = {
     "indirect": (integrators.indirect_dims(2), (2,)),
     "lit": (integrators.DIRECT_DIMS, ()),
     "reflected": (integrators.REFLECTION_DIMS, (0.3,)),
+    "lobes": (integrators.lobe_dims(2), (2,)),
 }
 
 
