@@ -20,18 +20,15 @@ from gbufrt.compute.kernel import array, driver, scalar, threads
 from tracer.direct import reference
 from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE, draw_rest, extent, find_candidates, list_lamps
 from tracer.direct.kernel import Sources
-from tracer.direct.pixel_kernel import LEVEL, first_rays, light_of_pixel
+from tracer.direct.pixel_kernel import LEVEL
+from tracer.direct.ray_drivers import finish_all, first_all
 from tracer.direct.reference import DRAWS
-from tracer.lights.emitters import Lamps
-from tracer.lights.shadows import AGREE, ALL, MOST, REACH, stages
-from tracer.scene.scene import Sun
+from tracer.direct.sources import sources_of
+from tracer.lights.shadows import ALL, MOST, REACH, stages
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
 
-CHUNK = 64  # pixels handed out at a time
 BAND = 1 << 17  # pixels whose samples are in memory together, and fewer
-MANY = 8  # rectangles of a lamp from which on they are summed by where they face
-ALIKE = 1e-6  # part of the sum of their areas by which facings that count as one may differ
 LONG = 32  # where their lists may have more entries than that
 
 
@@ -68,55 +65,6 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
             tile, others = (y, min(y + TILE, height), x, min(x + TILE, width)), (numbers, upto)
             given = sources, surface, known, dice, start, width, few, lists, counts, chosen, scale
             _list_tile(*given, tile, candidates, others, power)
-
-
-@scalar
-def _first_of(begin, end, space, sources, surface, turned, start, offsets, marked, counts, each, blockers, sums):
-    points, normals, _ = surface
-    for p in range(begin, end):
-        i = start + p
-        point, normal = triple(points, i, 0), triple(normals, i, 0)
-        turn = (turned[0, i], turned[1, i])
-        for k in range(offsets[p], offsets[p + 1]):
-            first_rays(space, sources, marked[k] >> LEVEL, point, normal, turn, counts, each, blockers, sums[k])
-
-
-@driver
-def first_all(space, sources, widest, surface, turned, start, offsets, marked, counts, sums, lanes):
-    pixels = len(offsets) - 1
-    for lane in prange(lanes):
-        each, blockers = np.empty(widest), np.full((len(sources.lamps) + 1, 4), -1, np.int32)
-        for begin in range(lane * CHUNK, pixels, lanes * CHUNK):
-            given = space, sources, surface, turned, start, offsets, marked, counts, each, blockers, sums
-            _first_of(begin, min(begin + CHUNK, pixels), *given)
-
-
-@scalar
-def _finish(begin, end, space, sources, surface, turned, start, near, rest, counts, each, blockers, found, out):
-    points, normals, seen = surface
-    offsets, (chosen, scale) = near[0], rest
-    for p in range(begin, end):
-        i = start + p
-        if offsets[p + 1] > offsets[p] or scale[p, 0] > 0:
-            place = triple(points, i, 0), triple(normals, i, 0), (turned[0, i], turned[1, i])
-            agree, one = AGREE / max(seen[i], 1e-6), (chosen[p], scale[p])
-            light = light_of_pixel(space, sources, near, place, p, agree, one, counts, each, blockers, found)
-            for c in range(3):
-                out[c, i] += np.float32(light[c])
-
-
-@driver
-def finish_all(
-    space, sources, widest, surface, turned, start, offsets, marked, counts, sums, rest, rows, width, out, lanes
-):
-    last = rows[1] * width
-    for lane in prange(lanes):
-        each, blockers = np.empty(widest), np.full((len(sources.lamps) + 1, 4), -1, np.int32)
-        found = np.empty(sums.shape[1], np.float32)
-        for begin in range(rows[0] * width + lane * CHUNK, last, lanes * CHUNK):
-            near = offsets, marked, sums, width
-            given = space, sources, surface, turned, start, near, rest, counts, each, blockers, found, out
-            _finish(begin, min(begin + CHUNK, last), *given)
 
 
 class Direct(reference.Direct):
@@ -184,11 +132,13 @@ class Direct(reference.Direct):
         rest: tuple[np.ndarray, np.ndarray],
     ) -> None:
         sums = np.empty((len(marked), MOST + 1), np.float32)
+        more, opened, out = np.empty_like(sums), np.zeros(len(marked), np.bool_), array(arrived)
         turned, counts = array(noise[:2].flatten(1)), (*stages(samples), samples)
         widest = int(np.diff(self._sources.first).max(initial=0))
         given = self._space, self._sources, widest, self._surface, turned, start, offsets, marked, counts, sums
-        first_all(*given, threads())
-        finish_all(*given, rest, rows, self.surface.size[1], array(arrived), threads())
+        first_all(*given, out, threads())
+        near = offsets, marked, sums, self.surface.size[1]
+        finish_all(*given[:6], near, counts, rest, rows, more, opened, out, threads())
 
     @cached_property
     def _surface(self) -> tuple[np.ndarray, ...]:
@@ -203,37 +153,3 @@ class Direct(reference.Direct):
     @cached_property
     def _sources(self) -> Sources:
         return sources_of(self.lamps, self.scene.sun)
-
-
-def sources_of(lamps: Lamps, sun: Sun | None) -> Sources:
-    """Lamps and sun as `tracer.direct.kernel` reads them."""
-    used = lamps.edge_u.abs().sum(dim=2) > 0
-    corner, edge_u, edge_v = (t[used].double() for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
-    facing = torch.linalg.cross(edge_u, edge_v)
-    offset = (facing * corner).sum(dim=1, keepdim=True)
-    first = torch.cat([torch.zeros(1, dtype=torch.long), used.sum(dim=1).cumsum(0)])
-    ball = torch.cat([lamps.center, lamps.radius[:, None], lamps.radiance.mean(dim=1, keepdim=True)], dim=1)
-    sine, basis = (0.0, torch.eye(3)) if sun is None else reference.sun_frame(sun)
-    color = torch.zeros(1, 3) if sun is None else torch.tensor([sun.irradiance])
-    return Sources(
-        rectangles=array(torch.cat([corner, edge_u, edge_v, facing, offset], dim=1)),
-        first=array(first),
-        sides=array(_sides(used, facing, offset)),
-        lamps=array(ball.double()),
-        sun=array(torch.cat([basis.T, torch.full((1, 3), sine)]).double()),
-        colors=array(torch.cat([lamps.radiance, color])),
-    )
-
-
-def _sides(used: Tensor, facing: Tensor, offset: Tensor) -> Tensor:
-    """`Sources.sides` of lamps with rectangles where ``used`` ``(L, K)`` is set; see `Sources` for the other two."""
-    lamp, area = used.nonzero()[:, 0], facing.norm(dim=1, keepdim=True)
-    axis = facing.abs().argmax(dim=1)
-    up = facing.gather(1, axis[:, None])[:, 0] > 0
-    sums = facing.new_zeros(6 * len(used), 5)
-    sums.index_add_(0, 6 * lamp + 2 * axis + up, torch.cat([facing, offset, area], dim=1))
-    unlike = sums[:, 4] - sums[:, :3].norm(dim=1) > ALIKE * sums[:, 4]
-    sides = sums.view(-1, 6, 5)
-    alone = unlike.view(-1, 6).any(dim=1) | (used.sum(dim=1) < MANY)
-    sides[alone, 0, 4] = -1.0
-    return sides

@@ -10,10 +10,10 @@ import numpy as np
 from gbufrt.compute.approximations import atan2
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.noise.noise import PLASTIC
-from tracer.lights.shadows import LEAST, MOST, SHORT, UNBLOCKED, WEIGHT
+from tracer.direct.shadow_kernel import shoot
+from tracer.lights.shadows import SHORT
 from tracer.sampling.scatter_kernel import added, along, combined, cross, disc, dot, fraction, scaled
-from tracer.scene.scene import MASK_SHADOW
-from tracer.traversal.kernel import transmitted_again, triple
+from tracer.traversal.kernel import triple
 
 CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
 """Columns of `Sources.rectangles`; the facing is as long as the area, the offset its product with the corner."""
@@ -129,52 +129,44 @@ def _turned(turn, number):
 
 
 @inlined
-def _shoot(space, origin, direction, distance, weight, blocker, sums):
-    """One shadow ray to a source, added to the rows of `tracer.lights.shadows.ShadowRays`."""
-    if weight <= 0:
-        return
-    transforms, bricks, index, entries, media = space
-    grids = bricks, index, entries, media
-    light = transmitted_again(transforms, grids, origin, direction, distance, MASK_SHADOW, blocker)
-    shade = (light[0] + light[1] + light[2]) / 3
-    for k in range(3):
-        sums[1 + k] += light[k] * weight
-    sums[WEIGHT] += weight
-    sums[LEAST] = min(sums[LEAST], shade)
-    sums[MOST] = max(sums[MOST], shade)
-
-
-@inlined
-def _send_to_sun(space, sources, point, normal, turn, begin, end, blocker, sums):
+def _send_to_sun(shadows, space, sources, place, begin, end, row, gain):
     """Samples of the sun's disc from one pixel."""
+    point, normal, turn = place
     axes, sine = sources.sun, sources.sun[3, 0]
     across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
     for number in range(begin, end):
         x, y = disc(*_turned(turn, number))
         x, y = x * sine, y * sine
         direction = combined(across, other, toward, x, y, math.sqrt(1 - x * x - y * y))
-        _shoot(space, point, direction, np.inf, dot(normal, direction), blocker, sums)
+        weight = dot(normal, direction)
+        if weight > 0:
+            shoot(
+                shadows, space, sources, point, direction, np.inf, weight if row >= 0 else gain, row, len(sources.lamps)
+            )
 
 
 @inlined
-def _send_to_lamp(space, sources, number, point, normal, turn, begin, end, each, blocker, sums):
+def _send_to_lamp(shadows, space, sources, number, place, begin, end, each, energy, row, gain):
     """Samples of one lamp from one pixel."""
+    point, normal, turn = place
     rectangles, low, high = sources.rectangles, sources.first[number], sources.first[number + 1]
     for step in range(begin, end):
         u, v = _turned(turn, step)
-        place, k = u * sums[UNBLOCKED], low
-        while k < high - 1 and place >= each[k - low]:
-            place -= each[k - low]
+        rest, k = u * energy, low
+        while k < high - 1 and rest >= each[k - low]:
+            rest -= each[k - low]
             k += 1
         mine = max(each[k - low], 1e-20)
-        way = along(triple(rectangles, k, CORNER), triple(rectangles, k, EDGE_U), min(max(place / mine, 0.0), 1.0))
+        way = along(triple(rectangles, k, CORNER), triple(rectangles, k, EDGE_U), min(max(rest / mine, 0.0), 1.0))
         way = along(along(way, triple(rectangles, k, EDGE_V), v), point, -1.0)
         square = max(dot(way, way), 1e-12)
         distance = math.sqrt(square)
         direction = scaled(way, 1 / distance)
         here, there = dot(normal, direction), -dot(triple(rectangles, k, FACING), direction)
         weight = max(here, 0.0) * max(there, 0.0) / (square * mine)
-        _shoot(space, point, direction, max(distance - SHORT, 0.0), weight, blocker, sums)
+        if weight > 0:
+            span = max(distance - SHORT, 0.0)
+            shoot(shadows, space, sources, point, direction, span, weight if row >= 0 else gain, row, number)
 
 
 @scalar
@@ -190,22 +182,14 @@ def unblocked(sources, number, point, normal, each):
 
 
 @scalar
-def aim(sources, number, point, normal, each, sums):
-    """Begin to sample a source from one pixel; ``each`` and ``sums`` are for `send` to read."""
-    sums[:] = np.float32(0)
-    sums[LEAST] = np.float32(1)
-    sums[UNBLOCKED] = unblocked(sources, number, point, normal, each)
+def send(shadows, space, sources, number, place, begin, end, each, energy, row, gain):
+    """Queue rays ``begin`` to ``end`` to a source from the point, normal and rotation of a ``place``.
 
-
-@scalar
-def send(space, sources, number, point, normal, turn, begin, end, each, blockers, sums):
-    """Add rays ``begin`` to ``end`` to a source, as `tracer.lights.shadows.ShadowRays` counts them.
-
-    ``blockers`` holds what last stopped a ray to each source; see `tracer.traversal.kernel.transmitted_again`.
+    ``each`` and ``energy`` are what `unblocked` found there. Rays count in a ``row`` of the sums by their weights; for
+    a row below 0 all have the weight ``gain``, see `tracer.direct.shadow_kernel.Shadows`.
     """
-    blocker = blockers[number]
-    if sums[UNBLOCKED] > 0:
+    if energy > 0:
         if number == len(sources.lamps):
-            _send_to_sun(space, sources, point, normal, turn, begin, end, blocker, sums)
+            _send_to_sun(shadows, space, sources, place, begin, end, row, gain)
         else:
-            _send_to_lamp(space, sources, number, point, normal, turn, begin, end, each, blocker, sums)
+            _send_to_lamp(shadows, space, sources, number, place, begin, end, each, energy, row, gain)

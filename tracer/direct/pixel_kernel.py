@@ -6,19 +6,23 @@ matters; see `tracer.lights.shadows.FIRST`.
 
 from __future__ import annotations
 
-from gbufrt.compute.kernel import scalar
-from tracer.direct.kernel import aim, send
+import numpy as np
+
+from gbufrt.compute.kernel import inlined, scalar
+from tracer.direct.kernel import send, unblocked
 from tracer.lights.shadows import ALL, LEAST, MOST, NEXT, QUARTER, REACH, UNBLOCKED, WEIGHT
 
 LEVEL = 2  # bits
 
 
-@scalar
-def first_rays(space, sources, number, point, normal, turn, counts, each, blockers, sums):
-    """The first of ``counts`` rays to one source."""
-    begin = _begin(sources, number, counts[2])
-    aim(sources, number, point, normal, each, sums)
-    send(space, sources, number, point, normal, turn, begin, begin + counts[0], each, blockers, sums)
+@inlined
+def first_rays(shadows, space, sources, number, place, counts, each, k):
+    """Queue the first of ``counts`` rays to the source of entry ``k``."""
+    begin, sums = _begin(sources, number, counts[2]), shadows.sums[k]
+    energy = unblocked(sources, number, place[0], place[1], each)
+    sums[:] = np.float32(0)
+    sums[UNBLOCKED], sums[LEAST] = energy, np.float32(1)
+    send(shadows, space, sources, number, place, begin, begin + counts[0], each, energy, k, 0.0)
 
 
 @scalar
@@ -54,45 +58,54 @@ def _differs(near, p, k, reach, agree):
     return False
 
 
-@scalar
-def _gathered(light, sums, color, scale):
-    """``light`` and that of a source: unblocked irradiance times the mean transmission of its rays."""
-    share = sums[UNBLOCKED] * scale / max(sums[WEIGHT], 1e-20)
-    return (
-        light[0] + sums[1] * share * color[0],
-        light[1] + sums[2] * share * color[1],
-        light[2] + sums[3] * share * color[2],
-    )
-
-
-@scalar
-def light_of_pixel(space, sources, near, place, p, agree, rest, counts, each, blockers, found):
-    """Irradiance of pixel ``p`` from the sources of its list and the rest, with more rays where transmission differs by
-    more than ``agree``."""
+@inlined
+def second_rays(shadows, space, sources, near, place, p, agree, rest, counts, each, opened):
+    """Queue for pixel ``p`` the rays to what was drawn of the rest, and where transmission differs by more than
+    ``agree`` the second part of ``counts``: there ``opened`` is set."""
     offsets, marked, sums, _ = near
-    point, normal, turn = place
+    point, normal, _ = place
     first, second, samples = counts
-    light = (0.0, 0.0, 0.0)
     for k in range(offsets[p], offsets[p + 1]):
         number, level = marked[k] >> LEVEL, marked[k] & ALL
-        if samples > first and level >= QUARTER and _differs(near, p, k, REACH, agree):
-            begin = _begin(sources, number, samples)
-            given = space, sources, number, point, normal, turn
-            aim(sources, number, point, normal, each, found)
-            for row in range(1, MOST + 1):
-                found[row] = sums[k, row]
-            send(*given, begin + first, begin + second, each, blockers, found)
-            if level >= ALL and (found[MOST] - found[LEAST] > agree or _differs(near, p, k, NEXT, agree)):
-                send(*given, begin + second, begin + samples, each, blockers, found)
-            light = _gathered(light, found, sources.colors[number], 1.0)
-        else:
-            light = _gathered(light, sums[k], sources.colors[number], 1.0)
-    chosen, scale = rest
+        opened[k] = samples > first and level >= QUARTER and _differs(near, p, k, REACH, agree)
+        if opened[k]:
+            begin, more = _begin(sources, number, samples), shadows.sums[k]
+            for row in range(MOST + 1):
+                more[row] = sums[k, row]
+            energy = unblocked(sources, number, point, normal, each)
+            send(shadows, space, sources, number, place, begin + first, begin + second, each, energy, k, 0.0)
+    chosen, scale, i = rest
     for draw in range(len(chosen)):
-        number = chosen[draw]
         if scale[draw] > 0:
-            begin = len(sources.lamps) * samples + draw
-            aim(sources, number, point, normal, each, found)
-            send(space, sources, number, point, normal, turn, begin, begin + 1, each, blockers, found)
-            light = _gathered(light, found, sources.colors[number], scale[draw])
-    return light
+            number, begin = chosen[draw], len(sources.lamps) * samples + draw
+            energy = unblocked(sources, number, point, normal, each)
+            send(shadows, space, sources, number, place, begin, begin + 1, each, energy, ~i, energy * scale[draw])
+
+
+@inlined
+def last_rays(shadows, space, sources, near, place, p, agree, counts, each, opened):
+    """Queue the rest of the rays where the second part of them differ too."""
+    offsets, marked, _, _ = near
+    _, second, samples = counts
+    for k in range(offsets[p], offsets[p + 1]):
+        if opened[k] and marked[k] & ALL >= ALL:
+            more = shadows.sums[k]
+            if more[MOST] - more[LEAST] > agree or _differs(near, p, k, NEXT, agree):
+                number = marked[k] >> LEVEL
+                begin = _begin(sources, number, samples)
+                energy = unblocked(sources, number, place[0], place[1], each)
+                send(shadows, space, sources, number, place, begin + second, begin + samples, each, energy, k, 0.0)
+
+
+@scalar
+def gathered(sources, near, p, more, opened):
+    """Irradiance of pixel ``p`` from the sources of its list: unblocked irradiance times mean transmission."""
+    offsets, marked, first, _ = near
+    red = green = blue = 0.0
+    for k in range(offsets[p], offsets[p + 1]):
+        sums, color = more[k] if opened[k] else first[k], sources.colors[marked[k] >> LEVEL]
+        share = sums[UNBLOCKED] / max(sums[WEIGHT], 1e-20)
+        red += sums[1] * share * color[0]
+        green += sums[2] * share * color[1]
+        blue += sums[3] * share * color[2]
+    return red, green, blue

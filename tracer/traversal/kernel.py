@@ -108,7 +108,7 @@ def dimmed(light, row, length):
 
 @inlined
 def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
-    """Light after the grid between ``t`` and ``t_end``; whether something opaque stops it, and the last cell.
+    """Light after the grid between ``t`` and ``t_end``.
 
     It enters through the face across ``axis`` (-1 if it begins inside).
     """
@@ -119,7 +119,7 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
             if medium > 0:
                 light = dimmed(light, media[medium + box[MATERIAL]], t - began)
             if value > 0 and media[value + box[MATERIAL], 0] >= 1.0:
-                return (0.0, 0.0, 0.0), True, c
+                return (0.0, 0.0, 0.0)
             if (value > 0 or within) and axis >= 0:
                 light = scaled(light, enters(d, axis))
             medium, began, within = value, t, value > 0 and axis < 0
@@ -128,7 +128,7 @@ def _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light):
         if leaves or not t < t_end:
             if medium > 0:
                 light = dimmed(light, media[medium + box[MATERIAL]], min(t, t_end) - began)
-            return scaled(light, enters(d, axis)) if within and leaves and t < t_end else light, False, c
+            return scaled(light, enters(d, axis)) if within and leaves and t < t_end else light
 
 
 @scalar
@@ -137,11 +137,11 @@ def enters(d, axis):
     return enters_smooth(abs(d[axis]) / math.sqrt(dot(d, d)))
 
 
-@inlined
-def _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
-    """The share of light transmitted between two places on a ray; entry (-1 for none) and cell of what stops it."""
+@scalar
+def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
+    """The share of light transmitted between two places on a ray."""
     bricks, index, entries, media = grids
-    light, c = (1.0, 1.0, 1.0), (0, 0, 0)
+    light = (1.0, 1.0, 1.0)
     for entry in range(len(entries)):
         box = entries[entry]
         if box[MASK] & mask and may_enter(transforms[entry, SPHERE], origin, direction, t_end):
@@ -150,43 +150,9 @@ def _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
             t = max(enter, t_begin)
             if t < leave and t < t_end and math.isfinite(leave):
                 axis = axis if enter > t_begin else -1
-                light, stopped, c = _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light)
-                if stopped:
-                    return light, entry, c
+                light = _through(bricks, index, media, box, o, d, inv, t, t_end, axis, light)
                 if max(light) <= 0.0:
                     break
-    return light, -1, c
-
-
-@scalar
-def transmitted(transforms, grids, origin, direction, t_begin, t_end, mask):
-    """The share of light transmitted between two places on a ray."""
-    return _transmitted(transforms, grids, origin, direction, t_begin, t_end, mask)[0]
-
-
-@inlined
-def _stops(transforms, blocker, origin, direction, t_end):
-    """Whether a ray meets an opaque voxel that stopped an earlier one."""
-    o, _, inv = ray_in_grid(transforms[blocker[0]], origin, direction)
-    x0, x1 = (blocker[1] - o[0]) * inv[0], (blocker[1] + 1 - o[0]) * inv[0]
-    y0, y1 = (blocker[2] - o[1]) * inv[1], (blocker[2] + 1 - o[1]) * inv[1]
-    z0, z1 = (blocker[3] - o[2]) * inv[2], (blocker[3] + 1 - o[2]) * inv[2]
-    enter = max(min(x0, x1), min(y0, y1), min(z0, z1), 0.0)
-    return enter < min(max(x0, x1), max(y0, y1), max(z0, z1), t_end)
-
-
-@scalar
-def transmitted_again(transforms, grids, origin, direction, t_end, mask, blocker):
-    """`transmitted` from a ray's origin on. What stopped an earlier ray is tried first: it often stops the next too.
-
-    ``blocker`` ``(4,)`` is for rays of one kind from points close together: entry (-1 for none) and cell of an opaque
-    voxel.
-    """
-    if blocker[0] >= 0 and _stops(transforms, blocker, origin, direction, t_end):
-        return (0.0, 0.0, 0.0)
-    light, entry, c = _transmitted(transforms, grids, origin, direction, 0.0, t_end, mask)
-    if entry >= 0:
-        blocker[0], blocker[1], blocker[2], blocker[3] = entry, c[0], c[1], c[2]
     return light
 
 

@@ -15,6 +15,7 @@ from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
 from tracer.direct import choice_kernel, drivers, lighting, reference
 from tracer.direct.pixel_kernel import LEVEL
+from tracer.direct.sources import sources_of
 from tracer.gbuffers import gbuffer
 from tracer.lights.emitters import Lamps, lamps_of, lamps_of_world
 from tracer.lights.shadows import ALL, FIRST, QUARTER, Surface
@@ -155,7 +156,7 @@ def test_bands_leave_no_seam(monkeypatch: pytest.MonkeyPatch):
 def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.MonkeyPatch):
     """Of 128 lamps that are alike, rounding lets each give more than a 128th of the light."""
     monkeypatch.setattr(choice_kernel, "SHARE_ALONE", 1 / 128)
-    sources = drivers.sources_of(forms(polished_scene(1))[0].lamps, None)
+    sources = sources_of(forms(polished_scene(1))[0].lamps, None)
     point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
     number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward) > 0)
     sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward)
@@ -194,7 +195,7 @@ def crowd() -> Lamps:
 @pytest.mark.parametrize("crowded", [False, True])
 def test_no_lamp_sends_more_than_its_bound(crowded: bool):
     g = torch.Generator().manual_seed(4)
-    sources = drivers.sources_of(crowd() if crowded else forms(polished_scene(1))[0].lamps, None)
+    sources = sources_of(crowd() if crowded else forms(polished_scene(1))[0].lamps, None)
     assert not crowded or (sources.sides[:, 0, choice_kernel.AREA] > 0).all()
     tight = behind = 0
     for case in range(25, 55) if crowded else range(120):
@@ -222,7 +223,7 @@ def test_no_lamp_sends_more_than_its_bound(crowded: bool):
 
 
 def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
-    sources = drivers.sources_of(crowd(), None)
+    sources = sources_of(crowd(), None)
     g = torch.Generator().manual_seed(5)
     for far, least in ((3.0, 0.0), (12.0, 0.5), (200.0, 0.98)):
         for _ in range(20):
@@ -235,7 +236,7 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
 
 
 def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
-    sources = drivers.sources_of(forms(polished_scene(1))[0].lamps, None)
+    sources = sources_of(forms(polished_scene(1))[0].lamps, None)
     lamps = len(sources.lamps)
     candidates, others = np.empty(lamps, np.int32), (np.empty(lamps, np.int32), np.empty(lamps))
     point, away = (0.0, 40.0, 0.0), (0.0, 1.0, 0.0)  # above everything, and turned from it

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 import torch
 import voxels
 
-from tracer.scene.grids import ORIGIN
 from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Instance, Scene
-from tracer.traversal import drivers, kernel
+from tracer.traversal import drivers
 from tracer.traversal import rays as traversal
 from tracer.traversal import reference as reference_form
 from tracer.traversal.lane_kernel import BATCH
@@ -66,41 +64,6 @@ def test_surfaces(seed: int, reference) -> None:
     for hits, query in zip(first, queries, strict=True):
         same(hits, query())
     same(behind, trace(scene, origins, directions, poses=poses, beyond=first[0]))
-
-
-@pytest.mark.parametrize("seed", [0, 1])
-def test_what_stopped_a_ray_stops_only_rays_that_meet_it(seed: int) -> None:
-    scene, origins, directions, poses = case(seed)
-    transforms = traversal.grid_from_world(scene, poses[:1], poses.device)[0].numpy()
-    grids = tuple(grid.numpy() for grid in scene.grids.tensors)
-    blocker, found, tried = np.full(4, -1, np.int32), [], 0
-    for k, (start, way) in enumerate(zip(origins[0].tolist()[:150], directions[0].tolist()[:150], strict=True)):
-        for turn, side, far in ((0.0, 1, 1.0), (0.02, 1, 1.0), (0.02, 1, 0.2), (0.0, -1, 1.0)):  # close, short, back
-            given = start, (side * way[0] + turn, side * way[1], side * way[2]), far * (5 + k % 40), MASK_SHADOW
-            tried += int(blocker[0]) >= 0 and kernel._stops(transforms, blocker, *given[:3])
-            again = kernel.transmitted_again(transforms, grids, *given, blocker)
-            found.append((again, kernel.transmitted(transforms, grids, *given[:2], 0.0, *given[2:])))
-    again, alone = torch.tensor(found).unbind(dim=1)
-    assert tried > 20
-    assert 0.1 < float((alone == 0).all(1).float().mean()) < 0.9
-    assert bool(((alone > 0) & (alone < 1)).any()), "some light comes through glass"
-    assert float((again != alone).any(1).float().mean()) <= 0.01
-
-
-def test_only_what_is_opaque_stops_later_rays() -> None:
-    scene = Scene(
-        world=voxels.world((8, 8, 8), (voxels.GLASS, (0, 0, 3), (8, 8, 5)), (voxels.STONE, (0, 0, 7), (8, 8, 8)))
-    )
-    transforms = traversal.grid_from_world(scene, scene.poses([0.0]), scene.world.device)[0].numpy()
-    bricks, index, entries, media = (grid.numpy().copy() for grid in scene.grids.tensors)
-    media[:, 1:] = 0  # black glass: it lets nothing through, but is no voxel that ends a ray
-    given = transforms, (bricks, index, entries, media), (2.5, 2.5, 0.5), (0.0, 0.0, 1.0)
-    blocker = np.full(4, -1, np.int32)
-    assert kernel.transmitted_again(*given, 6.0, MASK_SHADOW, blocker) == (0, 0, 0)
-    assert blocker[0] == -1
-    assert kernel.transmitted_again(*given, 20.0, MASK_SHADOW, blocker) == (0, 0, 0)
-    assert blocker[0] == 0
-    assert (blocker[1:] + entries[0, ORIGIN : ORIGIN + 3]).tolist() == [2, 2, 7]
 
 
 @pytest.mark.parametrize("seed", [0, 1])

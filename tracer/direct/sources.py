@@ -1,0 +1,49 @@
+"""The tables of lamps and sun that the kernels of direct light read."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.compute.kernel import array
+from tracer.direct import reference
+from tracer.direct.kernel import Sources
+from tracer.lights.emitters import Lamps
+from tracer.scene.scene import Sun
+
+MANY = 8  # rectangles of a lamp from which on they are summed by where they face
+ALIKE = 1e-6  # part of the sum of their areas by which facings that count as one may differ
+
+
+def sources_of(lamps: Lamps, sun: Sun | None) -> Sources:
+    """Lamps and sun as `tracer.direct.kernel` reads them."""
+    used = lamps.edge_u.abs().sum(dim=2) > 0
+    corner, edge_u, edge_v = (t[used].double() for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
+    facing = torch.linalg.cross(edge_u, edge_v)
+    offset = (facing * corner).sum(dim=1, keepdim=True)
+    first = torch.cat([torch.zeros(1, dtype=torch.long), used.sum(dim=1).cumsum(0)])
+    ball = torch.cat([lamps.center, lamps.radius[:, None], lamps.radiance.mean(dim=1, keepdim=True)], dim=1)
+    sine, basis = (0.0, torch.eye(3)) if sun is None else reference.sun_frame(sun)
+    color = torch.zeros(1, 3) if sun is None else torch.tensor([sun.irradiance])
+    return Sources(
+        rectangles=array(torch.cat([corner, edge_u, edge_v, facing, offset], dim=1)),
+        first=array(first),
+        sides=array(_sides(used, facing, offset)),
+        lamps=array(ball.double()),
+        sun=array(torch.cat([basis.T, torch.full((1, 3), sine)]).double()),
+        colors=array(torch.cat([lamps.radiance, color])),
+    )
+
+
+def _sides(used: Tensor, facing: Tensor, offset: Tensor) -> Tensor:
+    """`Sources.sides` of lamps with rectangles where ``used`` ``(L, K)`` is set; see `Sources` for the other two."""
+    lamp, area = used.nonzero()[:, 0], facing.norm(dim=1, keepdim=True)
+    axis = facing.abs().argmax(dim=1)
+    up = facing.gather(1, axis[:, None])[:, 0] > 0
+    sums = facing.new_zeros(6 * len(used), 5)
+    sums.index_add_(0, 6 * lamp + 2 * axis + up, torch.cat([facing, offset, area], dim=1))
+    unlike = sums[:, 4] - sums[:, :3].norm(dim=1) > ALIKE * sums[:, 4]
+    sides = sums.view(-1, 6, 5)
+    alone = unlike.view(-1, 6).any(dim=1) | (used.sum(dim=1) < MANY)
+    sides[alone, 0, 4] = -1.0
+    return sides
