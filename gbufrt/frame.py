@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
-from gbufrt.tree import map_tensors
+from gbufrt.tree import map_tensors, without_graph
 from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
 
@@ -125,7 +125,7 @@ class Frame:
 
     def detach(self) -> Frame:
         """The same numbers without their gradients."""
-        return map_tensors(Tensor.detach, self)
+        return map_tensors(without_graph, self)
 
     def get(self, name: str) -> Tensor | None:
         """The signal, light or channel called ``name``, or None where it is absent."""
@@ -155,6 +155,19 @@ class Frame:
         if name in SIGNALS:
             return replace(self, **{name: tensor})
         return replace(self, extra={**self.extra, name: tensor})
+
+    def only(self, names: Collection[str]) -> Frame:
+        """The frame with these channels, light and signals alone, and what every G-buffer has.
+
+        What lies `behind` stays if ``names`` holds ``"behind"``; it and `previous` lose the rest too.
+        """
+        g = self.gbuffer
+        channels = {name: None for name in g.present if not (CHANNELS[name].required or name in names)}
+        signals = {name: None for name in SIGNALS if name not in names}
+        layers = {"previous": self.previous, "behind": self.behind if "behind" in names else None}
+        kept = {name: None if layer is None else layer.only(names) for name, layer in layers.items()}
+        extra = {name: tensor for name, tensor in self.extra.items() if name in names}
+        return replace(self, gbuffer=g.replace(**channels), extra=extra, **signals, **kept)
 
     @property
     def present(self) -> tuple[str, ...]:

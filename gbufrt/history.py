@@ -14,7 +14,7 @@ from torch import Tensor
 
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer, to_function
-from gbufrt.tree import map_tensors
+from gbufrt.tree import map_tensors, without_graph
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -37,7 +37,7 @@ class History:
 
     def detach(self) -> History:
         """The same numbers without their gradients."""
-        return map_tensors(Tensor.detach, self)
+        return map_tensors(without_graph, self)
 
     def reset(self, mask: Tensor) -> History:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""
@@ -65,7 +65,7 @@ class PipelineState:
 
     def detach(self) -> PipelineState:
         """The same numbers without their gradients."""
-        return map_tensors(Tensor.detach, self)
+        return map_tensors(without_graph, self)
 
     def reset(self, mask: Tensor) -> PipelineState:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""

@@ -66,6 +66,9 @@ class Pipeline(Branch):
             optional |= stage.optional - have
             written |= stage.writes
             have |= stage.writes
+        self.names = frozenset().union(*(_names(stage) for stage in self._stages().values()))
+        if self.place.layer is not None:
+            self.names |= {self.place.layer}
         if self.place.layer is None:  # stages on another layer do not read or write this frame's signals
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
             self.writes = self.place.returned(written)
@@ -94,7 +97,7 @@ class Pipeline(Branch):
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
         with remembering():
-            seen, inside = self.place.enter(frame), PipelineState()
+            seen, inside = self.place.enter(frame, self.names), PipelineState()
             if seen is not None:
                 seen, inside = self._inside(seen, state or inside)
                 frame = self.place.leave(frame, seen, self._written())
@@ -188,7 +191,8 @@ class Pipeline(Branch):
         """Run the stages in order, each on the frame it asks for; neighbours that ask for the same one share it."""
         after: dict[str, Any] = {}
         for place, group in groupby(self._stages().items(), key=lambda named: _place(named[1])):
-            seen, stages = place.enter(frame), dict(group)
+            stages = dict(group)
+            seen = place.enter(frame, frozenset().union(*map(_names, stages.values())))
             if seen is None:
                 continue
             for name, stage in stages.items():
@@ -211,6 +215,11 @@ class Pipeline(Branch):
 
 def _place(stage: Stage) -> Place:
     return stage.place if isinstance(stage, Pipeline) else Place()
+
+
+def _names(stage: Stage) -> frozenset[str]:
+    """All that a stage reads or writes, inside of it too."""
+    return stage.names if isinstance(stage, Pipeline) else stage.reads | stage.optional | stage.writes
 
 
 def _warn_if_repeated(frame: Frame, previous: Frame | None) -> None:

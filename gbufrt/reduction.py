@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -65,10 +65,10 @@ class Place:
         if self.layer not in (None, "behind"):
             raise ValueError(f'layer must be "behind" or None, got {self.layer!r}')
 
-    def enter(self, frame: Frame) -> Frame | None:
-        """The frame that stages see; None where there is no such layer."""
+    def enter(self, frame: Frame, names: Collection[str]) -> Frame | None:
+        """The frame that stages see; None where there is no such layer. Only what they name is reduced."""
         own = frame if self.layer is None else frame.behind
-        return own if own is None or self.reduction is None else self.reduction.reduce(own)
+        return own if own is None or self.reduction is None else self.reduction.reduce(own.only(names))
 
     def leave(self, frame: Frame, seen: Frame, written: Iterable[str]) -> Frame:
         """``frame`` with what stages have ``written`` on the frame that they saw."""

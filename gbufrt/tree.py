@@ -14,16 +14,26 @@ T = TypeVar("T")
 def map_tensors(function: Callable[[Tensor], Tensor], value: T) -> T:
     """Apply ``function`` to every tensor inside ``value`` and rebuild it around the results.
 
-    ``value`` may nest dataclasses, mappings, tuples and lists; anything else is kept as it is.
+    ``value`` may nest dataclasses, mappings, tuples and lists; anything else is kept as it is, and so is
+    whatever nothing changes in.
     """
     result: Any = value
     if isinstance(value, Tensor):
         result = function(value)
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        changes = {f.name: map_tensors(function, getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
-        result = dataclasses.replace(value, **changes)
+        before = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if f.init}
+        after = {name: map_tensors(function, part) for name, part in before.items()}
+        changes = {name: part for name, part in after.items() if part is not before[name]}
+        result = dataclasses.replace(value, **changes) if changes else value
     elif isinstance(value, Mapping):
-        result = {key: map_tensors(function, item) for key, item in value.items()}
+        after = {key: map_tensors(function, item) for key, item in value.items()}
+        result = after if any(after[key] is not item for key, item in value.items()) else value
     elif isinstance(value, (tuple, list)):
-        result = type(value)(map_tensors(function, item) for item in value)
+        items = [map_tensors(function, item) for item in value]
+        result = type(value)(items) if any(a is not b for a, b in zip(items, value, strict=True)) else value
     return result
+
+
+def without_graph(tensor: Tensor) -> Tensor:
+    """The same numbers without their gradient; the tensor itself where it has none."""
+    return tensor.detach() if tensor.requires_grad else tensor

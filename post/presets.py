@@ -49,8 +49,8 @@ class Quality:
     in the gaps is a twentieth darker.
     """
 
-    reduced: tuple[str, ...]
-    """Branches that run at half resolution: a quarter of the pixels, and of the time."""
+    strides: Mapping[str, int]
+    """Branches that run on every second or third pixel both ways: in a quarter or ninth of the time."""
     ao_slices: int
     ao_scales: int
     gi_slices: int
@@ -64,22 +64,22 @@ class Quality:
 
 QUALITIES: Mapping[str, Quality] = {
     "low": Quality(
-        reduced=("ao", "gi", "reflection", "behind"),
+        strides={"ao": 3, "gi": 3, "reflection": 3, "behind": 3},
         ao_slices=1, ao_scales=1, gi_slices=1, gi_steps=12, gi_bounces=1, gi_distance=30,
         reflection_samples=2, reflection_steps=48, reflection_distance=40,
     ),
     "medium": Quality(
-        reduced=("ao", "gi", "behind"),
+        strides={"ao": 2, "gi": 2, "behind": 2},
         ao_slices=1, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=50,
         reflection_samples=4, reflection_steps=64, reflection_distance=60,
     ),
     "high": Quality(
-        reduced=(),
+        strides={},
         ao_slices=2, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=70,
         reflection_samples=8, reflection_steps=96, reflection_distance=75,
     ),
     "ultra": Quality(
-        reduced=(),
+        strides={},
         ao_slices=3, ao_scales=3, gi_slices=2, gi_steps=36, gi_bounces=3, gi_distance=100,
         reflection_samples=16, reflection_steps=128, reflection_distance=100,
     ),
@@ -178,7 +178,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     both = ("ao", "bent_normal")
     bounced = ("gi", "sky_visibility")
     ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR)
-    at = {name: Reduced() for name in quality.reduced}
+    at = {name: Reduced(stride) for name, stride in quality.strides.items()}
     return {
         "ao": Pipeline(
             reduction=at.get("ao"), estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)

@@ -43,14 +43,12 @@ def blue_noise(
     Source: Ulichney 1993 (void and cluster); Wolfe et al. 2022 on golden-ratio animation.
     """
     tile = resident_on(torch.device(device or "cpu"), _tile, torch.float32)
-    rotation = (index % SLICES) * GOLDEN
+    now = (tile + (index % SLICES) * GOLDEN) % 1.0
     planes = []
     for dim in range(dims):
         step = dim + 1 + 101 * seed
         dx, dy = int(TILE * (step / PLASTIC % 1)), int(TILE * (step / PLASTIC**2 % 1))
-        rows = (torch.arange(height, device=tile.device) + dy) % TILE
-        columns = (torch.arange(width, device=tile.device) + dx) % TILE
-        planes.append((tile[rows][:, columns] + rotation) % 1.0)
+        planes.append(now.roll((-dy, -dx), (0, 1)).repeat(-(-height // TILE), -(-width // TILE))[:height, :width])
     return torch.stack(planes)
 
 

@@ -1,4 +1,4 @@
-"""Numbers that the torch reference of the tone curves and its kernel share."""
+"""Numbers that the torch references of the display and its kernels share."""
 
 from __future__ import annotations
 
@@ -18,3 +18,6 @@ NEUTRAL_START = 0.8 - 0.04  # startCompression
 NEUTRAL_DESATURATION = 0.15
 NEUTRAL_F90 = 0.04
 TINY = 1e-10
+
+SRGB_KNEE, SRGB_SLOPE = 0.0031308, 12.92  # IEC 61966-2-1
+SRGB_OFFSET, SRGB_GAMMA = 0.055, 2.4

@@ -1,4 +1,4 @@
-"""Run the row body of `post.display.kernel` over pictures, on CPU threads or on a GPU."""
+"""Run the row bodies of `post.display.kernel` over pictures, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.display.kernel import agx_row
+from post.display.kernel import agx_row, encode_row, vignette_row
 
 
 @driver
@@ -28,3 +28,20 @@ def agx_pixel(i, out, color, exposure, contrast, saturation, inset, outset):
 
 
 agx_each = Each(agx_pixel)
+
+
+@driver
+def encode_rows(out, image, threads):
+    batch, _, height, _ = image.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            encode_row(out[row // height], image[row // height], row % height)
+
+
+@driver
+def vignette_rows(out, image, strength, inner, outer, threads):
+    batch, _, height, _ = image.shape
+    for thread in prange(threads):
+        circles = np.float32(strength), np.float32(inner), np.float32(outer - inner)
+        for row in range(thread, batch * height, threads):
+            vignette_row(out[row // height], image[row // height], row % height, *circles)

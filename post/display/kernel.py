@@ -1,6 +1,6 @@
-"""The compiled form of the AgX tone curve: a row of pixels as a body.
+"""The compiled forms of the AgX tone curve, the display's encoding and the vignette: a row of pixels as a body.
 
-Names and steps are those of the torch reference in `post.display.reference`, the definition. Logarithms and powers are
+Names and steps are those of the torch references in `post.display.reference`, the definition. Logarithms and powers are
 approximations that become vector instructions.
 """
 
@@ -18,6 +18,10 @@ RED, GREEN, BLUE = (np.float32(share) for share in REC709)
 LEAST, RANGE = np.float32(constants.AGX_MIN_EV), np.float32(constants.AGX_MAX_EV - constants.AGX_MIN_EV)
 C0, C1, C2, C3, C4, C5, C6 = (np.float32(c) for c in constants.AGX_CURVE)
 GAMMA = np.float32(constants.AGX_DISPLAY_GAMMA)
+HALF, TWO, THREE = np.float32(0.5), np.float32(2), np.float32(3)
+SRGB_KNEE, SRGB_SLOPE = np.float32(constants.SRGB_KNEE), np.float32(constants.SRGB_SLOPE)
+SRGB_OFFSET, SRGB_SCALE = np.float32(constants.SRGB_OFFSET), np.float32(1 + constants.SRGB_OFFSET)
+SRGB_POWER = np.float32(1 / constants.SRGB_GAMMA)
 
 
 @inlined
@@ -66,3 +70,29 @@ def agx_row(out, color, y, first, end, exposure, contrast, saturation, inset, ou
         new_reds[x] = _shown(_mixed(out_red, r, g, b))
         new_greens[x] = _shown(_mixed(out_green, r, g, b))
         new_blues[x] = _shown(_mixed(out_blue, r, g, b))
+
+
+@scalar
+def encode_row(out, image, y):
+    """A row of `post.display.reference.encode_reference`."""
+    for c in range(out.shape[0]):
+        row, given = out[c, y], image[c, y]
+        for x in range(row.shape[0]):
+            value = min(max(given[x], ZERO), ONE)
+            curved = SRGB_SCALE * exp2(SRGB_POWER * log2(max(value, SRGB_KNEE))) - SRGB_OFFSET
+            row[x] = curved if value > SRGB_KNEE else SRGB_SLOPE * value
+
+
+@scalar
+def vignette_row(out, image, y, strength, inner, span):
+    """A row of `post.display.reference.vignette_reference`; ``span`` is from the inner circle to the outer."""
+    height, width = np.float32(image.shape[1]), np.float32(image.shape[2])
+    down, middle = np.float32(y) + HALF - HALF * height, HALF * width
+    diagonal = np.sqrt(middle * middle + HALF * height * HALF * height)
+    for c in range(out.shape[0]):
+        row, given = out[c, y], image[c, y]
+        for x in range(row.shape[0]):
+            across = np.float32(x) + HALF - middle
+            distance = np.sqrt(across * across + down * down) / diagonal
+            t = min(max((distance - inner) / span, ZERO), ONE)
+            row[x] = given[x] * (ONE - strength * t * t * (THREE - TWO * t))

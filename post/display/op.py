@@ -1,4 +1,4 @@
-"""Tone curves as torch operators: kernels for AgX on the CPU and on CUDA, the torch reference elsewhere."""
+"""What a display is given, as torch operators: kernels on the CPU, for AgX on CUDA too, torch references elsewhere."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from post.display.constants import AGX_INSET
-from post.display.reference import Operator, matrix, tone_reference
+from post.display.reference import Operator, encode_reference, matrix, tone_reference, vignette_reference
 
 
 @torch.library.custom_op("gbufrt::agx", mutates_args=())
@@ -59,3 +59,67 @@ def tone_curve(
     if form is Form.REFERENCE or operator != "agx" or exposure.numel() not in (1, color.shape[0]):
         return tone_reference(color, exposure, operator, contrast, saturation, white)
     return agx_cpu(color, exposure.flatten().expand(color.shape[0]), float(contrast), float(saturation))
+
+
+@torch.library.custom_op("gbufrt::encoded", mutates_args=())
+def encoded_cpu(image: Tensor) -> Tensor:
+    """See `encoded`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.display.drivers import encode_rows
+
+    out = torch.empty_like(image, memory_format=torch.contiguous_format)
+    encode_rows(array(out), array(image), threads())
+    return out
+
+
+@encoded_cpu.register_fake
+def _(image):
+    return torch.empty_like(image, memory_format=torch.contiguous_format)
+
+
+def encoded(image: Tensor, *, compiled: bool | None = None) -> Tensor:
+    """Display-linear light ``(B, 3, H, W)``, clipped to [0, 1], as sRGB.
+
+    Args:
+        image: linear.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, C, H, W)`` in [0, 1].
+    """
+    return encoded_cpu(image) if form_of(image, compiled=compiled) is Form.CPU else encode_reference(image)
+
+
+@torch.library.custom_op("gbufrt::vignette", mutates_args=())
+def vignette_cpu(image: Tensor, strength: float, inner: float, outer: float) -> Tensor:
+    """See `darkened`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.display.drivers import vignette_rows
+
+    out = torch.empty_like(image, memory_format=torch.contiguous_format)
+    vignette_rows(array(out), array(image), strength, inner, outer, threads())
+    return out
+
+
+@vignette_cpu.register_fake
+def _(image, strength, inner, outer):
+    return torch.empty_like(image, memory_format=torch.contiguous_format)
+
+
+def darkened(image: Tensor, strength: float, inner: float, outer: float, *, compiled: bool | None = None) -> Tensor:
+    """A picture ``(B, C, H, W)`` that darkens toward its corners.
+
+    Args:
+        image: linear.
+        strength: see `post.vignette`, as the rest.
+        inner: see ``strength``.
+        outer: see ``strength``.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        As ``image``.
+    """
+    given = (image, strength, inner, outer)
+    if form_of(*given, compiled=compiled) is not Form.CPU:
+        return vignette_reference(*given)
+    return vignette_cpu(image, *map(float, given[1:]))

@@ -1,13 +1,16 @@
-"""Tone curves in torch: the definition of `post.display.op.tone_curve`, with its gradients."""
+"""Tone curves, the display's encoding and the vignette in torch: the definitions, with their gradients."""
 
 from __future__ import annotations
 
 from typing import Literal
 
 import torch
+from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt.compute.resident import resident
+from gbufrt.directions import length
+from gbufrt.sampling import pixel_centers
 from post.display.constants import (
     ACES_INPUT,
     ACES_OUTPUT,
@@ -87,3 +90,16 @@ def matrix(rows: tuple[tuple[float, ...], ...], like: Tensor) -> Tensor:
     """Rows scaled to sum to one, so that the rounding of published digits does not tint grey."""
     matrix = resident(rows, like)
     return matrix / matrix.sum(1, keepdim=True)
+
+
+def encode_reference(image: Tensor) -> Tensor:
+    """See `post.display.op.encoded`."""
+    return linear_rgb_to_rgb(image.clamp(0, 1))
+
+
+def vignette_reference(image: Tensor, strength: float, inner: float, outer: float) -> Tensor:
+    """See `post.vignette`."""
+    middle = resident((image.shape[-1] / 2, image.shape[-2] / 2), image)
+    distance = length(pixel_centers(image) - middle[None, :, None, None]) / middle.norm()
+    t = ((distance - inner) / (outer - inner)).clamp(0, 1)
+    return image * (1 - strength * t * t * (3 - 2 * t))

@@ -5,8 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from gbufrt import GBuffer
-from gbufrt.specular import DIELECTRIC_F0, directional_albedo, ggx_distribution, smith_lambda
+from gbufrt.specular import DIELECTRIC_F0, ggx_distribution, smith_lambda
 
 
 def specular_f0(albedo: Tensor, metallic: Tensor) -> Tensor:
@@ -27,25 +26,6 @@ def grazing(cosine: Tensor) -> Tensor:
     left = 1 - cosine.clamp(0, 1)
     squared = left * left
     return squared * squared * left
-
-
-def specular_albedo(gbuffer: GBuffer) -> Tensor:
-    """Directional albedo of surfaces' specular lobe as dielectrics, 0 where nothing was hit.
-
-    Args:
-        gbuffer: surfaces; without ``roughness`` they are taken to be smooth.
-
-    Returns:
-        ``(B, 1, H, W)`` in [0, 1]; differentiable.
-
-    Source: see `gbufrt.specular.directional_albedo`.
-    """
-    g = gbuffer
-    toward = g.camera.to_eye(g.camera.unproject(g.depth.detach()))  # the same at any depth
-    eye = g.camera.rotate_to_world(toward)
-    cosine = (eye * g.normal).sum(1, keepdim=True).clamp(0.0, 1.0)
-    roughness = torch.zeros_like(cosine) if g.roughness is None else g.roughness
-    return torch.where(g.hit, directional_albedo(cosine, roughness), 0.0)
 
 
 def reflection_pdf(cos_view: Tensor, cos_half: Tensor, alpha: Tensor) -> Tensor:

@@ -1,4 +1,4 @@
-"""Run the row body of `post.upsampling.kernel` over pictures, on CPU threads or on a GPU."""
+"""Run the bodies of upsampling over pictures: rows on CPU threads, pixels on a GPU."""
 
 from __future__ import annotations
 
@@ -9,22 +9,33 @@ import numpy as np
 from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
-from gbufrt.compute.kernel import driver, scalar
+from gbufrt.compute.kernel import allocating, driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
+from post.upsampling.row_kernel import GUIDES, NEAREST, PLANES, Room, upsampled_picture_row
 
 cuda: Any = numba.cuda
 AROUND = SPAN * SPAN  # samples around a pixel
 
 
+@allocating
+@scalar
+def _room(width, columns):
+    rows = np.empty((GUIDES + PLANES + NEAREST + 2, columns), np.float32)
+    here, planes = rows[:GUIDES], rows[GUIDES : GUIDES + PLANES]
+    weights = rows[GUIDES + PLANES : GUIDES + PLANES + NEAREST]
+    near, around, one = np.empty((PLANES, width), np.float32), np.empty(AROUND, np.float32), np.empty((PLANES, 1), np.float32)
+    return Room(near, here, planes, weights, rows[-2], rows[-1], around, one)
+
+
 @driver
-def upsampled_rows(out, low, guide, plane, clear, stride, row, column, perspective, threads):
+def upsampled_rows(out, low, guide, there, plane, clear, stride, row, column, perspective, threads):
     batch, _, height, width = out.shape
     grid = Grid(stride, row, column, low.shape[2], low.shape[3])
     for thread in prange(threads):
-        weights, near = np.empty(AROUND, np.float32), np.empty((3, width), np.float32)
+        room = _room(width, low.shape[3])
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            upsampled_row(out[b], low[b], guide[b], plane[b], clear, weights, near, y, 0, width, grid, perspective)
+            upsampled_picture_row(out[b], low[b], guide[b], there[b], plane[b], clear, room, y, grid, perspective)
 
 
 @scalar

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import resident
+from post.filters.constants import ROUGHNESS
 from post.filters.edges import Surface
 from post.upsampling.reference import upsample_reference
 
@@ -55,11 +56,12 @@ def upsample_cpu(
     from post.upsampling.drivers import upsampled_each, upsampled_rows
 
     out = low.new_empty(*low.shape[:2], *guide.shape[2:])
-    pictures = (out, low, guide, plane, clear)
     if form_of(low, cuda=True) is Form.CUDA:
-        upsampled_each(out[:, 0].numel(), *pictures, stride, row, column, perspective)
+        upsampled_each(out[:, 0].numel(), out, low, guide, plane, clear, stride, row, column, perspective)
     else:
-        upsampled_rows(*map(array, pictures), stride, row, column, perspective, threads())
+        there = guide[:, :ROUGHNESS, row::stride, column::stride]
+        pictures = (array(t) for t in (out, low, guide, there, plane, clear))
+        upsampled_rows(*pictures, stride, row, column, perspective, threads())
     return out
 
 

@@ -1,4 +1,4 @@
-"""Stages at half resolution or less: they see every second pixel, and the rest is interpolated along surfaces."""
+"""Stages at a half or a third of the resolution: they see few pixels, and the rest is interpolated along surfaces."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ class Reduced(Reduction):
 
     def restore(self, frame: Frame, reduced: Frame, names: frozenset[str]) -> Frame:
         g, present = frame.gbuffer, [name for name in sorted(names) if reduced.get(name) is not None]
-        low = [reduced.read(name) / _albedo(reduced, name) for name in present]
+        lit = frozenset(name for name in present if wants_albedo((name,), None))
+        low = [reduced.read(n) / guarded_albedo(reduced) if n in lit else reduced.read(n) for n in present]
         sizes = [signal.shape[1] for signal in low]
         clear = [
             SIGNALS[n].clear if n in SIGNALS else 0.0
@@ -52,15 +53,12 @@ class Reduced(Reduction):
         geometry = surface(g.depth, g.normal, g.hit, g.camera)
         found = upsample(torch.cat(low, dim=1), geometry, stride=self.stride, clear=clear)
         for name, signal in zip(present, found.split(sizes, dim=1), strict=True):
-            signal = signal * _albedo(frame, name)
-            if name in UNIT_VECTORS:
+            if name in lit:
+                signal = signal * guarded_albedo(frame)
+            elif name in UNIT_VECTORS:
                 size = length(signal)
                 normal = torch.where(g.hit, g.normal, 0.0)
                 signal = torch.where(size > SHORTEST, signal / size.clamp_min(SHORTEST), normal)
             frame = frame.write(name, signal)
         return frame
 
-
-def _albedo(frame: Frame, name: str) -> Tensor | float:
-    """What a signal is divided by before it is interpolated."""
-    return guarded_albedo(frame) if wants_albedo((name,), None) else 1.0

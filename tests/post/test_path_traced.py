@@ -14,7 +14,7 @@ from gbufrt.files.exr import read_exr, write_exr
 from gbufrt.noise.noise import halton_jitter
 from post import DepthOfField, Enlarged, MotionBlur, minecraft_rtx, with_fog
 from post.path_traced import QUALITIES
-from post.shading.ggx import specular_albedo
+from post.shading.composite_op import specular_albedo
 from post.upsampling.enlarged import enlarged
 
 SIZE = (18, 24)

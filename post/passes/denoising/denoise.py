@@ -15,7 +15,7 @@ from post.history.antilag import alike, into_shadow, pooled, tolerated
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
-from post.shading.ggx import specular_albedo
+from post.shading.composite_op import specular_albedo
 from post.shading.mirrors import mirror_image
 
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
@@ -211,7 +211,7 @@ class Denoise(TemporalPass):
         self.optional = frozenset(
             {
                 *("motion", "motion_z", "normal_geo", "object_id"),
-                *("albedo", "roughness", "emission", "opacity", "transmittance"),
+                *("albedo", "roughness", "emission", "opacity", "transmittance", "behind"),
             }
         )
         self.writes = frozenset({signal, f"{signal}_history"})

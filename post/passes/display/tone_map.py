@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from typing import cast
 
-from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.compute.resident import number
 from gbufrt.noise.noise import blue_noise
 from post.display.ocio import CONFIGS, check_config, is_config, ocio_view
-from post.display.op import tone_curve
+from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
 
 
@@ -80,11 +79,11 @@ def display_encode(image: Tensor, *, dither: bool = False, index: int = 0, seed:
 
     Source: IEC 61966-2-1.
     """
-    encoded = linear_rgb_to_rgb(image.clamp(0, 1))
+    shown = encoded(image)
     if not dither:
-        return encoded
+        return shown
     noise = blue_noise(*image.shape[-2:], index=index, dims=3, seed=seed, device=image.device).to(image.dtype)
-    return (encoded + (noise - 0.5) / 255).clamp(0, 1)
+    return (shown + (noise - 0.5) / 255).clamp(0, 1)
 
 
 class ToneMap(Pass):

@@ -5,9 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from gbufrt.compute.resident import resident
-from gbufrt.directions import length
-from gbufrt.sampling import pixel_centers
+from post.display.op import darkened
 
 
 def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer: float = 1.2) -> Tensor:
@@ -29,10 +27,7 @@ def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer
         raise ValueError(f"strength must lie in [0, 1], got {strength}")
     if not 0 <= inner < outer:
         raise ValueError(f"inner and outer must satisfy 0 <= inner < outer, got {inner} and {outer}")
-    middle = resident((image.shape[-1] / 2, image.shape[-2] / 2), image)
-    distance = length(pixel_centers(image) - middle[None, :, None, None]) / middle.norm()
-    t = ((distance - inner) / (outer - inner)).clamp(0, 1)
-    return image * (1 - strength * t * t * (3 - 2 * t))
+    return darkened(image, strength, inner, outer)
 
 
 class Vignette(Pass):

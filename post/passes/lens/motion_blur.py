@@ -75,22 +75,21 @@ def motion_blur(
     opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
     path = _limited(motion.to(color.dtype) * share, tile / (1 + opening))
+    tiles = _longest(path, tile, tile, 0)
+    if weights == "reconstruction" and not waits(color) and not bool((tiles.square().sum(1) > STILL**2).any()):
+        return color
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
     if weights == "similarity":
         return _similarity(color, path, moments(noise[0], opening, samples))
-    dominant = _dominant(path, tile, noise[1:])
-    if not waits(color) and not bool((dominant.detach().square().sum(1) > STILL**2).any()):
-        return color
+    dominant = _dominant(_longest(tiles, 3, 1, 1), tile, noise[1:])
     return reconstruct(color, depth, path, dominant, noise[0], opening=opening, samples=samples, softness=softness)
 
 
-def _dominant(path: Tensor, tile: int, noise: Tensor) -> Tensor:
-    """``(B, 2, H, W)``: the longest path in the 3x3 tiles around a pixel, looked up with jitter to hide the tiles."""
-    height, width = path.shape[-2:]
-    tiles = _longest(path, tile, tile, 0)
-    around = _longest(tiles, 3, 1, 1)
-    y = torch.arange(height, device=path.device)[:, None] + (noise[0] - 0.5) * (tile / 2)
-    x = torch.arange(width, device=path.device)[None] + (noise[1] - 0.5) * (tile / 2)
+def _dominant(around: Tensor, tile: int, noise: Tensor) -> Tensor:
+    """``(B, 2, H, W)``: the longest path ``around`` a pixel's tile, looked up with jitter to hide the tiles."""
+    height, width = noise.shape[-2:]
+    y = torch.arange(height, device=noise.device)[:, None] + (noise[0] - 0.5) * (tile / 2)
+    x = torch.arange(width, device=noise.device)[None] + (noise[1] - 0.5) * (tile / 2)
     row = y.clamp(0, height - 1).div(tile).long()
     column = x.clamp(0, width - 1).div(tile).long()
     return around[:, :, row, column]

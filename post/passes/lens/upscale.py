@@ -14,7 +14,7 @@ from gbufrt.sampling import inside, pixel_centers, sample
 from post.filters.signals import luminance
 from post.history.constants import BRIGHTEST
 from post.history.reproject import geometry_of, history_for, motion_of
-from post.shading.ggx import specular_albedo
+from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import (
     SLOW,
     STEADY,

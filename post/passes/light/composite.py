@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from post.shading.ggx import specular_albedo
+from post.shading.composite_op import specular_albedo, sum_light
 from post.shading.sight import within_sight
 
 Mode = Literal["physical", "me1"]
@@ -64,23 +64,9 @@ def composite(
     """
     if mode not in ("physical", "me1"):
         raise ValueError(f'mode must be "physical" or "me1", got {mode!r}')
-    lit = torch.zeros_like(radiance) if ambient is None else ambient
-    own = torch.zeros_like(radiance) if emission is None else emission
-    if mode == "me1":
-        lit = lit + radiance - own
-    if visibility is not None:
-        lit = lit * visibility.clamp(0, 1) ** ao_intensity
-    if mode == "physical":
-        lit = lit + radiance - own
-    if gi is not None:
-        lit = lit + gi_intensity * gi
-    if behind is not None:
-        lit = lit + behind
-    if reflection is None:
-        return lit + own
-    if specular is not None and mode == "physical":
-        lit = lit * (1 - min(reflection_intensity, 1.0) * specular)
-    return lit + own + reflection_intensity * reflection
+    given = (radiance, ambient, emission, visibility, gi, reflection, behind, specular)
+    intensities = (ao_intensity, gi_intensity, reflection_intensity)
+    return sum_light(*given, physical=mode == "physical", intensities=intensities)
 
 
 class Composite(Pass):
@@ -105,6 +91,7 @@ class Composite(Pass):
             *("reflection_confidence", "reflection_distance"),  # for limited sight
             *("depth", "normal", "hit", "roughness"),  # for the specular albedo, where there is a reflection
             *("fog", "fog_transmittance", "fog_reflection", "albedo", "metallic"),
+            "behind",
         }
     )
     writes = frozenset({"composite", "color"})

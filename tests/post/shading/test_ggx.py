@@ -11,7 +11,8 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.directions import tangent_frame
 from gbufrt.specular import ggx_distribution, masking_ratio, sample_visible_normal, schlick, smith_lambda
-from post.shading.ggx import reflection_pdf, specular_albedo, specular_f0
+from post.shading.composite_op import specular_albedo
+from post.shading.ggx import reflection_pdf, specular_f0
 
 VIEWS = [0.15, 0.6, 1.0]
 ALPHAS = [0.05, 0.3, 1.0]

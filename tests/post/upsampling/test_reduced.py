@@ -108,7 +108,7 @@ def test_copies_keep_the_reduction():
     for name in ("ao", "gi", "reflection", "behind"):
         stage = pipeline.stages[name]
         assert isinstance(stage, Pipeline)
-        assert stage.place.reduction == Reduced()
+        assert stage.place.reduction == Reduced(3)
 
 
 def test_accumulation_at_half_resolution_goes_on_over_frames():

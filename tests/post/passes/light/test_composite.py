@@ -8,7 +8,7 @@ import torch
 
 from gbufrt import Pipeline
 from post.passes.light.composite import Composite, composite
-from post.shading.ggx import specular_albedo
+from post.shading.composite_op import specular_albedo
 
 
 def planes(*values: float, channels: int = 3) -> list[torch.Tensor]:
