@@ -13,6 +13,7 @@ from torch import Tensor
 
 from gbufrt import Frame
 from post.display.op import tone_curve
+from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
 from post.history.op import anti_alias, read_history
 from post.march.rays import depth_hierarchy, march_rays
@@ -41,7 +42,7 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     ends = march_rays(hierarchy, g.camera.unproject(g.depth), g.camera.rotate_to_view(g.normal), g.camera)
     found = {"ao": ao, "bent": bent, "gi": gi, "sky": sky, "reflection": mirrored[0], "confidence": mirrored[1]}
     found |= {"ray": torch.cat([ends.px, ends.distance, ends.hit.float(), ends.blocked.float()], dim=1)}
-    return {name: value.cpu() for name, value in {**found, **of_pixels(frame)}.items()}
+    return {name: value.cpu() for name, value in {**found, **of_pixels(frame), **of_filters(frame)}.items()}
 
 
 def of_pixels(frame: Frame) -> dict[str, Tensor]:
@@ -59,6 +60,30 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
         "back": bodies(g.depth, g.hit, g.depth + 0.3),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
         "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
+    }
+
+
+def of_filters(frame: Frame) -> dict[str, Tensor]:
+    """Light with noise, filtered, and what is known of it first."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    grain = torch.rand((1, 5, *SIZE), generator=torch.Generator().manual_seed(0)).to(light.device)
+    geometry = surface(g.depth, g.normal, g.hit, g.camera, grain[:, :1] / 9)
+    values = torch.cat([light, light[:, :1]], dim=1) + grain[:, :4] / 2
+    around = moments(values[:, 3:], geometry)
+    known = around[:, :1], around[:, 1:]
+    reach, tolerance = bilateral_limits(*known, sigma=2.0, sensitivity=0.7, phi_color=2.0)
+    edge = {"depth_sensitivity": 1.0, "normal_power": 40.0}
+    smooth = wavelet(
+        torch.cat([values, grain[:, 4:] / 9], dim=1), geometry, 0.05 * grain[:, 4:], step=2, phi_color=1.0,
+        phi_depth=1.0, phi_normal=128.0,
+    )  # fmt: skip
+    return {
+        "guide": geometry.guide,
+        "plane": geometry.plane / 100,
+        "moments": around,
+        "limits": torch.cat([reach, tolerance], dim=1),
+        "bilateral": joint_bilateral(values, geometry, reach, tolerance, radius=2, **edge),
+        "wavelet": smooth,
     }
 
 
