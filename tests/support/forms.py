@@ -79,7 +79,7 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
     )  # fmt: skip
     return {
         "guide": geometry.guide,
-        "plane": geometry.plane / 100,
+        "plane": geometry.plane,
         "moments": around,
         "limits": torch.cat([reach, tolerance], dim=1),
         "bilateral": joint_bilateral(values, geometry, reach, tolerance, radius=2, **edge),
