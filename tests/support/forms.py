@@ -15,7 +15,7 @@ from gbufrt import Frame
 from post.display.op import tone_curve
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
-from post.history.op import anti_alias, read_history
+from post.history.op import accumulate, anti_alias, read_history
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
@@ -77,7 +77,15 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
         torch.cat([values, grain[:, 4:] / 9], dim=1), geometry, 0.05 * grain[:, 4:], step=2, phi_color=1.0,
         phi_depth=1.0, phi_normal=128.0,
     )  # fmt: skip
+    fast, age = values[:, :3] * (0.8 + 0.4 * grain[:, 1:4]), torch.floor(9 * grain[:, :1])
+    state = torch.cat(
+        [values * (0.6 + grain[:, 1:]), fast, fast[:, :1], fast[:, :1] ** 2 + 0.01, 1 / (1 + age), age], 1
+    )
+    bright = values * (1 + 9 * (grain[:, :1] > 0.9))
+    new, sample = accumulate(bright, state, 4 + 8 * grain[:, 4:], geometry, lead=3, clamp=2.0, firefly=3.0)
     return {
+        "accumulated": new,
+        "sample": sample,
         "guide": geometry.guide,
         "plane": geometry.plane,
         "moments": around,
