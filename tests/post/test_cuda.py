@@ -32,7 +32,18 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
     assert done.returncode == 0, done.stderr
     found, ran = torch.load(out)
     pixels = {"sweep", "padded", "bodies", "agx", "upsampled", "correspondence", "read", "tone", "alias"}
-    pixels |= {"surface", "moments", "limits", "bilateral", "wavelet", "sample", "fast", "blend"}
+    pixels |= {
+        "surface",
+        "moments",
+        "limits",
+        "bilateral",
+        "wavelet",
+        "sample",
+        "fast",
+        "blend",
+        "layer",
+        "reconstruct",
+    }
     assert ran == {"march", "reflect", *(f"{name}_pixel" for name in pixels)}
     check(found)
 

@@ -16,7 +16,9 @@ from post.display.op import tone_curve
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
 from post.history.op import accumulate, anti_alias, read_history
+from post.lens.op import reconstruct
 from post.march.rays import depth_hierarchy, march_rays
+from post.passes.lens.depth_of_field import depth_of_field
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
 from post.sweep.bitmask import bitmask_ao
@@ -42,7 +44,10 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     ends = march_rays(hierarchy, g.camera.unproject(g.depth), g.camera.rotate_to_view(g.normal), g.camera)
     found = {"ao": ao, "bent": bent, "gi": gi, "sky": sky, "reflection": mirrored[0], "confidence": mirrored[1]}
     found |= {"ray": torch.cat([ends.px, ends.distance, ends.hit.float(), ends.blocked.float()], dim=1)}
-    return {name: value.cpu() for name, value in {**found, **of_pixels(frame), **of_filters(frame)}.items()}
+    return {
+        name: value.cpu()
+        for name, value in {**found, **of_pixels(frame), **of_filters(frame), **of_lens(frame)}.items()
+    }
 
 
 def of_pixels(frame: Frame) -> dict[str, Tensor]:
@@ -66,7 +71,7 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
 def of_filters(frame: Frame) -> dict[str, Tensor]:
     """Light with noise, filtered, and what is known of it first."""
     g, light = frame.gbuffer, frame.read("radiance")
-    grain = torch.rand((1, 5, *SIZE), generator=torch.Generator().manual_seed(0)).to(light.device)
+    grain = noise(light)
     geometry = surface(g.depth, g.normal, g.hit, g.camera, grain[:, :1] / 9)
     values = torch.cat([light, light[:, :1]], dim=1) + grain[:, :4] / 2
     around = moments(values[:, 3:], geometry)
@@ -92,6 +97,24 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
         "limits": torch.cat([reach, tolerance], dim=1),
         "bilateral": joint_bilateral(values, geometry, reach, tolerance, radius=2, **edge),
         "wavelet": smooth,
+    }
+
+
+def noise(like: Tensor) -> Tensor:
+    """``(1, 5, H, W)`` in [0, 1)."""
+    return torch.rand((1, 5, *SIZE), generator=torch.Generator().manual_seed(0)).to(like)
+
+
+def of_lens(frame: Frame) -> dict[str, Tensor]:
+    """Light behind a lens whose focus lies between the surfaces, and behind an open shutter."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    lens: dict[str, Any] = {"hit": g.hit, "focus_distance": 9.0, "aperture_radius": 0.8, "max_radius_px": 5.0}
+    lamp = light * (1 + 50 * (torch.arange(SIZE[1], device=light.device) % 5 == 0))
+    path, moment = 8 * noise(light)[:, 1:3] - 3, noise(light)[0, 0]
+    shutter: dict[str, Any] = {"opening": -0.5, "samples": 3, "softness": 0.05}
+    return {
+        "layers": depth_of_field(lamp, g.depth, g.camera, **lens),
+        "blurred": reconstruct(light, g.depth, path, path.roll(2, 3), moment, **shutter),
     }
 
 
