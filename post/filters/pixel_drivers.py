@@ -22,6 +22,7 @@ from post.filters.denoise_kernel import (
     wavelet_limits,
     wavelet_weight,
 )
+from post.filters.fxaa_kernel import edge_row, luma_of, smooth
 from post.filters.kernel import guide_row, surface_row
 from post.filters.weight_kernel import ZERO, Near, Taps, edge_weight, edge_with, near_row, weigh_further
 
@@ -174,5 +175,26 @@ def bilateral_pixel(
     _finish(out[b], sums, sums[channels], values[b], guide[b], channels, y, x)
 
 
+@scalar
+def luma_pixel(i, luma, image):
+    """As `fxaa_kernel.luma_row`: one pixel of the padded rows."""
+    b, y, x = pixel_of(i, luma.shape[1], luma.shape[2])
+    column = min(max(x - 1, 0), image.shape[3] - 1)
+    luma[b, y, x] = luma_of(image[b, 0, y, column], image[b, 1, y, column], image[b, 2, y, column])
+
+
+@scalar
+def stairs_pixel(i, out, luma, image, subpixel, edge_threshold, dark_threshold):
+    b, y, x = pixel_of(i, image.shape[2], image.shape[3])
+    is_edge = cuda.local.array(1, np.bool_)
+    edge_row(is_edge, luma[b, :, x : x + 3], y, np.float32(edge_threshold), np.float32(dark_threshold))
+    if is_edge[0]:
+        smooth(out[b], image[b], luma[b], y, x, np.float32(subpixel))
+    else:
+        for c in range(image.shape[1]):
+            out[b, c, y, x] = image[b, c, y, x]
+
+
+luma_each, stairs_each = Each(luma_pixel), Each(stairs_pixel)
 surface_each, moments_each, wavelet_each = Each(surface_pixel), Each(moments_pixel), Each(wavelet_pixel)
 limits_each, bilateral_each = Each(limits_pixel), Each(bilateral_pixel)

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from gbufrt import Frame
 from post.display.op import tone_curve
+from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
 from post.history.op import accumulate, anti_alias, read_history
@@ -61,6 +62,7 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
     return {
         "aliased": torch.cat(aliased, dim=1),
         "toned": tone_curve(light, light.new_full((), 2.0), "agx", 1.2, 1.2, 4.0),
+        "smooth": smooth_stairs(light.clamp(0, 1), subpixel=0.75, edge_threshold=0.06, dark_threshold=0.02),
         "upsampled": upsample(light[..., 1::2, 1::2], geometry, offset=(1, 1)),
         "back": bodies(g.depth, g.hit, g.depth + 0.3),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
