@@ -15,3 +15,5 @@ LUMA = (0.299, 0.587, 0.114)  # Rec. 601, of encoded colour
 STRIDES = (1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 4.0, 8.0)  # pixels a search step: fine near the pixel, then coarse
 
 DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)  # channels of `edges.Surface.guide`
+
+MOST_PLANES = 16  # of values that a filter takes on a GPU, whose threads have scratch memory of constant size

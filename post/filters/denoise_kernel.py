@@ -48,7 +48,7 @@ def surface_weights(weights, guide, near, y, taps, edge):
 
 @contracted
 @inlined
-def _wavelet_weight(i, here, near, own, j, there, other, dx, dy, edge):
+def wavelet_weight(i, here, near, own, j, there, other, dx, dy, edge):
     """One tap of `reference.wavelet_reference`, without its share."""
     away = abs(other[j] - own.light[i]) * own.scale[i] + own.limit[i] * (dx * dx + dy * dy)
     return edge_weight(i, here, near, j, there, dx, dy, edge, -away)
@@ -67,20 +67,20 @@ def wavelet_weights(weights, guide, near, light, scale, limit, y, taps, shares, 
     if taps.count == 1:
         share = shares[taps.number]
         for i in range(size):
-            one[i] = share * _wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
+            one[i] = share * wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
     else:
         a, b, c = shares
         for i in range(size):
             j, k = i + step, i + step + step
-            one[i] = a * _wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
-            two[i] = b * _wavelet_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
-            three[i] = c * _wavelet_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
+            one[i] = a * wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
+            two[i] = b * wavelet_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
+            three[i] = c * wavelet_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
     weigh_further(weights, guide, y, taps, edge)
 
 
 @contracted
 @inlined
-def _bilateral_weight(i, here, near, own, j, there, other, dx, dy, edge):
+def bilateral_weight(i, here, near, own, j, there, other, dx, dy, edge):
     """One tap of `reference.bilateral_reference`."""
     away = (other[j] - own.light[i]) * own.scale[i]
     exponent = own.limit[i] * (dx * dx + dy * dy) - LOG2_E * max(away * away - ONE, ZERO)
@@ -98,13 +98,13 @@ def bilateral_weights(weights, guide, near, light, scale, falloff, y, taps, edge
     dx, dy = np.float32(taps.dx), np.float32(taps.dy)
     if taps.count == 1:
         for i in range(size):
-            one[i] = _bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
+            one[i] = bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
     else:
         for i in range(size):
             j, k = i + step, i + step + step
-            one[i] = _bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
-            two[i] = _bilateral_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
-            three[i] = _bilateral_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
+            one[i] = bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
+            two[i] = bilateral_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
+            three[i] = bilateral_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
     weigh_further(weights, guide, y, taps, edge)
 
 
@@ -214,8 +214,14 @@ def bilateral_limits(limits, share, width, tolerance, y):
 @scalar
 def limits_row(width, tolerance, column, light, variance, y, sigma, sensitivity, phi_color):
     """A row of `reference.limits_reference`."""
+    noise_row(tolerance[y], column, variance, y)
+    limit_row(width, tolerance, light, variance, y, sigma, sensitivity, phi_color)
+
+
+@inlined
+def limit_row(width, tolerance, light, variance, y, sigma, sensitivity, phi_color):
+    """As `limits_row`, where the tolerance is the 3x3 means' standard deviation still."""
     wide, limit, here, spread = width[y], tolerance[y], light[y], variance[y]
-    noise_row(limit, column, variance, y)
     for x in range(here.shape[0]):
         size = abs(here[x])
         noise = math.sqrt(max(spread[x], NOISELESS)) / max(size, MIN_MEAN)

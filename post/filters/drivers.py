@@ -29,12 +29,12 @@ from post.filters.weight_kernel import GROUP, PARTS, add_values, edge_with, near
 
 @driver
 def surface_rows(guide, plane, depth, normal, hit, roughness, lens, pose, parallel, threads):
-    batch, height, _ = depth.shape
+    batch, height, width = depth.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             channels = depth[b], normal[b], hit[b], roughness[b]
-            surface_row(guide[b], plane[b], *channels, lens[b], pose[b], parallel, y)
+            surface_row(guide[b], plane[b], *channels, lens[b], pose[b], parallel, y, 0, width)
 
 
 @driver

@@ -25,13 +25,18 @@ Edge = namedtuple("Edge", "y x down right")
 """A pixel and the step to its neighbour across the edge; the edge runs along the other axis."""
 
 
+@inlined
+def luma_of(red, green, blue):
+    return RED * red + GREEN * green + BLUE * blue
+
+
 @scalar
 def luma_row(luma, image, y):
     """A row of luma, padded by a pixel to each side."""
     red, green, blue, width = image[0, y], image[1, y], image[2, y], image.shape[2]
     inner = luma[y, 1 : 1 + width]
     for x in range(width):
-        inner[x] = RED * red[x] + GREEN * green[x] + BLUE * blue[x]
+        inner[x] = luma_of(red[x], green[x], blue[x])
     luma[y, 0], luma[y, width + 1] = inner[0], inner[width - 1]
 
 
@@ -51,16 +56,23 @@ def edge_row(is_edge, luma, y, edge_threshold, dark_threshold):
 @scalar
 def smooth_row(out, is_edge, image, luma, y, subpixel):
     """Read those pixels of a row that lie beside an edge from across it, and copy the others."""
-    channels, height, width = image.shape
+    channels, _, width = image.shape
     for c in range(channels):
         for x in range(width):
             out[c, y, x] = image[c, y, x]
     for x in range(width):
         if is_edge[x]:
-            edge, shift = _shift(luma, y, x, subpixel)
-            row, column = min(max(y + edge.down, 0), height - 1), min(max(x + edge.right, 0), width - 1)
-            for c in range(channels):
-                out[c, y, x] = (ONE - shift) * image[c, y, x] + shift * image[c, row, column]
+            smooth(out, image, luma, y, x, subpixel)
+
+
+@scalar
+def smooth(out, image, luma, y, x, subpixel):
+    """Read a pixel beside an edge from across it."""
+    channels, height, width = image.shape
+    edge, shift = _shift(luma, y, x, subpixel)
+    row, column = min(max(y + edge.down, 0), height - 1), min(max(x + edge.right, 0), width - 1)
+    for c in range(channels):
+        out[c, y, x] = (ONE - shift) * image[c, y, x] + shift * image[c, row, column]
 
 
 @scalar

@@ -1,4 +1,4 @@
-"""Anti-aliasing by luma edges as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+"""Anti-aliasing by luma edges as a torch operator: kernels on the CPU and CUDA, else the torch reference."""
 
 from __future__ import annotations
 
@@ -14,10 +14,16 @@ def stairs_cpu(image: Tensor, subpixel: float, edge_threshold: float, dark_thres
     """``(B, 3, H, W)``. See `smooth_stairs`."""
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import stairs_rows
+    from post.filters.pixel_drivers import luma_each, stairs_each
 
     out = torch.empty_like(image, memory_format=torch.contiguous_format)
     luma = image.new_empty(image.shape[0], image.shape[2], image.shape[3] + 2)
-    stairs_rows(array(out), array(luma), array(image), subpixel, edge_threshold, dark_threshold, threads())
+    options = (subpixel, edge_threshold, dark_threshold)
+    if form_of(image, cuda=True) is Form.CUDA:
+        luma_each(luma.numel(), luma, image)
+        stairs_each(image[:, 0].numel(), out, luma, image, *options)
+    else:
+        stairs_rows(array(out), array(luma), array(image), *options, threads())
     return out
 
 
@@ -42,6 +48,6 @@ def smooth_stairs(
         ``(B, 3, H, W)``; pixels without an edge are exactly as they were.
     """
     tunables = (subpixel, edge_threshold, dark_threshold)
-    if form_of(image, *tunables, compiled=compiled) is Form.REFERENCE:
+    if form_of(image, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
         return stairs_reference(image, *tunables)
     return stairs_cpu(image, *map(float, tunables))

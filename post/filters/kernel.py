@@ -39,24 +39,25 @@ def _copy(row, given):
 
 
 @scalar
-def surface_row(guide, plane, depth, normal, hit, roughness, lens, pose, parallel, y):
-    """A row of `edges.surface_reference`; ``lens`` is `Camera.lens`."""
-    z, there, known = depth[y], hit[y], guide[HIT, y]
-    nx, ny, nz = normal[0, y], normal[1, y], normal[2, y]
-    _copy(guide[DEPTH, y], z)
-    _copy(guide[NX, y], nx)
-    _copy(guide[NY, y], ny)
-    _copy(guide[NZ, y], nz)
+def surface_row(guide, plane, depth, normal, hit, roughness, lens, pose, parallel, y, first, end):
+    """Pixels ``first`` to ``end`` of a row of `edges.surface_reference`; ``lens`` is `Camera.lens`."""
+    z, there, known = depth[y, first:end], hit[y, first:end], guide[HIT, y, first:end]
+    nx, ny, nz = normal[0, y, first:end], normal[1, y, first:end], normal[2, y, first:end]
+    _copy(guide[DEPTH, y, first:end], z)
+    _copy(guide[NX, y, first:end], nx)
+    _copy(guide[NY, y, first:end], ny)
+    _copy(guide[NZ, y, first:end], nz)
     for k in range(roughness.shape[0]):
-        _copy(guide[ROUGHNESS + k, y], roughness[k, y])
+        _copy(guide[ROUGHNESS + k, y, first:end], roughness[k, y, first:end])
     xx, xy, xz = pose[0, 0], pose[0, 1], pose[0, 2]
     yx, yy, yz = pose[1, 0], pose[1, 1], pose[1, 2]
     zx, zy, zz = pose[2, 0], pose[2, 1], pose[2, 2]
     focal_x, focal_y, center_x, jitter_x = lens[0], lens[1], lens[2], lens[4]
-    along, slope_x, slope_y, scale = plane[0, y], plane[1, y], plane[2, y], plane[3, y]
+    along, slope_x = plane[0, y, first:end], plane[1, y, first:end]
+    slope_y, scale = plane[2, y, first:end], plane[3, y, first:end]
     ray_y = (np.float32(y) + HALF + lens[5] - lens[3]) / focal_y
     for x in range(z.shape[0]):
-        ray_x = (np.float32(x) + HALF + jitter_x - center_x) / focal_x
+        ray_x = (np.float32(first + x) + HALF + jitter_x - center_x) / focal_x
         a, b = xx * nx[x] + xy * ny[x] + xz * nz[x], yx * nx[x] + yy * ny[x] + yz * nz[x]
         c = zx * nx[x] + zy * ny[x] + zz * nz[x]
         along[x] = c if parallel else a * ray_x + b * ray_y + c

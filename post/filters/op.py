@@ -1,4 +1,4 @@
-"""Edge-aware filters as torch operators: kernels on the CPU, the torch reference elsewhere and for gradients."""
+"""Edge-aware filters as torch operators: kernels on the CPU and on CUDA, else the torch reference."""
 
 from __future__ import annotations
 
@@ -8,18 +8,9 @@ from torch import Tensor
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
+from post.filters.fits import fits_cuda, squarings
 from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
 from post.filters.signals import luminance
-
-SQUARINGS = (7, 5)  # of the cosine between normals: powers of 128 and 32, the defaults of the filters
-
-
-def squarings(power: float) -> tuple[int, ...]:
-    """As many numbers as a kernel squares a cosine before it raises it to what is left of ``power``.
-
-    Kernels are compiled for each length: few, so that few powers are compiled for.
-    """
-    return (0,) * next((count for count in SQUARINGS if power >= 2**count), 0)
 
 
 @torch.library.custom_op("gbufrt::moments", mutates_args=())
@@ -29,10 +20,14 @@ def moments_cpu(
     """``(B, 2, H, W)``. Tensors are those of `Surface`, and ``light`` as in `moments`."""
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import moments_rows
+    from post.filters.pixel_drivers import moments_each
 
     out = light.new_empty(light.shape[0], 2, *light.shape[2:])
-    inputs = (array(out), array(light[:, 0]), array(guide), array(plane))
-    moments_rows(*inputs, radius, perspective, depth_sensitivity, squarings(COARSE_POWER), threads())
+    pictures, options = (out, light[:, 0], guide, plane), (radius, perspective, depth_sensitivity)
+    if form_of(light, cuda=True) is Form.CUDA:
+        moments_each(light.numel(), *pictures, *options, squarings(COARSE_POWER))
+    else:
+        moments_rows(*map(array, pictures), *options, squarings(COARSE_POWER), threads())
     return out
 
 
@@ -56,10 +51,14 @@ def wavelet_cpu(
     """``(B, C + 2, H, W)``. Tensors are those of `Surface` and of `wavelet`."""
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import wavelet_rows
+    from post.filters.pixel_drivers import wavelet_each
 
     out = torch.empty_like(values, memory_format=torch.contiguous_format)
-    inputs = (array(out), array(values), array(guide), array(plane), array(reach[:, 0]))
-    wavelet_rows(*inputs, step, perspective, phi_color, phi_depth, phi_normal, squarings(phi_normal), threads())
+    pictures, options = (out, values, guide, plane, reach[:, 0]), (step, perspective, phi_color, phi_depth, phi_normal)
+    if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
+        wavelet_each(reach.numel(), *pictures, *options, squarings(phi_normal))
+    else:
+        wavelet_rows(*map(array, pictures), *options, squarings(phi_normal), threads())
     return out
 
 
@@ -83,11 +82,15 @@ def bilateral_cpu(
     """``(B, C, H, W)``. Tensors are those of `Surface` and of `joint_bilateral`."""
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import bilateral_rows
+    from post.filters.pixel_drivers import bilateral_each
 
     out = values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
-    inputs = (array(out), array(values), array(guide), array(plane), array(width[:, 0]), array(tolerance[:, 0]))
-    edge = (depth_sensitivity, normal_power, squarings(normal_power))
-    bilateral_rows(*inputs, radius, perspective, *edge, threads())
+    pictures = (out, values, guide, plane, width[:, 0], tolerance[:, 0])
+    options = (radius, perspective, depth_sensitivity, normal_power, squarings(normal_power))
+    if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
+        bilateral_each(width.numel(), *pictures, *options)
+    else:
+        bilateral_rows(*map(array, pictures), *options, threads())
     return out
 
 
@@ -103,10 +106,14 @@ def limits_cpu(
     """See `bilateral_limits`."""
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import limits_rows
+    from post.filters.pixel_drivers import limits_each
 
     width, tolerance = (torch.empty_like(light, memory_format=torch.contiguous_format) for _ in range(2))
-    planes = (array(tensor[:, 0]) for tensor in (width, tolerance, light, variance))
-    limits_rows(*planes, sigma, sensitivity, phi_color, threads())
+    planes = [tensor[:, 0] for tensor in (width, tolerance, light, variance)]
+    if form_of(light, cuda=True) is Form.CUDA:
+        limits_each(light.numel(), *planes, sigma, sensitivity, phi_color)
+    else:
+        limits_rows(*map(array, planes), sigma, sensitivity, phi_color, threads())
     return width, tolerance
 
 
@@ -131,7 +138,10 @@ def moments(
     Returns:
         ``(B, 2, H, W)``: mean and unbiased variance; a pixel alone on its surface has variance zero.
     """
-    if form_of(light, geometry.guide, geometry.plane, depth_sensitivity, compiled=compiled) is Form.REFERENCE:
+    if (
+        form_of(light, geometry.guide, geometry.plane, depth_sensitivity, compiled=compiled, cuda=True)
+        is Form.REFERENCE
+    ):
         return moments_reference(light, geometry, radius, depth_sensitivity)
     planes = (light, geometry.guide, geometry.plane)
     return moments_cpu(*planes, radius, geometry.perspective, float(depth_sensitivity))
@@ -170,7 +180,7 @@ def wavelet(
         As ``values``, filtered; the variance is that which is left. Pixels that hit nothing are as before.
     """
     phi, planes = (phi_color, phi_depth, phi_normal), (values, geometry.guide, geometry.plane, reach)
-    if form_of(*planes, *phi, compiled=compiled) is Form.REFERENCE:
+    if form_of(*planes, *phi, compiled=compiled, cuda=fits_cuda(values)) is Form.REFERENCE:
         return wavelet_reference(values, geometry, reach, step, *phi)
     return wavelet_cpu(*planes, step, geometry.perspective, *map(float, phi))
 
@@ -198,7 +208,7 @@ def bilateral_limits(
         ``width`` and ``tolerance`` of `joint_bilateral`.
     """
     tunables = (sigma, sensitivity, phi_color)
-    if form_of(light, variance, *tunables, compiled=compiled) is Form.REFERENCE:
+    if form_of(light, variance, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
         return limits_reference(light, variance, *tunables)
     return limits_cpu(light, variance, *map(float, tunables))
 
@@ -229,6 +239,6 @@ def joint_bilateral(
         ``(B, C, H, W)``; pixels that hit nothing are as before.
     """
     edge, planes = (depth_sensitivity, normal_power), (values, geometry.guide, geometry.plane, width, tolerance)
-    if form_of(*planes, *edge, compiled=compiled) is Form.REFERENCE:
+    if form_of(*planes, *edge, compiled=compiled, cuda=fits_cuda(values)) is Form.REFERENCE:
         return bilateral_reference(values, geometry, width, tolerance, radius, *edge)
     return bilateral_cpu(*planes, radius, geometry.perspective, *map(float, edge))

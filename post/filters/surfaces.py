@@ -1,4 +1,5 @@
-"""A G-buffer prepared for filters, as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+"""A G-buffer prepared for filters, as a torch operator: kernels on the CPU and on CUDA, else the torch
+reference."""
 
 from __future__ import annotations
 
@@ -42,7 +43,7 @@ def surface(
                 f"got {tuple(tensor.shape)}"
             )
     pose, lens = camera.view_from_world[:, :3, :3].to(depth), camera.lens.to(depth)
-    if form_of(depth, normal, roughness, pose, lens, compiled=compiled) is not Form.CPU:
+    if form_of(depth, normal, roughness, pose, lens, compiled=compiled, cuda=True) is Form.REFERENCE:
         return surface_reference(depth, normal, hit, camera, roughness)
     rough = depth[:, :0] if roughness is None else roughness
     guide, plane = surface_cpu(depth, normal, hit, rough, lens, pose, camera.orthographic)
@@ -66,12 +67,16 @@ def surface_cpu(
     """
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import surface_rows
+    from post.filters.pixel_drivers import surface_each
 
     batch, _, *size = depth.shape
     guide = depth.new_empty(batch, ROUGHNESS + roughness.shape[1], *size)
     plane = depth.new_empty(batch, PLANES, *size)
-    channels = (array(depth[:, 0]), array(normal), array(hit[:, 0]), array(roughness))
-    surface_rows(array(guide), array(plane), *channels, array(lens), array(pose), parallel, threads())
+    pictures = (guide, plane, depth[:, 0], normal, hit[:, 0], roughness, lens, pose)
+    if form_of(depth, cuda=True) is Form.CUDA:
+        surface_each(depth.numel(), *pictures, parallel)
+    else:
+        surface_rows(*map(array, pictures), parallel, threads())
     return guide, plane
 
 

@@ -1,8 +1,8 @@
-"""The compiled form of `post.history.antilag.accumulate_reference`: a row of pixels as a body.
+"""The compiled form of `post.history.antilag.accumulate_reference`: pixels ``first`` to ``end`` of a row as a body.
 
 Names and steps are those of that torch reference, which is the definition. As in `post.filters.kernel`, neighbours are
-shifted rows, and every loop over a row becomes vector instructions. A state's planes are the mean (C), the fast mean
-(lead), two moments, the sum of squared weights, and the age.
+shifted rows, and every loop over a row becomes vector instructions. Rows of scratch begin at ``first``. A state's
+planes are the mean (C), the fast mean (lead), two moments, the sum of squared weights, and the age.
 """
 
 from __future__ import annotations
@@ -44,16 +44,18 @@ def _own_variance(first, second, age):
 
 
 @scalar
-def noise_row(noise, sums, state, first, y):
-    """A row of `antilag.typical_variance`; ``first`` is the plane of the first moment."""
-    mean, square, ages = state[first], state[first + 1], state[first + 3]
+def noise_row(noise, sums, state, plane, y, first, end):
+    """A row of `antilag.typical_variance`; ``plane`` is that of the first moment."""
+    mean, square, ages = state[plane], state[plane + 1], state[plane + 3]
     height, width = mean.shape
+    begin, stop = max(first - POOL, 0), min(end + POOL, width)
+    start, after = begin - first + POOL, stop - first + POOL
     sums[:] = 0
     for row in range(max(y - POOL, 0), min(y + POOL + 1, height)):
-        m1, m2, age = mean[row], square[row], ages[row]
-        s0, s1, s2 = sums[0, POOL : POOL + width], sums[1, POOL : POOL + width], sums[2, POOL : POOL + width]
-        s3, s4 = sums[3, POOL : POOL + width], sums[4, POOL : POOL + width]
-        for x in range(width):
+        m1, m2, age = mean[row, begin:stop], square[row, begin:stop], ages[row, begin:stop]
+        s0, s1, s2 = sums[0, start:after], sums[1, start:after], sums[2, start:after]
+        s3, s4 = sums[3, start:after], sums[4, start:after]
+        for x in range(age.shape[0]):
             mature, visible = ONE if age[x] >= YOUNG else ZERO, ONE if age[x] > ZERO else ZERO
             s0[x] += _own_variance(m1[x], m2[x], age[x]) * mature
             s1[x] += mature
@@ -61,8 +63,8 @@ def noise_row(noise, sums, state, first, y):
             s3[x] += m1[x] * visible
             s4[x] += visible
     pool = LEAST * np.float32((2 * POOL + 1) ** 2)
-    m1, m2, age = mean[y], square[y], ages[y]
-    for x in range(width):
+    m1, m2, age = mean[y, first:end], square[y, first:end], ages[y, first:end]
+    for x in range(age.shape[0]):
         own, mature, second, average, visible = ZERO, ZERO, ZERO, ZERO, ZERO
         for k in range(2 * POOL + 1):
             own += sums[0, x + k]
@@ -77,45 +79,44 @@ def noise_row(noise, sums, state, first, y):
 
 
 @scalar
-def sample_row(sample, sums, signal, state, noise, lead, firefly, y):
+def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end):
     """A row of `antilag.without_fireflies`."""
     channels, height, width = signal.shape
-    ages, scale = state[state.shape[0] - 1, y], sums[2]
+    ages, scale = state[state.shape[0] - 1, y, first:end], sums[2]
     sums[:2] = 0
     top, bottom = max(y - 1, 0), min(y + 2, height)
     for row in range(top, bottom):
-        for x in range(width):
+        for x in range(max(first - 1, 0), min(end + 1, width)):
             light = luminance_of(signal, lead, row, x)
-            sums[0, x + 1] += light
-            sums[1, x + 1] += light * light
-    for x in range(width):
-        light = luminance_of(signal, lead, y, x)
-        nine = NINE / np.float32((bottom - top) * (min(x + 2, width) - max(x - 1, 0)))
+            sums[0, x - first + 1] += light
+            sums[1, x - first + 1] += light * light
+    for x in range(end - first):
+        light = luminance_of(signal, lead, y, first + x)
+        nine = NINE / np.float32((bottom - top) * (min(first + x + 2, width) - max(first + x - 1, 0)))
         around = (nine * (sums[0, x] + sums[0, x + 1] + sums[0, x + 2]) - light) / EIGHT
         square = (nine * (sums[1, x] + sums[1, x + 1] + sums[1, x + 2]) - light * light) / EIGHT
         spread = max(square - around * around, ZERO)
-        own = luminance_of(state, lead, y, x) + firefly * math.sqrt(noise[x] + TINY)
+        own = luminance_of(state, lead, y, first + x) + firefly * math.sqrt(noise[x] + TINY)
         limit = max(own, around + firefly * math.sqrt(spread + TINY))
         cut = ages[x] >= YOUNG and light > limit and limit > ZERO and firefly > ZERO
         scale[x] = limit / max(light, TINY) if cut else ONE
     for c in range(channels):
-        given, kept = signal[c, y], sample[c, y]
-        for x in range(width):
+        given, kept = signal[c, y, first:end], sample[c, y, first:end]
+        for x in range(kept.shape[0]):
             kept[x] = given[x] * (scale[x] if c < lead else ONE)
 
 
 @scalar
-def alike_row(bits, weights, guide, plane, age, edge, y):
+def alike_row(bits, weights, guide, plane, age, edge, y, first, end):
     """A row of `antilag.alike` among pixels that have a history: bit k for the k-th of 3x3 pixels."""
-    bits[y] = 0
-    size = age.shape
+    bits[y, first:end] = 0
     for k in range(9):
-        tap = tap_at(y, 0, size[1], k % 3 - 1, k // 3 - 1, size)
+        tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, age.shape)
         used = weights[: tap.end - tap.first]
         edge_weights(used, guide, plane, y, tap, edge)
-        first, end = tap.first, tap.end
-        mask, hit, own = bits[y, first:end], guide[HIT, y, first:end], age[y, first:end]
-        there_hit, there = guide[HIT, tap.y, first + tap.dx : end + tap.dx], age[tap.y, first + tap.dx : end + tap.dx]
+        mask, hit, own = bits[y, tap.first : tap.end], guide[HIT, y, tap.first : tap.end], age[y, tap.first : tap.end]
+        low, high = tap.first + tap.dx, tap.end + tap.dx
+        there_hit, there = guide[HIT, tap.y, low:high], age[tap.y, low:high]
         bit = np.int32(1 << k)
         for i in range(used.shape[0]):
             same = used[i] > SAME or (hit[i] == ZERO and there_hit[i] == ZERO)
@@ -123,32 +124,30 @@ def alike_row(bits, weights, guide, plane, age, edge, y):
 
 
 @scalar
-def difference_row(sums, count, bits, one, other, lead, y):
+def difference_row(sums, count, bits, one, other, lead, y, first, end):
     """The mean of ``one`` - ``other`` over the pixels alike, and their number."""
-    _, height, width = one.shape
     sums[:lead] = 0
     count[:] = 0
     for k in range(9):
-        tap = tap_at(y, 0, width, k % 3 - 1, k // 3 - 1, (height, width))
-        first, end = tap.first, tap.end
-        mask, number = bits[y, first:end], count[first:end]
+        tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, one.shape[1:])
+        begin, stop, low, high = tap.first - first, tap.end - first, tap.first + tap.dx, tap.end + tap.dx
+        mask, number = bits[y, tap.first : tap.end], count[begin:stop]
         for i in range(mask.shape[0]):
             number[i] += np.float32((mask[i] >> k) & 1)
         for c in range(lead):
-            total = sums[c, first:end]
-            a, b = one[c, tap.y, first + tap.dx : end + tap.dx], other[c, tap.y, first + tap.dx : end + tap.dx]
+            total, a, b = sums[c, begin:stop], one[c, tap.y, low:high], other[c, tap.y, low:high]
             for i in range(mask.shape[0]):
                 total[i] += np.float32((mask[i] >> k) & 1) * (a[i] - b[i])
     for c in range(lead):
         total = sums[c]
-        for x in range(width):
+        for x in range(count.shape[0]):
             total[x] /= max(count[x], ONE)
 
 
 @scalar
-def explained_row(explained, sums, count, noise, state, lead, channels, clamp, slow, y):
+def explained_row(explained, sums, count, noise, state, lead, channels, clamp, slow, y, first, end):
     """Leave in ``sums`` what noise does not explain; keep its share, squared: ``change`` in `antilag.follow_light`."""
-    ages = state[state.shape[0] - 1, y]
+    ages, spread, fast = state[state.shape[0] - 1, y, first:end], noise[y, first:end], state[channels:]
     explained[:] = ZERO
     for c in range(lead):
         difference = sums[c]
@@ -158,8 +157,8 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
         few = ONE / min(max(ages[x], ONE), FEW_FAST)
         frames = few + ONE / max(ages[x], ONE) if slow else ONE + few
         samples = max(count[x] / CORRELATED, ONE)
-        floor = RELATIVE_FLOOR * abs(luminance_of(state[channels:], lead, y, x)) + LEAST
-        allowed = clamp * math.sqrt(noise[y, x] * frames / samples + TINY) + floor
+        floor = RELATIVE_FLOOR * abs(luminance_of(fast, lead, y, first + x)) + LEAST
+        allowed = clamp * math.sqrt(spread[x] * frames / samples + TINY) + floor
         share = min(allowed / max(explained[x], TINY), ONE)
         explained[x] = share * share
     for c in range(lead):
@@ -169,27 +168,26 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
 
 
 @scalar
-def fast_row(fast, sums, state, lead, channels, y):
+def fast_row(fast, sums, state, lead, channels, y, first, end):
     """The fast history and the moments of a row, moved toward the sample by ``sums``."""
-    width = sums.shape[1]
     for c in range(lead):
-        shift, old, new = sums[c], state[channels + c, y], fast[c, y]
-        for x in range(width):
+        shift, old, new = sums[c], state[channels + c, y, first:end], fast[c, y, first:end]
+        for x in range(new.shape[0]):
             new[x] = old[x] + shift[x]
-    first, second = state[channels + lead, y], state[channels + lead + 1, y]
-    new_first, new_second = fast[lead, y], fast[lead + 1, y]
-    for x in range(width):
+    mean, square = state[channels + lead, y, first:end], state[channels + lead + 1, y, first:end]
+    new_mean, new_square = fast[lead, y, first:end], fast[lead + 1, y, first:end]
+    for x in range(mean.shape[0]):
         light = sums[0, x] if lead < 3 else RED * sums[0, x] + GREEN * sums[1, x] + BLUE * sums[2, x]
-        new_first[x] = first[x] + light
-        new_second[x] = second[x] + light * (TWO * first[x] + light)
+        new_mean[x] = mean[x] + light
+        new_square[x] = square[x] + light * (TWO * mean[x] + light)
 
 
 @scalar
-def age_row(out, alpha, explained, state, longest, y):
+def age_row(out, alpha, explained, state, longest, y, first, end):
     """The length and the sum of squared weights of a row, and the share ``alpha`` that this frame's sample gets."""
     last = out.shape[0] - 1
-    ages, shares, most = state[last, y], state[last - 1, y], longest[y]
-    lengths, squares = out[last, y], out[last - 1, y]
+    ages, shares, most = state[last, y, first:end], state[last - 1, y, first:end], longest[y, first:end]
+    lengths, squares = out[last, y, first:end], out[last - 1, y, first:end]
     for x in range(alpha.shape[0]):
         age = ages[x]
         younger = ONE + (age - ONE) * explained[x] if age > ONE else age
@@ -200,21 +198,22 @@ def age_row(out, alpha, explained, state, longest, y):
 
 
 @scalar
-def blend_row(out, sums, alpha, sample, fast, state, lead, y):
+def blend_row(out, sums, alpha, sample, fast, state, lead, y, first, end):
     """The means and moments of a row with this frame's sample in them."""
     channels, width = sample.shape[0], alpha.shape[0]
     for c in range(channels):
-        new, old, own, shift, moves = out[c, y], state[c, y], sample[c, y], sums[min(c, lead - 1)], c < lead
+        new, old, own = out[c, y, first:end], state[c, y, first:end], sample[c, y, first:end]
+        shift, moves = sums[min(c, lead - 1)], c < lead
         for x in range(width):
             before = old[x] + shift[x] if moves else old[x]
             new[x] = before + alpha[x] * (own[x] - before)
     for c in range(lead):
-        new, old, own = out[channels + c, y], fast[c, y], sample[c, y]
+        new, old, own = out[channels + c, y, first:end], fast[c, y, first:end], sample[c, y, first:end]
         for x in range(width):
             new[x] = old[x] + max(alpha[x], LEAST_FAST) * (own[x] - old[x])
-    first, second = out[channels + lead, y], out[channels + lead + 1, y]
-    old_first, old_second = fast[lead, y], fast[lead + 1, y]
+    mean, square = out[channels + lead, y, first:end], out[channels + lead + 1, y, first:end]
+    old_mean, old_square = fast[lead, y, first:end], fast[lead + 1, y, first:end]
     for x in range(width):
-        quick, light = max(alpha[x], LEAST_MOMENTS), luminance_of(sample, lead, y, x)
-        first[x] = old_first[x] + quick * (light - old_first[x])
-        second[x] = old_second[x] + quick * (light * light - old_second[x])
+        quick, light = max(alpha[x], LEAST_MOMENTS), luminance_of(sample, lead, y, first + x)
+        mean[x] = old_mean[x] + quick * (light - old_mean[x])
+        square[x] = old_square[x] + quick * (light * light - old_square[x])

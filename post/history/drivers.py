@@ -10,19 +10,6 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.filters.constants import COARSE_POWER
-from post.filters.kernel import edge_of
-from post.history.accumulate_kernel import (
-    age_row,
-    alike_row,
-    blend_row,
-    difference_row,
-    explained_row,
-    fast_row,
-    noise_row,
-    sample_row,
-)
-from post.history.constants import POOL
 from post.history.correspondence_kernel import Channels, actual_row, expected_row, lens_at, shift_row
 from post.history.read_kernel import read_row
 from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
@@ -90,50 +77,6 @@ def read_pixel(i, out, image, now, before, shift, plane, normal, search, sharp):
 
 
 read_each = Each(read_pixel)
-
-
-@driver
-def sample_rows(sample, noise, bits, signal, state, guide, plane, perspective, lead, firefly, follows, threads):
-    """What is known before histories move: the samples without fireflies, their noise, and which neighbours count."""
-    batch, channels, height, width = signal.shape
-    for thread in prange(threads):
-        weights, sums = np.empty(width, np.float32), np.empty((5, width + 2 * POOL), np.float32)
-        for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            noise_row(noise[b, y], sums, state[b], channels + lead, y)
-            sample_row(sample[b], sums, signal[b], state[b], noise[b, y], lead, np.float32(firefly), y)
-            if follows:
-                edge = edge_of(guide[b], perspective, 1.0, COARSE_POWER)
-                alike_row(bits[b], weights, guide[b], plane[b], state[b, state.shape[1] - 1], edge, y)
-
-
-@driver
-def fast_rows(fast, sample, noise, bits, state, lead, clamp, threads):
-    """The fast history after it has followed the sample."""
-    batch, channels, height, width = sample.shape
-    for thread in prange(threads):
-        sums, rows = np.zeros((lead, width), np.float32), np.ones((2, width), np.float32)
-        for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            if clamp > 0:
-                difference_row(sums, rows[0], bits[b], sample[b], state[b, channels:], lead, y)
-                explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), False, y)
-            fast_row(fast[b], sums, state[b], lead, channels, y)
-
-
-@driver
-def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, threads):
-    """The state after this frame: the slow history follows the fast one, and both take the sample in."""
-    batch, channels, height, width = sample.shape
-    for thread in prange(threads):
-        sums, rows = np.zeros((lead, width), np.float32), np.ones((2, width), np.float32)
-        for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            if clamp > 0:
-                difference_row(sums, rows[0], bits[b], fast[b], state[b], lead, y)
-                explained_row(rows[1], sums, rows[0], noise[b], state[b], lead, channels, np.float32(clamp), True, y)
-            age_row(out[b], rows[0], rows[1], state[b], longest[b], y)
-            blend_row(out[b], sums, rows[0], sample[b], fast[b], state[b], lead, y)
 
 
 @driver

@@ -1,4 +1,4 @@
-"""Histories as torch operators: kernels on the CPU and, but to accumulate, on CUDA; else the torch reference."""
+"""Histories as torch operators: kernels on the CPU and on CUDA, else the torch reference."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from torch import Tensor
 from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
+from post.filters.fits import fits_cuda
 from post.history.antilag import accumulate_reference
 from post.history.constants import WINDOW
 from post.history.correspondence import correspondence
@@ -64,30 +65,26 @@ def _(image, now, before, shift, plane, normal, search, sharp):
 
 @torch.library.custom_op("gbufrt::accumulate", mutates_args=())
 def accumulate_cpu(
-    signal: Tensor,
-    state: Tensor,
-    longest: Tensor,
-    guide: Tensor,
-    plane: Tensor,
-    perspective: bool,
-    lead: int,
-    clamp: float,
-    firefly: float,
-) -> tuple[Tensor, Tensor]:
+    signal: Tensor, state: Tensor, longest: Tensor, guide: Tensor, plane: Tensor, perspective: bool, lead: int,
+    clamp: float, firefly: float,
+) -> tuple[Tensor, Tensor]:  # fmt: skip
     """See `accumulate`; ``guide`` and ``plane`` are those of `Surface`."""
     from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import blend_rows, fast_rows, sample_rows
+    from post.history.accumulate_drivers import blend_each, blend_rows, fast_each, fast_rows, sample_each, sample_rows
 
-    batch, _, height, width = signal.shape
     out, sample = state.new_empty(state.shape), signal.new_empty(signal.shape)
-    noise, fast = signal.new_empty(batch, height, width), signal.new_empty(batch, lead + 2, height, width)
-    bits = torch.empty(batch, height, width, dtype=torch.int32)
-    given, wide = array(state), threads()
-    now = (array(sample), array(noise), array(bits))
-    geometry = (array(guide), array(plane), perspective)
-    sample_rows(*now, array(signal), given, *geometry, lead, firefly, clamp > 0, wide)
-    fast_rows(array(fast), *now, given, lead, clamp, wide)
-    blend_rows(array(out), array(fast), *now, given, array(longest[:, 0]), lead, clamp, wide)
+    noise, fast = signal.new_empty(signal[:, 0].shape), signal.new_empty(signal.shape[0], lead + 2, *signal.shape[2:])
+    now, geometry = (sample, noise, torch.empty_like(noise, dtype=torch.int32)), (guide, plane)
+    count, longest = noise.numel(), longest[:, 0]
+    if form_of(signal, cuda=fits_cuda(signal)) is Form.CUDA:
+        sample_each(count, *now, signal, state, *geometry, perspective, lead, firefly, clamp > 0)
+        fast_each(count, fast, *now, state, lead, clamp)
+        blend_each(count, out, fast, *now, state, longest, lead, clamp)
+    else:
+        given, done, wide = array(state), [array(x) for x in now], threads()
+        sample_rows(*done, array(signal), given, *map(array, geometry), perspective, lead, firefly, clamp > 0, wide)
+        fast_rows(array(fast), *done, given, lead, clamp, wide)
+        blend_rows(array(out), array(fast), *done, given, array(longest), lead, clamp, wide)
     return out, sample
 
 
@@ -206,7 +203,7 @@ def accumulate(
         The state after this frame, and the signal without fireflies.
     """
     planes = (signal, state, longest, geometry.guide, geometry.plane)
-    if form_of(*planes, clamp, firefly, compiled=compiled) is Form.REFERENCE:
+    if form_of(*planes, clamp, firefly, compiled=compiled, cuda=fits_cuda(signal)) is Form.REFERENCE:
         return accumulate_reference(signal, state, longest, geometry, lead, clamp, firefly)
     return accumulate_cpu(*planes, geometry.perspective, lead, float(clamp), float(firefly))
 

@@ -7,6 +7,7 @@ BRIGHT = 1.0  # of the picture's mean level: pixels this bright count half where
 FINEST = 0.25  # pixels between the radii of the two sharpest layers
 TINY = 1e-6  # coverage below this is rounding
 EDGE = 0.5  # pixels beyond the radius at which a disc ends; it is whole a pixel further in
+MOST_LAYERS, MOST_CHANNELS = 64, 3  # on a GPU, whose threads have scratch memory of constant size
 
 LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it should cover, plus
 LANDING_RELATIVE = 0.1  # of the distance it moved, because neighbours on one surface do not move quite alike

@@ -1,11 +1,17 @@
-"""Run the bodies of `post.lens`'s kernels over pictures on CPU threads."""
+"""Run the bodies of `post.lens`'s kernels over pictures, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numba.cuda
 import numpy as np
 from numba import prange
 
+from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
+from post.lens.constants import MOST_CHANNELS, MOST_LAYERS
+from post.lens.gather_kernel import Picture, layered_pixel
 from post.lens.shutter_kernel import (
     OWN_WEIGHT,
     TOGETHER,
@@ -21,6 +27,8 @@ from post.lens.shutter_kernel import (
 from post.lens.spread_kernel import Window
 from post.lens.tile_kernel import tile
 
+cuda: Any = numba.cuda
+PLANES = MOST_CHANNELS + 1
 TILE = 64  # pixels: what a thread works on fits its cache
 RUN = 256  # pixels of a row: what a thread knows of them fits its fastest cache
 
@@ -36,6 +44,19 @@ def layer_tiles(out, color, coc, level, reach, weights, inner, outer, ramps, thr
             tile(out[b], color[b], coc[b], level[b], reach, weights, inner, outer, ramps, window)
 
 
+@scalar
+def layer_pixel(i, out, color, coc, level, first, reach, radii, ramps):
+    """As `layer_tiles`, one pixel."""
+    b, y, x = pixel_of(i, coc.shape[1], coc.shape[2])
+    layers, sums = cuda.local.array((MOST_LAYERS, PLANES), np.float32), cuda.local.array((2, PLANES), np.float32)
+    free = cuda.local.array((1, 1), np.float32)
+    picture = Picture(color[b], coc[b], first[b], radii, ramps, reach[b])
+    layered_pixel(out[b], layers, (sums[:1], sums[1:], free), picture, level[b], y, x)
+
+
+layer_each = Each(layer_pixel)
+
+
 @driver
 def reconstruct_rows(out, color, depth, path, dominant, picture, known, noise, opening, samples, softness, threads):
     """See `post.lens.op.reconstruct`."""
@@ -49,6 +70,21 @@ def reconstruct_rows(out, color, depth, path, dominant, picture, known, noise, o
             for first in range(0, width, RUN):
                 end = min(first + RUN, width)
                 _reconstruct_run(out[b], given, rows, sums, places, opening, samples, softness, y, first, end)
+
+
+@scalar
+def reconstruct_pixel(
+    i, out, color, depth, path, dominant, picture, known, noise, opening, samples, softness
+):  # fmt: skip
+    """As `reconstruct_rows`, one pixel."""
+    b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
+    rows, sums = cuda.local.array((22, 1), np.float32), cuda.local.array((TOGETHER, 1), np.float32)
+    places = cuda.local.array((2, 1), np.int32)
+    given = color[b], depth[b], path[b], dominant[b], picture[b], known[b], noise
+    _reconstruct_run(out[b], given, rows, sums, places, opening, samples, softness, y, x, x + 1)
+
+
+reconstruct_each = Each(reconstruct_pixel)
 
 
 @scalar

@@ -1,4 +1,4 @@
-"""Layers of like blur and an open shutter as torch operators: kernels on the CPU, else the torch references."""
+"""Layers of like blur and an open shutter as torch operators: kernels on the CPU and CUDA, else torch references."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
-from post.lens.constants import EDGE, FINEST
-from post.lens.reference import border, bright_level, layers_reference, signed
+from gbufrt.compute.resident import resident
+from post.lens.constants import EDGE, FINEST, MOST_CHANNELS, MOST_LAYERS
+from post.lens.reference import bright_level, layers_reference, signed
 from post.lens.shutter_reference import reconstruct_reference
 
 
@@ -35,12 +36,14 @@ class Tables(NamedTuple):
 def layers_cpu(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
     """``(B, C, H, W)``. See `spread_layers`."""
     from gbufrt.compute.kernel import array, threads
-    from post.lens.drivers import layer_tiles
+    from post.lens.drivers import layer_each, layer_tiles
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
-    levels = color.contiguous().mean(dim=1, keepdim=True, dtype=torch.float64)  # whose sum no order of adding changes
-    level = bright_level(F.pad(levels, border(coc, radii), mode="replicate")).flatten().to(color.dtype)
-    layer_tiles(array(out), array(color), array(coc[:, 0]), array(level), *tables(tuple(radii)), threads())
+    pictures, known = (out, color, coc[:, 0], bright_level(color).flatten()), tables(tuple(radii))
+    if form_of(color, cuda=fits_cuda(color, radii)) is Form.CUDA:
+        layer_each(coc.numel(), *pictures, *touched(coc, radii))
+    else:
+        layer_tiles(*map(array, pictures), *known, threads())
     return out
 
 
@@ -61,7 +64,7 @@ def spread_layers(color: Tensor, coc: Tensor, radii: list[float], *, compiled: b
     Returns:
         ``(B, C, H, W)``.
     """
-    if form_of(color, coc, compiled=compiled) is Form.REFERENCE:
+    if form_of(color, coc, compiled=compiled, cuda=fits_cuda(color, radii)) is Form.REFERENCE:
         return layers_reference(color, coc, radii)
     return layers_cpu(color, coc, radii)
 
@@ -73,13 +76,16 @@ def reconstruct_cpu(
 ) -> Tensor:  # fmt: skip
     """``(B, C, H, W)``. See `reconstruct`."""
     from gbufrt.compute.kernel import array, threads
-    from post.lens.drivers import reconstruct_rows
+    from post.lens.drivers import reconstruct_each, reconstruct_rows
     from post.lens.shutter_kernel import TOGETHER
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
     picture = side_by_side(color, TOGETHER)
     planes = (color, depth[:, 0], path, dominant, picture, torch.cat([depth, path], 1).flatten(2), noise)
-    reconstruct_rows(array(out), *map(array, planes), opening, samples, softness, threads())
+    if form_of(color, cuda=color.shape[1] <= MOST_CHANNELS) is Form.CUDA:
+        reconstruct_each(depth.numel(), out, *planes, opening, samples, softness)
+    else:
+        reconstruct_rows(array(out), *map(array, planes), opening, samples, softness, threads())
     return out
 
 
@@ -127,8 +133,8 @@ def reconstruct(
     Returns:
         ``(B, C, H, W)``.
     """
-    planes = (color, depth, path, dominant, noise)
-    if form_of(*planes, softness, compiled=compiled) is Form.REFERENCE:
+    planes, fits = (color, depth, path, dominant, noise), color.shape[1] <= MOST_CHANNELS
+    if form_of(*planes, softness, compiled=compiled, cuda=fits) is Form.REFERENCE:
         return reconstruct_reference(*planes, opening, samples, softness)
     return reconstruct_cpu(*planes, opening, samples, float(softness))
 
@@ -139,6 +145,34 @@ def layer_radii(largest: float, step: float) -> list[float]:
     while radii[-1] < largest:
         radii.append(radii[-1] * (1 + step) + FINEST)
     return radii
+
+
+def fits_cuda(color: Tensor, radii: list[float]) -> bool:
+    """Whether a thread of a GPU has room for so many layers of so many channels."""
+    return 2 * len(radii) - 1 <= MOST_LAYERS and color.shape[1] <= MOST_CHANNELS
+
+
+def touched(coc: Tensor, radii: list[float]) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """What `post.lens.gather_kernel` asks of a picture, without a number that the host would wait for.
+
+    Returns:
+        ``(B, H, W)`` int32 each: the nearer layer in which a pixel has a share, and how far away the farthest disc
+        begins that may reach it; radii ``(L,)`` and `Tables.ramps`.
+    """
+    known = tables(tuple(radii))
+    at, last = resident(tuple(signed(radii)), coc), len(known.reach) - 1
+    first = (torch.bucketize(coc[:, 0].contiguous(), at, right=True) - 1).clamp(0, last)
+    reach = resident(tuple(known.reach.tolist()), coc)
+    own = torch.maximum(reach[first], reach[(first + 1).clamp_max(last)])
+    margin = int(known.reach.max())
+    down = F.max_pool2d(own, (2 * margin + 1, 1), stride=1, padding=(margin, 0))
+    farthest = F.max_pool2d(down, (1, 2 * margin + 1), stride=1, padding=(0, margin))
+    return first.int(), farthest.int(), at.abs(), resident(_ramps(tuple(radii)), coc)
+
+
+@cache
+def _ramps(radii: tuple[float, ...]) -> tuple[tuple[tuple[float, ...], ...], ...]:
+    return tuple(tuple(tuple(row) for row in pair) for pair in tables(radii).ramps.tolist())
 
 
 @cache

@@ -20,7 +20,7 @@ def layers_reference(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
     left, _, top, _ = sides
     source = F.pad(torch.cat([color, torch.ones_like(coc)], dim=1), sides, mode="replicate")
     coc = F.pad(coc, sides, mode="replicate")
-    calm = _calm(source[:, :-1])
+    calm = 1 / (1 + source[:, :-1].detach().mean(dim=1, keepdim=True) / bright_level(color.detach()))
     result, free = torch.zeros_like(color), torch.ones_like(color[:, :1])
     fill = torch.zeros_like(source[..., :height, :width])
 
@@ -62,15 +62,12 @@ def signed(radii: list[float]) -> list[float]:
     return [-r for r in reversed(radii[1:])] + radii
 
 
-def _calm(color: Tensor) -> Tensor:
-    """Weights that keep one highlight from conspicuously filling all the unknown background around it."""
-    level = color.detach().mean(dim=1, keepdim=True)
-    return 1 / (1 + level / bright_level(level))
+def bright_level(color: Tensor) -> Tensor:
+    """``(B, 1, 1, 1)``: the level of pixels that count half as background, so that no highlight fills all around it.
 
-
-def bright_level(level: Tensor) -> Tensor:
-    """``(B, 1, 1, 1)``: the level of pixels that count half, in a picture of these levels."""
-    return (BRIGHT * level.mean(dim=(1, 2, 3), keepdim=True)).clamp_min(TINY)
+    Summed in double precision, where the order of adding changes nothing.
+    """
+    return (BRIGHT * color.mean(dim=(1, 2, 3), keepdim=True, dtype=torch.float64)).clamp_min(TINY).to(color.dtype)
 
 
 def _layers(coc: Tensor, radii: list[float]) -> Iterator[tuple[float, Tensor, Tensor | None]]:

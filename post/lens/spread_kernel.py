@@ -13,7 +13,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 
@@ -38,6 +38,12 @@ def row_ranges(low, high, coc, window, reach):
         low[i], high[i] = least * abs(least), most * abs(most)
 
 
+@inlined
+def share_of(square, ramp):
+    """The share in a layer by the squared radius."""
+    return ramp.scale * max(min(min((square - ramp.rise) * ramp.up, (ramp.fall - square) * ramp.down), ONE), ZERO)
+
+
 @scalar
 def share_row(share, coc, ramp, window, reach, y):
     """The shares of a row from ``left - reach`` on, borders repeated; the first that is not 0, and the last's end."""
@@ -47,10 +53,7 @@ def share_row(share, coc, ramp, window, reach, y):
     before, after = max(-start, 0), min(width - start, size)
     known, kept = row[start + before : start + after], share[before:after]
     for i in range(kept.shape[0]):
-        square = known[i] * abs(known[i])
-        kept[i] = ramp.scale * max(
-            min(min((square - ramp.rise) * ramp.up, (ramp.fall - square) * ramp.down), ONE), ZERO
-        )
+        kept[i] = share_of(known[i] * abs(known[i]), ramp)
     share[:before], share[after:size] = share[before], share[after - 1]
     first, end = 0, size
     while first < end and share[first] == ZERO:
@@ -62,7 +65,7 @@ def share_row(share, coc, ramp, window, reach, y):
 
 @scalar
 def calm_row(share, color, level, window, reach, y, first, end):
-    """Multiply shares by `reference._calm`."""
+    """Multiply shares by the calm weights of `reference.layers_reference`."""
     channels, height, width = color.shape
     row, scale = min(max(y, 0), height - 1), ONE / np.float32(channels)
     for i in range(first, end):

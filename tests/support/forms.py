@@ -13,9 +13,13 @@ from torch import Tensor
 
 from gbufrt import Frame
 from post.display.op import tone_curve
+from post.filters.fxaa_op import smooth_stairs
+from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
-from post.history.op import anti_alias, read_history
+from post.history.op import accumulate, anti_alias, read_history
+from post.lens.op import reconstruct
 from post.march.rays import depth_hierarchy, march_rays
+from post.passes.lens.depth_of_field import depth_of_field
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
 from post.sweep.bitmask import bitmask_ao
@@ -41,7 +45,10 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     ends = march_rays(hierarchy, g.camera.unproject(g.depth), g.camera.rotate_to_view(g.normal), g.camera)
     found = {"ao": ao, "bent": bent, "gi": gi, "sky": sky, "reflection": mirrored[0], "confidence": mirrored[1]}
     found |= {"ray": torch.cat([ends.px, ends.distance, ends.hit.float(), ends.blocked.float()], dim=1)}
-    return {name: value.cpu() for name, value in {**found, **of_pixels(frame)}.items()}
+    return {
+        name: value.cpu()
+        for name, value in {**found, **of_pixels(frame), **of_filters(frame), **of_lens(frame)}.items()
+    }
 
 
 def of_pixels(frame: Frame) -> dict[str, Tensor]:
@@ -55,10 +62,61 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
     return {
         "aliased": torch.cat(aliased, dim=1),
         "toned": tone_curve(light, light.new_full((), 2.0), "agx", 1.2, 1.2, 4.0),
+        "smooth": smooth_stairs(light.clamp(0, 1), subpixel=0.75, edge_threshold=0.06, dark_threshold=0.02),
         "upsampled": upsample(light[..., 1::2, 1::2], geometry, offset=(1, 1)),
         "back": bodies(g.depth, g.hit, g.depth + 0.3),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
         "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
+    }
+
+
+def of_filters(frame: Frame) -> dict[str, Tensor]:
+    """Light with noise, filtered, and what is known of it first."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    grain = noise(light)
+    geometry = surface(g.depth, g.normal, g.hit, g.camera, grain[:, :1] / 9)
+    values = torch.cat([light, light[:, :1]], dim=1) + grain[:, :4] / 2
+    around = moments(values[:, 3:], geometry)
+    known = around[:, :1], around[:, 1:]
+    reach, tolerance = bilateral_limits(*known, sigma=2.0, sensitivity=0.7, phi_color=2.0)
+    edge = {"depth_sensitivity": 1.0, "normal_power": 40.0}
+    smooth = wavelet(
+        torch.cat([values, grain[:, 4:] / 9], dim=1), geometry, 0.05 * grain[:, 4:], step=2, phi_color=1.0,
+        phi_depth=1.0, phi_normal=128.0,
+    )  # fmt: skip
+    fast, age = values[:, :3] * (0.8 + 0.4 * grain[:, 1:4]), torch.floor(9 * grain[:, :1])
+    state = torch.cat(
+        [values * (0.6 + grain[:, 1:]), fast, fast[:, :1], fast[:, :1] ** 2 + 0.01, 1 / (1 + age), age], 1
+    )
+    bright = values * (1 + 9 * (grain[:, :1] > 0.9))
+    new, sample = accumulate(bright, state, 4 + 8 * grain[:, 4:], geometry, lead=3, clamp=2.0, firefly=3.0)
+    return {
+        "accumulated": new,
+        "sample": sample,
+        "guide": geometry.guide,
+        "plane": geometry.plane,
+        "moments": around,
+        "limits": torch.cat([reach, tolerance], dim=1),
+        "bilateral": joint_bilateral(values, geometry, reach, tolerance, radius=2, **edge),
+        "wavelet": smooth,
+    }
+
+
+def noise(like: Tensor) -> Tensor:
+    """``(1, 5, H, W)`` in [0, 1)."""
+    return torch.rand((1, 5, *SIZE), generator=torch.Generator().manual_seed(0)).to(like)
+
+
+def of_lens(frame: Frame) -> dict[str, Tensor]:
+    """Light behind a lens whose focus lies between the surfaces, and behind an open shutter."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    lens: dict[str, Any] = {"hit": g.hit, "focus_distance": 9.0, "aperture_radius": 0.8, "max_radius_px": 5.0}
+    lamp = light * (1 + 50 * (torch.arange(SIZE[1], device=light.device) % 5 == 0))
+    path, moment = 8 * noise(light)[:, 1:3] - 3, noise(light)[0, 0]
+    shutter: dict[str, Any] = {"opening": -0.5, "samples": 3, "softness": 0.05}
+    return {
+        "layers": depth_of_field(lamp, g.depth, g.camera, **lens),
+        "blurred": reconstruct(light, g.depth, path, path.roll(2, 3), moment, **shutter),
     }
 
 

@@ -65,7 +65,7 @@ def caustics(
 
 def _focused(water: Water, points: Tensor, normals: Tensor, levels: Tensor, sun: Tensor) -> Tensor:
     """See `tracer.weather.reference.focused`."""
-    if form_of(points, normals, levels) is Form.REFERENCE:
+    if form_of(points, normals, levels, cuda=True) is Form.REFERENCE:
         return reference.focused(water, points, normals, levels, sun)
     from tracer.weather import drivers
 

@@ -75,7 +75,7 @@ def on_waves(
 def _meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor) -> Tensor:
     """See `tracer.weather.reference.meet`."""
     rays = origins, directions, t, end
-    if form_of(*rays) is Form.REFERENCE:
+    if form_of(*rays, cuda=True) is Form.REFERENCE:
         return meet(water, *rays)
     from tracer.weather import drivers
 

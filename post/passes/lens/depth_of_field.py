@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, History, TemporalPass
+from gbufrt.compute.resident import waits
 from gbufrt.mending import finite
 from post.lens.constants import TINY
 from post.lens.op import layer_radii, spread_layers
@@ -30,7 +31,7 @@ def depth_of_field(
     its coverage, so that near things become transparent at their edges, sharp things do not bleed into blurred ones
     behind them, and one surface that crosses layers stays whole. Where the pinhole's picture
     has no background to show through a near edge, the mean of what lies behind within reach fills in, with less weight
-    on highlights. On the CPU the run time grows with the radii; as torch code it grows with the number of layers alone.
+    on highlights. The run time grows with the radii; as torch code it grows with the number of layers alone.
 
     Args:
         color: ``(B, C, H, W)`` linear.
@@ -57,7 +58,7 @@ def depth_of_field(
         focus_distance = autofocus(depth, camera, hit=hit)
     coc = circle_of_confusion(depth, camera, focus_distance=focus_distance, aperture_radius=aperture_radius, hit=hit)
     coc = coc.clamp(-max_radius_px, max_radius_px).to(color.dtype)
-    largest = float(coc.detach().abs().max())
+    largest = max_radius_px if waits(coc) else float(coc.detach().abs().max())
     if largest < TINY:
         return color
     return spread_layers(color, coc, layer_radii(largest, layer_step))

@@ -1,0 +1,22 @@
+"""What the kernels of the filters are made for: how much a GPU's thread holds, and powers of the cosine."""
+
+from __future__ import annotations
+
+from torch import Tensor
+
+from post.filters.constants import MOST_PLANES
+
+SQUARINGS = (7, 5)  # of the cosine between normals: powers of 128 and 32, the defaults of the filters
+
+
+def fits_cuda(values: Tensor) -> bool:
+    """Whether a thread of a GPU has room for the sums of so many channels."""
+    return values.shape[1] <= MOST_PLANES
+
+
+def squarings(power: float) -> tuple[int, ...]:
+    """As many numbers as a kernel squares a cosine before it raises it to what is left of ``power``.
+
+    Kernels are compiled for each length: few, so that few powers are compiled for.
+    """
+    return (0,) * next((count for count in SQUARINGS if power >= 2**count), 0)
