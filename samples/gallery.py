@@ -1,143 +1,57 @@
-"""The pictures of the gallery: each effect left out on the left, or its truth, and at work on the right.
+"""The pictures of the gallery: left without an effect, right with it. `gallery.py OUT [NAME ...]`."""
 
-`python samples/gallery.py OUT [NAME ...]` makes those named, by default all, in some minutes.
-"""
-
+import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-import numpy
 import torch
-from torch import Tensor
+from PIL import Image
 from weather import chapel  # the sample beside this one
 
 import tracer
-from gbufrt import Camera, Frame, Pass, Pipeline
+from gbufrt import Camera, Pipeline
 from gbufrt.files.png import to_pil
-from gbufrt.files.views import layers_sheet
-from gbufrt.noise.noise import halton_jitter
-from post import AerialPerspective, DepthOfField, DisplayEncode, MotionBlur, ToneMap, me1, minecraft_rtx, with_fog
+from post import AerialPerspective, me1
 
-SIZE, SMALL, FPS = (252, 448), (126, 224), 24
-valley = tracer.load("valley")
-afternoon, morning = tracer.at_hour(valley, 15.0), tracer.at_hour(valley, 8.5)
-inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
-rock = Camera.look_at((104.0, 35.0, 40.0), (140.0, 31.5, 28.5), size=SIZE, fov_y=62.0)
-
-
-def seen(name: str, time: float = 1.3, size: tuple[int, int] = SIZE) -> Camera:
-    return valley.views[name].camera(time, size=size)
-
-
-def picture(scene: tracer.Scene, camera: Camera, pipeline=None, **tunables: object) -> Tensor:
-    """A settled still of ``me1("high")``, or of another pipeline."""
-    pipeline = (pipeline or me1("high").without("motion_blur", "depth_of_field")).with_tunables(tunables)
-    frame = tracer.render(scene, camera, time=1.3, light_samples=4)
-    return pipeline.settle(frame, 12)[0].read("image")
-
-
-def flight(name: str, count: int, size: tuple[int, int] = SIZE) -> list[Frame]:
-    """Consecutive jittered frames of a view, with light of one sample a pixel."""
-
-    def camera(i: int) -> Camera:
-        return seen(name, i / FPS, size).with_jitter(halton_jitter(i, length=32))
-
-    frames: list[Frame] = []
-    for i in range(count):
-        now, before = i / FPS, (i - 1) / FPS
-        frame = tracer.render(valley, camera(i), previous_camera=camera(i - 1), time=now, previous_time=before, index=i)
-        frames.append(tracer.sampled(valley, frame, before=frames[-1] if frames else None).replace(ambient=None))
-    return frames
-
-
-def lens(name: str, effect: Pass, **lens: float) -> tuple[Tensor, Tensor]:
-    """The path tracer through a lens, and our pass over the path tracer's sharp picture."""
-    moving = lambda time: valley.views[name].camera(time, size=SIZE)
-    g = tracer.render(valley, seen(name), previous_camera=seen(name, 1.3 - 1 / FPS), time=1.3, light_samples=1)
-    light = [tracer.path_trace(valley, moving, time=1.3, samples=192, **way).radiance for way in (lens, {})]
-    show = Pipeline(tone_map=ToneMap(), encode=DisplayEncode())
-    ours, _ = Pipeline(lens=effect)(g.replace(color=light[1]))
-    return tuple(show(g.replace(color=color))[0].read("image") for color in (light[0], ours.read("color")))
-
-
-def god_rays() -> tuple[Tensor, Tensor]:
-    foggy = replace(tracer.at_hour(valley, 16.5), fog=tracer.Fog(extinction=0.02))
-    frames = [tracer.render(foggy, seen("hall", 0.0), light_samples=2, index=i) for i in range(12)]
-    pipelines = me1("high"), with_fog(me1("high"))
-    return tuple(list(pipeline.stream(frames))[-1].read("image") for pipeline in pipelines)
-
-
-def air() -> tuple[Tensor, Tensor]:
-    evening = tracer.at_hour(valley, 17.3)
-    haze = AerialPerspective(sun=evening.sun.direction, irradiance=evening.sun.irradiance, unit=0.008)
-    with_air = me1("high").with_stage("air", haze, after="composite")
-    return picture(evening, seen("horizon")), picture(evening, seen("horizon"), with_air)
-
-
-def noisy(count: int = 12) -> tuple[Tensor, Tensor]:
-    """Light of one path a pixel as it is sampled, and the finished frame, twice as large."""
-    frames = flight("flythrough", count, SMALL)
-    *_, done = minecraft_rtx("high").stream(frames)
-    raw = done.replace(color=done.diffuse * done.gbuffer.albedo + done.specular + done.read("radiance"))
-    show = Pipeline(tone_map=ToneMap(), encode=DisplayEncode())
-    before = show(raw.replace(image=None))[0].read("image")
-    return before.repeat_interleave(2, 2).repeat_interleave(2, 3), done.read("image")
-
-
-def layers() -> Tensor:
-    """What a pixel shows first, and what stands behind glass and water, side by side."""
-    frame, _ = me1("high")(tracer.render(morning, seen("lake", size=SMALL), time=1.3))
-    return torch.from_numpy(numpy.array(layers_sheet(frame, width=384))).permute(2, 0, 1)[None] / 255
-
-
-def overlay() -> tuple[Tensor, Tensor]:
-    """A bar and a cross-hair, over motion blur, depth of field and exposure that do not touch them."""
-    hud = torch.zeros(1, 4, *SIZE)
-    hud[:, :, 226:238, 124:324] = torch.tensor([0.1, 0.1, 0.1, 0.6])[:, None, None]
-    hud[:, :, 229:235, 128:268] = torch.tensor([0.9, 0.2, 0.2, 1.0])[:, None, None]
-    hud[:, :, 125:127, 214:234], hud[:, :, 116:136, 223:225] = 1.0, 1.0
-    frame = tracer.render(valley, seen("plaza"), time=1.3)
-    return tuple(me1("high").settle(f, 8)[0].read("image") for f in (frame, frame.write("ui", hud)))
-
-
-straight = tracer.SunPath(zenith=0.0, azimuth=0.0)
-wavy = replace(morning, waves=tracer.Waves())
-PICTURES: dict[str, Callable[[], Tensor | tuple[Tensor, ...]]] = {
-    "sun_path": lambda: tuple(
-        picture(tracer.at_hour(valley, 12.0, path=path), seen("village")) for path in (straight, tracer.SunPath())
-    ),
-    "atmosphere": lambda: tuple(picture(scene, seen("horizon")) for scene in (valley, tracer.at_hour(valley, 6.2))),
-    "air": air,
-    "waves": lambda: tuple(picture(scene, seen("lake")) for scene in (morning, wavy)),
-    "caustics": lambda: tuple(
-        picture(replace(morning, waves=tracer.Waves(caustics=reach)), seen("mill")) for reach in (0.0, 16.0)
-    ),
-    "rain": lambda: tuple(picture(scene, seen("plaza")) for scene in (afternoon, tracer.raining(afternoon, 0.8))),
-    "stained_glass": lambda: tuple(picture(chapel(stained=stained), inside) for stained in (False, True)),
-    "god_rays": god_rays,
-    "sight": lambda: tuple(picture(morning, seen("lake"), **tunables) for tunables in ({}, {"composite.sight": 40.0})),
-    "similarity": lambda: lens(
-        "flythrough",
-        MotionBlur(weights="similarity", shutter=1.0, samples=32),
-        shutter=1 / FPS,
-        shutter_offset=-0.5 / FPS,
-    ),
-    "thin_lens": lambda: lens("closeup", DepthOfField(aperture_radius=0.3), aperture_radius=0.3),
-    "one_path": noisy,
-    "spectator": lambda: tuple(picture(morning, camera) for camera in (seen("cave"), rock)),
-    "layers": layers,
-    "overlay": overlay,
+SIZE, RTX = (252, 448), "--view flythrough --frames 12 --pipeline minecraft-rtx"
+COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the right; the last frame is shown
+    "sun_path": ("--hour 12", "--sun-path 0,0", ""),
+    "atmosphere": ("--view horizon", "", "--hour 6.2"),
+    "waves": ("--view lake --hour 8.5", "", "--waves 0.1"),
+    "rain": ("--view plaza --hour 15", "", "--rain 0.8"),
+    "god_rays": ("--view hall --hour 16.5", "", "--fog 0.85"),
+    "sight": ("--view lake", "", "--status darkness"),
+    "one_path": (RTX, "--without light.diffuse,light.specular,upscale", ""),
+    "spectator": ("--fov 62 --target 140,31.5,28.5", "--eye 113,34.5,35", "--eye 104,35,40"),
 }
 
+
+def rendered(name: str, side: int) -> torch.Tensor:
+    folder, options = out / name / str(side), f"{COMMANDS[name][0]} {COMMANDS[name][side]}".split()
+    command = ["gbufrt", "render", "--size", f"{SIZE[1]}x{SIZE[0]}", "--warmup", "11", *options, "--out", str(folder)]
+    subprocess.run(command, check=True)
+    picture = torch.frombuffer(bytearray(Image.open(max(folder.glob("*.png"))).tobytes()), dtype=torch.uint8)
+    return picture.view(1, *SIZE, 3).permute(0, 3, 1, 2) / 255
+
+
+def still(scene: tracer.Scene, camera: Camera, pipeline: Pipeline | None = None) -> torch.Tensor:
+    frame = tracer.render(scene, camera, time=1.3, light_samples=4)
+    return (pipeline or me1("high")).settle(frame, 12)[0].read("image")
+
+
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/gallery")
-out.mkdir(parents=True, exist_ok=True)
-for name in sys.argv[2:] or PICTURES:
+valley = tracer.load("valley")
+evening, wavy = tracer.at_hour(valley, 17.3), replace(tracer.at_hour(valley, 8.5), waves=tracer.Waves())
+air = AerialPerspective(sun=evening.sun.direction, irradiance=evening.sun.irradiance, unit=0.008)
+far, mill = (valley.views[name].camera(1.3, size=SIZE) for name in ("horizon", "mill"))
+inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
+MADE = {
+    "air": lambda side: still(evening, far, me1("high").with_stage("air", air, after="composite") if side else None),
+    "caustics": lambda side: still(replace(wavy, waves=tracer.Waves(caustics=16.0 * side)), mill),
+    "stained_glass": lambda side: still(chapel(stained=bool(side)), inside),
+}
+for name in sys.argv[2:] or [*COMMANDS, *MADE]:
     with torch.no_grad():
-        shown = PICTURES[name]()
-    if isinstance(shown, tuple):
-        left, right = shown
-        shown = torch.cat([left, torch.ones_like(left[..., :2]), right], dim=-1)
-    to_pil(shown).save(out / f"{name}.jpg", quality=86)
-    print(out / f"{name}.jpg", flush=True)
+        left, right = (rendered(name, side + 1) if name in COMMANDS else MADE[name](side) for side in (0, 1))
+    to_pil(torch.cat([left, torch.ones_like(left[..., :2]), right], dim=-1)).save(out / f"{name}.jpg", quality=86)
