@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from PIL import Image
+from PIL import Image, ImageDraw
 from weather import chapel  # the sample beside this one
 
 import tracer
@@ -23,6 +23,7 @@ COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the ri
     "god_rays": ("--view hall --hour 16.5", "", "--fog 0.85"),
     "sight": ("--view lake", "", "--status darkness"),
     "one_path": (RTX, "--without light.diffuse,light.specular,upscale", ""),
+    "overlay": ("--view plaza", "", "--ui out/hud.png"),
     "spectator": ("--fov 62 --target 140,31.5,28.5", "--eye 113,34.5,35", "--eye 104,35,40"),
 }
 
@@ -51,6 +52,10 @@ MADE = {
     "caustics": lambda side: still(replace(wavy, waves=tracer.Waves(caustics=16.0 * side)), mill),
     "stained_glass": lambda side: still(chapel(stained=bool(side)), inside),
 }
+hud = Image.new("RGBA", SIZE[::-1])
+ImageDraw.Draw(hud).rectangle((124, 226, 324, 238), (230, 50, 50, 200), (20, 20, 20, 255), 3)
+Path("out").mkdir(exist_ok=True)
+hud.save("out/hud.png")
 for name in sys.argv[2:] or [*COMMANDS, *MADE]:
     with torch.no_grad():
         left, right = (rendered(name, side + 1) if name in COMMANDS else MADE[name](side) for side in (0, 1))
