@@ -15,6 +15,7 @@ from gbufrt.files.png import to_pil
 from post import AerialPerspective, me1
 
 SIZE, RTX = (252, 448), "--view flythrough --frames 12 --pipeline minecraft-rtx"
+out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/gallery")
 COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the right; the last frame is shown
     "sun_path": ("--hour 12", "--sun-path 0,0", ""),
     "atmosphere": ("--view horizon", "", "--hour 6.2"),
@@ -23,15 +24,15 @@ COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the ri
     "god_rays": ("--view hall --hour 16.5", "", "--fog 0.85"),
     "sight": ("--view lake", "", "--status darkness"),
     "one_path": (RTX, "--without light.diffuse,light.specular,upscale", ""),
-    "overlay": ("--view plaza", "", "--ui out/hud.png"),
+    "overlay": ("--view plaza", "", f"--ui {out}/hud.png"),
     "spectator": ("--fov 62 --target 140,31.5,28.5", "--eye 113,34.5,35", "--eye 104,35,40"),
 }
 
 
 def rendered(name: str, side: int) -> torch.Tensor:
     folder, options = out / name / str(side), f"{COMMANDS[name][0]} {COMMANDS[name][side]}".split()
-    command = ["gbufrt", "render", "--size", f"{SIZE[1]}x{SIZE[0]}", "--warmup", "11", *options, "--out", str(folder)]
-    subprocess.run(command, check=True)
+    size = ["--size", f"{SIZE[1]}x{SIZE[0]}", "--warmup", "11"]
+    subprocess.run(["gbufrt", "render", *size, *options, "--out", str(folder)], check=True)
     picture = torch.frombuffer(bytearray(Image.open(max(folder.glob("*.png"))).tobytes()), dtype=torch.uint8)
     return picture.view(1, *SIZE, 3).permute(0, 3, 1, 2) / 255
 
@@ -41,7 +42,6 @@ def still(scene: tracer.Scene, camera: Camera, pipeline: Pipeline | None = None)
     return (pipeline or me1("high")).settle(frame, 12)[0].read("image")
 
 
-out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/gallery")
 valley = tracer.load("valley")
 evening, wavy = tracer.at_hour(valley, 17.3), replace(tracer.at_hour(valley, 8.5), waves=tracer.Waves())
 air = AerialPerspective(sun=evening.sun.direction, irradiance=evening.sun.irradiance, unit=0.008)
@@ -54,8 +54,8 @@ MADE = {
 }
 hud = Image.new("RGBA", SIZE[::-1])
 ImageDraw.Draw(hud).rectangle((124, 226, 324, 238), (230, 50, 50, 200), (20, 20, 20, 255), 3)
-Path("out").mkdir(exist_ok=True)
-hud.save("out/hud.png")
+out.mkdir(parents=True, exist_ok=True)
+hud.save(out / "hud.png")
 for name in sys.argv[2:] or [*COMMANDS, *MADE]:
     with torch.no_grad():
         left, right = (rendered(name, side + 1) if name in COMMANDS else MADE[name](side) for side in (0, 1))
