@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import torch
-from PIL import Image, ImageDraw
+from PIL import Image
 from weather import chapel  # the sample beside this one
 
 import tracer
@@ -14,7 +14,8 @@ from gbufrt import Camera, Pipeline
 from gbufrt.files.png import to_pil
 from post import AerialPerspective, me1
 
-SIZE, RTX = (252, 448), "--view flythrough --frames 12 --pipeline minecraft-rtx"
+SIZE, SAME = (252, 448), "--size 448x252 --warmup 11"
+RTX = "--pipeline minecraft-rtx --view flythrough --frames 12"
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/gallery")
 COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the right; the last frame is shown
     "sun_path": ("--hour 12", "--sun-path 0,0", ""),
@@ -30,9 +31,8 @@ COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the ri
 
 
 def rendered(name: str, side: int) -> torch.Tensor:
-    folder, options = out / name / str(side), f"{COMMANDS[name][0]} {COMMANDS[name][side]}".split()
-    size = ["--size", f"{SIZE[1]}x{SIZE[0]}", "--warmup", "11"]
-    subprocess.run(["gbufrt", "render", *size, *options, "--out", str(folder)], check=True)
+    folder, options = out / name / str(side), f"{SAME} {COMMANDS[name][0]} {COMMANDS[name][side]}".split()
+    subprocess.run(["gbufrt", "render", *options, "--out", str(folder)], check=True)
     picture = torch.frombuffer(bytearray(Image.open(max(folder.glob("*.png"))).tobytes()), dtype=torch.uint8)
     return picture.view(1, *SIZE, 3).permute(0, 3, 1, 2) / 255
 
@@ -52,10 +52,8 @@ MADE = {
     "caustics": lambda side: still(replace(wavy, waves=tracer.Waves(caustics=16.0 * side)), mill),
     "stained_glass": lambda side: still(chapel(stained=bool(side)), inside),
 }
-hud = Image.new("RGBA", SIZE[::-1])
-ImageDraw.Draw(hud).rectangle((124, 226, 324, 238), (230, 50, 50, 200), (20, 20, 20, 255), 3)
 out.mkdir(parents=True, exist_ok=True)
-hud.save(out / "hud.png")
+Image.new("RGBA", (200, 12), (230, 50, 50, 200)).crop((-124, -226, 324, 26)).save(out / "hud.png")
 for name in sys.argv[2:] or [*COMMANDS, *MADE]:
     with torch.no_grad():
         left, right = (rendered(name, side + 1) if name in COMMANDS else MADE[name](side) for side in (0, 1))
