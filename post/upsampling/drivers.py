@@ -11,7 +11,8 @@ from numba import prange
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
-from post.upsampling.upscale_kernel import KEPT, NOW, coefficients_row, fetch_row, mix_row, now_row, sums_row
+from post.upsampling.upscale_history_kernel import KEPT, coefficients_row, fetch_row
+from post.upsampling.upscale_kernel import NOW, mix_row, now_row, sums_row
 
 cuda: Any = numba.cuda
 AROUND = SPAN * SPAN  # samples around a pixel
