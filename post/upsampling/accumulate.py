@@ -14,19 +14,11 @@ from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.filters.signals import luminance
 from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
+from post.upsampling.constants import BOX, COVERED, DECAY, FIRST, LEAST, MATURE, PARTING
 from post.upsampling.samples import Samples
 
-LEAST = 1e-4  # weight of a frame none of whose samples lie near a pixel
-FIRST = -3.0  # as `WINDOW`, in pixels of the small picture: of a pixel without history
-BOX = -1.0  # likewise: of the neighbours that bound what history may hold
-MATURE = 1.5  # weight of samples from which on a pixel's history has the sharp window
-DECAY = 0.13  # share of a lock that a sample in the middle of its pixel uses up
-PARTING = 0.5  # pixels a frame by which a thin feature and what is seen in its place move apart
-COVERED = 0.02  # of its depth by which something that covers a thin feature is nearer
 OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
 CONTRAST, FLOOR = 0.25, 0.05  # of a pixel's luminance, and besides: how far a thin feature stands out to count whole
-SLOW = 0.2  # share of the present frame in the means of how clipping moves history
-STEADY = 1e-3  # least mean movement that can be told from none
 AROUND = 9  # pixels of the small picture along the square over which light is compared between frames
 SAME, OTHER = 0.3, 0.6  # relative change of that light up to which nothing has changed, and from which all has
 
@@ -92,28 +84,31 @@ def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]
     return rgb(kept), (kept - was)[:, :1]
 
 
-def locked(locks: Tensor, toned: Tensor, at: Samples, weight: Tensor, depth: Tensor, motion: Tensor) -> Tensor:
-    """Locks of thin features: how strong they are, and the depth and motion of what was locked.
-
-    A thin feature is brighter, or darker, than both sides of it along one of four axes. Samples often miss it, so that
-    the surroundings do not tell that it is still there. A lock is 1 where a sample has just met a feature, and less
-    with every sample since.
-
-    Args:
-        locks: ``(B, 4, H, W)`` what `held` left of those of the frame before.
-        toned: ``(B, 3, h, w)`` this frame.
-        at: its samples.
-        weight: ``(B, 1, H, W)`` of this frame's samples.
-        depth: ``(B, 1, H, W)`` of each pixel now.
-        motion: ``(B, 2, H, W)`` pixels, of each pixel.
-    """
+def thin_features(toned: Tensor) -> Tensor:
+    """``(B, 1, h, w)`` in [0, 1]: how far each pixel is brighter, or darker, than both sides of it along one axis."""
     light = luminance(toned).detach()
     found = torch.zeros_like(light)
     for dx, dy in OPPOSITE:
         one, other = shifted(light, dx, dy), shifted(light, -dx, -dy)
         stands_out = torch.maximum(light - torch.maximum(one, other), torch.minimum(one, other) - light)
         found = torch.maximum(found, stands_out)
-    found = (found / (FLOOR + CONTRAST * light)).clamp(0, 1)
+    return (found / (FLOOR + CONTRAST * light)).clamp(0, 1)
+
+
+def locked(locks: Tensor, found: Tensor, at: Samples, weight: Tensor, depth: Tensor, motion: Tensor) -> Tensor:
+    """Locks of thin features: how strong they are, and the depth and motion of what was locked.
+
+    Samples often miss a thin feature, so that the surroundings do not tell that it is still there. A lock is 1 where a
+    sample has just met a feature, and less with every sample since.
+
+    Args:
+        locks: ``(B, 4, H, W)`` what `held` left of those of the frame before.
+        found: ``(B, 1, h, w)`` of `thin_features`.
+        at: its samples.
+        weight: ``(B, 1, H, W)`` of this frame's samples.
+        depth: ``(B, 1, H, W)`` of each pixel now.
+        motion: ``(B, 2, H, W)`` pixels, of each pixel.
+    """
     met = at.nearest(found) * torch.exp(WINDOW / 2 * at.away.square().sum(1, keepdim=True))
     now = torch.cat([met, depth, motion], dim=1)
     old = torch.cat([(locks[:, :1] - DECAY * weight.detach()).clamp_min(0.0), locks[:, 1:]], dim=1)
@@ -138,7 +133,8 @@ def held(locks: Tensor, depth: Tensor, depth_before: Tensor, motion: Tensor) -> 
 def light_around(toned: Tensor) -> Tensor:
     """``(B, 1, h, w)`` mean luminance about each pixel of the small picture, which jitter hardly changes."""
     side = AROUND // 2
-    return F.avg_pool2d(F.pad(luminance(toned).detach(), (side,) * 4, mode="replicate"), AROUND, stride=1)
+    light = F.pad(luminance(toned).detach(), (side,) * 4, mode="replicate")
+    return F.avg_pool2d(F.avg_pool2d(light, (AROUND, 1), stride=1), (1, AROUND), stride=1)
 
 
 def same_light(now: Tensor, before: Tensor, motion: Tensor) -> Tensor:

@@ -9,15 +9,11 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
-from gbufrt.sampling import gather, pixel_centers, sample
+from gbufrt.sampling import gather, pixel_centers
 from post.history.reproject import motion_of
+from post.upsampling.constants import EDGE_ON, IN_FRONT, STRETCH, TOLERANCE
 from post.upsampling.enlarged import resized
 from post.upsampling.samples import Samples
-
-IN_FRONT = 0.05  # of its depth by which a surface is nearer than another, so that edges between the two are its own
-STRETCH = 1.5  # most by which a plane may carry depth on, as a factor
-TOLERANCE = 0.05  # of its depth by which a surface may lie behind all that was seen there
-EDGE_ON = 1e-3  # cosine to the ray below which a surface has no plane to go on
 
 
 class Movement(NamedTuple):
@@ -34,41 +30,59 @@ class Movement(NamedTuple):
 
 
 @torch.no_grad()
-def upscaled_motion(g: GBuffer, previous: GBuffer, at: Samples, size: tuple[int, int]) -> Movement:
+def moving_surfaces(g: GBuffer, before: Camera) -> Tensor:
+    """``(B, 9, h, w)``: depth, hit, plane (normal in view space, offset), and motion besides that of a still world.
+
+    Args:
+        g: of this frame, small.
+        before: camera of the frame before.
+    """
+    motion, motion_z = motion_of(g, before)
+    still, still_z = g.camera.static_motion(before, g.depth, g.hit)
+    facing = g.camera.rotate_to_view(g.normal.to(g.depth))
+    offset = (facing * g.points_view()).sum(1, keepdim=True)
+    depth = torch.where(g.hit, g.depth, g.camera.far * 2)
+    return torch.cat([depth, g.hit.to(depth), facing, offset, motion - still, motion_z - still_z], dim=1)
+
+
+@torch.no_grad()
+def farthest_around(previous: GBuffer) -> Tensor:
+    """``(B, 1, h, w)`` greatest depth in 3x3 of a frame, world units."""
+    depth = torch.where(previous.hit, previous.depth, previous.camera.far * 2)
+    return F.max_pool2d(F.pad(depth, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
+
+
+@torch.no_grad()
+def upscaled_motion(
+    surfaces: Tensor, farthest: Tensor, camera: Camera, before: Camera, at: Samples, size: tuple[int, int]
+) -> Movement:
     """Where each pixel of the large picture was, and whether the frame before showed what it shows.
 
     A pixel takes the nearest surface of the four samples that surround it, as edges move with what is in front. That
     surface's plane is carried on to the pixel: with the motion of the sample itself, floors would drift.
 
     Args:
-        g: of this frame, small.
-        previous: of the frame before, small; depth and hit alone are used.
+        surfaces: of `moving_surfaces`, this frame.
+        farthest: of `farthest_around`, the frame before.
+        camera: of this frame, small.
+        before: of the frame before, small.
         at: the samples about each pixel.
         size: ``(H, W)`` of the large picture.
 
     Returns:
         See `Movement`; without gradients.
     """
-    before = previous.camera
-    motion, motion_z = motion_of(g, before)
-    still, still_z = g.camera.static_motion(before, g.depth, g.hit)
-    depth = torch.where(g.hit, g.depth, g.camera.far * 2)
-    facing = g.camera.rotate_to_view(g.normal.to(g.depth))
-    offset = (facing * g.points_view()).sum(1, keepdim=True)
-    x, y = _in_front(depth, at)
-    geometry = torch.cat([depth, g.hit.to(depth), facing, offset], dim=1)
-    own_motion, own_z = gather(torch.cat([motion - still, motion_z - still_z], dim=1), x, y).split((2, 1), dim=1)
-    near, hit, facing, offset = gather(geometry, x, y).split((1, 1, 3, 1), dim=1)
-    large = resized(g.camera, size)
+    x, y = _in_front(surfaces[:, :1], at)
+    near, hit, facing, offset, own_motion, own_z = gather(surfaces, x, y).split((1, 1, 3, 1, 2, 1), dim=1)
+    large = resized(camera, size)
     depth = _on_plane(large, near, facing, offset)
     moved, moved_z = large.static_motion(resized(before, size), depth, hit > 0)
     scale = moved.new_tensor(at.ratio)[None, :, None, None]
     there = pixel_centers(moved) + moved + own_motion * scale
-    farthest = torch.where(previous.hit, previous.depth, before.far * 2)
-    farthest = F.max_pool2d(F.pad(farthest, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
     jitter = 0.0 if before.jitter is None else before.jitter.to(there)[:, :, None, None]
     then = depth + moved_z + own_z
-    seen = then <= sample(farthest, there / scale - jitter, mode="nearest") * (1 + TOLERANCE)
+    column, row = torch.floor(there / scale - jitter).long().unbind(dim=1)
+    seen = then <= gather(farthest, column, row) * (1 + TOLERANCE)
     return Movement(there, seen, depth, then)
 
 

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from gbufrt.sampling import sample
 
 POLE = math.sqrt(3) - 2  # of the filter that turns samples into B-spline coefficients
 REACH = 6  # pixels after which its response has fallen to 4e-4
+
+
+@cache
+def spline_taps() -> tuple[float, ...]:
+    """The filter of `spline_coefficients` along one axis."""
+    taps = [POLE ** abs(k) for k in range(-REACH, REACH + 1)]
+    return tuple(tap / sum(taps) for tap in taps)
 
 
 def spline_coefficients(image: Tensor) -> Tensor:
@@ -19,8 +28,7 @@ def spline_coefficients(image: Tensor) -> Tensor:
 
     Source: Unser, Aldroubi and Eden 1993.
     """
-    taps = torch.tensor([POLE ** abs(k) for k in range(-REACH, REACH + 1)], dtype=image.dtype, device=image.device)
-    taps = (taps / taps.sum()).expand(image.shape[1], 1, 1, -1)
+    taps = resident(spline_taps(), image).expand(image.shape[1], 1, 1, -1)
     for across in (True, False):
         pad = (REACH, REACH, 0, 0) if across else (0, 0, REACH, REACH)
         weights = taps if across else taps.transpose(2, 3)

@@ -2,39 +2,24 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.mending import finite
-from gbufrt.sampling import inside, pixel_centers, sample
 from post.filters.signals import luminance
-from post.history.constants import BRIGHTEST
 from post.history.reproject import geometry_of, history_for, motion_of
 from post.shading.composite_op import specular_albedo
-from post.upsampling.accumulate import (
-    SLOW,
-    STEADY,
-    clipped,
-    gathered,
-    held,
-    light_around,
-    locked,
-    mean_weight,
-    same_light,
-)
-from post.upsampling.motion import upscaled_motion
+from post.upsampling.accumulate import light_around, same_light, thin_features
+from post.upsampling.motion import farthest_around, moving_surfaces
 from post.upsampling.samples import Samples
 from post.upsampling.sharpen import sharpened
-from post.upsampling.spline import spline_coefficients, spline_read
+from post.upsampling.upscale_op import upscaled
+from post.upsampling.upscale_reference import Large, Small, Tunables, begun, light_of
 
 MOST_RATIO = 4.0
 SMOOTH = 0.5  # perceptual roughness from which on reflections are too blurred for their motion to show
-WIDER = 8.0  # standard deviations that a lock adds to the box of what else is clipped
-BETWEEN = 0.4  # share of a history's weight that is lost when it is read half way between pixels, for what that blurs
 
 
 def upscale(
@@ -87,57 +72,23 @@ def upscale(
         raise ValueError(f"the history must be {size}, got {tuple(history.length.shape[-2:])}; start with state=None")
     color = finite(color)
     toned = color / (1 + luminance(color).clamp_min(0.0))
-    at, around = Samples.of((color.shape[-2], color.shape[-1]), size, gbuffer.camera.jitter, toned), light_around(toned)
-    before = _read(toned, gbuffer, history, at, size, around)
-    now = gathered(toned, at, before.weight)
-    result, drift, wobble = now.color, before.drift, before.wobble
-    if before.color is not None:
-        react = torch.zeros_like(drift) if reactive is None else at.between(_spread(reactive.to(toned)))
-        spared = lock * before.locks[:, :1] * (1 - react.amax(1, keepdim=True))
-        calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
-        kept, moved = clipped(before.color, now, gamma + WIDER * spared + stability * calm)
-        drift, wobble = torch.lerp(drift, moved.detach(), SLOW), torch.lerp(wobble, moved.detach().abs(), SLOW)
-        most = torch.minimum(before.weight, (1 - react) * frames * mean_weight(at))
-        result = torch.lerp(torch.lerp(kept, before.color, spared), now.color, now.weight / (most + now.weight))
-    locks = locked(before.locks, toned, at, now.weight, before.depth, before.motion)
-    signals = {"toned": result, "planes": torch.cat([drift, wobble, locks], dim=1), "around": around}
-    length = (before.weight + now.weight).clamp_max(frames * mean_weight(at))
-    shown = sharpened(result, sharpness) if sharpness else result
-    light = shown / (1 - luminance(shown).clamp(0.0, BRIGHTEST))
-    return light, History(length=length, signals=signals, gbuffer=geometry_of(gbuffer))
-
-
-class _Before(NamedTuple):
-    """What a history holds for each pixel of the large picture, and where that is now."""
-
-    color: Tensor | None
-    weight: Tensor
-    drift: Tensor
-    wobble: Tensor
-    locks: Tensor
-    depth: Tensor
-    motion: Tensor
-
-
-def _read(
-    toned: Tensor, g: GBuffer, history: History | None, at: Samples, size: tuple[int, int], around: Tensor
-) -> _Before:
-    none = toned.new_zeros(toned.shape[0], 1, *size)
+    at = Samples.of((color.shape[-2], color.shape[-1]), size, gbuffer.camera.jitter, toned)
+    around, features = light_around(toned), thin_features(toned)
     if history is None or history.gbuffer is None:
-        depth, motion = at.nearest(g.depth.detach().to(toned)), none.expand(-1, 2, -1, -1)
-        return _Before(None, none, none, none, torch.cat([none, depth, motion], dim=1), depth, motion)
-    there, seen, depth, depth_before = upscaled_motion(g, history.gbuffer, at, size)
-    motion = there - pixel_centers(there)
-    read = sample(torch.cat([history.length, history.signals["planes"]], dim=1), there)
-    weight, drift, wobble, locks = read.split((1, 1, 1, 4), dim=1)
-    between = (there - 0.5) - torch.floor(there - 0.5)
-    weight = weight * (1 - BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
-    weight = torch.where(inside(there, size) & seen, weight, 0.0)
-    alike = same_light(around, history.signals["around"], motion_of(g, history.gbuffer.camera)[0])
-    locks = held(locks, depth, depth_before, motion)
-    locks = torch.cat([locks[:, :1] * (weight > 0) * at.between(alike), locks[:, 1:]], dim=1)
-    color = spline_read(spline_coefficients(history.signals["toned"]), there)
-    return _Before(color, weight, drift, wobble, locks, depth, motion)
+        large = begun(toned, features, gbuffer.depth, at, size, frames)
+        light = light_of(large.toned)
+    else:
+        previous, react = history.gbuffer.camera, toned[:, :0] if reactive is None else _spread(reactive.to(toned))
+        alike = same_light(around, history.signals["around"], motion_of(gbuffer, previous)[0])
+        surfaces, farthest = moving_surfaces(gbuffer, previous), farthest_around(history.gbuffer)
+        small = Small(toned, surfaces, farthest, alike, features, react)
+        before = Large(history.signals["toned"], history.length, history.signals["planes"])
+        tunables = Tunables(gamma, frames, lock, stability)
+        light, large = upscaled(small, before, at, gbuffer.camera, previous, tunables)
+    if sharpness:
+        light = light_of(sharpened(large.toned, sharpness))
+    signals = {"toned": large.toned, "planes": large.planes, "around": around}
+    return light, History(length=large.length, signals=signals, gbuffer=geometry_of(gbuffer))
 
 
 def reactive_mask(g: GBuffer, *, reactivity: float = 1.0) -> Tensor:

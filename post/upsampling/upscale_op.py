@@ -1,0 +1,108 @@
+"""Temporal upscaling as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import resident
+from post.history.constants import WINDOW
+from post.upsampling.accumulate import mean_weight
+from post.upsampling.constants import BOX
+from post.upsampling.enlarged import resized
+from post.upsampling.samples import Samples
+from post.upsampling.spline import spline_taps
+from post.upsampling.upscale_reference import Large, Small, Tunables, upscaled_reference
+
+
+def upscaled(
+    small: Small,
+    before: Large,
+    at: Samples,
+    camera: Camera,
+    previous: Camera,
+    tunables: Tunables,
+    *,
+    compiled: bool | None = None,
+) -> tuple[Tensor, Large]:
+    """Put one small jittered frame into the history of a large picture; see `post.upscale`.
+
+    Args:
+        small: this frame.
+        before: the history.
+        at: the samples about each pixel of the large picture.
+        camera: of this frame, small.
+        previous: of the frame before, small.
+        tunables: see `post.upscale`.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 3, H, W)`` linear radiance, and the history after this frame.
+    """
+    if form_of(*small, *before, *tunables, compiled=compiled) is Form.REFERENCE:
+        return upscaled_reference(small, before, at, camera, previous, tunables)
+    planes = torch.cat([small.surfaces, small.alike, small.features, small.reactive], dim=1).detach()
+    tables = [axis_table(at, axis, small.toned.shape[-1 - axis]) for axis in (0, 1)]
+    size, numbers = (before.length.shape[-2], before.length.shape[-1]), [float(number) for number in tunables]
+    found = upscaled_cpu(
+        small.toned, planes, small.farthest, *before, *tables, _lenses(camera, previous, at, size),
+        resident(spline_taps(), small.toned), camera.orthographic, *numbers, mean_weight(at),
+    )  # fmt: skip
+    return found[0], Large(*found[1:])
+
+
+def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
+    """``(B, 11, N)``, of the columns (axis 0) or rows (1) of a large picture: number of the nearest sample; what it and
+    those before and after it weigh, in the narrow window and in the box; what the nearest one counts for a lock; the
+    column's own place, from the first sample on; and how many pixels away the nearest is, and each from the next.
+
+    Args:
+        at: the samples.
+        axis: 0 or 1.
+        limit: how many samples there are along it.
+    """
+    ratio = at.ratio[axis]
+    index, away = (at.x[:, 0], at.away[:, 0, 0]) if axis == 0 else (at.y[:, :, 0], at.away[:, 1, :, 0])
+    taps = torch.stack([away + step * ratio for step in (-1, 0, 1)], dim=1).square()
+    place = (index - away / ratio).clamp(0, limit - 1)
+    rows = [index, away.square().mul(WINDOW / 2).exp(), place, away, torch.full_like(away, ratio)]
+    number, lock, place, away, step = (row.to(away)[:, None] for row in rows)
+    windows = (taps * WINDOW).exp(), (taps * (BOX / (at.ratio[0] * at.ratio[1]))).exp()
+    return torch.cat([number, *windows, lock, place, away, step], dim=1)
+
+
+def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]) -> Tensor:
+    """``(B, 24)``: focal lengths and principal point at the size of the large picture; rotation and shift to the view
+    of the frame before; its focal lengths and principal point; its jitter, in small pixels; and the ratios."""
+    now, before = resized(camera, size).lens[:, :4], resized(previous, size).lens[:, :4]
+    way = previous.view_from_world.double() @ camera.world_from_view.double()
+    ratio = torch.tensor(at.ratio).to(now).expand(camera.batch, 2)
+    parts = [now, way[:, :3, :3].flatten(1), way[:, :3, 3], before, previous.lens[:, 4:], ratio]
+    return torch.cat([part.float() for part in parts], dim=1)
+
+
+@torch.library.custom_op("gbufrt::upscale", mutates_args=())
+def upscaled_cpu(
+    toned: Tensor, planes: Tensor, farthest: Tensor, old: Tensor, length: Tensor, kept: Tensor, across: Tensor,
+    down: Tensor, lenses: Tensor, taps: Tensor, orthographic: bool, gamma: float, frames: float, lock: float,
+    stability: float, weight: float,
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
+    """See `upscaled`: light, and the three of `Large`; ``weight`` is what a frame's samples weigh in the mean."""
+    from gbufrt.compute.kernel import array, threads
+    from post.upsampling.drivers import coefficient_rows, upscaled_rows
+
+    curve, light, new, lengths, news = (
+        torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, old, length, kept)
+    )
+    coefficient_rows(array(curve), array(old), array(taps), threads())
+    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, length[:, 0], kept
+    given = (*map(array, pictures), array(across), array(down), array(lenses))
+    upscaled_rows(*given, orthographic, gamma, frames, lock, stability, weight, threads())
+    return light, new, lengths, news
+
+
+@upscaled_cpu.register_fake
+def _(toned, planes, farthest, old, length, kept, *_):
+    return torch.empty_like(old), torch.empty_like(old), torch.empty_like(length), torch.empty_like(kept)

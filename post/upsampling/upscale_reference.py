@@ -1,0 +1,111 @@
+"""Temporal upscaling in torch: the definition of `post.upsampling.upscale_op.upscaled`, with its gradients."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.sampling import inside, pixel_centers, sample
+from post.filters.signals import luminance
+from post.history.constants import BRIGHTEST
+from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight
+from post.upsampling.constants import BETWEEN, SLOW, STEADY, WIDER
+from post.upsampling.motion import upscaled_motion
+from post.upsampling.samples import Samples
+from post.upsampling.spline import spline_coefficients, spline_read
+
+
+class Small(NamedTuple):
+    """What the small pictures tell; all ``(B, C, h, w)``."""
+
+    toned: Tensor
+    """3: tone-mapped colour."""
+    surfaces: Tensor
+    """9: see `post.upsampling.motion.moving_surfaces`."""
+    farthest: Tensor
+    """1: see `post.upsampling.motion.farthest_around`, of the frame before."""
+    alike: Tensor
+    """1: see `post.upsampling.accumulate.same_light`."""
+    features: Tensor
+    """1: see `post.upsampling.accumulate.thin_features`."""
+    reactive: Tensor
+    """0, 1 or 3: how much less history each channel may hold."""
+
+
+class Large(NamedTuple):
+    """A history; all ``(B, C, H, W)``."""
+
+    toned: Tensor
+    """3: the picture, tone-mapped."""
+    length: Tensor
+    """1: weight of the samples in it."""
+    planes: Tensor
+    """6: mean movement by clipping, and of its size; locks, see `post.upsampling.accumulate.locked`."""
+
+
+class Tunables(NamedTuple):
+    """See `post.upscale`."""
+
+    gamma: float
+    frames: float
+    lock: float
+    stability: float
+
+
+def upscaled_reference(
+    small: Small, before: Large, at: Samples, camera: Camera, previous: Camera, tunables: Tunables
+) -> tuple[Tensor, Large]:
+    """Arguments and results are those of `post.upsampling.upscale_op.upscaled`."""
+    size = before.length.shape[-2], before.length.shape[-1]
+    gamma, frames, lock, stability = tunables
+    there, seen, depth, depth_before = upscaled_motion(small.surfaces, small.farthest, camera, previous, at, size)
+    motion = there - pixel_centers(there)
+    valid = inside(there, size) & seen
+    between = (there - 0.5) - torch.floor(there - 0.5)
+    read = torch.where(valid, sample(torch.cat([before.length, before.planes], dim=1), there), 0.0)
+    weight, drift, wobble, locks = read.split((1, 1, 1, 4), dim=1)
+    weight = weight * (1 - BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
+    locks = held(locks, depth, depth_before, motion)
+    locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
+    old = spline_read(spline_coefficients(before.toned), there)
+
+    now = gathered(small.toned, at, weight)
+    react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
+    spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
+    calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
+    kept, moved = clipped(old, now, gamma + WIDER * spared + stability * calm)
+    moved = torch.where(weight > 0, moved.detach(), 0.0)
+    most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
+    mixed = torch.lerp(torch.lerp(kept, old, spared), now.color, now.weight / (most + now.weight))
+    result = torch.where(weight > 0, mixed, now.color)
+    drift, wobble = torch.lerp(drift, moved, SLOW), torch.lerp(wobble, moved.abs(), SLOW)
+    locks = locked(locks, small.features, at, now.weight, depth, motion)
+    length = (weight + now.weight).clamp_max(frames * mean_weight(at))
+    return light_of(result), Large(result, length, torch.cat([drift, wobble, locks], dim=1))
+
+
+def begun(toned: Tensor, features: Tensor, depth: Tensor, at: Samples, size: tuple[int, int], frames: float) -> Large:
+    """The history after a first frame.
+
+    Args:
+        toned: see `Small`, as ``features``.
+        features: see ``toned``.
+        depth: ``(B, 1, h, w)`` planar view z, world units.
+        at: the samples about each pixel.
+        size: ``(H, W)`` of the large picture.
+        frames: see `post.upscale`.
+    """
+    none = toned.new_zeros(toned.shape[0], 1, *size)
+    motion, depth = none.expand(-1, 2, -1, -1), at.nearest(depth.detach().to(toned))
+    now = gathered(toned, at, none)
+    locks = locked(torch.cat([none, depth, motion], dim=1), features, at, now.weight, depth, motion)
+    length = now.weight.clamp_max(frames * mean_weight(at))
+    return Large(now.color, length, torch.cat([none, none, locks], dim=1))
+
+
+def light_of(toned: Tensor) -> Tensor:
+    """Linear radiance of tone-mapped colours ``(B, 3, H, W)``."""
+    return toned / (1 - luminance(toned).clamp(0.0, BRIGHTEST))
