@@ -141,15 +141,14 @@ def find_candidates(sources, few, point, normal, known, clearest, low, high, can
 
 
 @scalar
-def list_lamps(sources, candidates, point, normal, known, seen, sent, power, marked):
-    """List the candidates worth rays of their own; leave in ``power`` the importance of the rest.
+def list_lamps(candidates, known, seen, sent, power, marked):
+    """List the candidates worth rays of their own; leave in ``power``, which is their importance, that of the rest.
 
     A lamp for which ``marked`` has no room stays in the rest. Returned: the length of the list, the sum of ``power``,
     and how many of the rest are drawn in the mean.
     """
     total = known + sent
     for k in range(len(candidates)):
-        power[k] = importance(sources, candidates[k], point, normal)
         total += power[k]
     total /= seen
     count, rest = 0, 0.0

@@ -20,6 +20,7 @@ from gbufrt.compute.kernel import array, driver, scalar, threads
 from tracer.direct import reference
 from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE, draw_rest, extent, find_candidates, list_lamps
 from tracer.direct.kernel import Sources
+from tracer.direct.near_kernel import gather, importances, new_near
 from tracer.direct.pixel_kernel import LEVEL
 from tracer.direct.ray_drivers import finish_all, first_all
 from tracer.direct.reference import DRAWS
@@ -34,22 +35,24 @@ LONG = 32  # where their lists may have more entries than that
 
 @scalar
 def _list_tile(
-    sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, tile, candidates, others, power
+    sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, tile, candidates, others, scratch
 ):
     points, normals, seen = surface
+    power, near = scratch
     i, clearest, low, high = extent(surface, start, width, tile)
     found, count, sent = 0, 0, 0.0
     if i >= 0:
         given = triple(points, i, 0), triple(normals, i, 0), known[i], clearest, low, high, candidates, others
         found, count, sent = find_candidates(sources, few, *given)
-    used = candidates[:found]
+    used, power = candidates[:found], power[:found]
+    gather(near, sources, used, low, high)
     for row in range(tile[0], tile[1]):
         for p in range(row * width + tile[2], row * width + tile[3]):
             i = start + p
             counts[p], scale[p, :] = 0, np.float32(0)
             if seen[i] > 0:
-                given = triple(points, i, 0), triple(normals, i, 0), known[i], seen[i], sent, power, lists[p]
-                counts[p], rest, draws = list_lamps(sources, used, *given)
+                importances(near, triple(points, i, 0), triple(normals, i, 0), power)
+                counts[p], rest, draws = list_lamps(used, known[i], seen[i], sent, power, lists[p])
                 draw_rest(used, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
 
 
@@ -59,12 +62,20 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
     across = (width + TILE - 1) // TILE
     for lane in prange(lanes):
         candidates, numbers = np.empty(lamps, np.int32), np.empty(lamps, np.int32)
-        power, upto = np.empty(lamps), np.empty(lamps)
+        power, upto, near = np.empty(lamps), np.empty(lamps), new_near(sources)
         for n in range(lane, across * ((height + TILE - 1) // TILE), lanes):
             y, x = n // across * TILE, n % across * TILE
             tile, others = (y, min(y + TILE, height), x, min(x + TILE, width)), (numbers, upto)
             given = sources, surface, known, dice, start, width, few, lists, counts, chosen, scale
-            _list_tile(*given, tile, candidates, others, power)
+            _list_tile(*given, tile, candidates, others, (power, near))
+
+
+@driver
+def pack_all(lists, offsets, marked, lanes):
+    for lane in prange(lanes):
+        for p in range(lane, len(lists), lanes):
+            for k in range(offsets[p], offsets[p + 1]):
+                marked[k] = lists[p, k - offsets[p]]
 
 
 class Direct(reference.Direct):
@@ -86,7 +97,8 @@ class Direct(reference.Direct):
             for start, rows, pixels in self._bands(self._longest):
                 lists, counts, rest = self.lists(known, dice, start, pixels)
                 offsets = np.concatenate([[0], counts.cumsum()])
-                marked = lists[np.arange(lists.shape[1]) < counts[:, None]]
+                marked = np.empty(offsets[-1], np.int32)
+                pack_all(lists, offsets, marked, threads())
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, rest)
         return arrived.view(3, *size)
 

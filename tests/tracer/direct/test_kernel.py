@@ -160,13 +160,18 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
     point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
     number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward) > 0)
     sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward)
-    alike, power = np.full(128, number, np.int32), np.empty(128)
-    row = np.full(128, -1, np.int32)
-    given = sources, alike, point, toward, 0.0, 1.0, 0.0, power
-    assert choice_kernel.list_lamps(*given, row)[0] == 128, "rounding has to matter for what follows"
-    count, rest, _ = choice_kernel.list_lamps(*given, row[:127])
+    sent, row = choice_kernel.importance(sources, number, point, toward), np.full(128, -1, np.int32)
+
+    def listed(room: np.ndarray) -> tuple[int, float]:
+        power = np.full(128, sent)
+        count, rest, _ = choice_kernel.list_lamps(np.full(128, number, np.int32), 0.0, 1.0, 0.0, power, room)
+        assert rest == power.sum()
+        return count, rest
+
+    assert listed(row)[0] == 128, "rounding has to matter for what follows"
+    count, rest = listed(row[:127])
     assert count == 127
-    assert rest == power[-1] > 0, "it may still be drawn"
+    assert rest == sent > 0, "it may still be drawn"
 
 
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
