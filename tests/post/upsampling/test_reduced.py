@@ -44,8 +44,8 @@ def test_stages_see_only_what_one_of_them_names(further: tuple[str, ...]):
     note, other, frame = Note(), Note(signal="mine"), still().write("mine", torch.rand(1, 1, 48, 64))
     note.optional, given = frozenset(further), frame.write("yours", torch.rand(1, 1, 48, 64))
     given = given.replace(behind=frame, previous=frame.replace(gi=torch.rand(1, 3, 48, 64)))
-    halves = {name: Pipeline(reduction=Reduced(), note=one) for name, one in (("a", note), ("b", other))}
-    result, _ = Pipeline(**halves)(given)
+    first, second = (Pipeline(reduction=Reduced(), note=one) for one in (note, other))
+    result, _ = Pipeline(first=first, second=second)(given)
     seen = note.seen[0]
     assert set(seen.present) == {"depth", "hit", "normal", "mine", *further} - {"behind"}
     assert (seen.behind is not None) == ("behind" in further)
