@@ -31,7 +31,7 @@ class Pipeline(Branch):
         given: signals that incoming frames already hold, beyond G-buffer channels and light.
         layer: ``"behind"`` runs the stages on ``frame.behind``, where there is one, instead of on the frame.
         reduction: runs the stages on a smaller frame, such as `post.Reduced`. Pipelines that follow one another with
-            equal reductions share the smaller frame.
+            equal reductions share the smaller frame, which holds only what their stages read or write.
         stages: passes, temporal passes or pipelines by name; None leaves a stage out.
 
     Raises:

@@ -10,17 +10,14 @@ from post.shading.composite_kernel import Light, specular_row, sum_row
 
 
 @driver
-def sum_rows(
-    out, radiance, ambient, emission, visibility, gi, reflection, behind, specular, physical, of_gi, of_reflection, threads
-):
+def sum_rows(out, light, physical, of_gi, of_reflection, threads):
     batch, _, height, _ = out.shape
+    radiance, ambient, emission, visibility, gi, reflection, behind, specular = light
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            light = Light(
-                radiance[b], ambient[b], emission[b], visibility[b], gi[b], reflection[b], behind[b], specular[b]
-            )
-            sum_row(out[b], light, y, physical, np.float32(of_gi), np.float32(of_reflection))
+            given = radiance[b], ambient[b], emission[b], visibility[b], gi[b], reflection[b], behind[b], specular[b]
+            sum_row(out[b], Light(*given), y, physical, np.float32(of_gi), np.float32(of_reflection))
 
 
 @driver

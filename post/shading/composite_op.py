@@ -22,7 +22,7 @@ def sum_cpu(light: list[Tensor], physical: bool, of_gi: float, of_reflection: fl
     from post.shading.composite_drivers import sum_rows
 
     out = torch.empty_like(light[0], memory_format=torch.contiguous_format)
-    sum_rows(array(out), *map(array, light), physical, of_gi, of_reflection, threads())
+    sum_rows(array(out), tuple(map(array, light)), physical, of_gi, of_reflection, threads())
     return out
 
 
@@ -76,7 +76,7 @@ def sum_light(
 def specular_cpu(
     normal: Tensor, hit: Tensor, roughness: Tensor, lens: Tensor, pose: Tensor, table: Tensor, parallel: bool
 ) -> Tensor:
-    """``(B, 1, H, W)``. See `specular_albedo`; roughness has no planes where there is none, ``pose`` is ``(B, 3, 3)``."""
+    """``(B, 1, H, W)``. See `specular_albedo`; an absent roughness has no planes, ``pose`` is ``(B, 3, 3)``."""
     from gbufrt.compute.kernel import array, threads
     from post.shading.composite_drivers import specular_rows
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
 from gbufrt.specular import DIELECTRIC_F0, ggx_distribution, smith_lambda

@@ -1,1 +1,1 @@
-"""Stages at half resolution: frames of every second pixel, and their signals interpolated along surfaces."""
+"""Stages at a half or a third of the resolution, whose signals are interpolated along surfaces; and upscaling."""

@@ -25,7 +25,11 @@ def _room(width, columns):
     rows = np.empty((GUIDES + PLANES + NEAREST + 2, columns), np.float32)
     here, planes = rows[:GUIDES], rows[GUIDES : GUIDES + PLANES]
     weights = rows[GUIDES + PLANES : GUIDES + PLANES + NEAREST]
-    near, around, one = np.empty((PLANES, width), np.float32), np.empty(AROUND, np.float32), np.empty((PLANES, 1), np.float32)
+    near, around, one = (
+        np.empty((PLANES, width), np.float32),
+        np.empty(AROUND, np.float32),
+        np.empty((PLANES, 1), np.float32),
+    )
     return Room(near, here, planes, weights, rows[-2], rows[-1], around, one)
 
 

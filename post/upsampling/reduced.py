@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
 from gbufrt.directions import length
@@ -61,4 +60,3 @@ class Reduced(Reduction):
                 signal = torch.where(size > SHORTEST, signal / size.clamp_min(SHORTEST), normal)
             frame = frame.write(name, signal)
         return frame
-

@@ -21,8 +21,8 @@ NEAREST = 4  # samples
 GUIDES, PLANES = 5, 3  # of `edges.Surface.guide` without roughness, and of `weight_kernel.Near`
 
 Room = namedtuple("Room", "near here planes weights total mixed around one")
-"""Of a thread: a row of `Near`; of pixels a stride apart, the guide, their `Near`, the weights of their nearest samples,
-the sum of these, and a channel; the weights around a single pixel, and its `Near`."""
+"""Of a thread: a row of `Near`; of pixels a stride apart, the guide, their `Near`, the weights of their nearest
+samples, the sum of these, and a channel; the weights around a single pixel, and its `Near`."""
 Between = namedtuple("Between", "x left count across down step_x step_y")
 """Pixels a stride apart: the first and the sample to its left, how many, and where they lie between samples, in shares
 and in pixels."""

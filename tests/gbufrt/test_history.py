@@ -62,3 +62,14 @@ def test_a_state_that_is_not_handed_over_stays_as_it_is() -> None:
     handed = copy.handed_over()
     assert torch.equal(pipeline(frames[1], handed)[0].read("count"), once)
     assert torch.equal(pipeline(frames[2], copy)[0].read("count"), once)
+
+
+def test_only_what_has_a_gradient_is_detached():
+    plain, graph = torch.ones(1, 1, 2, 2), torch.ones(1, 1, 2, 2, requires_grad=True) * 2
+    g = boxes.frame(boxes.camera((2, 2))).gbuffer
+    state = PipelineState(stages={"a": History(length=plain, signals={"b": graph}, gbuffer=g)})
+    kept = state.detach().stages["a"]
+    assert kept.length is plain
+    assert kept.gbuffer is g, "cameras and channels are neither made nor checked again"
+    assert not kept.signals["b"].requires_grad
+    assert torch.equal(kept.signals["b"], graph)

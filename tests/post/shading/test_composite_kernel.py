@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import boxes
 import pytest
 import torch
@@ -11,7 +13,7 @@ from post.shading.composite_op import specular_albedo, specular_cpu, sum_cpu, su
 PARTS = ("ambient", "emission", "visibility", "gi", "reflection", "behind", "specular")
 
 
-def light() -> dict[str, torch.Tensor]:
+def light() -> dict[str, Any]:
     generator = torch.Generator().manual_seed(4)
     sizes = {name: 1 if name in ("visibility", "specular") else 3 for name in ("radiance", *PARTS)}
     return {name: torch.rand(2, size, 27, 19, generator=generator) * 1.3 for name, size in sizes.items()}
@@ -20,16 +22,18 @@ def light() -> dict[str, torch.Tensor]:
 @pytest.mark.parametrize("physical", [True, False])
 @pytest.mark.parametrize("absent", [(), *((name,) for name in PARTS), PARTS])
 def test_forms_agree(physical: bool, absent: tuple[str, ...]) -> None:
-    given = {name: None if name in absent else tensor for name, tensor in light().items()}
+    given: dict[str, Any] = {name: None if name in absent else tensor for name, tensor in light().items()}
     options = {"physical": physical, "intensities": (1.0, 0.7, 1.4)}
-    got, want = (sum_light(**given, **options, compiled=form) for form in (None, False))  # pyright: ignore
+    got, want = (sum_light(**given, **options, compiled=form) for form in (None, False))
     torch.testing.assert_close(got, want, rtol=2e-6, atol=1e-6)
 
 
 def test_the_reference_serves_exponents_broadcasts_and_gradients() -> None:
     given = light()
     full = sum_light(**given, physical=True, intensities=(2.0, 1.0, 1.0))
-    once = sum_light(**{**given, "visibility": given["visibility"].clamp(0, 1) ** 2}, physical=True, intensities=(1, 1, 1))
+    once = sum_light(
+        **{**given, "visibility": given["visibility"].clamp(0, 1) ** 2}, physical=True, intensities=(1, 1, 1)
+    )
     torch.testing.assert_close(full, once, rtol=2e-6, atol=1e-6)
     grey = {**given, "gi": given["gi"][:, :1]}
     wide = {**given, "gi": given["gi"][:, :1].expand(-1, 3, -1, -1)}

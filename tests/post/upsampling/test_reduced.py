@@ -39,6 +39,21 @@ def test_stages_see_every_second_pixel_and_what_they_write_comes_back():
     assert result.gbuffer is frame.gbuffer
 
 
+@pytest.mark.parametrize("further", [(), ("albedo", "radiance", "mine", "behind")])
+def test_stages_see_only_what_one_of_them_names(further: tuple[str, ...]):
+    note, other, frame = Note(), Note(signal="mine"), still().write("mine", torch.rand(1, 1, 48, 64))
+    note.optional, given = frozenset(further), frame.write("yours", torch.rand(1, 1, 48, 64))
+    given = given.replace(behind=frame, previous=frame.replace(gi=torch.rand(1, 3, 48, 64)))
+    first, second = (Pipeline(reduction=Reduced(), note=one) for one in (note, other))
+    result, _ = Pipeline(first=first, second=second)(given)
+    seen = note.seen[0]
+    assert set(seen.present) == {"depth", "hit", "normal", "mine", *further} - {"behind"}
+    assert (seen.behind is not None) == ("behind" in further)
+    assert seen.previous is not None
+    assert set(seen.previous.present) == set(seen.present)
+    assert {"albedo", "yours", "radiance"} <= set(result.present), "the whole frame keeps all"
+
+
 def test_neighbours_share_the_smaller_frame_and_see_what_the_others_wrote():
     first, second, third = Note(), Note(signal="sky_visibility"), Note(signal="mine")
     stages = {"a": first, "b": second, "c": third}
