@@ -17,7 +17,7 @@ from torch import Tensor
 
 from gbufrt.compute.bodies import Target
 from gbufrt.compute.dispatch import simulated
-from gbufrt.compute.kernel import Kernel, array
+from gbufrt.compute.kernel import Kernel, array, replaced, tensors_of
 
 BLOCK = 128  # threads: enough to hide memory latency, few enough that items of one block lie close together
 
@@ -64,12 +64,12 @@ def kernel_of(body: Callable[..., Any]) -> Kernel:
     return Kernel(_each, CUDA, item=body)
 
 
-def launch(body: Callable[..., Any], count: int, arguments: Sequence[Tensor | float]) -> None:
+def launch(body: Callable[..., Any], count: int, arguments: Sequence[Any]) -> None:
     """See `gbufrt.compute.each.Each.on_cuda`."""
     if count == 0:
         return  # CUDA has no empty grids
-    device = next((x.device for x in arguments if isinstance(x, Tensor) and x.is_cuda), None)
-    given = tuple(_device_array(x) if isinstance(x, Tensor) else x for x in arguments)
+    device = next((x.device for x in tensors_of(arguments) if x.is_cuda), None)
+    given = replaced(arguments, _device_array)
     blocks = -(-count // BLOCK)
     if device is None:
         kernel_of(body)(count, given, grid=(blocks, BLOCK))

@@ -9,8 +9,9 @@ from numba import prange
 from torch import Tensor
 
 from gbufrt.compute.dispatch import simulated
-from gbufrt.compute.kernel import CPU, Kernel, array, scalar, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, replaced, scalar, tensors_of, threads
 
+Argument = Tensor | float | tuple[Any, ...]
 ROWS = 64  # items handed to a thread at a time
 
 
@@ -41,26 +42,26 @@ class Each:
     """``body(i, *arguments)`` for every i below a count.
 
     Args:
-        body: marked `scalar`; takes the index of its item, then flat arrays and numbers, no tuples of them.
+        body: marked `scalar`; takes the index of its item, then flat arrays, numbers, and tuples of them.
     """
 
     def __init__(self, body: Callable[..., Any]) -> None:
         self.body = body
         self.on_cpu = Kernel(_each, CPU, item=body)
 
-    def __call__(self, count: int, *arguments: Tensor | float) -> None:
+    def __call__(self, count: int, *arguments: Argument) -> None:
         """Run the body where the tensors lie.
 
         Args:
             count: the number of items.
             arguments: of the body, after the index of the item. Tensors that it writes to must be contiguous.
         """
-        if simulated() or any(isinstance(x, Tensor) and x.is_cuda for x in arguments):
+        if simulated() or any(x.is_cuda for x in tensors_of(arguments)):
             self.on_cuda(count, *arguments)
         else:
-            self.on_cpu(count, threads(), tuple(array(x) if isinstance(x, Tensor) else x for x in arguments))
+            self.on_cpu(count, threads(), replaced(arguments, array))
 
-    def on_cuda(self, count: int, *arguments: Tensor | float) -> None:
+    def on_cuda(self, count: int, *arguments: Argument) -> None:
         """As `__call__`, on the GPU or in numba's simulator, which takes CPU tensors."""
         from gbufrt.compute.cuda import launch
 

@@ -14,7 +14,7 @@ the cache off, so it is an argument.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -27,7 +27,8 @@ from gbufrt.compute.cache import kept, missing
 from gbufrt.compute.threads import threads
 
 __all__ = [
-    "CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "contracted", "driver", "inlined", "scalar", "threads",
+    "CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "contracted", "driver", "inlined", "replaced", "scalar",
+    "tensors_of", "threads",
 ]  # fmt: skip
 
 _PLAIN = {"nogil": True, "error_model": "numpy"}
@@ -100,3 +101,17 @@ def driver(loop: Callable[..., Any]) -> Kernel:
 def array(tensor: Tensor) -> np.ndarray:
     """The numbers of a CPU tensor as a contiguous array, without a copy where it already is."""
     return tensor.detach().contiguous().numpy()
+
+
+def tensors_of(arguments: Sequence[Any]) -> Iterator[Tensor]:
+    """The tensors among arguments, and in tuples of them."""
+    for value in arguments:
+        if isinstance(value, Tensor):
+            yield value
+        elif isinstance(value, tuple):
+            yield from tensors_of(value)
+
+
+def replaced(arguments: Sequence[Any], of: Callable[[Tensor], Any]) -> tuple[Any, ...]:
+    """Arguments whose tensors, also those in tuples, are what a function makes of them."""
+    return tuple(of(x) if isinstance(x, Tensor) else replaced(x, of) if isinstance(x, tuple) else x for x in arguments)

@@ -79,7 +79,7 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
     around = moments(values[:, 3:], geometry)
     known = around[:, :1], around[:, 1:]
     reach, tolerance = bilateral_limits(*known, sigma=2.0, sensitivity=0.7, phi_color=2.0)
-    edge = {"depth_sensitivity": 1.0, "normal_power": 40.0}
+    edge: dict[str, Any] = {"depth_sensitivity": 1.0, "normal_power": 40.0}
     smooth = wavelet(
         torch.cat([values, grain[:, 4:] / 9], dim=1), geometry, 0.05 * grain[:, 4:], step=2, phi_color=1.0,
         phi_depth=1.0, phi_normal=128.0,

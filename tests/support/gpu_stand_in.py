@@ -75,14 +75,14 @@ class OnGpu(Tensor):
 
 
 class Seen(TorchDispatchMode):
-    """What the host did: ``waits`` by what made it wait, and the number of ``launches``."""
+    """What the host did: ``waits`` by what made it wait, and ``launches``: what it launched, on what shapes."""
 
     def __init__(self) -> None:
         super().__init__()
         self.clear()
 
     def clear(self) -> None:
-        self.waits, self.launches = Counter[str](), 0
+        self.waits, self.launches = Counter[str](), list[tuple[Any, ...]]()
 
     def wait(self, why: str) -> None:
         self.waits[f"{_user()} {why}"] += 1
@@ -91,7 +91,7 @@ class Seen(TorchDispatchMode):
         """In place of `gbufrt.compute.cuda.launch`, to which numba would copy tensors of the host, and back."""
         if any(isinstance(x, Tensor) and not isinstance(x, OnGpu) for x in arguments):
             self.wait("copies")
-        self.launches += 1
+        self.launches.append((body.__name__, count, *(tuple(x.shape) for x in arguments if isinstance(x, Tensor))))
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs, name = dict(kwargs or {}), func._schema.name.partition("::")[2]
@@ -105,7 +105,8 @@ class Seen(TorchDispatchMode):
         if kwargs.get("device") is not None:
             there = kwargs["device"].type != "cpu"
             kwargs["device"] = torch.device("cpu")
-        self.launches += there and func.namespace == "aten" and name not in VIEWS
+        if there and func.namespace == "aten" and name not in VIEWS:
+            self.launches.append((name, *(tuple(x.shape) for x in given)))
         with torch._C._DisableTorchDispatch():  # type: ignore[attr-defined]
             out = func(*(_mapped(_inner, x) for x in args), **{k: _mapped(_inner, x) for k, x in kwargs.items()})
         if name == "_local_scalar_dense" or not there:

@@ -12,7 +12,11 @@ from torch import Tensor
 from voxels import GLASS, STONE, WATER
 
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SHADOW, Instance, Scene
+from tracer.scene.weather import Waves
 from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+from tracer.weather.caustics import _focused as focus
+from tracer.weather.water import Water
+from tracer.weather.waves import _meet as meet_waves
 
 SIZE = (8, 12)
 
@@ -46,7 +50,26 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     }
     for name, hits in (("first", first), ("behind", behind), ("inside", inside)):
         found |= {f"{name} {key}": value for key, value in numbers(hits).items()}
-    return {key: value.cpu() for key, value in found.items()}
+    return {key: value.cpu() for key, value in (found | waters(device)).items()}
+
+
+def waters(device: str | torch.device = "cpu") -> dict[str, Tensor]:
+    """Where rays meet waves, or end before, and how much sunlight waves send to points on a wall."""
+    field = Water.of(Waves(amplitude=0.2), 2.0, torch.tensor([1.0, 6.0, -2.0]).to(device))
+    y, x = torch.meshgrid(torch.linspace(0.0, 1.0, SIZE[0]), torch.linspace(0.0, 1.0, SIZE[1]), indexing="ij")
+    place = torch.stack([x, y], dim=-1).view(-1, 2)
+    origins = torch.cat([9 * place, torch.full_like(place[:, :1], 6.0)], dim=1)[:, [0, 2, 1]]
+    ways = torch.nn.functional.normalize(
+        torch.cat([place - 0.4, torch.full_like(place[:, :1], -1.0)], 1)[:, [0, 2, 1]], dim=1
+    )
+    begin = -2.0 / ways[:, 1]
+    walls = torch.stack([9 * place[:, 0], 4.5 + 2 * place[:, 1], torch.full_like(begin, 1.0)], dim=1)
+    facing, level = torch.tensor([[0.0, 0.0, 1.0]]).repeat(len(walls), 1), torch.full_like(begin, 3.8)
+    sun = torch.nn.functional.normalize(torch.tensor([0.25, 0.6, 0.75]), dim=0)
+    return {
+        "waves": meet_waves(field, *(t.to(device) for t in (origins, ways, begin, begin + 0.4 * place[:, 0]))),
+        "caustics": focus(field, *(t.to(device) for t in (walls, facing, level, sun))),
+    }
 
 
 def numbers(hits: Hits) -> dict[str, Tensor]:

@@ -1,4 +1,4 @@
-"""The compiled paths over many rays at a time."""
+"""The compiled paths over many rays at a time, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt.compute.kernel import array, driver, scalar, threads
+from gbufrt.compute.dispatch import simulated
+from gbufrt.compute.each import Each
+from gbufrt.compute.kernel import Kernel, array, driver, replaced, scalar, threads
 from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.interaction import MOST_PASS, Vertices
@@ -41,6 +43,11 @@ def _radiance_of(begin, end, arrays, camera, picture, rays, u, bounces, spreads,
         out[i, 3], out[i, 4], out[i, 5] = onscreen
 
 
+@scalar
+def radiance_path(i, arrays, camera, picture, rays, u, bounces, spreads, next_event, out):
+    _radiance_of(i, i + 1, arrays, camera, picture, rays, u, bounces, spreads, next_event, out)
+
+
 @driver
 def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
     count = len(rays[0])
@@ -59,6 +66,11 @@ def _occlusion_of(begin, end, arrays, camera, picture, surfaces, u, radius, out)
         ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
         out[i, 0], out[i, 4] = ao, known
         out[i, 1], out[i, 2], out[i, 3] = bent
+
+
+@scalar
+def occlusion_path(i, arrays, camera, picture, surfaces, u, radius, out):
+    _occlusion_of(i, i + 1, arrays, camera, picture, surfaces, u, radius, out)
 
 
 @driver
@@ -81,6 +93,11 @@ def _indirect_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out)
         out[i, 9] = visible
 
 
+@scalar
+def indirect_path(i, arrays, camera, picture, surfaces, u, bounces, out):
+    _indirect_of(i, i + 1, arrays, camera, picture, surfaces, u, bounces, out)
+
+
 @driver
 def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
     count = len(out)
@@ -96,6 +113,11 @@ def _lit_of(begin, end, arrays, surfaces, u, out):
         at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
         light, out[i, 3], out[i, 4] = integrator_kernel.lit(tables, at, u, i)
         out[i, 0], out[i, 1], out[i, 2] = light
+
+
+@scalar
+def lit_path(i, arrays, surfaces, u, out):
+    _lit_of(i, i + 1, arrays, surfaces, u, out)
 
 
 @driver
@@ -117,6 +139,11 @@ def _reflected_of(begin, end, arrays, camera, picture, surfaces, u, sharp, out):
         out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
 
 
+@scalar
+def reflected_path(i, arrays, camera, picture, surfaces, u, sharp, out):
+    _reflected_of(i, i + 1, arrays, camera, picture, surfaces, u, sharp, out)
+
+
 @driver
 def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
     count = len(out)
@@ -136,12 +163,21 @@ def _lobes_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out):
         out[i, 6], out[i, 7], out[i, 8] = counts
 
 
+@scalar
+def lobes_path(i, arrays, camera, picture, surfaces, u, bounces, out):
+    _lobes_of(i, i + 1, arrays, camera, picture, surfaces, u, bounces, out)
+
+
 @driver
 def lobes_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
     count = len(out)
     for lane in prange(lanes):
         for begin in range(lane * ROWS, count, lanes * ROWS):
             _lobes_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, bounces, out)
+
+
+occlusion_each, indirect_each, lit_each = Each(occlusion_path), Each(indirect_path), Each(lit_path)
+reflected_each, lobes_each, radiance_each = Each(reflected_path), Each(lobes_path), Each(radiance_path)
 
 
 def radiance(
@@ -162,56 +198,69 @@ def radiance(
     known: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
     """See `tracer.paths.radiance.radiance`."""
-    out = torch.empty(len(origins), 6)
-    spans = [torch.as_tensor(x, dtype=torch.float32).expand(len(origins)) for x in (t_min, t_max, detail)]
-    begin = torch.ones(len(origins)) if known is None else known
-    begin = torch.zeros(len(origins)) if picture is None else begin
-    rays = tuple(array(x.float()) for x in (origins, directions, torch.stack(spans, dim=1), begin))
-    sees = camera_of(picture), picture_of(picture)
-    arrays = arrays_of(scene, poses, lights)
-    radiance_all(arrays, *sees, rays, array(u), bounces, spreads, next_event, threads(), array(out))
+    out = u.new_empty(len(origins), 6)
+    spans = [
+        torch.as_tensor(x, dtype=torch.float32, device=u.device).expand(len(origins)) for x in (t_min, t_max, detail)
+    ]
+    begin = u.new_zeros(len(origins)) if picture is None else u.new_ones(len(origins)) if known is None else known
+    rays = origins.float(), directions.float(), torch.stack(spans, dim=1), begin.float()
+    sees = camera_of(picture, u.device), picture_of(picture, u.device)
+    _run(
+        radiance_all, radiance_each, arrays_of(scene, poses, lights), *sees, rays, u, bounces, spreads, next_event, out
+    )
     return out[:, :3], out[:, 3:]
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
     """See `tracer.paths.integrators.occlusion`."""
-    out = torch.empty(u.shape[1], 5)
-    occlusion_all(*_given(scene, at, start), array(u), float(radius), threads(), array(out))
+    out = u.new_empty(u.shape[1], 5)
+    _run(occlusion_all, occlusion_each, *_given(scene, at, start), u, float(radius), out)
     return {"ao": out[:, :1], "bent_normal": out[:, 1:4], "ao_onscreen": out[:, 4:]}
 
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
     """See `tracer.paths.integrators.indirect`."""
-    out = torch.empty(u.shape[1], 10)
-    indirect_all(*_given(scene, at, start), array(u), bounces, threads(), array(out))
+    out = u.new_empty(u.shape[1], 10)
+    _run(indirect_all, indirect_each, *_given(scene, at, start), u, bounces, out)
     return {"gi": out[:, :3], "gi_onscreen": out[:, 3:6], "sky": out[:, 6:9], "sky_visibility": out[:, 9:]}
 
 
 def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
     """See `tracer.paths.integrators.lit`."""
-    out = torch.empty(u.shape[1], 5)
+    out = u.new_empty(u.shape[1], 5)
     arrays, _, _, surfaces = _given(scene, at, start)
-    lit_all(arrays, surfaces, array(u), threads(), array(out))
+    _run(lit_all, lit_each, arrays, surfaces, u, out)
     return {"direct": out[:, :3], "shadow": out[:, 3:]}
 
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
     """See `tracer.paths.integrators.reflected`."""
-    out = torch.empty(u.shape[1], 10)
-    reflected_all(*_given(scene, at, start), array(u), float(sharp), threads(), array(out))
+    out = u.new_empty(u.shape[1], 10)
+    _run(reflected_all, reflected_each, *_given(scene, at, start), u, float(sharp), out)
     counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
     return {"reflection": out[:, :3], "reflection_onscreen": out[:, 3:6], **counts}
 
 
 def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
     """See `tracer.paths.integrators.lobes`."""
-    out = torch.empty(u.shape[1], 9)
-    lobes_all(*_given(scene, at, start), array(u), bounces, threads(), array(out))
+    out = u.new_empty(u.shape[1], 9)
+    _run(lobes_all, lobes_each, *_given(scene, at, start), u, bounces, out)
     counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
     return {"indirect": out[:, :3], "specular": out[:, 3:6], **counts}
 
 
+def _run(on_cpu: Kernel, each: Each, *given: Any) -> None:
+    """Fill the last of the arguments, a path for each of its rows, on CPU threads or on a GPU."""
+    *inputs, out = given
+    if simulated() or out.is_cuda:
+        each(len(out), *given)
+    else:
+        on_cpu(*replaced(inputs, array), threads(), array(out))
+
+
 def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:
     if at not in _known:
-        _known[at] = arrays_of(scene, at.poses, at.lights), camera_of(at.picture), picture_of(at.picture)
+        device = at.poses.device
+        sees = camera_of(at.picture, device), picture_of(at.picture, device)
+        _known[at] = arrays_of(scene, at.poses, at.lights), *sees
     return *_known[at], surfaces_of(start)

@@ -1,4 +1,4 @@
-"""Paths: compiled on the CPU, the torch reference elsewhere."""
+"""Paths: compiled on the CPU and for CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from tracer.scene.scene import Scene
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
     """See `tracer.paths.integrators.occlusion`."""
-    if form_of(u) is Form.REFERENCE:
+    if form_of(u, cuda=True) is Form.REFERENCE:
         return integrators.occlusion(scene, at, start, u, radius)
     from tracer.paths import drivers
 
@@ -28,7 +28,7 @@ def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: f
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
     """See `tracer.paths.integrators.indirect`."""
-    if form_of(u) is Form.REFERENCE:
+    if form_of(u, cuda=True) is Form.REFERENCE:
         return integrators.indirect(scene, at, start, u, bounces)
     from tracer.paths import drivers
 
@@ -37,7 +37,7 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: i
 
 def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
     """See `tracer.paths.integrators.lit`."""
-    if form_of(u) is Form.REFERENCE:
+    if form_of(u, cuda=True) is Form.REFERENCE:
         return integrators.lit(scene, at, start, u)
     from tracer.paths import drivers
 
@@ -46,7 +46,7 @@ def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
     """See `tracer.paths.integrators.reflected`."""
-    if form_of(u) is Form.REFERENCE:
+    if form_of(u, cuda=True) is Form.REFERENCE:
         return integrators.reflected(scene, at, start, u, sharp)
     from tracer.paths import drivers
 
@@ -88,7 +88,7 @@ def radiance(
         "picture": picture,
         "known": known,
     }
-    if form_of(u) is Form.REFERENCE:
+    if form_of(u, cuda=True) is Form.REFERENCE:
         return path_radiance.radiance(scene, lights, origins, directions, u, **given, **first)
     from tracer.paths import drivers
 

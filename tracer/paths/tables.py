@@ -1,4 +1,4 @@
-"""A scene as the flat arrays that compiled paths read."""
+"""A scene as the flat tables that compiled paths read, where the scene lies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt.compute.kernel import array
 from tracer.lights import sky
 from tracer.lights.kernel import DISC, GLOW, TOWARD
 from tracer.lights.lamp_table import LampTable
@@ -34,41 +33,42 @@ COLUMNS = {
 """Of `Vertices`, side by side, as `tracer.paths.interaction_kernel.surface_of` reads them."""
 
 
-def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[np.ndarray, ...]:
-    """The arrays that `interaction_kernel.assembled` takes: the scene at ``poses``, with its lights where wanted."""
+def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tuple[Tensor, ...]:
+    """The tables that `interaction_kernel.assembled` takes: the scene at ``poses``, with its lights where wanted."""
     materials, texels = _materials(scene.materials)
-    return (
-        array(grid_from_world(scene, poses, poses.device)[0]),
-        *(array(grid) for grid in scene.grids.tensors),
+    tables = (
+        grid_from_world(scene, poses, poses.device)[0],
+        *scene.grids.tensors,
         materials,
         texels,
-        _picture(scene),
-        _sky(scene),
-        *_lamps(None if lights is None else lights.lamps),
-        *_sky_table(None if lights is None else lights.sky),
+        _picture(scene, materials),
+        _sky(scene).to(materials.device),
+        *_lamps(None if lights is None else lights.lamps, materials),
+        *_sky_table(None if lights is None else lights.sky, materials),
     )
+    return tuple(table.contiguous() for table in tables)
 
 
-def _materials(table: MaterialTable) -> tuple[np.ndarray, np.ndarray]:
+def _materials(table: MaterialTable) -> tuple[Tensor, Tensor]:
     """See `interaction_kernel.Tables`: a face without a texture shows the one texel that is its material."""
     textures, flat = table.textures or Textures.none(len(table), table.albedo), torch.zeros_like(table.tint[:, :2])
     first, side = textures.faces.float().unbind(dim=-1)
     columns = [table.opacity[:, None], table.tint, table.variation[:, None], first + len(table), side]
     own = [table.albedo, flat, table.roughness[:, None], table.metallic[:, None], table.emission]
-    return array(torch.cat(columns, dim=1)), array(torch.cat([torch.cat(own, dim=1), textures.texels]))
+    return torch.cat(columns, dim=1), torch.cat([torch.cat(own, dim=1), textures.texels])
 
 
-def surfaces_of(vertices: Vertices) -> np.ndarray:
+def surfaces_of(vertices: Vertices) -> Tensor:
     """``(N, 20)`` float32."""
     columns = [getattr(vertices, name).reshape(-1, width).float() for name, width in COLUMNS.items()]
-    return array(torch.cat(columns, dim=1))
+    return torch.cat(columns, dim=1)
 
 
-def camera_of(picture: Picture | None) -> np.ndarray:
+def camera_of(picture: Picture | None, device: torch.device) -> Tensor:
     """``(27,)`` float64 that `on_screen_kernel.sees` reads of a picture's camera, empty for none; and 12 more for each
     instance, if any has moved since, for `on_screen_kernel.back_project`."""
     if picture is None:
-        return np.zeros(0)
+        return torch.zeros(0, dtype=torch.float64, device=device)
     camera = picture.camera
     k, jitter = camera.intrinsics[0].double(), camera.jitter
     still = torch.zeros(2, dtype=torch.float64)
@@ -83,23 +83,23 @@ def camera_of(picture: Picture | None) -> np.ndarray:
     ]
     if picture.back is not None:
         numbers.append(picture.back[1:, :3].double().flatten())
-    return array(torch.cat(numbers))
+    return torch.cat([part.to(device) for part in numbers])
 
 
-def picture_of(picture: Picture | None) -> np.ndarray:
+def picture_of(picture: Picture | None, device: torch.device) -> Tensor:
     """``(H * W, 7)`` float32: depth, normal and point of each pixel; no rows for none."""
     if picture is None:
-        return np.zeros((0, 7), np.float32)
-    return array(torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1))
+        return torch.zeros(0, 7, device=device)
+    return torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1).to(device)
 
 
-def _picture(scene: Scene) -> np.ndarray:
+def _picture(scene: Scene, like: Tensor) -> Tensor:
     if scene.sky.picture is None:
-        return np.zeros((0, 0, 3), np.float32)
-    return array(scene.sky.picture[0].permute(1, 2, 0).float())
+        return like.new_zeros(0, 0, 3)
+    return scene.sky.picture[0].permute(1, 2, 0).float().to(like.device)
 
 
-def _sky(scene: Scene) -> np.ndarray:
+def _sky(scene: Scene) -> Tensor:
     colors, sun = scene.sky, scene.sun
     rows = np.zeros((GLOW + len(sky.GLOW), 3))
     rows[:3] = colors.zenith, colors.horizon, colors.ground
@@ -108,21 +108,19 @@ def _sky(scene: Scene) -> np.ndarray:
         rows[TOWARD:DISC] = toward / np.linalg.norm(toward), sun.irradiance
         rows[DISC, :2] = np.sin(np.radians(sun.angular_radius)), 1.0
         rows[GLOW:, :2] = np.array(sky.GLOW).reshape(-1, 2)
-    return rows
+    return torch.from_numpy(rows)
 
 
-def _lamps(lamps: LampTable | None) -> tuple[np.ndarray, ...]:
+def _lamps(lamps: LampTable | None, like: Tensor) -> tuple[Tensor, ...]:
     if lamps is None:
-        none = torch.zeros(0, 1)
-        return array(none), array(none[:, 0]), array(none.int()), array(none.short()), np.zeros(7)
+        none = like.new_zeros(0, 1)
+        return none, none[:, 0], none.int(), none.short(), like.new_zeros(7, dtype=torch.float64)
     half = (lamps.edge_u + lamps.edge_v) / 2
     columns = [lamps.corner + half, lamps.facing, half.norm(dim=1, keepdim=True), lamps.power[:, None]]
     columns += [lamps.corner, lamps.edge_u, lamps.edge_v, lamps.area[:, None], lamps.radiance]
-    cells = np.array([*lamps.low.tolist(), lamps.cell, *lamps.shape], np.float64)
-    tables = torch.cat(columns, dim=1), lamps.power.cumsum(0), lamps.slots, lamps.counts
-    return *(array(t) for t in tables), cells
+    cells = like.new_tensor([*lamps.low.tolist(), lamps.cell, *lamps.shape], dtype=torch.float64)
+    return torch.cat(columns, dim=1), lamps.power.cumsum(0), lamps.slots, lamps.counts, cells
 
 
-def _sky_table(table: SkyTable | None) -> tuple[np.ndarray, np.ndarray]:
-    none = torch.zeros(0)
-    return (array(none), array(none)) if table is None else (array(table.upto), array(table.density))
+def _sky_table(table: SkyTable | None, like: Tensor) -> tuple[Tensor, Tensor]:
+    return (like.new_zeros(0), like.new_zeros(0)) if table is None else (table.upto, table.density)

@@ -57,7 +57,8 @@ def turned(transform, face, flat, direction, row):
 @scalar
 def variation(voxel, place, face, entry, pixels):
     """See `tracer.texture.variation`."""
-    key = voxel[0] * 73856093 + voxel[1] * 19349663 + voxel[2] * 83492791 + (face + 6 * entry) * 2654435761
+    key = int(voxel[0]) * 73856093 + int(voxel[1]) * 19349663 + int(voxel[2]) * 83492791
+    key += int(face + 6 * entry) * 2654435761
     key, axis = _mix(key), face // 2
     u = place[0] - voxel[0] if axis != 0 else place[1] - voxel[1]
     v = place[2] - voxel[2] if axis != 2 else place[1] - voxel[1]

@@ -47,7 +47,7 @@ def meet(i, origins, directions, begin, end, numbers, eye_x, eye_z, amplitude, f
     x, y, z = origins[i, 0], origins[i, 1], origins[i, 2]
     dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
     t, last = begin[i], end[i]
-    mean = np.round(y + dy * t) - amplitude
+    mean = np.rint(y + dy * t) - amplitude
     steep = abs(dx) + abs(dz) * RATIO
     for _ in range(STEPS):
         px, pz = x + dx * t, z + dz * t

@@ -106,7 +106,7 @@ def test_what_has_moved_is_looked_for_where_it_was(orthographic: bool) -> None:
     on = (hits.instance > 0) & hits.hit
     points, normals = (origins + directions * hits.t[:, None])[on], hits.normal[on]
     want = picture.sees(*picture.back_project(points, normals, hits.instance[on]))
-    numbers, flat = camera_of(picture), picture_of(picture)
+    numbers, flat = (of(picture, torch.device("cpu")).numpy() for of in (camera_of, picture_of))
     got = [
         on_screen_kernel.sees(numbers, flat, *on_screen_kernel.back_project(numbers, tuple(p), tuple(n), i))
         for p, n, i in zip(points.tolist(), normals.tolist(), hits.instance[on].tolist(), strict=True)

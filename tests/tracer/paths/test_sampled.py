@@ -13,7 +13,7 @@ from voxels import DARK, LAMP, STONE
 
 from gbufrt import Camera
 from gbufrt.frame import Frame
-from post.shading.ggx import specular_albedo
+from post.shading.composite_op import specular_albedo
 from tracer.frames import render, unlit
 from tracer.gbuffers import gbuffer
 from tracer.paths.sampled import one_a_stratum, sample_light, sampled
