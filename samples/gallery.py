@@ -38,13 +38,13 @@ def rendered(name: str, side: int) -> torch.Tensor:
 
 
 def still(scene: tracer.Scene, camera: Camera, pipeline: Pipeline | None = None) -> torch.Tensor:
-    frame = tracer.render(scene, camera, time=1.3, light_samples=4)
-    return (pipeline or me1("high")).settle(frame, 12)[0].read("image")
+    return (pipeline or me1("high")).settle(tracer.render(scene, camera, time=1.3), 12)[0].read("image")
 
 
 valley = tracer.load("valley")
 evening, wavy = tracer.at_hour(valley, 17.3), replace(tracer.at_hour(valley, 8.5), waves=tracer.Waves())
-air = AerialPerspective(sun=evening.sun.direction, irradiance=evening.sun.irradiance, unit=0.008)
+sun = evening.sun or tracer.Sun()
+air = AerialPerspective(sun=sun.direction, irradiance=sun.irradiance, unit=0.008)
 far, mill = (valley.views[name].camera(1.3, size=SIZE) for name in ("horizon", "mill"))
 inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
 MADE = {

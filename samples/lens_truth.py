@@ -3,11 +3,12 @@ sharp picture on the right."""
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import torch
 
 import tracer
-from gbufrt import Pass, Pipeline
+from gbufrt import Pass, Pipeline, TemporalPass
 from gbufrt.files.png import to_pil
 from post import DepthOfField, DisplayEncode, MotionBlur, ToneMap
 
@@ -16,10 +17,11 @@ out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 valley = tracer.load("valley")
 
 
-def save(file: str, view: str, effect: Pass, **lens: float) -> None:
+def save(file: str, view: str, effect: Pass | TemporalPass, lens: dict[str, Any]) -> None:
     camera = lambda time: valley.views[view].camera(time, size=SIZE)
     frame = tracer.render(valley, camera(TIME), previous_camera=camera(TIME - STEP), time=TIME, light_samples=1)
-    true, sharp = (tracer.path_trace(valley, camera, time=TIME, samples=192, **way).radiance for way in (lens, {}))
+    truths = (tracer.path_trace(valley, camera, time=TIME, samples=192, **way) for way in (lens, {}))
+    true, sharp = (truth.values["radiance"] for truth in truths)
     ours, _ = Pipeline(given={"color"}, lens=effect)(frame.replace(color=sharp))
     show = Pipeline(given={"color"}, tone_map=ToneMap(), encode=DisplayEncode())
     left, right = (show(frame.replace(color=color))[0].read("image") for color in (true, ours.read("color")))
@@ -29,5 +31,5 @@ def save(file: str, view: str, effect: Pass, **lens: float) -> None:
 out.mkdir(parents=True, exist_ok=True)
 with torch.no_grad():
     similar = MotionBlur(weights="similarity", shutter=1.0, samples=32)
-    save("similarity", "flythrough", similar, shutter=STEP, shutter_offset=-STEP / 2)
-    save("thin_lens", "closeup", DepthOfField(aperture_radius=0.3), aperture_radius=0.3)
+    save("similarity", "flythrough", similar, {"shutter": STEP, "shutter_offset": -STEP / 2})
+    save("thin_lens", "closeup", DepthOfField(aperture_radius=0.3), {"aperture_radius": 0.3})
