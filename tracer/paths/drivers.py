@@ -9,18 +9,22 @@ import torch
 from numba import prange
 from torch import Tensor
 
-from gbufrt.compute.kernel import array, driver, scalar, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, driver, scalar, threads
 from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
+from tracer.paths.batch_kernel import draw, new_paths
 from tracer.paths.interaction import MOST_PASS, Vertices
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
 from tracer.sampling.progressive import Values
+from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.kernel import triple
+from tracer.traversal.lane_kernel import BATCH
 
 _known: WeakKeyDictionary[Receivers, tuple[Any, ...]] = WeakKeyDictionary()  # paths from one picture come in many parts
+_packed: WeakKeyDictionary[Vertices, Any] = WeakKeyDictionary()
 ROWS = 64  # rays handed out at a time, to a helper that counts no references to what they share
 
 
@@ -51,78 +55,32 @@ def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event,
             )
 
 
-@scalar
-def _occlusion_of(begin, end, arrays, camera, picture, surfaces, u, radius, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
-        out[i, 0], out[i, 4] = ao, known
-        out[i, 1], out[i, 2], out[i, 3] = bent
-
-
-@driver
-def occlusion_all(arrays, camera, picture, surfaces, u, radius, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _occlusion_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, radius, out)
+def item(paths: Any, *arguments: Any) -> None:
+    """Placeholder for the body in the loop below."""
 
 
 @scalar
-def _indirect_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out):
+def _add_paths(paths, begin, end, arrays, camera, picture, surfaces, points, rotation, pixels, setting, out):
     tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        gi, onscreen, above, visible = integrator_kernel.indirect(tables, camera, picture, at, u, i, bounces)
-        out[i, 0], out[i, 1], out[i, 2] = gi
-        out[i, 3], out[i, 4], out[i, 5] = onscreen
-        out[i, 6], out[i, 7], out[i, 8] = above
-        out[i, 9] = visible
+    draw(paths, points, rotation, pixels[begin:end])
+    item(paths, tables, camera, picture, surfaces, begin, end, len(points), setting, out)
 
 
-@driver
-def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
-    count = len(out)
+def _sums(arrays, camera, picture, surfaces, points, rotation, pixels, setting, lanes, out):
+    step = max(1, BATCH // len(points))
     for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _indirect_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, bounces, out)
+        paths = new_paths(len(rotation))
+        for begin in range(lane * step, len(pixels), lanes * step):
+            end = min(begin + step, len(pixels))
+            for first in range(0, len(points), BATCH):
+                some = points[first : first + BATCH]
+                _add_paths(paths, begin, end, arrays, camera, picture, surfaces, some, rotation, pixels, setting, out)
 
 
-@scalar
-def _lit_of(begin, end, arrays, surfaces, u, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        light, out[i, 3], out[i, 4] = integrator_kernel.lit(tables, at, u, i)
-        out[i, 0], out[i, 1], out[i, 2] = light
-
-
-@driver
-def lit_all(arrays, surfaces, u, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _lit_of(begin, min(begin + ROWS, count), arrays, surfaces, u, out)
-
-
-@scalar
-def _reflected_of(begin, end, arrays, camera, picture, surfaces, u, sharp, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
-        out[i, 0], out[i, 1], out[i, 2] = light
-        out[i, 3], out[i, 4], out[i, 5] = onscreen
-        out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
-
-
-@driver
-def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _reflected_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, sharp, out)
+occlusion_sums = Kernel(_sums, CPU, item=integrator_kernel.occlusion)
+indirect_sums = Kernel(_sums, CPU, item=integrator_kernel.indirect)
+lit_sums = Kernel(_sums, CPU, item=integrator_kernel.lit)
+reflected_sums = Kernel(_sums, CPU, item=integrator_kernel.reflected)
 
 
 def radiance(
@@ -154,37 +112,44 @@ def radiance(
     return out[:, :3], out[:, 3:]
 
 
-def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
-    """See `tracer.paths.integrators.occlusion`."""
-    out = torch.empty(u.shape[1], 5)
-    occlusion_all(*_given(scene, at, start), array(u), float(radius), threads(), array(out))
-    return {"ao": out[:, :1], "bent_normal": out[:, 1:4], "ao_onscreen": out[:, 4:]}
+def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) -> Values:
+    """See `tracer.paths.op.occlusion`."""
+    out = _summed(occlusion_sums, scene, at, array(at.places).T, sequence, float(radius), 5)
+    return {"ao": out[:1], "bent_normal": out[1:4], "ao_onscreen": out[4:]}
 
 
-def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
-    """See `tracer.paths.integrators.indirect`."""
-    out = torch.empty(u.shape[1], 10)
-    indirect_all(*_given(scene, at, start), array(u), bounces, threads(), array(out))
-    return {"gi": out[:, :3], "gi_onscreen": out[:, 3:6], "sky": out[:, 6:9], "sky_visibility": out[:, 9:]}
+def indirect(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
+    """See `tracer.paths.op.indirect`."""
+    out = _summed(indirect_sums, scene, at, _surfaces(start), sequence, bounces, 10)
+    return {"gi": out[:3], "gi_onscreen": out[3:6], "sky": out[6:9], "sky_visibility": out[9:]}
 
 
-def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
-    """See `tracer.paths.integrators.lit`."""
-    out = torch.empty(u.shape[1], 5)
-    arrays, _, _, surfaces = _given(scene, at, start)
-    lit_all(arrays, surfaces, array(u), threads(), array(out))
-    return {"direct": out[:, :3], "shadow": out[:, 3:]}
+def lit(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence) -> Values:
+    """See `tracer.paths.op.lit`."""
+    out = _summed(lit_sums, scene, at, _surfaces(start), sequence, 0, 5)
+    return {"direct": out[:3], "shadow": out[3:]}
 
 
-def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
-    """See `tracer.paths.integrators.reflected`."""
-    out = torch.empty(u.shape[1], 10)
-    reflected_all(*_given(scene, at, start), array(u), float(sharp), threads(), array(out))
-    counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
-    return {"reflection": out[:, :3], "reflection_onscreen": out[:, 3:6], **counts}
+def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, sharp: float) -> Values:
+    """See `tracer.paths.op.reflected`."""
+    out = _summed(reflected_sums, scene, at, _surfaces(start), sequence, float(sharp), 10)
+    counts = {name: out[6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
+    return {"reflection": out[:3], "reflection_onscreen": out[3:6], **counts}
 
 
-def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:
+def _surfaces(start: Vertices) -> Any:
+    if start not in _packed:
+        _packed[start] = surfaces_of(start)
+    return _packed[start]
+
+
+def _summed(
+    kernel: Kernel, scene: Scene, at: Receivers, surfaces: Any, sequence: Sequence, setting: float, rows: int
+) -> Tensor:
+    """``(rows, M)`` sums over the paths from each of M ``surfaces``, rows of `surfaces_of` or the first of them."""
     if at not in _known:
         _known[at] = arrays_of(scene, at.poses, at.lights), camera_of(at.picture), picture_of(at.picture)
-    return *_known[at], surfaces_of(start)
+    out = torch.zeros(rows, len(at.pixels))
+    numbers = array(sequence.points), array(sequence.rotation), array(at.pixels)
+    kernel(*_known[at], surfaces, *numbers, setting, threads(), array(out))
+    return out

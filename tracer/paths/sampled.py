@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -17,7 +18,7 @@ from tracer.paths.integrators import DIRECT_DIMS, REFLECTION_DIMS, indirect_dims
 from tracer.paths.interaction import Vertices
 from tracer.paths.op import indirect, lit, reflected
 from tracer.paths.radiance import specular_sun
-from tracer.paths.receivers import Integrand, Receivers, receivers_of, sums_of
+from tracer.paths.receivers import Receivers, Sums, placed, receivers_of, summed
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene
@@ -93,7 +94,7 @@ def sample_light(
 
     Source: Schied, Peters and Dachsbacher 2018 (A-SVGF), 4.1, for replayed samples.
     """
-    integrand, dims = light_integrand(scene, bounces)
+    sums, dims = light_sums(scene, bounces)
     size = gbuffer.camera.size
     asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
     receivers = receivers_of(scene, asked, poses)
@@ -102,12 +103,13 @@ def sample_light(
         receivers = [_moved(at, then[b]) for b, at in enumerate(receivers)]
     sequence = Sequence.of(SLICES, dims, size, seed=seed, device=gbuffer.camera.device)
     number = index % SLICES
-    sums = [sums_of(at, integrand, sequence, range(number, number + 1), size) for at in receivers]
-    return sampled_light({name: torch.stack([s[name] for s in sums]) for name in sums[0]}, gbuffer)
+    found = [sums(at, sequence.part(range(number, number + 1))) for at in receivers]
+    rows = {name: torch.cat([f[name] for f in found], dim=1) for name in found[0]}
+    return sampled_light({name: placed(x, receivers, size) for name, x in rows.items()}, gbuffer)
 
 
-def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
-    """One path of each kind from each surface, and how many numbers they take.
+def light_sums(scene: Scene, bounces: int) -> tuple[Sums, int]:
+    """One path of each kind from each surface for each point of a sequence, and how many numbers they take.
 
     Raises:
         ValueError: bounces is below 1.
@@ -116,21 +118,26 @@ def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     first, second = DIRECT_DIMS, DIRECT_DIMS + indirect_dims(bounces)
 
-    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
+    def sums(at: Receivers, sequence: Sequence) -> Values:
+        start, lights = at.vertices, sequence.dims(0, first)
         white = replace(start, albedo=torch.ones_like(start.albedo))
-        around = indirect(scene, at, white, u[first:second], bounces)
-        found = reflected(scene, at, start, u[second:], LAMP_ROUGHNESS)
+        around = indirect(scene, at, white, sequence.dims(first, second), bounces)
+        found = reflected(scene, at, start, sequence.dims(second), LAMP_ROUGHNESS)
         names = {"specular": "reflection", "distance": "distance", "flies": "flies", "ends": "ends"}
         light = {name: found[given] for name, given in names.items()}
-        many = start.repeat(u.shape[1] // max(len(start), 1))
-        light["specular"] = light["specular"] + specular_sun(scene, at.lights, many, u[:first], at.poses)
-        return {**lit(scene, at, white, u[:first]), "indirect": around["gi"] + around["sky"], **light}
+        light["specular"] = light["specular"] + summed(partial(_sun, scene, at), at, start, lights)["specular"]
+        return {**lit(scene, at, white, lights), "indirect": around["gi"] + around["sky"], **light}
 
-    return integrand, second + REFLECTION_DIMS
+    return sums, second + REFLECTION_DIMS
+
+
+def _sun(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
+    many = start.repeat(u.shape[1] // max(len(start), 1))
+    return {"specular": specular_sun(scene, at.lights, many, u, at.poses)}
 
 
 def sampled_light(found: Mapping[str, Tensor], gbuffer: GBuffer) -> SampledLight:
-    """Means of what `light_integrand` finds as light, ``(B, C, H, W)`` each."""
+    """Means of what `light_sums` finds as light, ``(B, C, H, W)`` each."""
     away = torch.where(found["flies"] > 0, gbuffer.camera.far, 0.0)
     mean = found["distance"] / found["ends"].clamp_min(1e-6)
     distance = torch.where(found["ends"] > 0, mean, away)
@@ -206,4 +213,4 @@ def _moved(at: Receivers, then: Tensor) -> Receivers:
     turned = forward[..., :3] @ torch.stack([v.points, v.normals, v.toward], dim=-1)
     points, normals, toward = turned.unbind(dim=-1)
     moved = replace(v, points=points + forward[..., 3], normals=normals, toward=toward)
-    return replace(at, vertices=moved)
+    return replace(at, places=torch.cat([moved.points, normals], dim=1).T, surfaces=lambda: moved)

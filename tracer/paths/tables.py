@@ -87,10 +87,10 @@ def camera_of(picture: Picture | None) -> np.ndarray:
 
 
 def picture_of(picture: Picture | None) -> np.ndarray:
-    """``(H * W, 7)`` float32: depth, normal and point of each pixel; no rows for none."""
+    """``(4, H * W)`` float32: depth and normal of each pixel; none for no picture."""
     if picture is None:
-        return np.zeros((0, 7), np.float32)
-    return array(torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1))
+        return np.zeros((4, 0), np.float32)
+    return array(torch.cat([picture.depth[None], picture.normal]))
 
 
 def _picture(scene: Scene) -> np.ndarray:
