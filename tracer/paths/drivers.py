@@ -1,4 +1,4 @@
-"""The compiled paths over many rays at a time, on CPU threads or on a GPU."""
+"""The compiled paths over many rays at a time: on CPU threads, and those along given rays on a GPU too."""
 
 from __future__ import annotations
 
@@ -11,18 +11,22 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.each import Each
-from gbufrt.compute.kernel import Kernel, array, driver, replaced, scalar, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, driver, replaced, scalar, threads
 from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
+from tracer.paths.batch_kernel import draw, new_paths
 from tracer.paths.interaction import MOST_PASS, Vertices
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
 from tracer.sampling.progressive import Values
+from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.kernel import triple
+from tracer.traversal.lane_kernel import BATCH
 
 _known: WeakKeyDictionary[Receivers, tuple[Any, ...]] = WeakKeyDictionary()  # paths from one picture come in many parts
+_packed: WeakKeyDictionary[Vertices, Any] = WeakKeyDictionary()
 ROWS = 64  # rays handed out at a time, to a helper that counts no references to what they share
 
 
@@ -48,6 +52,9 @@ def radiance_path(i, arrays, camera, picture, rays, u, bounces, spreads, next_ev
     _radiance_of(i, i + 1, arrays, camera, picture, rays, u, bounces, spreads, next_event, out)
 
 
+radiance_each = Each(radiance_path)
+
+
 @driver
 def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
     count = len(rays[0])
@@ -58,126 +65,33 @@ def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event,
             )
 
 
+def item(paths: Any, *arguments: Any) -> None:
+    """Placeholder for the body in the loop below."""
+
+
 @scalar
-def _occlusion_of(begin, end, arrays, camera, picture, surfaces, u, radius, out):
+def _add_paths(paths, begin, end, arrays, camera, picture, surfaces, points, rotation, pixels, setting, out):
     tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        ao, bent, known = integrator_kernel.occlusion(tables, camera, picture, at, u, i, radius)
-        out[i, 0], out[i, 4] = ao, known
-        out[i, 1], out[i, 2], out[i, 3] = bent
+    draw(paths, points, rotation, pixels[begin:end])
+    item(paths, tables, camera, picture, surfaces, begin, end, len(points), setting, out)
 
 
-@scalar
-def occlusion_path(i, arrays, camera, picture, surfaces, u, radius, out):
-    _occlusion_of(i, i + 1, arrays, camera, picture, surfaces, u, radius, out)
-
-
-@driver
-def occlusion_all(arrays, camera, picture, surfaces, u, radius, lanes, out):
-    count = len(out)
+def _sums(arrays, camera, picture, surfaces, points, rotation, pixels, setting, lanes, out):
+    step = max(1, BATCH // len(points))
     for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _occlusion_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, radius, out)
+        paths = new_paths(len(rotation))
+        for begin in range(lane * step, len(pixels), lanes * step):
+            end = min(begin + step, len(pixels))
+            for first in range(0, len(points), BATCH):
+                some = points[first : first + BATCH]
+                _add_paths(paths, begin, end, arrays, camera, picture, surfaces, some, rotation, pixels, setting, out)
 
 
-@scalar
-def _indirect_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        gi, onscreen, above, visible = integrator_kernel.indirect(tables, camera, picture, at, u, i, bounces)
-        out[i, 0], out[i, 1], out[i, 2] = gi
-        out[i, 3], out[i, 4], out[i, 5] = onscreen
-        out[i, 6], out[i, 7], out[i, 8] = above
-        out[i, 9] = visible
-
-
-@scalar
-def indirect_path(i, arrays, camera, picture, surfaces, u, bounces, out):
-    _indirect_of(i, i + 1, arrays, camera, picture, surfaces, u, bounces, out)
-
-
-@driver
-def indirect_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _indirect_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, bounces, out)
-
-
-@scalar
-def _lit_of(begin, end, arrays, surfaces, u, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        light, out[i, 3], out[i, 4] = integrator_kernel.lit(tables, at, u, i)
-        out[i, 0], out[i, 1], out[i, 2] = light
-
-
-@scalar
-def lit_path(i, arrays, surfaces, u, out):
-    _lit_of(i, i + 1, arrays, surfaces, u, out)
-
-
-@driver
-def lit_all(arrays, surfaces, u, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _lit_of(begin, min(begin + ROWS, count), arrays, surfaces, u, out)
-
-
-@scalar
-def _reflected_of(begin, end, arrays, camera, picture, surfaces, u, sharp, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        light, onscreen, counts = integrator_kernel.reflected(tables, camera, picture, at, u, i, sharp)
-        out[i, 0], out[i, 1], out[i, 2] = light
-        out[i, 3], out[i, 4], out[i, 5] = onscreen
-        out[i, 6], out[i, 7], out[i, 8], out[i, 9] = counts
-
-
-@scalar
-def reflected_path(i, arrays, camera, picture, surfaces, u, sharp, out):
-    _reflected_of(i, i + 1, arrays, camera, picture, surfaces, u, sharp, out)
-
-
-@driver
-def reflected_all(arrays, camera, picture, surfaces, u, sharp, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _reflected_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, sharp, out)
-
-
-@scalar
-def _lobes_of(begin, end, arrays, camera, picture, surfaces, u, bounces, out):
-    tables = interaction_kernel.assembled(arrays)
-    for i in range(begin, end):
-        at = interaction_kernel.surface_of(surfaces, i % len(surfaces))
-        even, light, counts = integrator_kernel.lobes(tables, camera, picture, at, u, i, bounces)
-        out[i, 0], out[i, 1], out[i, 2] = even
-        out[i, 3], out[i, 4], out[i, 5] = light
-        out[i, 6], out[i, 7], out[i, 8] = counts
-
-
-@scalar
-def lobes_path(i, arrays, camera, picture, surfaces, u, bounces, out):
-    _lobes_of(i, i + 1, arrays, camera, picture, surfaces, u, bounces, out)
-
-
-@driver
-def lobes_all(arrays, camera, picture, surfaces, u, bounces, lanes, out):
-    count = len(out)
-    for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
-            _lobes_of(begin, min(begin + ROWS, count), arrays, camera, picture, surfaces, u, bounces, out)
-
-
-occlusion_each, indirect_each, lit_each = Each(occlusion_path), Each(indirect_path), Each(lit_path)
-reflected_each, lobes_each, radiance_each = Each(reflected_path), Each(lobes_path), Each(radiance_path)
+occlusion_sums = Kernel(_sums, CPU, item=integrator_kernel.occlusion)
+indirect_sums = Kernel(_sums, CPU, item=integrator_kernel.indirect)
+lit_sums = Kernel(_sums, CPU, item=integrator_kernel.lit)
+reflected_sums = Kernel(_sums, CPU, item=integrator_kernel.reflected)
+lobes_sums = Kernel(_sums, CPU, item=integrator_kernel.lobes)
 
 
 def radiance(
@@ -205,62 +119,60 @@ def radiance(
     begin = u.new_zeros(len(origins)) if picture is None else u.new_ones(len(origins)) if known is None else known
     rays = origins.float(), directions.float(), torch.stack(spans, dim=1), begin.float()
     sees = camera_of(picture, u.device), picture_of(picture, u.device)
-    _run(
-        radiance_all, radiance_each, arrays_of(scene, poses, lights), *sees, rays, u, bounces, spreads, next_event, out
-    )
+    given = arrays_of(scene, poses, lights), *sees, rays, u, bounces, spreads, next_event
+    if simulated() or out.is_cuda:
+        radiance_each(len(out), *given, out)
+    else:
+        radiance_all(*replaced(given, array), threads(), array(out))
     return out[:, :3], out[:, 3:]
 
 
-def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
-    """See `tracer.paths.integrators.occlusion`."""
-    out = u.new_empty(u.shape[1], 5)
-    _run(occlusion_all, occlusion_each, *_given(scene, at, start), u, float(radius), out)
-    return {"ao": out[:, :1], "bent_normal": out[:, 1:4], "ao_onscreen": out[:, 4:]}
+def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) -> Values:
+    """See `tracer.paths.op.occlusion`."""
+    out = _summed(occlusion_sums, scene, at, array(at.places).T, sequence, float(radius), 5)
+    return {"ao": out[:1], "bent_normal": out[1:4], "ao_onscreen": out[4:]}
 
 
-def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
-    """See `tracer.paths.integrators.indirect`."""
-    out = u.new_empty(u.shape[1], 10)
-    _run(indirect_all, indirect_each, *_given(scene, at, start), u, bounces, out)
-    return {"gi": out[:, :3], "gi_onscreen": out[:, 3:6], "sky": out[:, 6:9], "sky_visibility": out[:, 9:]}
+def indirect(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
+    """See `tracer.paths.op.indirect`."""
+    out = _summed(indirect_sums, scene, at, _surfaces(start), sequence, bounces, 10)
+    return {"gi": out[:3], "gi_onscreen": out[3:6], "sky": out[6:9], "sky_visibility": out[9:]}
 
 
-def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
-    """See `tracer.paths.integrators.lit`."""
-    out = u.new_empty(u.shape[1], 5)
-    arrays, _, _, surfaces = _given(scene, at, start)
-    _run(lit_all, lit_each, arrays, surfaces, u, out)
-    return {"direct": out[:, :3], "shadow": out[:, 3:]}
+def lit(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence) -> Values:
+    """See `tracer.paths.op.lit`."""
+    out = _summed(lit_sums, scene, at, _surfaces(start), sequence, 0, 5)
+    return {"direct": out[:3], "shadow": out[3:]}
 
 
-def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
-    """See `tracer.paths.integrators.reflected`."""
-    out = u.new_empty(u.shape[1], 10)
-    _run(reflected_all, reflected_each, *_given(scene, at, start), u, float(sharp), out)
-    counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
-    return {"reflection": out[:, :3], "reflection_onscreen": out[:, 3:6], **counts}
+def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, sharp: float) -> Values:
+    """See `tracer.paths.op.reflected`."""
+    out = _summed(reflected_sums, scene, at, _surfaces(start), sequence, float(sharp), 10)
+    counts = {name: out[6 + k : 7 + k] for k, name in enumerate(("onscreen", "distance", "flies", "ends"))}
+    return {"reflection": out[:3], "reflection_onscreen": out[3:6], **counts}
 
 
-def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
-    """See `tracer.paths.integrators.lobes`."""
-    out = u.new_empty(u.shape[1], 9)
-    _run(lobes_all, lobes_each, *_given(scene, at, start), u, bounces, out)
-    counts = {name: out[:, 6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
-    return {"indirect": out[:, :3], "specular": out[:, 3:6], **counts}
+def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
+    """See `tracer.paths.op.lobes`."""
+    out = _summed(lobes_sums, scene, at, _surfaces(start), sequence, bounces, 9)
+    counts = {name: out[6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
+    return {"indirect": out[:3], "specular": out[3:6], **counts}
 
 
-def _run(on_cpu: Kernel, each: Each, *given: Any) -> None:
-    """Fill the last of the arguments, a path for each of its rows, on CPU threads or on a GPU."""
-    *inputs, out = given
-    if simulated() or out.is_cuda:
-        each(len(out), *given)
-    else:
-        on_cpu(*replaced(inputs, array), threads(), array(out))
+def _surfaces(start: Vertices) -> Any:
+    if start not in _packed:
+        _packed[start] = array(surfaces_of(start))
+    return _packed[start]
 
 
-def _given(scene: Scene, at: Receivers, start: Vertices) -> tuple[Any, ...]:
+def _summed(
+    kernel: Kernel, scene: Scene, at: Receivers, surfaces: Any, sequence: Sequence, setting: float, rows: int
+) -> Tensor:
+    """``(rows, M)`` sums over the paths from each of M ``surfaces``, rows of `surfaces_of` or the first of them."""
     if at not in _known:
-        device = at.poses.device
-        sees = camera_of(at.picture, device), picture_of(at.picture, device)
-        _known[at] = arrays_of(scene, at.poses, at.lights), *sees
-    return *_known[at], surfaces_of(start)
+        sees = camera_of(at.picture, at.poses.device), picture_of(at.picture, at.poses.device)
+        _known[at] = replaced((arrays_of(scene, at.poses, at.lights), *sees), array)
+    out = torch.zeros(rows, len(at.pixels))
+    numbers = array(sequence.points), array(sequence.rotation), array(at.pixels)
+    kernel(*_known[at], surfaces, *numbers, setting, threads(), array(out))
+    return out

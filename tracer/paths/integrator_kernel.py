@@ -1,4 +1,7 @@
-"""The compiled form of `tracer.paths.integrators`: one path at a time."""
+"""The compiled form of `tracer.paths.integrators`: what a batch of paths from some surfaces of a picture finds.
+
+Each adds to its rows of ``out`` what ``each`` paths from every surface between ``begin`` and ``end`` find.
+"""
 
 from __future__ import annotations
 
@@ -6,60 +9,125 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.lights.kernel import DISC, FACING, NOTHING, lamp_sample, shines, sky, sun_sample
 from tracer.lights.samples import DIMS
-from tracer.paths.interaction import FINE, MOST_PASS
-from tracer.paths.interaction_kernel import WHITE, intersect, transmit
+from tracer.paths.batch_kernel import DX, DY, DZ, NX, NY, NZ, even_directions, hit_of, put_ray, trace
+from tracer.paths.interaction import FINE
+from tracer.paths.interaction_kernel import (
+    OPACITY,
+    go_through,
+    place_at,
+    reached,
+    surface_of,
+    transmit,
+)
 from tracer.paths.on_screen_kernel import sees
 from tracer.paths.path_kernel import arriving, diffuse_of, direct, f0_of, from_lamp, gathered
 from tracer.paths.radiance import MORE
-from tracer.sampling.scatter_kernel import added, cosine_direction, dot, fresnel, sample_specular, scaled, times
+from tracer.sampling.scatter_kernel import added, dot, fresnel, sample_specular, scaled, times
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import FARTHEST
 
 
+@inlined
+def _add(out, row, i, value):
+    """Add a triple to three rows."""
+    out[row, i] += value[0]
+    out[row + 1, i] += value[1]
+    out[row + 2, i] += value[2]
+
+
 @scalar
-def occlusion(tables, camera, picture, at, u, i, radius):
+def _trace_even(paths, tables, surfaces, begin, end, each, radius):
+    """Send the first rays of diffuse paths."""
+    j = 0
+    for i in range(begin, end):
+        x, y, z = triple(surfaces, i, 3)
+        for _ in range(each):
+            paths.rows[NX + j], paths.rows[NY + j], paths.rows[NZ + j] = x, y, z
+            j += 1
+    even_directions(paths, j)
+    j = 0
+    for i in range(begin, end):
+        point = triple(surfaces, i, 0)
+        for _ in range(each):
+            put_ray(paths, j, point, (paths.rows[DX + j], paths.rows[DY + j], paths.rows[DZ + j]), radius)
+            j += 1
+    trace(paths, j, tables.transforms, tables.grids)
+
+
+@scalar
+def _occludes(tables, camera, picture, origin, direction, u, hit, radius):
+    """Whether what a ray hits first occludes, and whether that is on screen."""
+    if tables.materials[hit[2], OPACITY] < 1:  # where the ray begins counts for the weight alone, which is not wanted
+        hit = go_through(tables, hit, origin, direction, u, False, MASK_SECONDARY, 0.0, radius, 1.0)[0]
+        if hit[0] == np.inf:
+            return False, False
+    point, normal, _, _ = place_at(tables, origin, direction, hit, FINE)
+    return True, sees(camera, picture, point, normal)
+
+
+@scalar
+def occlusion(paths, tables, camera, picture, surfaces, begin, end, each, radius, out):
     """``ao``, ``bent_normal``, ``ao_onscreen``."""
-    direction = cosine_direction(at.normal, u[0, i], u[1, i])
-    mask = MASK_SECONDARY
-    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, radius, 1.0, FINE, False)
-    if isect.t == np.inf:
-        return 1.0, direction, 1.0
-    return 0.0, NOTHING, 0.0 if sees(camera, picture, isect.surface.point, isect.surface.normal) else 1.0
+    _trace_even(paths, tables, surfaces, begin, end, each, radius)
+    j = 0
+    for i in range(begin, end):
+        origin = triple(surfaces, i, 0)
+        for _ in range(each):
+            direction, closed, shown = triple(paths.directions, j, 0), False, False
+            if paths.ids[j, 1] >= 0:
+                hit, u = hit_of(paths, j), paths.u[2, j]
+                closed, shown = _occludes(tables, camera, picture, origin, direction, u, hit, radius)
+            if not closed:
+                out[0, i] += 1
+                _add(out, 1, i, direction)
+            if not shown:
+                out[4, i] += 1
+            j += 1
 
 
 @scalar
-def indirect(tables, camera, picture, at, u, i, bounces):
+def indirect(paths, tables, camera, picture, surfaces, begin, end, each, bounces, out):
     """``gi``, ``gi_onscreen``, ``sky``, ``sky_visibility``."""
-    direction = cosine_direction(at.normal, u[0, i], u[1, i])
-    mask = MASK_SECONDARY
-    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
-    weight = times(diffuse_of(at), isect.weight)
-    if isect.t == np.inf:
-        open_ = (isect.weight[0] + isect.weight[1] + isect.weight[2]) / 3
-        return NOTHING, NOTHING, times(weight, sky(tables.lit, direction)), open_
-    light = times(weight, gathered(tables, isect.surface, u, i, 3, bounces))
-    shows = sees(camera, picture, isect.surface.point, isect.surface.normal)
-    return light, light if shows else NOTHING, NOTHING, 0.0
+    _trace_even(paths, tables, surfaces, begin, end, each, np.inf)
+    for j in range((end - begin) * each):
+        i = begin + j // each
+        at, direction, u = surface_of(surfaces, i), triple(paths.directions, j, 0), paths.u
+        isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
+        weight = times(diffuse_of(at), isect.weight)
+        if isect.t == np.inf:
+            _add(out, 6, i, times(weight, sky(tables.lit, direction)))
+            out[9, i] += (isect.weight[0] + isect.weight[1] + isect.weight[2]) / 3
+        else:
+            light = times(weight, gathered(tables, isect.surface, u, j, 3, bounces))
+            _add(out, 0, i, light)
+            if sees(camera, picture, isect.surface.point, isect.surface.normal):
+                _add(out, 3, i, light)
 
 
 @scalar
-def lit(tables, at, u, i):
+def lit(paths, tables, camera, picture, surfaces, begin, end, each, setting, out):
     """``direct``; and ``shadow`` of the sun, and of a lamp."""
-    light, by_sun, by_lamp = NOTHING, 0.0, 0.0
-    if shines(tables.lit):
-        direction, energy = sun_sample(tables.lit, u[0, i], u[1, i])
-        light, by_sun = _arriving(tables, at, direction, FARTHEST, energy)
-    if len(tables.lit.lamps):
-        numbers = (u[2, i], u[3, i], u[4, i], u[5, i])
-        direction, distance, energy, _ = lamp_sample(tables.lit, at.point, at.normal, *numbers)
-        more, by_lamp = _arriving(tables, at, direction, distance, energy)
-        light = added(light, more)
-    return times(diffuse_of(at), light), by_sun, by_lamp
+    u = paths.u
+    for j in range((end - begin) * each):
+        i = begin + j // each
+        at = surface_of(surfaces, i)
+        diffuse = diffuse_of(at)
+        if shines(tables.lit):
+            direction, energy = sun_sample(tables.lit, u[0, j], u[1, j])
+            light, share = _arriving(tables, at, direction, FARTHEST, energy)
+            _add(out, 0, i, times(diffuse, light))
+            out[3, i] += share
+        if len(tables.lit.lamps):
+            numbers = (u[2, j], u[3, j], u[4, j], u[5, j])
+            direction, distance, energy, _ = lamp_sample(tables.lit, at.point, at.normal, *numbers)
+            light, share = _arriving(tables, at, direction, distance, energy)
+            _add(out, 0, i, times(diffuse, light))
+            out[4, i] += share
 
 
 @scalar
@@ -73,50 +141,79 @@ def _arriving(tables, at, direction, distance, energy):
 
 
 @scalar
-def reflected(tables, camera, picture, at, u, i, sharp):
+def reflected(paths, tables, camera, picture, surfaces, begin, end, each, sharp, out):
     """``reflection``, ``reflection_onscreen``; and ``onscreen``, ``distance``, ``flies``, ``ends``."""
-    direction, weight, cosine = sample_specular(at.normal, at.toward, at.roughness * at.roughness, u[0, i], u[1, i])
-    rough = at.roughness >= sharp
-    light, onscreen = NOTHING, NOTHING
-    if rough and len(tables.lit.lamps):
-        light, place, lamp = from_lamp(tables, at, u, i, 5, NOTHING, True)
-        if max(light) > 0 and sees(camera, picture, place, triple(tables.lit.lamps, lamp, FACING)):
-            onscreen = light
-    if not weight > 0:
-        return light, onscreen, (0.0, 0.0, 0.0, 0.0)
-    mask = MASK_SECONDARY
-    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
-    factor = times(scaled(fresnel(f0_of(at), cosine), weight), isect.weight)
-    if isect.t == np.inf:
-        return added(light, times(factor, sky(tables.lit, direction))), onscreen, (0.0, 0.0, 1.0, 0.0)
-    sent = gathered(tables, isect.surface, u, i, 3 + DIMS, 1)
-    if not rough:
-        sent = added(sent, isect.surface.emission)
-    sent = times(factor, sent)
-    shows = sees(camera, picture, isect.surface.point, isect.surface.normal)
-    onscreen = added(onscreen, times(sent, WHITE if shows else NOTHING))
-    return added(light, sent), onscreen, (1.0 if shows else 0.0, isect.t, 1.0, 1.0)
+    u, count = paths.u, (end - begin) * each
+    for j in range(count):
+        at = surface_of(surfaces, begin + j // each)
+        direction, weight, cosine = sample_specular(at.normal, at.toward, at.roughness * at.roughness, u[0, j], u[1, j])
+        put_ray(paths, j, at.point, direction, np.inf if weight > 0 else -1.0)  # none into the surface itself
+        paths.weights[j, 0], paths.weights[j, 1] = weight, cosine
+    trace(paths, count, tables.transforms, tables.grids)
+    for j in range(count):
+        i = begin + j // each
+        at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
+        weight, cosine, rough = paths.weights[j, 0], paths.weights[j, 1], at.roughness >= sharp
+        if rough and len(tables.lit.lamps):
+            light, place, lamp = from_lamp(tables, at, u, j, 5, NOTHING, True)
+            _add(out, 0, i, light)
+            if max(light) > 0 and sees(camera, picture, place, triple(tables.lit.lamps, lamp, FACING)):
+                _add(out, 3, i, light)
+        if not weight > 0:
+            continue
+        isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
+        factor = times(scaled(fresnel(f0_of(at), cosine), weight), isect.weight)
+        out[8, i] += 1
+        if isect.t == np.inf:
+            _add(out, 0, i, times(factor, sky(tables.lit, direction)))
+            continue
+        sent = gathered(tables, isect.surface, u, j, 3 + DIMS, 1)
+        sent = times(factor, sent if rough else added(sent, isect.surface.emission))
+        _add(out, 0, i, sent)
+        out[7, i] += isect.t
+        out[9, i] += 1
+        if sees(camera, picture, isect.surface.point, isect.surface.normal):
+            _add(out, 3, i, sent)
+            out[6, i] += 1
 
 
 @scalar
-def lobes(tables, camera, picture, at, u, i, bounces):
+def lobes(paths, tables, camera, picture, surfaces, begin, end, each, bounces, out):
     """``indirect``, ``specular``; and ``distance``, ``flies``, ``ends`` of the specular ray."""
-    direction = cosine_direction(at.normal, u[0, i], u[1, i])
-    mask = MASK_SECONDARY
-    isect = intersect(tables, at.point, direction, u[2, i], at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
-    rest = bounces - 1
-    light = arriving(tables, camera, picture, isect, 0.0, direction, u, i, 3, rest, True, False, False)[0]
-    even = scaled(light, (1 - at.metallic) * at.opacity)
-    first, alpha = 3 + MORE * bounces, at.roughness * at.roughness
-    sharp_sun, sharp_lamp = alpha < tables.lit.sky[DISC, 0], at.roughness < LAMP_ROUGHNESS
-    light = direct(tables, at, u, i, first + 3, NOTHING, not sharp_sun, not sharp_lamp)
-    direction, weight, cosine = sample_specular(at.normal, at.toward, alpha, u[first, i], u[first + 1, i])
-    if not weight > 0:
-        return even, light, (0.0, 0.0, 0.0)
-    number, onward = u[first + 2, i], first + 3 + DIMS
-    isect = intersect(tables, at.point, direction, number, at.inside, mask, 0.0, np.inf, MOST_PASS, FINE, False)
-    sent = arriving(tables, camera, picture, isect, 0.0, direction, u, i, onward, rest, True, sharp_sun, sharp_lamp)[0]
-    light = added(light, times(scaled(fresnel(f0_of(at), cosine), weight), sent))
-    if isect.t == np.inf:
-        return even, light, (0.0, 1.0, 0.0)
-    return even, light, (isect.t, 1.0, 1.0)
+    _trace_even(paths, tables, surfaces, begin, end, each, np.inf)
+    u, count, rest = paths.u, (end - begin) * each, bounces - 1
+    first = 3 + MORE * bounces
+    for j in range(count):
+        i = begin + j // each
+        at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
+        isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
+        light = arriving(tables, camera, picture, isect, 0.0, direction, u, j, 3, rest, True, False, False)[0]
+        _add(out, 0, i, scaled(light, (1 - at.metallic) * at.opacity))
+        sharp_sun, sharp_lamp = _sharp(tables, at)
+        _add(out, 3, i, direct(tables, at, u, j, first + 3, NOTHING, not sharp_sun, not sharp_lamp))
+        alpha, a, b = at.roughness * at.roughness, u[first, j], u[first + 1, j]
+        direction, weight, cosine = sample_specular(at.normal, at.toward, alpha, a, b)
+        put_ray(paths, j, at.point, direction, np.inf if weight > 0 else -1.0)  # none into the surface itself
+        paths.weights[j, 0], paths.weights[j, 1] = weight, cosine
+    trace(paths, count, tables.transforms, tables.grids)
+    for j in range(count):
+        i, weight, cosine = begin + j // each, paths.weights[j, 0], paths.weights[j, 1]
+        if not weight > 0:
+            continue
+        at, direction, onward = surface_of(surfaces, i), triple(paths.directions, j, 0), first + 3 + DIMS
+        isect = reached(tables, hit_of(paths, j), at, direction, u[first + 2, j])
+        sharp_sun, sharp_lamp = _sharp(tables, at)
+        sent, _ = arriving(
+            tables, camera, picture, isect, 0.0, direction, u, j, onward, rest, True, sharp_sun, sharp_lamp
+        )
+        _add(out, 3, i, times(scaled(fresnel(f0_of(at), cosine), weight), sent))
+        out[7, i] += 1
+        if isect.t < np.inf:
+            out[6, i] += isect.t
+            out[8, i] += 1
+
+
+@scalar
+def _sharp(tables, at):
+    """Whether a reflected ray itself finds the sun, and lamps: shadow rays do where the surface is rougher."""
+    return at.roughness * at.roughness < tables.lit.sky[DISC, 0], at.roughness < LAMP_ROUGHNESS

@@ -7,19 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from tracer.direct.lighting import LIFT, LIFT_RELATIVE
 from tracer.lights.kernel import NOTHING, Lit
 from tracer.lights.shadows import SHORT
-from tracer.paths.interaction import LAYERS, MAX_RUN
+from tracer.paths.interaction import FINE, LAYERS, MAX_RUN, MOST_PASS
 from tracer.paths.texture_kernel import SIDE, size, texel, turned, variation
-from tracer.sampling.scatter_kernel import (
-    along,
-    dot,
-    enters_smooth,
-    scaled,
-    times,
-)
+from tracer.sampling.scatter_kernel import along, dot, enters_smooth, scaled, times
+from tracer.scene.scene import MASK_SECONDARY
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH
 from tracer.traversal.kernel import nearest, run_length, transmitted, triple
 from tracer.traversal.rays import FARTHEST
@@ -121,7 +116,7 @@ def _run(tables, origin, direction, hit):
 
 
 @scalar
-def _normal(tables, hit):
+def normal_of(tables, hit):
     """Normal of the surface that was hit, facing where the ray came from."""
     row, face = tables.transforms[hit[1], hit[3] // 2], hit[3]
     return scaled((row[0], row[1], row[2]), (1 if face % 2 else -1) / size(row))
@@ -132,6 +127,25 @@ def intersect(tables, origin, direction, u, inside, mask, t_begin, t_end, most, 
     """See `tracer.paths.interaction`."""
     t_end = min(t_end, FARTHEST)
     hit = nearest(tables.transforms, tables.grids, origin, direction, t_begin, t_end, OUTSIDE, mask)
+    hit, weight, inside = go_through(tables, hit, origin, direction, u, inside, mask, t_begin, t_end, most)
+    return Interaction(hit[0], weight, surface_at(tables, origin, direction, hit, inside, detail, spreads))
+
+
+@scalar
+def reached(tables, hit, at, direction, u):
+    """`intersect` for a secondary ray whose first hit is known."""
+    origin = at.point
+    hit, weight, inside = go_through(
+        tables, hit, origin, direction, u, at.inside, MASK_SECONDARY, 0.0, np.inf, MOST_PASS
+    )
+    return Interaction(hit[0], weight, surface_at(tables, origin, direction, hit, inside, FINE, False))
+
+
+@scalar
+def go_through(tables, hit, origin, direction, u, inside, mask, t_begin, t_end, most):
+    """Go on through transmissive surfaces from the first that a ray hits; the last hit, the weight, and whether that
+    lies within a transmissive material.
+    """
     weight = WHITE
     if inside and hit[1] >= 0 and not hit[4]:
         weight = transmit(tables, origin, direction, max(hit[0] - SHORT, 0.0), mask)
@@ -140,7 +154,7 @@ def intersect(tables, origin, direction, u, inside, mask, t_begin, t_end, most, 
         if entry < 0 or tables.materials[material, OPACITY] >= 1:
             break
         run = _run(tables, origin, direction, hit)
-        passed, enters_here = _passing(tables, material, run), enters_smooth(-dot(_normal(tables, hit), direction))
+        passed, enters_here = _passing(tables, material, run), enters_smooth(-dot(normal_of(tables, hit), direction))
         share = min(enters_here * (passed[0] + passed[1] + passed[2]) / 3, most)
         if u >= share:
             weight = scaled(weight, 1 / (1 - share))
@@ -151,27 +165,39 @@ def intersect(tables, origin, direction, u, inside, mask, t_begin, t_end, most, 
         run = run if back else min(run, hit[0] - t)
         weight = scaled(times(weight, _passing(tables, material, run)), enters_here / share)
         inside = not back and run >= hit[0] - t - SHORT
-    return Interaction(hit[0], weight, _surface(tables, origin, direction, hit, inside, detail, spreads))
+    return hit, weight, inside
 
 
-@scalar
-def _surface(tables, origin, direction, hit, inside, detail, spreads):
-    t, entry, material, face, _, voxel, place = hit
-    if entry < 0:
-        return Surface(origin, NOTHING, NOTHING, NOTHING, 0.0, 0.0, 0.0, NOTHING, False, 0)
-    flat = _normal(tables, hit)
-    if spreads:
-        detail = detail / max(t, 1e-9)
-    pixels = detail * math.sqrt(max(abs(dot(flat, direction)), 1e-3))
-    row, normal, tone, scale = material, flat, 1.0, 1 / size(tables.transforms[entry, face // 2])
+@inlined
+def place_at(tables, origin, direction, hit, detail):
+    """Where a ray hits: point and normal, see `tracer.paths.interaction.Vertices`; the row of ``texels`` that shows
+    there, that of the material unless its face has a texture; and the pixels that a voxel spans.
+    """
+    t, entry, material, face, _, _, _ = hit
+    flat, scale, row = normal_of(tables, hit), 1 / size(tables.transforms[entry, face // 2]), material
+    pixels, normal = detail * math.sqrt(max(abs(dot(flat, direction)), 1e-3)), flat
     if tables.materials[material, SIDE + face] > 0:
         row = texel(tables.materials, hit, scale, pixels)
         normal = turned(tables.transforms[entry], face, flat, direction, tables.texels[row])
-    else:
-        tone += tables.materials[material, VARIATION] * variation(voxel, place, face, entry, pixels * scale)
+    lift = LIFT + LIFT_RELATIVE * t
+    return along(along(origin, direction, t), along(flat, direction, -1.0), lift), normal, row, pixels * scale
+
+
+@scalar
+def surface_at(tables, origin, direction, hit, inside, detail, spreads):
+    """See `tracer.paths.interaction.intersect`."""
+    t, entry, material, face, _, voxel, place = hit
+    if entry < 0:
+        return Surface(origin, NOTHING, NOTHING, NOTHING, 0.0, 0.0, 0.0, NOTHING, False, 0)
+    if spreads:
+        detail = detail / max(t, 1e-9)
+    point, normal, row, pixels = place_at(tables, origin, direction, hit, detail)
+    tone = 1.0
+    if not tables.materials[material, SIDE + face] > 0:
+        tone += tables.materials[material, VARIATION] * variation(voxel, place, face, entry, pixels)
     albedo = scaled(triple(tables.texels, row, COLOR), tone)
     return Surface(
-        along(along(origin, direction, t), along(flat, direction, -1.0), LIFT + LIFT_RELATIVE * t),
+        point,
         normal,
         scaled(direction, -1.0),
         (min(max(albedo[0], 0.0), 1.0), min(max(albedo[1], 0.0), 1.0), min(max(albedo[2], 0.0), 1.0)),

@@ -26,8 +26,7 @@ class Picture:
     Args:
         camera: one camera.
         depth: ``(H * W,)`` planar, inf where nothing was hit.
-        normal: ``(H * W, 3)`` of the surfaces, view space.
-        point: ``(H * W, 3)`` of the surfaces, view space.
+        normal: ``(3, H * W)`` of the surfaces, view space.
         back: ``(I + 1, 4, 4)``, back-projection of points on the world and on each instance, from where they are now
             to where they are in the picture; None where that is the same.
     """
@@ -35,7 +34,6 @@ class Picture:
     camera: Camera
     depth: Tensor
     normal: Tensor
-    point: Tensor
     back: Tensor | None = None
 
     @staticmethod
@@ -45,8 +43,7 @@ class Picture:
         return Picture(
             camera=one_of(camera, number),
             depth=torch.where(gbuffer.hit, gbuffer.depth, torch.inf)[number].flatten().float(),
-            normal=camera.rotate_to_view(normal)[number].flatten(1).T.contiguous().float(),
-            point=gbuffer.points_view()[number].flatten(1).T.contiguous().float(),
+            normal=camera.rotate_to_view(normal)[number].flatten(1).float(),
         )
 
     def moved(self, then: Tensor, now: Tensor) -> Picture:
@@ -123,11 +120,19 @@ class Picture:
 
     def _on_plane(self, pixel: Tensor, at: Tensor, slack: Tensor) -> Tensor:
         """Whether points lie on the plane of a pixel's surface, measured along view z."""
-        normal, depth = self.normal[pixel], self.depth[pixel]
-        off = ((at - self.point[pixel]) * normal).sum(-1)
+        normal, depth = self.normal[:, pixel].T, self.depth[pixel]
+        off = ((at - self._points(pixel)) * normal).sum(-1)
         way = torch.zeros_like(at) if self.camera.orthographic else at / at[:, 2:].clamp_min(1e-9)
         lean = normal[:, 2] if self.camera.orthographic else (normal * way).sum(-1)
         return depth.isfinite() & (off.abs() < slack * lean.abs()) & (lean.abs() > EDGE_ON)
+
+    def _points(self, pixel: Tensor) -> Tensor:
+        """``(N, 3)`` view-space points that pixels show."""
+        camera, width = self.camera, self.camera.width
+        px = torch.stack([pixel % width, pixel // width]).to(self.depth) + 0.5
+        if camera.jitter is not None:
+            px = px + camera.jitter[0].to(px)[:, None]
+        return camera.unproject(self.depth[pixel][None, None, None], px[None, :, None])[0, :, 0].T
 
 
 def begins_on_screen(

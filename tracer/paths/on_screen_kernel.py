@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from gbufrt.compute.kernel import scalar
 from tracer.paths.on_screen import EDGE_ON, NEIGHBORS, SLACK
 from tracer.sampling.scatter_kernel import along, dot, scaled
-from tracer.traversal.kernel import triple
 
 VIEW, FOCAL, CENTER, JITTER, POSITION, FORWARD, ORTHOGRAPHIC, SIZE, BACK = 0, 12, 14, 16, 18, 21, 24, 25, 27
 """Offsets in the flat numbers of a camera: first view from world, row by row; last, 12 for each instance."""
-DEPTH, NORMAL, POINT = 0, 1, 4
-"""Columns of a picture."""
+DEPTH, NORMAL = 0, 1
+"""Rows of a picture."""
 
 
 @scalar
@@ -53,17 +54,29 @@ def sees(camera, picture, point, normal):
         return False
     slack = SLACK * z / camera[FOCAL + 1]
     for dy, dx in NEIGHBORS:
-        row = min(max(int(y) + dy, 0), height - 1) * width + min(max(int(x) + dx, 0), width - 1)
-        if abs(picture[row, DEPTH] - at[2]) < slack or _on_plane(picture, row, at, slack, flat):
+        row, column = min(max(int(y) + dy, 0), height - 1), min(max(int(x) + dx, 0), width - 1)
+        depth = np.float64(picture[DEPTH, row * width + column])
+        if abs(depth - at[2]) < slack or _on_plane(camera, picture, row, column, depth, at, slack):
             return True
     return False
 
 
 @scalar
-def _on_plane(picture, row, at, slack, flat):
-    if not math.isfinite(picture[row, DEPTH]):
+def _on_plane(camera, picture, row, column, depth, at, slack):
+    if not math.isfinite(depth):
         return False
-    normal = triple(picture, row, NORMAL)
-    off = dot(along(at, triple(picture, row, POINT), -1.0), normal)
+    flat, pixel = camera[ORTHOGRAPHIC] > 0, row * int(camera[SIZE + 1]) + column
+    normal = (
+        np.float64(picture[NORMAL, pixel]),
+        np.float64(picture[NORMAL + 1, pixel]),
+        np.float64(picture[NORMAL + 2, pixel]),
+    )
+    z = 1.0 if flat else depth
+    point = (
+        (column + 0.5 + camera[JITTER] - camera[CENTER]) / camera[FOCAL] * z,
+        (row + 0.5 + camera[JITTER + 1] - camera[CENTER + 1]) / camera[FOCAL + 1] * z,
+        depth,
+    )
+    off = dot(along(at, point, -1.0), normal)
     lean = abs(normal[2]) if flat else abs(dot(normal, scaled(at, 1 / max(at[2], 1e-9))))
     return lean > EDGE_ON and abs(off) < slack * lean

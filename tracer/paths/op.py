@@ -1,7 +1,12 @@
-"""Paths: compiled on the CPU and for CUDA, the torch reference elsewhere."""
+"""Paths: compiled on the CPU, those along given rays for CUDA too, the torch reference elsewhere.
+
+Those from the surfaces of a picture take its M surfaces, which may be sent out changed as ``start``, and a sequence
+whose points are numbers of paths from each. They return sums, see `tracer.paths.receivers.Sums`.
+"""
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from torch import Tensor
@@ -12,54 +17,55 @@ from tracer.paths import integrators
 from tracer.paths import radiance as path_radiance
 from tracer.paths.interaction import FINE, Vertices
 from tracer.paths.on_screen import Picture
-from tracer.paths.receivers import Receivers
+from tracer.paths.receivers import Receivers, summed
 from tracer.sampling.progressive import Values
+from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene
 
 
-def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:
+def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) -> Values:
     """See `tracer.paths.integrators.occlusion`."""
-    if form_of(u, cuda=True) is Form.REFERENCE:
-        return integrators.occlusion(scene, at, start, u, radius)
+    if form_of(at.places) is Form.REFERENCE:
+        return summed(partial(integrators.occlusion, scene, at, radius=radius), at, at.vertices, sequence)
     from tracer.paths import drivers
 
-    return drivers.occlusion(scene, at, start, u, radius)
+    return drivers.occlusion(scene, at, sequence, radius)
 
 
-def indirect(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+def indirect(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
     """See `tracer.paths.integrators.indirect`."""
-    if form_of(u, cuda=True) is Form.REFERENCE:
-        return integrators.indirect(scene, at, start, u, bounces)
+    if form_of(start.points) is Form.REFERENCE:
+        return summed(partial(integrators.indirect, scene, at, bounces=bounces), at, start, sequence)
     from tracer.paths import drivers
 
-    return drivers.indirect(scene, at, start, u, bounces)
+    return drivers.indirect(scene, at, start, sequence, bounces)
 
 
-def lit(scene: Scene, at: Receivers, start: Vertices, u: Tensor) -> Values:
+def lit(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence) -> Values:
     """See `tracer.paths.integrators.lit`."""
-    if form_of(u, cuda=True) is Form.REFERENCE:
-        return integrators.lit(scene, at, start, u)
+    if form_of(start.points) is Form.REFERENCE:
+        return summed(partial(integrators.lit, scene, at), at, start, sequence)
     from tracer.paths import drivers
 
-    return drivers.lit(scene, at, start, u)
+    return drivers.lit(scene, at, start, sequence)
 
 
-def reflected(scene: Scene, at: Receivers, start: Vertices, u: Tensor, sharp: float) -> Values:
+def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, sharp: float) -> Values:
     """See `tracer.paths.integrators.reflected`."""
-    if form_of(u, cuda=True) is Form.REFERENCE:
-        return integrators.reflected(scene, at, start, u, sharp)
+    if form_of(start.points) is Form.REFERENCE:
+        return summed(partial(integrators.reflected, scene, at, sharp=sharp), at, start, sequence)
     from tracer.paths import drivers
 
-    return drivers.reflected(scene, at, start, u, sharp)
+    return drivers.reflected(scene, at, start, sequence, sharp)
 
 
-def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
     """See `tracer.paths.integrators.lobes`."""
-    if form_of(u) is Form.REFERENCE:
-        return integrators.lobes(scene, at, start, u, bounces)
+    if form_of(start.points) is Form.REFERENCE:
+        return summed(partial(integrators.lobes, scene, at, bounces=bounces), at, start, sequence)
     from tracer.paths import drivers
 
-    return drivers.lobes(scene, at, start, u, bounces)
+    return drivers.lobes(scene, at, start, sequence, bounces)
 
 
 def radiance(

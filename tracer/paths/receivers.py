@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import torch
 from torch import Tensor
@@ -13,7 +14,7 @@ from tracer.direct.lighting import batched, lifted
 from tracer.lights.samples import Lights
 from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
-from tracer.sampling.progressive import WIDE, Estimate, Progress, Truth, Values, converge
+from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
@@ -27,22 +28,31 @@ class Receivers:
 
     Args:
         pixels: ``(M,)`` numbers of those that show a surface.
-        vertices: the M surfaces.
+        places: ``(6, M)``, the points and normals of the M surfaces, see `Vertices`.
+        surfaces: makes all else that is known of the surfaces.
         picture: what the camera shows.
         poses: ``(I, 4, 4)`` of the instances.
         lights: that shine on them.
     """
 
     pixels: Tensor
-    vertices: Vertices
+    places: Tensor
+    surfaces: Callable[[], Vertices]
     picture: Picture
     poses: Tensor
     lights: Lights
 
+    @cached_property
+    def vertices(self) -> Vertices:
+        """The M surfaces."""
+        return self.surfaces()
 
-Integrand = Callable[[Receivers, Vertices, Tensor], Values]
-"""Takes a picture, N of its surfaces and numbers ``(D, K * N)`` in [0, 1). Returns what K paths from each of
-them found, ``(K * N, C)`` each: the first path of every surface, then the second of every surface, and so on."""
+
+Integrand = Callable[[Vertices, Tensor], Values]
+"""Takes N surfaces and numbers ``(D, K * N)`` in [0, 1). Returns what K paths from each of them found, ``(K * N, C)``
+each: the first path of every surface, then the second of every surface, and so on."""
+Sums = Callable[[Receivers, Sequence], Values]
+"""Takes a picture, and points for paths from each of its M surfaces. Returns sums of what these found, ``(C, M)``."""
 
 
 def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[Receivers]:
@@ -54,39 +64,43 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
     if gbuffer.albedo is None:
         raise ValueError("gbuffer must have albedo to be lit; it has " + ", ".join(gbuffer.present))
     poses = batched(poses, gbuffer.batch, len(scene.instances))
-    camera = gbuffer.camera
-    points, toward = lifted(gbuffer), camera.rotate_to_world(camera.to_eye(gbuffer.points_view()))
-    one, none = torch.ones_like(gbuffer.depth), torch.zeros_like(gbuffer.depth)
-    planes = {
-        "points": points,
-        "normals": gbuffer.normal,
-        "outward": gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo,
-        "toward": toward,
-        "albedo": gbuffer.albedo,
-        "emission": torch.zeros_like(gbuffer.albedo) if gbuffer.emission is None else gbuffer.emission,
-        "roughness": one if gbuffer.roughness is None else gbuffer.roughness,
-        "metallic": none if gbuffer.metallic is None else gbuffer.metallic,
-        "opacity": one if gbuffer.opacity is None else gbuffer.opacity,
-        "instances": none if gbuffer.object_id is None else gbuffer.object_id,
-    }
-    found = []
+    points, found = lifted(gbuffer), []
     for b in range(gbuffer.batch):
         pixels = gbuffer.hit[b].flatten().nonzero()[:, 0]
-        rows = {name: plane[b].flatten(1)[:, pixels].T.contiguous().float() for name, plane in planes.items()}
-        for name in ("roughness", "metallic", "opacity", "instances"):
-            rows[name] = rows[name][:, 0]
-        rows["instances"] = rows["instances"].int()
-        inside = _inside(scene, rows["points"], rows.pop("outward"), poses[b])
+        places = torch.cat([points[b].flatten(1)[:, pixels], gbuffer.normal[b].flatten(1)[:, pixels]]).float()
         found.append(
             Receivers(
                 pixels=pixels,
-                vertices=Vertices(inside=inside, **rows),
+                places=places,
+                surfaces=partial(_surfaces, scene, gbuffer, b, pixels, places, poses[b]),
                 picture=Picture.of(gbuffer, b),
                 poses=poses[b],
                 lights=Lights.of(scene, poses[b]),
             )
         )
     return found
+
+
+def _surfaces(scene: Scene, gbuffer: GBuffer, b: int, pixels: Tensor, places: Tensor, poses: Tensor) -> Vertices:
+    """Of picture ``b``, the surfaces at ``places`` ``(6, M)``."""
+    camera = gbuffer.camera
+    one, none = torch.ones_like(gbuffer.depth), torch.zeros_like(gbuffer.depth)
+    planes = {
+        "outward": gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo,
+        "toward": camera.rotate_to_world(camera.to_eye(gbuffer.points_view())),
+        "albedo": gbuffer.albedo,
+        "emission": torch.zeros_like(gbuffer.normal) if gbuffer.emission is None else gbuffer.emission,
+        "roughness": one if gbuffer.roughness is None else gbuffer.roughness,
+        "metallic": none if gbuffer.metallic is None else gbuffer.metallic,
+        "opacity": one if gbuffer.opacity is None else gbuffer.opacity,
+        "instances": none if gbuffer.object_id is None else gbuffer.object_id,
+    }
+    rows = {name: plane[b].flatten(1)[:, pixels].T.contiguous().float() for name, plane in planes.items()}
+    for name in ("roughness", "metallic", "opacity", "instances"):
+        rows[name] = rows[name][:, 0]
+    rows["instances"] = rows["instances"].int()
+    rows["points"], rows["normals"] = (part.T.contiguous() for part in places.split(3))
+    return Vertices(inside=_inside(scene, rows["points"], rows.pop("outward"), poses), **rows)
 
 
 def _inside(scene: Scene, points: Tensor, normals: Tensor, poses: Tensor) -> Tensor:
@@ -100,7 +114,7 @@ def _inside(scene: Scene, points: Tensor, normals: Tensor, poses: Tensor) -> Ten
 def at_each_pixel(
     gbuffer: GBuffer,
     receivers: list[Receivers],
-    integrand: Integrand,
+    sums: Sums,
     *,
     dims: int,
     samples: int,
@@ -113,36 +127,36 @@ def at_each_pixel(
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     sequence = Sequence.of(samples, dims, size, seed=seed, device=gbuffer.camera.device)
-    pixels = max(len(r.pixels) for r in receivers)
-    return converge(
-        _estimate(receivers, integrand, sequence, size),
-        samples=samples,
-        noise=noise,
-        pixels=pixels,
-        wanted=gbuffer.hit,
-        progress=progress,
-    )
 
-
-def _estimate(receivers: list[Receivers], integrand: Integrand, sequence: Sequence, size: tuple[int, int]) -> Estimate:
     def estimate(numbers: range) -> Values:
-        pictures = [sums_of(at, integrand, sequence, numbers, size) for at in receivers]
-        return {name: torch.stack([p[name] for p in pictures]) for name in pictures[0]}
+        some = sequence.part(numbers)
+        pictures = [sums(at, some) for at in receivers]
+        return {name: torch.cat([p[name] for p in pictures], dim=1) for name in pictures[0]}
 
-    return estimate
+    pixels = sum(len(at.pixels) for at in receivers)
+    found = converge(estimate, samples=samples, noise=noise, pixels=pixels, progress=progress)
+    values, error = (
+        {name: placed(rows, receivers, size) for name, rows in parts.items()} for parts in (found.values, found.error)
+    )
+    return Truth(values=values, error=error, samples=found.samples)
 
 
-def sums_of(at: Receivers, integrand: Integrand, sequence: Sequence, numbers: range, size: tuple[int, int]) -> Values:
-    """``(C, H, W)`` sums over samples, for one picture."""
-    count = len(numbers)
-    sums: Values = {}
+def placed(rows: Tensor, receivers: list[Receivers], size: tuple[int, int]) -> Tensor:
+    """``(B, C, H, W)`` with the rows ``(C, M)`` of all pictures at their pixels, and 0 elsewhere."""
+    pictures = rows.new_zeros(len(receivers), len(rows), size[0] * size[1])
+    for picture, at, own in zip(
+        pictures, receivers, rows.split([len(at.pixels) for at in receivers], dim=1), strict=True
+    ):
+        picture[:, at.pixels] = own
+    return pictures.view(len(receivers), -1, *size)
+
+
+def summed(integrand: Integrand, at: Receivers, start: Vertices, sequence: Sequence) -> Values:
+    """See `Sums`: with what one path finds as its definition."""
+    count, sums = len(sequence.points), list[Values]()
     step = max(1, WIDE // count)
     for begin in range(0, max(1, len(at.pixels)), step):
         part = slice(begin, begin + step)
-        pixels = at.pixels[part]
-        found = integrand(at, at.vertices[part], sequence.draw(numbers, pixels))
-        for name, value in found.items():
-            if name not in sums:
-                sums[name] = value.new_zeros(size[0] * size[1], value.shape[1])
-            sums[name][pixels] = value.view(count, len(pixels), value.shape[1]).sum(dim=0)
-    return {name: value.T.reshape(-1, *size) for name, value in sums.items()}
+        found = integrand(start[part], sequence.draw(at.pixels[part]))
+        sums.append({name: x.view(count, -1, x.shape[1]).sum(dim=0).T for name, x in found.items()})
+    return {name: torch.cat([part[name] for part in sums], dim=1) for name in sums[0]}

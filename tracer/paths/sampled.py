@@ -13,9 +13,8 @@ from gbufrt import Frame, GBuffer
 from gbufrt.noise.noise import SLICES
 from tracer.direct.lighting import batched
 from tracer.paths.integrators import DIRECT_DIMS, lobe_dims
-from tracer.paths.interaction import Vertices
 from tracer.paths.op import lit, lobes
-from tracer.paths.receivers import Integrand, Receivers, receivers_of, sums_of
+from tracer.paths.receivers import Receivers, Sums, placed, receivers_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene
@@ -92,7 +91,7 @@ def sample_light(
 
     Source: Schied, Peters and Dachsbacher 2018 (A-SVGF), 4.1, for replayed samples.
     """
-    integrand, dims = light_integrand(scene, bounces)
+    sums, dims = light_sums(scene, bounces)
     size = gbuffer.camera.size
     asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
     receivers = receivers_of(scene, asked, poses)
@@ -101,12 +100,13 @@ def sample_light(
         receivers = [_moved(at, then[b]) for b, at in enumerate(receivers)]
     sequence = Sequence.of(SLICES, dims, size, seed=seed, device=gbuffer.camera.device)
     number = index % SLICES
-    sums = [sums_of(at, integrand, sequence, range(number, number + 1), size) for at in receivers]
-    return sampled_light({name: torch.stack([s[name] for s in sums]) for name in sums[0]}, gbuffer)
+    found = [sums(at, sequence.part(range(number, number + 1))) for at in receivers]
+    rows = {name: torch.cat([f[name] for f in found], dim=1) for name in found[0]}
+    return sampled_light({name: placed(x, receivers, size) for name, x in rows.items()}, gbuffer)
 
 
-def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
-    """One path of each kind from each surface, and how many numbers they take.
+def light_sums(scene: Scene, bounces: int) -> tuple[Sums, int]:
+    """One path of each kind from each surface for each point of a sequence, and how many numbers they take.
 
     Raises:
         ValueError: bounces is below 1.
@@ -114,16 +114,17 @@ def light_integrand(scene: Scene, bounces: int) -> tuple[Integrand, int]:
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
 
-    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
+    def sums(at: Receivers, sequence: Sequence) -> Values:
+        start = at.vertices
         white = replace(start, albedo=torch.ones_like(start.albedo))
-        found = lobes(scene, at, start, u[DIRECT_DIMS:], bounces)
-        return {**lit(scene, at, white, u[:DIRECT_DIMS]), **found}
+        found = lobes(scene, at, start, sequence.dims(DIRECT_DIMS), bounces)
+        return {**lit(scene, at, white, sequence.dims(0, DIRECT_DIMS)), **found}
 
-    return integrand, DIRECT_DIMS + lobe_dims(bounces)
+    return sums, DIRECT_DIMS + lobe_dims(bounces)
 
 
 def sampled_light(found: Mapping[str, Tensor], gbuffer: GBuffer) -> SampledLight:
-    """Means of what `light_integrand` finds as light, ``(B, C, H, W)`` each."""
+    """Means of what `light_sums` finds as light, ``(B, C, H, W)`` each."""
     away = torch.where(found["flies"] > 0, gbuffer.camera.far, 0.0)
     mean = found["distance"] / found["ends"].clamp_min(1e-6)
     distance = torch.where(found["ends"] > 0, mean, away)
@@ -199,4 +200,4 @@ def _moved(at: Receivers, then: Tensor) -> Receivers:
     turned = forward[..., :3] @ torch.stack([v.points, v.normals, v.toward], dim=-1)
     points, normals, toward = turned.unbind(dim=-1)
     moved = replace(v, points=points + forward[..., 3], normals=normals, toward=toward)
-    return replace(at, vertices=moved)
+    return replace(at, places=torch.cat([moved.points, normals], dim=1).T, surfaces=lambda: moved)

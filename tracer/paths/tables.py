@@ -87,10 +87,10 @@ def camera_of(picture: Picture | None, device: torch.device) -> Tensor:
 
 
 def picture_of(picture: Picture | None, device: torch.device) -> Tensor:
-    """``(H * W, 7)`` float32: depth, normal and point of each pixel; no rows for none."""
+    """``(4, H * W)`` float32: depth and normal of each pixel; none for no picture."""
     if picture is None:
-        return torch.zeros(0, 7, device=device)
-    return torch.cat([picture.depth[:, None], picture.normal, picture.point], dim=1).to(device)
+        return torch.zeros(4, 0, device=device)
+    return torch.cat([picture.depth[None], picture.normal]).to(device)
 
 
 def _picture(scene: Scene, like: Tensor) -> Tensor:

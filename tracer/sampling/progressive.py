@@ -14,7 +14,7 @@ WIDE = 1 << 15  # paths at a time: bounds memory, and keeps them near the cache
 
 Values = dict[str, Tensor]
 Estimate = Callable[[range], Values]
-"""Maps a range of sample numbers to their sums, each ``(B, C, H, W)``."""
+"""Maps a range of sample numbers to their sums, tensors of any shape, which are then changed."""
 Progress = Callable[[int, int], object]
 """Called with the number of samples done, and of all."""
 
@@ -39,9 +39,7 @@ class Truth:
         return self.values[name]
 
 
-def converge(
-    estimate: Estimate, *, samples: int, noise: float, pixels: int, wanted: Tensor, progress: Progress | None
-) -> Truth:
+def converge(estimate: Estimate, *, samples: int, noise: float, pixels: int, progress: Progress | None) -> Truth:
     """Mean over samples, until all are taken or the error is small enough.
 
     Consecutive samples are grouped, up to `GROUPS` groups, and the error comes from the spread of the groups' means. A
@@ -51,9 +49,8 @@ def converge(
     Args:
         estimate: see `Estimate`.
         samples: at most so many.
-        noise: stop earlier once the error of the first value, averaged over the ``wanted`` pixels, is not above this.
-        pixels: of the picture; sets how many samples are taken at once.
-        wanted: ``(B, 1, H, W)`` bool: the pixels that count.
+        noise: stop earlier once the mean error of the first value is not above this.
+        pixels: that are sampled; sets how many samples are taken at once.
         progress: see `Progress`.
 
     Returns:
@@ -77,16 +74,15 @@ def converge(
 
     while done < samples:
         end = min(done + group, samples)
-        sums = _summed(estimate, done, end, block, samples, progress)
-        share = (end - done) / end
-        for name, total in sums.items():
-            here = total / (end - done)
-            before = mean.get(name, torch.zeros_like(here))
-            change = here - before
-            mean[name] = before + share * change
-            spread[name] = spread.get(name, torch.zeros_like(here)) + (end - done) * change * (here - mean[name])
+        count, share = end - done, (end - done) / end
+        for name, total in _summed(estimate, done, end, block, samples, progress).items():
+            if name not in mean:
+                mean[name], spread[name] = torch.zeros_like(total), torch.zeros_like(total)
+            change = total.div_(count).sub_(mean[name])
+            mean[name].add_(change, alpha=share)
+            spread[name].addcmul_(change, change, value=count * (1 - share))
         done, groups = end, groups + 1
-        if noise > 0 and groups >= FEWEST and _level(error(), wanted) <= noise:
+        if noise > 0 and groups >= FEWEST and not _level(error()) > noise:
             break
     unknown = {name: torch.full_like(value, torch.inf) for name, value in mean.items()}
     return Truth(values=mean, error=unknown if groups < 2 else error(), samples=done)
@@ -103,6 +99,5 @@ def _summed(estimate: Estimate, begin: int, end: int, block: int, samples: int, 
     return sums
 
 
-def _level(error: Values, wanted: Tensor) -> float:
-    first = next(iter(error.values()))
-    return float((first * wanted).sum() / (wanted.sum() * first.shape[1]).clamp_min(1))
+def _level(error: Values) -> float:
+    return float(next(iter(error.values())).mean())

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.approximations import cos_sin
+from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.specular import CELLS, DIELECTRIC_F0, directional_albedo_table
 
 ALBEDO = directional_albedo_table().numpy()
@@ -15,7 +16,7 @@ def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@scalar
+@inlined
 def scaled(a, s):
     return a[0] * s, a[1] * s, a[2] * s
 
@@ -30,7 +31,7 @@ def added(a, b):
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@scalar
+@inlined
 def along(a, b, s):
     """``a + b * s``."""
     return a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * s
@@ -41,7 +42,7 @@ def cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@scalar
+@inlined
 def tangent_frame(n):
     sign = 1.0 if n[2] >= 0 else -1.0
     a = -1 / (sign + n[2])
@@ -49,7 +50,7 @@ def tangent_frame(n):
     return (1 + sign * n[0] * n[0] * a, sign * b, -sign * n[0]), (b, sign + n[1] * n[1] * a, -n[1])
 
 
-@scalar
+@inlined
 def combined(first, second, third, x, y, z):
     """``first * x + second * y + third * z``."""
     return along(along(scaled(first, x), second, y), third, z)
@@ -74,12 +75,11 @@ def disc(a, b):
     return radius * math.cos(angle), radius * math.sin(angle)
 
 
-@scalar
+@inlined
 def cosine_direction(normal, a, b):
     across, other = tangent_frame(normal)
-    radius = math.sqrt(a)
-    angle = 2 * math.pi * b
-    return combined(across, other, normal, radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1 - a))
+    radius, (cosine, sine) = math.sqrt(a), cos_sin(b)
+    return combined(across, other, normal, radius * cosine, radius * sine, math.sqrt(1 - a))
 
 
 @scalar

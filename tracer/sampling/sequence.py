@@ -35,9 +35,17 @@ class Sequence:
         rotation = blue_noise(*size, dims=dims, seed=seed, device=device).flatten(1)
         return Sequence(points=points.clamp_max(BELOW_ONE).to(device), rotation=rotation)
 
-    def draw(self, numbers: range, pixels: Tensor) -> Tensor:
-        """``(D, k * n)`` in [0, 1): the points of k samples at n pixels, one sample after the other."""
-        points = self.points[numbers.start : numbers.stop].T[:, :, None]
+    def part(self, numbers: range) -> Sequence:
+        """Some of the points."""
+        return Sequence(points=self.points[numbers.start : numbers.stop], rotation=self.rotation)
+
+    def dims(self, first: int, end: int | None = None) -> Sequence:
+        """Some of the numbers of each point."""
+        return Sequence(points=self.points[:, first:end], rotation=self.rotation[first:end])
+
+    def draw(self, pixels: Tensor) -> Tensor:
+        """``(D, S * n)`` in [0, 1): the points at n pixels, the first at all of them, then the second at all."""
+        points = self.points.T[:, :, None]
         return ((points + self.rotation[:, None, pixels]) % 1.0).clamp_max(BELOW_ONE).flatten(1)
 
 

@@ -11,21 +11,10 @@ from gbufrt.compute.kernel import inlined, scalar
 from tracer.sampling.scatter_kernel import scaled
 from tracer.scene.grids import MASK, MATERIAL, ORIGIN
 from tracer.traversal import lane_kernel as lane
-from tracer.traversal.grid_kernel import counted, look, triple
+from tracer.traversal.entry_kernel import find_near, prepare, queue, take
+from tracer.traversal.grid_kernel import counted, triple
 from tracer.traversal.kernel import SOLID, dimmed, enters
-from tracer.traversal.lane_kernel import (
-    GROUP,
-    LANES,
-    advance,
-    cell_of,
-    enter,
-    find_near,
-    move,
-    pass_through,
-    put_cell,
-    queue,
-    ray_of,
-)
+from tracer.traversal.lane_kernel import GROUP, LANES, advance, cell_of, move, pass_through, put_cell, ray_of
 
 
 @scalar
@@ -34,25 +23,12 @@ def _opaque(media, box, value):
 
 
 @inlined
-def _start(lanes, x, i, entry, transform, grids, rays, left):
-    """Put ray ``i`` into lane ``x`` as `tracer.traversal.kernel.nearest` starts it; whether it enters the grid."""
-    bricks, index, entries, media = grids
-    origins, directions, spans = rays
-    box, origin, direction = entries[entry], triple(origins, i, 0), triple(directions, i, 0)
-    t_begin, t_end = np.float64(spans[i, 0]), lanes.ends[i]
-    enters_it, outside = enter(lanes, x, i, transform, box, origin, direction, t_begin, t_end)
-    if not enters_it:
-        return False
-    wholes = lanes.wholes
-    wholes[lane.WITHIN + x] = 0
+def _start(lanes, x, entry, box, left):
+    """Start the ray that has taken lane ``x`` as `tracer.traversal.kernel.nearest` does."""
+    wholes, i = lanes.wholes, lanes.wholes[lane.RAY + x]
     if left.shape[0] > 0 and left[i, 1] == entry:
-        c = counted((left[i, 2], left[i, 3], left[i, 4]), box)
-        put_cell(lanes, x, c)
-        wholes[lane.MEDIUM + x], wholes[lane.WITHIN + x] = left[i, 0] - box[MATERIAL], 1
-    elif not outside:
-        medium = look(bricks, index, box, cell_of(lanes, x))[0]
-        wholes[lane.MEDIUM + x] = SOLID if medium > 0 and _opaque(media, box, medium) else medium
-    return True
+        put_cell(lanes, x, counted((left[i, 2], left[i, 3], left[i, 4]), box))
+        wholes[lane.MEDIUM + x], wholes[lane.WITHIN + x], wholes[lane.FIRST + x] = left[i, 0] - box[MATERIAL], 1, 0
 
 
 @scalar
@@ -82,6 +58,10 @@ def _ends(lanes, x, entry, media, box, numbers, ids):
             _found(lanes, x, entry, box, numbers, ids)
         return True
     value = wholes[lane.VALUE + x]
+    if wholes[lane.FIRST + x] > 0:
+        wholes[lane.MEDIUM + x] = SOLID if _opaque(media, box, value) else value
+        wholes[lane.FIRST + x] = 0
+        return False
     if medium == SOLID and value > 0 and _opaque(media, box, value):
         pass_through(lanes, x)
         return wholes[lane.DID + x] == lane.LEAVES
@@ -96,13 +76,18 @@ def _ends(lanes, x, entry, media, box, numbers, ids):
 def _nearest_in(lanes, queued, entry, transform, grids, rays, left, numbers, ids):
     """The surfaces of one entry that are nearer than what was found before."""
     bricks, index, entries, media = grids
-    box, used, idle, k = entries[entry], 0, 0, 0
+    box, used, idle, begun, ready, count = entries[entry], 0, 0, 0, 0, 0
     while True:
-        while k < queued and (idle or used < LANES):
-            x = lanes.idle[idle - 1] if idle else used
-            if _start(lanes, x, lanes.queue[k], entry, transform, grids, rays, left):
+        while (idle or used < LANES) and (ready < count or begun < queued):
+            if ready == count:
+                count, ready = prepare(lanes, begun, queued, transform, box, rays), 0
+                begun += count
+            if lanes.next_wholes[lane.DID + ready] == lane.GOES:
+                x = lanes.idle[idle - 1] if idle else used
                 idle, used = (idle - 1, used) if idle else (0, used + 1)
-            k += 1
+                take(lanes, x, ready)
+                _start(lanes, x, entry, box, left)
+            ready += 1
         while idle:
             idle, used = idle - 1, used - 1
             move(lanes, used, lanes.idle[idle])
@@ -134,18 +119,12 @@ def nearest(lanes, transforms, grids, rays, left, mask, numbers, ids):
 
 
 @inlined
-def _begin(lanes, x, i, transform, box, rays, passed):
-    """Put ray ``i`` into lane ``x`` as `tracer.traversal.kernel.transmitted` starts it; whether it enters the grid."""
-    origins, directions, spans = rays
-    origin, direction = triple(origins, i, 0), triple(directions, i, 0)
-    t_begin, t_end = np.float64(spans[i, 0]), lanes.ends[i]
-    enters_it, outside = enter(lanes, x, i, transform, box, origin, direction, t_begin, t_end)
+def _begin(lanes, x, passed):
+    """Start the ray that has taken lane ``x`` as `tracer.traversal.kernel.transmitted` does."""
     rows, wholes = lanes.numbers, lanes.wholes
-    if enters_it:
-        rows[lane.RED + x], rows[lane.GREEN + x], rows[lane.BLUE + x] = triple(passed, i, 0)
-        rows[lane.BEGAN + x], wholes[lane.WITHIN + x] = rows[lane.T + x], 0
-        wholes[lane.AXIS + x] = wholes[lane.AXIS + x] if outside else -1
-    return enters_it
+    rows[lane.RED + x], rows[lane.GREEN + x], rows[lane.BLUE + x] = triple(passed, wholes[lane.RAY + x], 0)
+    rows[lane.BEGAN + x] = rows[lane.T + x]
+    wholes[lane.AXIS + x] = -1 if wholes[lane.FIRST + x] > 0 else wholes[lane.AXIS + x]
 
 
 @scalar
@@ -184,13 +163,18 @@ def _stops(lanes, x, media, box, passed):
 def _transmitted_in(lanes, queued, box, transform, grids, rays, passed):
     """Light after one entry."""
     bricks, index, _, media = grids
-    used, idle, k = 0, 0, 0
+    used, idle, begun, ready, count = 0, 0, 0, 0, 0
     while True:
-        while k < queued and (idle or used < LANES):
-            x = lanes.idle[idle - 1] if idle else used
-            if _begin(lanes, x, lanes.queue[k], transform, box, rays, passed):
+        while (idle or used < LANES) and (ready < count or begun < queued):
+            if ready == count:
+                count, ready = prepare(lanes, begun, queued, transform, box, rays), 0
+                begun += count
+            if lanes.next_wholes[lane.DID + ready] == lane.GOES:
+                x = lanes.idle[idle - 1] if idle else used
                 idle, used = (idle - 1, used) if idle else (0, used + 1)
-            k += 1
+                take(lanes, x, ready)
+                _begin(lanes, x, passed)
+            ready += 1
         while idle:
             idle, used = idle - 1, used - 1
             move(lanes, used, lanes.idle[idle])

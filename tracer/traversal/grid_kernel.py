@@ -27,7 +27,7 @@ def _transform(matrix, x, y, z, w):
     )
 
 
-@scalar
+@inlined
 def _nonzero(d):
     return TINY if abs(d) < TINY else d
 
@@ -91,7 +91,7 @@ def counted(cell, box):
     return cell[0] - box[ORIGIN], cell[1] - box[ORIGIN + 1], cell[2] - box[ORIGIN + 2]
 
 
-@scalar
+@inlined
 def triple(rows, i, k):
     """Three numbers of a row, beginning at column ``k``."""
     return np.float64(rows[i, k]), np.float64(rows[i, k + 1]), np.float64(rows[i, k + 2])

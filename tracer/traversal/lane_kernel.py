@@ -9,14 +9,12 @@ that read voxels stay scalar, and do nothing else. See `post.sweep.lane_kernel`.
 
 from __future__ import annotations
 
-import math
 from collections import namedtuple
 
 import numpy as np
 
 from gbufrt.compute.kernel import allocating, inlined, scalar
-from tracer.scene.grids import HIGH, INDEX, LOW, NY, NZ
-from tracer.traversal.grid_kernel import SPHERE, cell_at, may_enter, ray_in_grid, slabs, triple
+from tracer.scene.grids import INDEX, NY, NZ
 
 LANES = 128  # more fill the first cache, fewer cost more calls
 BATCH = 1024  # rays that share lanes
@@ -38,21 +36,25 @@ BEGAN, RED, GREEN, BLUE = _rows(11, 15)
 NUMBERS = 15
 # Its cell, the one beyond the grid, and what both are mirrored by, with exclusive or: -1 where the ray falls, else 0:
 CX, CY, CZ, END_X, END_Y, END_Z, MIRROR_X, MIRROR_Y, MIRROR_Z = _rows(0, 9)
-# its number, its medium, whether it began there, the axis of the face that it came through, and what the step did:
-RAY, MEDIUM, WITHIN, AXIS, DID = _rows(9, 14)
+# its number, its medium, whether it began there, the axis of the face that it came through, what the step did, and
+# whether it is still in the cell where it began:
+RAY, MEDIUM, WITHIN, AXIS, DID, FIRST = _rows(9, 15)
 # the id at its cell, and places of the brick and of the voxel:
-VALUE, BRICK, VOXEL = _rows(14, 17)
-WHOLES = 17
+VALUE, BRICK, VOXEL = _rows(15, 18)
+WHOLES = 18
 
-Lanes = namedtuple("Lanes", "numbers wholes idle ends near queue")
-"""Scratch of one thread: rows of float64, and of int32, each beginning at a name above; lanes whose rays are done; of
-each ray of a batch where it ends and which entries it comes near, a bit each; and the rays that wait for a lane."""
+Lanes = namedtuple("Lanes", "numbers wholes next_numbers next_wholes idle ends near queue")
+"""Scratch of one thread: rows of float64, and of int32, each beginning at a name above; the same of the rays that take
+a lane next; lanes whose rays are done; of each ray of a batch where it ends and which entries it comes near, a bit
+each; and the rays that go through an entry."""
 
 
 @allocating
 def new_lanes():
     """Scratch memory of one thread."""
     return Lanes(
+        np.zeros(NUMBERS * LANES),
+        np.zeros(WHOLES * LANES, np.int32),
         np.zeros(NUMBERS * LANES),
         np.zeros(WHOLES * LANES, np.int32),
         np.zeros(LANES, np.int32),
@@ -107,58 +109,6 @@ def put_cell(lanes, x, c):
     wholes[CZ + x] = c[2] ^ wholes[MIRROR_Z + x]
 
 
-@scalar
-def find_near(lanes, count, first, transforms, rays):
-    """Tell which of up to `GROUP` entries from ``first`` on each of ``count`` rays comes near."""
-    origins, directions, _ = rays
-    last = min(first + GROUP, transforms.shape[0])
-    for i in range(count):
-        origin, direction, t_end, bits = triple(origins, i, 0), triple(directions, i, 0), lanes.ends[i], 0
-        for entry in range(first, last):
-            if may_enter(transforms[entry, SPHERE], origin, direction, t_end):
-                bits |= 1 << (entry - first)
-        lanes.near[i] = bits
-
-
-@scalar
-def queue(lanes, count, entry):
-    """Queue the rays that come near an entry, all for the first; how many they are."""
-    bit, queued = (entry - 1) % GROUP, 0
-    for i in range(count):
-        if entry == 0 or lanes.near[i] >> bit & 1:
-            lanes.queue[queued] = i
-            queued += 1
-    return queued
-
-
-@inlined
-def _mirror(lanes, x, box, o, d, inv, k):
-    """Store one coordinate of a ray, mirrored where it falls."""
-    rows, wholes, falls = lanes.numbers, lanes.wholes, d < 0
-    wholes[MIRROR_X + k * LANES + x] = -1 if falls else 0
-    wholes[END_X + k * LANES + x] = -box[LOW + k] if falls else box[HIGH + k]
-    rows[OX + k * LANES + x] = -o if falls else o
-    rows[DX + k * LANES + x], rows[IX + k * LANES + x] = abs(d), abs(inv)
-
-
-@inlined
-def enter(lanes, x, ray, transform, box, origin, direction, t_begin, t_end):
-    """Put a ray into a lane where it enters a grid; whether it does, and whether it begins outside."""
-    o, d, inv = ray_in_grid(transform, origin, direction)
-    near, leave, axis = slabs(o, inv, box)
-    t = max(near, t_begin)
-    if not (t < leave and t < t_end and math.isfinite(leave)):
-        return False, False
-    rows, wholes = lanes.numbers, lanes.wholes
-    _mirror(lanes, x, box, o[0], d[0], inv[0], 0)
-    _mirror(lanes, x, box, o[1], d[1], inv[1], 1)
-    _mirror(lanes, x, box, o[2], d[2], inv[2], 2)
-    rows[T + x], rows[T_END + x] = t, t_end
-    put_cell(lanes, x, cell_at(o, d, t, box))
-    wholes[RAY + x], wholes[AXIS + x], wholes[MEDIUM + x], wholes[DID + x] = ray, axis, 0, GOES
-    return True, near > t_begin
-
-
 @inlined
 def _next(o, d, t, cell, last, through):
     """One coordinate of the cell after a cube left at ``t``; ``through``: by the face across this axis."""
@@ -193,6 +143,7 @@ def _leave(lanes, x, side, around, stays):
     wholes[CX + x], wholes[CY + x], wholes[CZ + x] = cx if stays else nx, cy if stays else ny, cz if stays else nz
     axis = np.int32(1) if by_y else (np.int32(2) if by_z else np.int32(0))
     wholes[AXIS + x] = wholes[AXIS + x] if stays else axis
+    wholes[FIRST + x] = wholes[FIRST + x] if stays else np.int32(0)
     wholes[DID + x] = np.int32(MEETS) if stays else (np.int32(GOES) if goes else np.int32(LEAVES))
 
 

@@ -111,7 +111,7 @@ def trace(
         hit=hit,
         material=ids[:, 0],
         instance=ids[:, 1].clamp_min(0),
-        normal=_normals(ids, rays.transforms, hit),
+        normal=_normals(ids, rays.transforms),
         cell=ids[:, 4:],
         local=numbers[:, 1:],
         face=ids[:, 2],
@@ -255,10 +255,12 @@ def _starts(hits: Hits) -> Tensor:
     return torch.cat([columns, hits.cell.reshape(-1, 3)], dim=1).contiguous()
 
 
-def _normals(ids: Tensor, transforms: Tensor, hit: Tensor) -> Tensor:
+def _normals(ids: Tensor, transforms: Tensor) -> Tensor:
     """World normals of faces: the rows of a grid-from-world matrix are the gradients of the grid's coordinates."""
     rows = torch.nn.functional.normalize(transforms[..., :3, :3], dim=-1).float()
     faces = torch.stack([-rows, rows], dim=3).flatten(1, 3)  # (B, (I + 1) * 6, 3)
-    place = (ids[:, 1].clamp_min(0) * 6 + ids[:, 2]).view(rows.shape[0], -1)
-    place = place + torch.arange(rows.shape[0], device=ids.device)[:, None] * faces.shape[1]
-    return torch.where(hit[:, None], faces.flatten(0, 1)[place.flatten().long()], 0.0)
+    faces = torch.nn.functional.pad(faces, (0, 0, 6, 0))  # entry -1, of rays that hit nothing, has no normal
+    place = (ids[:, 1] * 6 + (ids[:, 2] + 6)).view(len(faces), -1)
+    if len(faces) > 1:
+        place = place + torch.arange(len(faces), dtype=place.dtype, device=ids.device)[:, None] * faces.shape[1]
+    return faces.flatten(0, 1).index_select(0, place.flatten())

@@ -7,23 +7,18 @@ import numpy as np
 from gbufrt.compute.kernel import inlined, scalar
 from tracer.scene.grids import MATERIAL
 from tracer.traversal import lane_kernel as lane
-from tracer.traversal.grid_kernel import counted, triple
-from tracer.traversal.lane_kernel import LANES, advance, enter, move, put_cell
+from tracer.traversal.entry_kernel import prepare, take
+from tracer.traversal.grid_kernel import counted
+from tracer.traversal.lane_kernel import LANES, advance, move, put_cell
 
 
 @inlined
-def _follow(lanes, x, i, entry, transform, box, rays, starts):
-    """Put ray ``i`` into lane ``x`` as `tracer.traversal.kernel.run_length` starts it; whether it enters the grid."""
-    origins, directions, spans = rays
-    origin, direction = triple(origins, i, 0), triple(directions, i, 0)
-    t_begin, t_end = np.float64(spans[i, 0]), np.float64(spans[i, 1])
-    if starts[i, 1] != entry or not enter(lanes, x, i, transform, box, origin, direction, t_begin, t_end)[0]:
-        return False
+def _follow(lanes, x, box, rays, starts):
+    """Start the ray that has taken lane ``x`` as `tracer.traversal.kernel.run_length` does."""
+    i, rows, begin = lanes.wholes[lane.RAY + x], lanes.numbers, np.float64(rays[2][lanes.wholes[lane.RAY + x], 0])
     put_cell(lanes, x, counted((starts[i, 2], starts[i, 3], starts[i, 4]), box))
-    rows = lanes.numbers
-    rows[lane.T + x], rows[lane.BEGAN + x], rows[lane.RED + x] = t_begin, t_begin, 0.0
+    rows[lane.T + x], rows[lane.BEGAN + x], rows[lane.RED + x] = begin, begin, 0.0
     lanes.wholes[lane.WITHIN + x] = 1
-    return True
 
 
 @inlined
@@ -43,18 +38,36 @@ def _comes_out(lanes, x, box, starts, lengths):
 
 
 @scalar
+def _queue(lanes, starts, entry):
+    """Queue the rays that begin in an entry; how many they are."""
+    queued = 0
+    for i in range(starts.shape[0]):
+        if starts[i, 1] == entry:
+            lanes.queue[queued] = i
+            queued += 1
+    return queued
+
+
+@scalar
 def run_lengths(lanes, transforms, grids, rays, starts, lengths):
     """`tracer.traversal.kernel.runs` for a batch of rays; ``lengths`` is 0 before."""
     bricks, index, entries, _ = grids
-    count = lengths.shape[0]
+    for i in range(lengths.shape[0]):
+        lanes.ends[i] = rays[2][i, 1]
     for entry in range(entries.shape[0]):
-        box, transform, used, idle, i = entries[entry], transforms[entry], 0, 0, 0
+        box, transform, used, idle, begun, ready, count = entries[entry], transforms[entry], 0, 0, 0, 0, 0
+        queued = _queue(lanes, starts, entry)
         while True:
-            while i < count and (idle or used < LANES):
-                x = lanes.idle[idle - 1] if idle else used
-                if _follow(lanes, x, i, entry, transform, box, rays, starts):
+            while (idle or used < LANES) and (ready < count or begun < queued):
+                if ready == count:
+                    count, ready = prepare(lanes, begun, queued, transform, box, rays), 0
+                    begun += count
+                if lanes.next_wholes[lane.DID + ready] == lane.GOES:
+                    x = lanes.idle[idle - 1] if idle else used
                     idle, used = (idle - 1, used) if idle else (0, used + 1)
-                i += 1
+                    take(lanes, x, ready)
+                    _follow(lanes, x, box, rays, starts)
+                ready += 1
             while idle:
                 idle, used = idle - 1, used - 1
                 move(lanes, used, lanes.idle[idle])

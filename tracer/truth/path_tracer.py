@@ -117,7 +117,6 @@ def path_trace(
         samples=samples,
         noise=noise,
         pixels=WIDE if shutter > 0 else count,  # so that an open shutter gets one sample at a time
-        wanted=torch.ones(cameras.batch, 1, *cameras.size, dtype=torch.bool, device=cameras.device),
         progress=progress,
     )
 
@@ -184,7 +183,7 @@ class _Exposure:
 
     def _light(self, numbers: range, pixels: Tensor, now: _Moment) -> Tensor:
         """``(n, 6)`` sums over samples."""
-        u, camera = self.sequence.draw(numbers, pixels), now.camera
+        u, camera = self.sequence.part(numbers).draw(pixels), now.camera
         px = camera.pixel_centers(jittered=not self.antialias, dtype=torch.float32)[0].flatten(1)[:, pixels]
         px = px.repeat(1, len(numbers)) + (u[1:3] - 0.5 if self.antialias else 0.0)
         origins, directions, along = lens.lens_rays(

@@ -10,11 +10,11 @@ from gbufrt.directions import length
 from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.lens import focus_distance
 from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
-from tracer.paths.interaction import Vertices
 from tracer.paths.op import indirect, occlusion, reflected
 from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
-from tracer.paths.sampled import SampledLight, light_integrand, sampled_light
+from tracer.paths.sampled import SampledLight, light_sums, sampled_light
 from tracer.sampling.progressive import Progress, Truth, Values
+from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene
 from tracer.truth.path_tracer import path_trace
 
@@ -66,13 +66,13 @@ def ambient_occlusion(
     if not radius > 0:
         raise ValueError(f"radius must be positive, in world units, got {radius}")
 
-    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        return occlusion(scene, at, start, u, radius)
+    def sums(at: Receivers, sequence: Sequence) -> Values:
+        return occlusion(scene, at, sequence, radius)
 
     receivers = receivers_of(scene, gbuffer, poses)
     dims = OCCLUSION_DIMS
     found = at_each_pixel(
-        gbuffer, receivers, integrand, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+        gbuffer, receivers, sums, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )
     bent, normal = found["bent_normal"], gbuffer.normal
     size = length(bent)
@@ -126,13 +126,13 @@ def indirect_diffuse(
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     receivers = receivers_of(scene, gbuffer, poses)
 
-    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        return indirect(scene, at, start, u, bounces)
+    def sums(at: Receivers, sequence: Sequence) -> Values:
+        return indirect(scene, at, at.vertices, sequence, bounces)
 
     found = at_each_pixel(
         gbuffer,
         receivers,
-        integrand,
+        sums,
         dims=indirect_dims(bounces),
         samples=samples,
         noise=noise,
@@ -180,13 +180,13 @@ def reflection(
     Source: Heitz 2018 (visible normals).
     """
 
-    def integrand(at: Receivers, start: Vertices, u: Tensor) -> Values:
-        return reflected(scene, at, start, u, LAMP_ROUGHNESS)
+    def sums(at: Receivers, sequence: Sequence) -> Values:
+        return reflected(scene, at, at.vertices, sequence, LAMP_ROUGHNESS)
 
     receivers = receivers_of(scene, gbuffer, poses)
     dims = REFLECTION_DIMS
     found = at_each_pixel(
-        gbuffer, receivers, integrand, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
+        gbuffer, receivers, sums, dims=dims, samples=samples, noise=noise, seed=seed, progress=progress
     )
     none = torch.where(gbuffer.hit, gbuffer.camera.far, 0.0)
     values, error = dict(found.values), dict(found.error)
@@ -224,9 +224,7 @@ def light_truth(
     Raises:
         ValueError: bounces or samples are below 1, there is no albedo, or the poses do not fit.
     """
-    integrand, dims = light_integrand(scene, bounces)
+    sums, dims = light_sums(scene, bounces)
     receivers = receivers_of(scene, gbuffer, poses)
-    found = at_each_pixel(
-        gbuffer, receivers, integrand, dims=dims, samples=samples, noise=0.0, seed=seed, progress=progress
-    )
+    found = at_each_pixel(gbuffer, receivers, sums, dims=dims, samples=samples, noise=0.0, seed=seed, progress=progress)
     return sampled_light(found.values, gbuffer)

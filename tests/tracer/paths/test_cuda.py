@@ -23,7 +23,7 @@ def check(found: dict[str, Tensor]) -> None:
         off = (found[name] - want).abs() > 1e-3 + 1e-2 * want.abs()
         assert off.any(dim=1).float().mean() < 0.05, f"{name}: few paths graze an edge or a choice"
         assert want.isfinite().all(), name
-    assert {name for name, want in wanted.items() if want.std() == 0} <= {"reflected flies"}
+    assert all(want.std() > 0 for want in wanted.values())
 
 
 def test_the_simulated_cuda_form_finds_what_the_cpu_finds(tmp_path: Path) -> None:
@@ -33,7 +33,7 @@ def test_the_simulated_cuda_form_finds_what_the_cpu_finds(tmp_path: Path) -> Non
     done = subprocess.run([sys.executable, str(SCRIPT), str(out)], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     found, ran = torch.load(out)
-    assert {f"{name}_path" for name in (*light_paths.CASES, "radiance")} <= ran
+    assert "radiance_path" in ran
     check(found)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -16,11 +17,12 @@ from tracer.lights.samples import Lights
 from tracer.paths import integrators, on_screen_kernel
 from tracer.paths import op as path_ops
 from tracer.paths import radiance as path_radiance
-from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
-from tracer.paths.receivers import Receivers, receivers_of
+from tracer.paths.receivers import Receivers, receivers_of, summed
 from tracer.paths.tables import camera_of, picture_of
+from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene, Sky
+from tracer.traversal.lane_kernel import BATCH
 from tracer.traversal.rays import trace
 
 BOUNCES = 3
@@ -40,21 +42,23 @@ def same(a: Tensor, b: Tensor, share: float = 0.004) -> None:
     assert b[~off].abs().mean() > 0
 
 
-def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, Receivers, Vertices, Tensor]:
-    """Some of what a picture shows, and numbers for three paths from each."""
+def place(seed: int, dims: int, *, orthographic: bool = False) -> tuple[Scene, Receivers, Sequence]:
+    """Some of what a picture shows, and points for more paths from each pixel than a batch holds of one."""
     scene = voxels.polished_scene(seed)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=(33, 41), orthographic_height=30.0 if orthographic else None)
-    at = receivers_of(scene, gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=0.3), scene.poses([0.3]))[0]
-    u = torch.rand(dims, 3 * len(at.pixels), generator=torch.Generator().manual_seed(seed))
-    return scene, at, replace(at.vertices, inside=u[0, : len(at.pixels)] < 0.3), u
+    shown = gbuffer(scene, camera.with_jitter((0.2, -0.3)), time=0.3)
+    at = receivers_of(scene, shown, scene.poses([0.3]))[0]
+    u = torch.rand(len(at.pixels), generator=torch.Generator().manual_seed(seed))
+    start = replace(at.vertices, inside=u < 0.3)
+    return scene, replace(at, surfaces=lambda: start), Sequence.of(4, dims, (33, 41), seed=seed, device=u.device)
 
 
-CASES = {
-    "occlusion": (integrators.OCCLUSION_DIMS, (7.0,)),
-    "indirect": (integrators.indirect_dims(2), (2,)),
-    "lit": (integrators.DIRECT_DIMS, ()),
-    "reflected": (integrators.REFLECTION_DIMS, (0.3,)),
-    "lobes": (integrators.lobe_dims(2), (2,)),
+CASES: dict[str, tuple[int, dict[str, Any]]] = {
+    "occlusion": (integrators.OCCLUSION_DIMS, {"radius": 7.0}),
+    "indirect": (integrators.indirect_dims(2), {"bounces": 2}),
+    "lit": (integrators.DIRECT_DIMS, {}),
+    "reflected": (integrators.REFLECTION_DIMS, {"sharp": 0.3}),
+    "lobes": (integrators.lobe_dims(2), {"bounces": 2}),
 }
 
 
@@ -62,11 +66,33 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> None:
     dims, settings = CASES[name]
-    scene, at, start, u = place(len(name), dims, orthographic=orthographic)
-    got, want = (getattr(form, name)(scene, at, start, u, *settings) for form in (path_ops, integrators))
-    assert got.keys() == want.keys()
-    for key, value in want.items():
-        same(got[key], value)
+    scene, at, sequence = place(len(name), dims, orthographic=orthographic)
+    definition = partial(getattr(integrators, name), scene, at, **settings)
+    start = () if name == "occlusion" else (at.vertices,)
+    for number in range(4):
+        one = sequence.part(range(number, number + 1))
+        got = getattr(path_ops, name)(scene, at, *start, one, *settings.values())
+        want = summed(definition, at, at.vertices, one)
+        assert got.keys() == want.keys()
+        for key, value in want.items():
+            same(got[key], value)
+
+
+def test_sums_over_more_paths_than_a_batch_holds_are_those_of_their_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, at, _ = place(1, integrators.OCCLUSION_DIMS)
+    few = replace(at, pixels=at.pixels[:3], places=at.places[:, :3])
+    sequence = Sequence.of(2 * BATCH + 7, integrators.OCCLUSION_DIMS, (33, 41), seed=1, device=at.pixels.device)
+    whole = path_ops.occlusion(scene, few, sequence, 7.0)
+    parts = [
+        path_ops.occlusion(scene, few, sequence.part(range(k, k + 500)), 7.0) for k in range(0, 2 * BATCH + 7, 500)
+    ]
+    for key, value in whole.items():
+        torch.testing.assert_close(value, sum(part[key] for part in parts), rtol=1e-5, atol=1e-5)  # other order
+    monkeypatch.setattr("tracer.paths.receivers.WIDE", 5)
+    some = sequence.part(range(3))
+    want = summed(partial(integrators.occlusion, scene, at, radius=7.0), at, at.vertices, some)
+    for key, value in path_ops.occlusion(scene, at, some, 7.0).items():
+        same(value, want[key])
 
 
 @pytest.mark.parametrize("next_event", [True, False])
