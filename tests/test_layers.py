@@ -220,7 +220,7 @@ def test_siblings_are_ours():
 
 
 def test_samples_use_public_names_only():
-    for path in sorted((ROOT / "samples").glob("*.py")):
+    for path in sorted((ROOT / "samples").rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in PACKAGES:
                 private = [alias.name for alias in node.names if alias.name.startswith("_")]
