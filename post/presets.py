@@ -46,7 +46,7 @@ class Quality:
     Slices, and the taps on each of their sides, are ours: ME1 sweeps 4, 6, 8 or 12 directions for AO and sends 4, 8,
     12 or 16 rays for GI. With a history few are enough, but of one alone bent normals lie in its plane: their error is
     half again as large as of two. A frame without a history takes `FRESH` times as many. With 24 taps for 36 the light
-    in the gaps is a twentieth darker.
+    in the gaps is a twentieth darker. One ray a pixel for reflections errs by a seventh more than three.
     """
 
     strides: Mapping[str, int]
@@ -71,7 +71,7 @@ QUALITIES: Mapping[str, Quality] = {
     "medium": Quality(
         strides={"ao": 2, "gi": 2, "behind": 2},
         ao_slices=1, ao_scales=2, gi_slices=1, gi_steps=36, gi_bounces=2, gi_distance=50,
-        reflection_samples=4, reflection_steps=64, reflection_distance=60,
+        reflection_samples=1, reflection_steps=64, reflection_distance=60,
     ),
     "high": Quality(
         strides={},

@@ -18,12 +18,12 @@ SIZE, SAME = (252, 448), "--size 448x252 --warmup 11"
 RTX = "--pipeline minecraft-rtx --view flythrough --frames 12"
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out/gallery")
 COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the right; the last frame is shown
-    "sun_path": ("--hour 12", "--sun-path 0,0", ""),
+    "sun_path": ("--view horizon --hour 12", "--sun-path 0,0", ""),
     "atmosphere": ("--view horizon", "", "--hour 6.2"),
     "waves": ("--view lake --hour 8.5", "", "--waves 0.1"),
     "rain": ("--view plaza --hour 15", "", "--rain 0.8"),
-    "god_rays": ("--view hall --hour 16.5", "", "--fog 0.85"),
-    "sight": ("--view lake", "", "--status darkness"),
+    "god_rays": ("--view hall --hour 16.5 --frames 24", "", "--fog 0.85"),
+    "sight": ("--view lake", "", "--set composite.sight=80"),
     "one_path": (RTX, "--without light.diffuse,light.specular,upscale", ""),
     "overlay": ("--view plaza", "", f"--ui {out}/hud.png"),
     "spectator": ("--fov 62 --target 140,31.5,28.5", "--eye 113,34.5,35", "--eye 104,35,40"),

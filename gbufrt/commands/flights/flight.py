@@ -62,7 +62,10 @@ class Flight:
         """
         wanted = frozenset(shot.wanted)
         for index in shot.frames:
-            stills = self._stills(index, runner.warmup, device) if self.sampling.paths and index == shot.begin else ()
+            noisy = (
+                bool(self.sampling.paths) or self.recipe.fog
+            )  # so that a warm-up over one frame would keep its noise
+            stills = self._stills(index, runner.warmup, device) if noisy and index == shot.begin else ()
             if known is not None and index not in wanted:
                 yield index, runner(known(index), doing(f"reading frame {index} again"), stills)
                 continue

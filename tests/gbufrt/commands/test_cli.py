@@ -6,15 +6,18 @@ import json
 import subprocess
 import sys
 import warnings
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import boxes
 import OpenEXR
 import pytest
 import torch
-from command_line import SMALL, assert_same_results, fake_me1, files, install, run, spoil
+from command_line import SMALL, assert_same_results, fake_me1, fake_render, files, install, run, spoil
 from PIL import Image
 
+from gbufrt import Frame
 from gbufrt.commands.session import Runner, bare
 from gbufrt.files.exr import read_exr, read_notes, write_exr
 from gbufrt.noise.noise import blue_noise, halton_jitter
@@ -236,3 +239,19 @@ def test_help_needs_no_torch():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "--light-samples" in done.stdout
+
+
+def test_a_still_in_fog_is_traced_anew_for_each_run_of_the_warm_up(monkeypatch: pytest.MonkeyPatch):
+    traced: list[int] = []
+
+    def watched(*given: Any, index: int, **more: Any) -> Frame:
+        traced.append(index)
+        return fake_render(*given, index=index, **more)
+
+    monkeypatch.setattr(import_module("tracer.frames"), "render", watched)
+    monkeypatch.setattr("post.presets.with_fog", lambda pipeline: pipeline)
+    assert run("render", *SMALL, "--fog", "0.5", "--warmup", "2", "--out", "fog") == 0
+    assert len(set(traced)) == 3, "each with noise of its own"
+    traced.clear()
+    assert run("render", *SMALL, "--warmup", "2", "--out", "clear") == 0
+    assert traced == [0]
