@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -22,7 +21,7 @@ COMMANDS = {  # options of `gbufrt render` on both sides, on the left, on the ri
     "atmosphere": ("--view horizon", "", "--hour 6.2"),
     "waves": ("--view lake --hour 8.5", "", "--waves 0.1"),
     "rain": ("--view plaza --hour 15", "", "--rain 0.8"),
-    "god_rays": ("--view hall --hour 16.5 --frames 24", "", "--fog 0.85"),
+    "god_rays": ("--view hall --hour 16.5 --frames 12", "", "--fog 0.85"),
     "sight": ("--view lake", "", "--set composite.sight=80"),
     "one_path": (RTX, "--without light.diffuse,light.specular,upscale", ""),
     "overlay": ("--view plaza", "", f"--ui {out}/hud.png"),
@@ -42,14 +41,13 @@ def still(scene: tracer.Scene, camera: Camera, pipeline: Pipeline | None = None)
 
 
 valley = tracer.load("valley")
-evening, wavy = tracer.at_hour(valley, 17.3), replace(tracer.at_hour(valley, 8.5), waves=tracer.Waves())
+evening = tracer.at_hour(valley, 17.3)
 sun = evening.sun or tracer.Sun()
 air = AerialPerspective(sun=sun.direction, irradiance=sun.irradiance, unit=0.008)
-far, mill = (valley.views[name].camera(1.3, size=SIZE) for name in ("horizon", "mill"))
+far = valley.views["horizon"].camera(1.3, size=SIZE)
 inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
 MADE = {
     "air": lambda side: still(evening, far, me1("high").with_stage("air", air, after="composite") if side else None),
-    "caustics": lambda side: still(replace(wavy, waves=tracer.Waves(caustics=16.0 * side)), mill),
     "stained_glass": lambda side: still(chapel(stained=bool(side)), inside),
 }
 out.mkdir(parents=True, exist_ok=True)

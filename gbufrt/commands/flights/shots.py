@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 LEAD_IN = 64
-"""Frames that a shot begins early. The pictures after a seam are then 52 dB from those of one run, at 960x540 (47 with
+"""Frames that a shot begins early. The pictures after a seam are then 50 dB from those of one run, at 960x540 (47 with
 48 frames): GI's running mean, the slowest history, goes over 33 frames. More runs over the first frame (--warmup) do
 not replace them."""
 LONGEST = 256  # frames of a shot: so much is lost with its worker. Longer only where the lead-in would be a quarter
