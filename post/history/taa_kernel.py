@@ -12,23 +12,12 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
-from post.filters.signals import REC709
 from post.history import constants
+from post.history.color_kernel import luminance, ycocg
 
-ZERO, QUARTER, HALF, ONE = np.float32(0), np.float32(0.25), np.float32(0.5), np.float32(1)
+ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 THREE_HALVES, TWO, FIVE_HALVES, NINTH = np.float32(1.5), np.float32(2), np.float32(2.5), np.float32(1 / 9)
 TINY, LEAST, BRIGHTEST = np.float32(1e-12), np.float32(1e-6), np.float32(constants.BRIGHTEST)
-RED, GREEN, BLUE = (np.float32(share) for share in REC709)
-
-
-@inlined
-def _luminance(r, g, b):
-    return RED * r + GREEN * g + BLUE * b
-
-
-@inlined
-def _ycocg(r, g, b):
-    return QUARTER * r + HALF * g + QUARTER * b, HALF * (r - b), HALF * g - QUARTER * (r + b)
 
 
 @scalar
@@ -37,7 +26,7 @@ def tone_row(toned, color, y, first, end):
     red, green, blue = color[0, y, first:end], color[1, y, first:end], color[2, y, first:end]
     new_red, new_green, new_blue = toned[0, y, first:end], toned[1, y, first:end], toned[2, y, first:end]
     for x in range(red.shape[0]):
-        level = ONE + max(_luminance(red[x], green[x], blue[x]), ZERO)
+        level = ONE + max(luminance(red[x], green[x], blue[x]), ZERO)
         new_red[x], new_green[x], new_blue[x] = red[x] / level, green[x] / level, blue[x] / level
 
 
@@ -78,7 +67,7 @@ def box_row(mean, extent, sums, toned, current, y, first, end, gamma):
         row = min(max(y + dy, 0), height - 1)
         red, green, blue = toned[0, row, begin:stop], toned[1, row, begin:stop], toned[2, row, begin:stop]
         for x in range(red.shape[0]):
-            luma, orange, green_shift = _ycocg(red[x], green[x], blue[x])
+            luma, orange, green_shift = ycocg(red[x], green[x], blue[x])
             s0[x] += luma
             s1[x] += orange
             s2[x] += green_shift
@@ -98,7 +87,7 @@ def box_row(mean, extent, sums, toned, current, y, first, end, gamma):
         for x in range(count):
             average = (l0[x] + m0[x] + r0[x]) * NINTH
             square = (l1[x] + m1[x] + r1[x]) * NINTH
-            luma, orange, green_shift = _ycocg(red[x], green[x], blue[x])
+            luma, orange, green_shift = ycocg(red[x], green[x], blue[x])
             own = luma if c == 0 else orange if c == 1 else green_shift
             spread = math.sqrt(max(square - average * average, ZERO) + TINY)
             center[x], size[x] = average, max(gamma * spread, abs(own - average))
@@ -175,7 +164,7 @@ def mix_row(toned, lengths, current, old, age, mean, extent, longest, y, first, 
     new_red, new_green, new_blue = toned[0, y, first:end], toned[1, y, first:end], toned[2, y, first:end]
     length = lengths[y, first:end]
     for x in range(age.shape[0]):
-        a0, a1, a2 = _ycocg(old_red[x], old_green[x], old_blue[x])
+        a0, a1, a2 = ycocg(old_red[x], old_green[x], old_blue[x])
         a0, a1, a2 = a0 - luma[x], a1 - orange[x], a2 - green_shift[x]
         outside = max(abs(a0) / max(size0[x], LEAST), abs(a1) / max(size1[x], LEAST))
         outside = max(max(outside, abs(a2) / max(size2[x], LEAST)), ONE)
@@ -195,5 +184,5 @@ def light_row(out, toned, y, first, end):
     red, green, blue = toned[0, y, first:end], toned[1, y, first:end], toned[2, y, first:end]
     new_red, new_green, new_blue = out[0, y, first:end], out[1, y, first:end], out[2, y, first:end]
     for x in range(red.shape[0]):
-        level = ONE - min(max(_luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
+        level = ONE - min(max(luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
         new_red[x], new_green[x], new_blue[x] = red[x] / level, green[x] / level, blue[x] / level

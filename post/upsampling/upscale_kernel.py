@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import inlined, scalar
-from post.filters.signals import REC709
+from gbufrt.compute.kernel import scalar
+from post.history.color_kernel import luminance, ycocg
 from post.history.constants import BRIGHTEST as MOST_BRIGHT
 from post.history.constants import WINDOW as NARROW
 from post.upsampling import constants
@@ -36,25 +36,14 @@ from post.upsampling.upscale_history_kernel import (
     bounded,
 )
 
-ZERO, QUARTER, HALF, ONE = (np.float32(x) for x in (0, 0.25, 0.5, 1))
+ZERO, ONE = np.float32(0), np.float32(1)
 TINY, SMALL, SMALLEST = np.float32(1e-12), np.float32(1e-6), np.float32(1e-30)
 BRIGHTEST, WINDOW, FIRST = np.float32(MOST_BRIGHT), np.float32(NARROW), np.float32(constants.FIRST)
 LEAST, MATURE, DECAY = np.float32(constants.LEAST), np.float32(constants.MATURE), np.float32(constants.DECAY)
 SLOW, STEADY, WIDER = np.float32(constants.SLOW), np.float32(constants.STEADY), np.float32(constants.WIDER)
-RED, GREEN, BLUE = (np.float32(share) for share in REC709)
 COLOR, MEAN, SPREAD, NOW_WEIGHT = 0, 3, 6, 9
 """Rows of what this frame tells of each pixel."""
 NOW = 10
-
-
-@inlined
-def _luminance(r, g, b):
-    return RED * r + GREEN * g + BLUE * b
-
-
-@inlined
-def _ycocg(r, g, b):
-    return QUARTER * r + HALF * g + QUARTER * b, HALF * (r - b), HALF * g - QUARTER * (r + b)
 
 
 @scalar
@@ -70,7 +59,7 @@ def sums_row(sums, toned, down, y):
         red, green, blue = toned[0, row], toned[1, row], toned[2, row]
         for x in range(width):
             r, g, b = red[x], green[x], blue[x]
-            luma, orange, shift = _ycocg(r, g, b)
+            luma, orange, shift = ycocg(r, g, b)
             s0[x] += weight * r
             s1[x] += weight * g
             s2[x] += weight * b
@@ -141,7 +130,7 @@ def mix_row(out, light, length, planes, kept, now, small, across, down, numbers,
             calm = min(max(ONE - abs(drift) / max(wobble, STEADY), ZERO), ONE) if wobble > STEADY else ZERO
             extent = gamma + WIDER * spared + stability * calm
             r, g, b = kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x]
-            luma, orange, shift = _ycocg(r, g, b)
+            luma, orange, shift = ycocg(r, g, b)
             a0, a1, a2 = luma - now[MEAN, x], orange - now[MEAN + 1, x], shift - now[MEAN + 2, x]
             outside = max(
                 abs(a0) / max(extent * now[SPREAD, x], SMALL), abs(a1) / max(extent * now[SPREAD + 1, x], SMALL)
@@ -164,6 +153,6 @@ def mix_row(out, light, length, planes, kept, now, small, across, down, numbers,
         planes[3, y, x] = kept[NOW_DEPTH, x] if fresh else kept[LOCKED + 1, x]
         planes[4, y, x] = kept[NOW_MOTION, x] if fresh else kept[LOCKED + 2, x]
         planes[5, y, x] = kept[NOW_MOTION + 1, x] if fresh else kept[LOCKED + 3, x]
-        level = ONE - min(max(_luminance(out[0, y, x], out[1, y, x], out[2, y, x]), ZERO), BRIGHTEST)
+        level = ONE - min(max(luminance(out[0, y, x], out[1, y, x], out[2, y, x]), ZERO), BRIGHTEST)
         for k in range(3):
             light[k, y, x] = out[k, y, x] / level

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import forms
 import pytest
 import torch
+from simulated import answers_of
 
 SCRIPT = Path(forms.__file__)
-ROOT = SCRIPT.parents[2]
 
 
 def check(found: dict[str, torch.Tensor]) -> None:
@@ -25,12 +22,7 @@ def check(found: dict[str, torch.Tensor]) -> None:
 
 
 def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> None:
-    out = tmp_path / "answers.pt"
-    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": paths}
-    done = subprocess.run([sys.executable, str(SCRIPT), str(out)], env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    found, ran = torch.load(out)
+    found, ran = answers_of(SCRIPT, tmp_path / "answers.pt")
     light = {"sweep", "padded", "bodies", "agx", "upsampled", "correspondence", "read", "tone", "alias", "luma"}
     light |= {"surface", "moments", "limits", "bilateral", "wavelet", "sample", "fast", "blend", "stairs", "layer"}
     assert ran == {"march", "reflect", "reconstruct_pixel", *(f"{name}_pixel" for name in light)}

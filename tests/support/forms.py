@@ -4,11 +4,11 @@ by numba's simulator and saves what it finds, with the names of the bodies that 
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import boxes
 import torch
+from simulated import save
 from torch import Tensor
 
 from gbufrt import Frame
@@ -121,14 +121,4 @@ def of_lens(frame: Frame) -> dict[str, Tensor]:
 
 
 if __name__ == "__main__":
-    from gbufrt.compute import cuda
-
-    launch, ran = cuda.launch, set()
-
-    def watched(body: Any, *given: Any) -> None:
-        ran.add(body.__name__)
-        launch(body, *given)
-
-    cuda.launch = watched
-    found = answers()
-    torch.save((found, ran), sys.argv[1])
+    save(answers)

@@ -4,11 +4,11 @@ numba's simulator and saves what it finds, with the names of the bodies that ran
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import torch
 import voxels
+from simulated import save
 from torch import Tensor
 
 from gbufrt import Camera
@@ -39,14 +39,4 @@ def numbers(dims: int, count: int) -> Tensor:
 
 
 if __name__ == "__main__":
-    from gbufrt.compute import cuda
-
-    launch, ran = cuda.launch, set()
-
-    def watched(body: Any, *given: Any) -> None:
-        ran.add(body.__name__)
-        launch(body, *given)
-
-    cuda.launch = watched
-    found = answers()
-    torch.save((found, ran), sys.argv[1])
+    save(answers)

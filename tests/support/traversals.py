@@ -3,11 +3,11 @@ form by numba's simulator and saves what it finds: ``NUMBA_ENABLE_CUDASIM=1 pyth
 
 from __future__ import annotations
 
-import sys
 from typing import Any
 
 import torch
 import voxels
+from simulated import save
 from torch import Tensor
 from voxels import GLASS, STONE, WATER
 
@@ -84,4 +84,4 @@ def numbers(hits: Hits) -> dict[str, Tensor]:
 
 
 if __name__ == "__main__":
-    torch.save(answers(), sys.argv[1])
+    save(answers)

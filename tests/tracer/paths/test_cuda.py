@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import light_paths
 import pytest
 import torch
+from simulated import answers_of
 from torch import Tensor
 
 SCRIPT = Path(light_paths.__file__)
-ROOT = SCRIPT.parents[2]
 
 
 def check(found: dict[str, Tensor]) -> None:
@@ -27,12 +24,7 @@ def check(found: dict[str, Tensor]) -> None:
 
 
 def test_the_simulated_cuda_form_finds_what_the_cpu_finds(tmp_path: Path) -> None:
-    out = tmp_path / "answers.pt"
-    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": paths}
-    done = subprocess.run([sys.executable, str(SCRIPT), str(out)], env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    found, ran = torch.load(out)
+    found, ran = answers_of(SCRIPT, tmp_path / "answers.pt")
     assert "radiance_path" in ran
     check(found)
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 import torch
 import traversals
 from gpu_stand_in import GPU, gpu
+from simulated import answers_of
 from torch import Tensor
 
 from gbufrt.compute import cuda
@@ -19,7 +17,6 @@ from tracer.traversal import op, reference
 from tracer.weather.reference import CLOSE
 
 SCRIPT = Path(traversals.__file__)
-ROOT = SCRIPT.parents[2]
 
 
 def same(found: dict[str, Tensor], wanted: dict[str, Tensor]) -> None:
@@ -58,12 +55,7 @@ def test_the_cpu_form_answers_as_the_reference(wanted: dict[str, Tensor]) -> Non
 
 
 def test_the_simulated_cuda_form_answers_as_the_reference(wanted: dict[str, Tensor], tmp_path: Path) -> None:
-    out = tmp_path / "answers.pt"
-    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
-    environment = os.environ | {"NUMBA_ENABLE_CUDASIM": "1", "PYTHONPATH": paths}
-    done = subprocess.run([sys.executable, str(SCRIPT), str(out)], env=environment, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    same(torch.load(out), wanted)
+    same(answers_of(SCRIPT, tmp_path / "answers.pt")[0], wanted)
 
 
 def test_waves_take_their_kernels_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
