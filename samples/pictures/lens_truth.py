@@ -1,5 +1,5 @@
 """Motion blur and depth of field beside their truth: the path tracer through the lens on the left, our pass over its
-sharp picture on the right."""
+sharp picture on the right. Takes some minutes."""
 
 import sys
 from pathlib import Path
