@@ -30,7 +30,9 @@ from post.upsampling.reduced import Reduced
 Preset = Literal["low", "medium", "high", "ultra"]
 
 GI_PHI = 2.0  # between those for one path a pixel and for none: what is left of noise after accumulation is little
-GI_ITERATIONS = 3  # more gain nothing after accumulation
+ITERATIONS = 3  # of wavelets for bounce light: more gain nothing
+REDUCED_ITERATIONS = 2  # of those for pixels that lie apart: as far in the picture
+REFLECTION_REACH = 4  # pixels of the picture: sigma of the reflections' denoiser, and radius of its square of taps
 GI_CLAMP = 3.0  # of one slice a frame: its noise passes two standard deviations often
 AO_RADIUS = 2.0  # metres
 AO_BLUR = 0.75  # pixels: sigma of the denoiser; wider loses more than it gains, with few directions too
@@ -66,7 +68,7 @@ QUALITIES: Mapping[str, Quality] = {
     "low": Quality(
         strides={"ao": 3, "gi": 3, "reflection": 3, "behind": 3},
         ao_slices=1, ao_scales=1, gi_slices=1, gi_steps=12, gi_bounces=1, gi_distance=30,
-        reflection_samples=2, reflection_steps=48, reflection_distance=40,
+        reflection_samples=1, reflection_steps=48, reflection_distance=40,
     ),
     "medium": Quality(
         strides={"ao": 2, "gi": 2, "behind": 2},
@@ -179,6 +181,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
     bounced = ("gi", "sky_visibility")
     ao_blur = Bilateral(signal=both, radius=2, sigma=AO_BLUR)
     at = {name: Reduced(stride) for name, stride in quality.strides.items()}
+    reach = max(REFLECTION_REACH // quality.strides.get("reflection", 1), 2)
     return {
         "ao": Pipeline(
             reduction=at.get("ao"), estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)
@@ -187,19 +190,21 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
             reduction=at.get("gi"),
             estimate=gi,
             accumulate=Temporal(signal=bounced, blend=0.97, clamp=GI_CLAMP),
-            denoise=Atrous(signal=bounced, phi_color=GI_PHI, iterations=GI_ITERATIONS),
+            denoise=Atrous(
+                signal=bounced, phi_color=GI_PHI, iterations=REDUCED_ITERATIONS if "gi" in at else ITERATIONS
+            ),
         ),
         "reflection": Pipeline(
             reduction=at.get("reflection"),
             estimate=reflection,
-            denoise=Bilateral(signal="reflection"),
+            denoise=Bilateral(signal="reflection", radius=reach, sigma=reach),
             accumulate=Temporal(signal="reflection", blend=0.95),
         ),
         "behind": Pipeline(
             layer="behind",
             reduction=at.get("behind"),
             gi=SSGI(directions=2, steps=BEHIND_STEPS, bounces=1, distance=gi.distance),
-            denoise=Atrous(signal=bounced),
+            denoise=Atrous(signal=bounced, iterations=ITERATIONS),
         ),
     }
 
