@@ -9,7 +9,7 @@ import torch
 from gbufrt import SIGNALS, Frame
 from gbufrt.directions import length
 from gbufrt.reduction import Reduction, every_nth
-from post.filters.signals import UNIT_VECTORS, guarded_albedo, wants_albedo
+from post.filters.signals import MIN_ALBEDO, UNIT_VECTORS, guarded_albedo, wants_albedo
 from post.filters.surfaces import surface
 from post.upsampling.op import upsample
 
@@ -52,11 +52,10 @@ class Reduced(Reduction):
         geometry = surface(g.depth, g.normal, g.hit, g.camera)
         found = upsample(torch.cat(low, dim=1), geometry, stride=self.stride, clear=clear)
         for name, signal in zip(present, found.split(sizes, dim=1), strict=True):
-            if name in lit:
-                signal = signal * guarded_albedo(frame)
+            if name in lit:  # what hit nothing holds 0, whatever its albedo
+                signal = signal if g.albedo is None else signal * g.albedo.clamp_min(MIN_ALBEDO)
             elif name in UNIT_VECTORS:
                 size = length(signal)
-                normal = torch.where(g.hit, g.normal, 0.0)
-                signal = torch.where(size > SHORTEST, signal / size.clamp_min(SHORTEST), normal)
+                signal = torch.where(size > SHORTEST, signal / size.clamp_min(SHORTEST), g.normal * g.hit)
             frame = frame.write(name, signal)
         return frame
