@@ -5,8 +5,9 @@ import sys
 from pathlib import Path
 
 import torch
+from grotto import EYE, TARGET, grotto  # samples beside this one
 from PIL import Image
-from weather import chapel  # the sample beside this one
+from weather import chapel
 
 import tracer
 from gbufrt import Camera, Pipeline
@@ -48,6 +49,7 @@ far = valley.views["horizon"].camera(1.3, size=SIZE)
 inside = Camera.look_at((4.0, 8.5, 2.5), (15.0, 4.5, 22.0), size=SIZE, fov_y=65.0)
 MADE = {
     "air": lambda side: still(evening, far, me1("high").with_stage("air", air, after="composite") if side else None),
+    "caustics": lambda side: still(grotto(caustics=bool(side)), Camera.look_at(EYE, TARGET, size=SIZE)),
     "stained_glass": lambda side: still(chapel(stained=bool(side)), inside),
 }
 out.mkdir(parents=True, exist_ok=True)
