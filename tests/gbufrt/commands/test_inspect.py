@@ -95,7 +95,7 @@ def test_frames_that_count_on_test_each_other(tmp_path: Path, capfd) -> None:
 def test_what_fits_no_profile_is_still_shown(tmp_path: Path, capfd) -> None:
     path = foreign_exr.write(tmp_path / "photo.exr", {"RGB": GREY, "extra.Q": GREY[..., 0]})
     text = told(capfd, path, "--out", tmp_path / "out")
-    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke): none finds its depth" in text
+    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke, houdini): none finds its depth" in text
     assert Image.open(tmp_path / "out" / "photo_sheet.png").width > 2 * 320
 
 
@@ -162,7 +162,7 @@ def test_real_files_of_other_renderers(tmp_path: Path, capfd, name: str) -> None
         (("none.exr",), "none.exr does not exist; check the path"),
         (("{}", "--fov", "5", "--camera", "c.toml"), "--camera and --fov exclude each other"),
         (("{}", "--fov", "500"), "--fov must lie between 0 and 180 degrees, got 500"),
-        (("{}", "--from", "blendr"), "profile must be one of blender, mitsuba, falcor, unreal, nuke or a TOML file"),
+        (("{}", "--from", "blendr"), "no profile 'blendr' in --from (did you mean blender?); it has auto, blender,"),
         (("{}", "--from", "nuke", "--out", "{}"), "a.exr is a file; choose another name"),
         (("{}", "--from", "falcor"), "has no depth under linearZ.R, linearZ.X, linearZ; choose another profile"),
         (("picture.png",), "picture.png is of a kind that is not read; give .vox, .schem, .schematic, .mca, .exr or"),
