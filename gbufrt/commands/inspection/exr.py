@@ -172,7 +172,7 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else "not used without --camera",
         "motion": f"{profile.motion_unit} to the {profile.motion_target} frame",
     }
-    for channel in (*CHANNELS, "thickness"):
+    for channel in (name for name in (*CHANNELS, "thickness") if name != "emission" or named.keys(name)):
         keys = named.keys(channel) if channel in CHANNELS else []
         text = _short(keys) + (f" ({told[channel]})" if channel in told else "") if keys else MISSING[channel]
         table.add_row(channel, escape(text), style="" if keys else "dim")

@@ -54,12 +54,13 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
     found = 1
-    for channel, names in profile.channels.items():
+    names_of = {channel: names for channel, names in profile.channels.items() if channel != "emission"}
+    for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel])
         if channel != "depth" and keys:
             found += 1
             reasons.append(f"{channel} is {', '.join(keys)}")
-    share = found / len(profile.channels)
+    share = found / len(names_of)
     if marks:
         return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
     return Detection(name, round((BY_HEADER + BY_NAMES) * share * 0.9, 2), tuple(reasons))

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini")
-CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1}
-"""What a profile may name, and how many numbers a pixel has."""
+CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
+"""What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
@@ -64,6 +64,9 @@ class Profile:
     """pixels, or uv: parts of the picture's width and height."""
     motion_target: str = "previous"
     """The frame that motion leads to. Motion to the next frame is negated, as if it were even over three frames."""
+    shaded: tuple[str, ...] | None = None
+    """Colours that shaders write together with roughness. Where these, as far as there are any, and roughness are 0,
+    the shader has written neither, and the surface counts as rough. By default roughness 0 is a mirror."""
     albedo_space: str = "linear"
     """linear, or srgb: encoded for display."""
     direct: tuple[tuple[str, ...], ...] = ()
@@ -164,7 +167,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
         lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
         lambda v: tuple(map(tuple, v)),
     ),
-    "finished": ("a list of names", _is_names, tuple),
+    **dict.fromkeys(("finished", "shaded"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     "reversed": ("true or false", lambda v: isinstance(v, bool), bool),

@@ -40,9 +40,10 @@ def read_gbuffer(
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
-    Direct light becomes ``radiance``; where the file has the finished picture alone, that becomes ``composite``, so
-    that light is not added twice. A warning says which passes of the direct light are missing. Where the file has no
-    normal, the one of the depth is taken, and the extra signal ``normal_estimated`` is 1.
+    Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
+    file has the finished picture alone, that becomes ``composite``, so that light is not added twice. A warning says
+    which passes of the direct light are missing. Where the file has no normal, the one of the depth is taken, and the
+    extra signal ``normal_estimated`` is 1.
 
     Args:
         path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.
@@ -103,6 +104,14 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
     motion, motion_z = _motion(named, view, previous, depth, hit)
     albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
+    emission = _channel(named, "emission", size)
+    if roughness is not None and profile.shaded is not None:
+        colors = [
+            named.layers.stack(keys, size) for n in profile.shaded if (keys := named.layers.find((n,), 3, named.layer))
+        ]
+        shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
+        roughness = torch.where(shaded, roughness, 1.0)
+    radiance, finished = _light(named, size)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -114,8 +123,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
         roughness=None if roughness is None else torch.where(hit, roughness.clamp(0, 1), 1.0),
         metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
+        emission=None if emission is None or radiance is None else torch.where(hit, emission, 0.0),
     )
-    radiance, finished = _light(named, size)
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
     return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished, extra=extra)
 

@@ -91,6 +91,15 @@ def test_normals_that_the_file_lacks_are_estimated_with_care_for_edges(tmp_path:
     assert np.allclose(posed.gbuffer.normal, true, atol=1e-5)
 
 
+def test_passes_of_light_lose_nothing_to_what_is_reflected(tmp_path: Path) -> None:
+    """The renderer has taken it off its diffuse light."""
+    frame = taken(rendered(tmp_path / "a_0001.exr", direct=True))
+    result, _ = pipeline_for(frame, Recipe(preset="low"), ())(frame)
+    sum_of_all = result.read("radiance") + result.read("gi") + result.read("reflection")
+    assert float(result.read("reflection").max()) > 0.01
+    assert torch.allclose(result.read("composite"), sum_of_all, atol=1e-5)
+
+
 def test_a_finished_picture_may_have_occlusion_as_a_layer(tmp_path: Path) -> None:
     finished = taken(rendered(tmp_path / "b_0001.exr", direct=False))
     pipeline = pipeline_for(finished, Recipe(preset="low"), ("ao",))
