@@ -126,6 +126,20 @@ def test_worlds(tmp_path: Path, capfd) -> None:
     assert text == f"{path}: MagicaVoxel 150, 1 model, 3 x 4 x 5, the last number upwards; 2 voxels, 0 materials"
 
 
+def test_worlds_whose_tags_are_of_a_wrong_kind(tmp_path: Path, capfd) -> None:
+    nbtlib = pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
+    for tags, message in (
+        ({"Height": 1}, "a.schem: Width must be int, got none"),
+        ({"Width": 1, "Height": 1, "Length": 1, "Version": "x"}, "a.schem: Version must be int, got String"),
+    ):
+        kinds = {int: nbtlib.Short, str: nbtlib.String}
+        nbtlib.File({name: kinds[type(value)](value) for name, value in tags.items()}).save(tmp_path / "a.schem")
+        assert message in told(capfd, tmp_path / "a.schem", code=2)
+    region = tmp_path / "r.0.0.mca"
+    region.write_bytes(b"\0\0\2\1".ljust(8192, b"\0") + b"\0\0\0\2\5x")
+    assert "data version not known, because chunk 0,0 cannot be read (compression must" in told(capfd, region)
+
+
 @pytest.mark.parametrize(
     ("file", "message"),
     [
