@@ -9,14 +9,13 @@ from gbufrt.camera import Camera
 from gbufrt.directions import length
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
+from gbufrt.validation.geometry import FEW, flat
 from gbufrt.validation.motion import found_again
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
-SMOOTH = 0.02  # relative second difference of depth up to which there is no edge
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
 BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
-FEW = 16  # pixels that tell nothing
 MOVES = 0.5  # pixels of motion apart from the cameras' own
 RECIPROCAL = '"reciprocal" or "device"'
 
@@ -149,20 +148,6 @@ def _motion_line(now: float, fits: dict[str, float], what: str) -> str:
     if fits[best] <= now + BETTER:
         return ""
     return f"{best} fits better: motion agrees with {what} at {fits[best]:.0%} of the pixels instead of {now:.0%}"
-
-
-def flat(g: GBuffer) -> Tensor:
-    """``(B, 1, H, W)`` pixels hit, as are those around them, without an edge of depth or of normals between."""
-    inside = g.hit.clone()
-    for dim in (2, 3):
-        bend = g.depth.roll(1, dim) - 2 * g.depth + g.depth.roll(-1, dim)
-        inside = inside & (bend.abs() < SMOOTH * g.depth)
-        for step in (1, -1):
-            same = (g.normal.roll(step, dim) * g.normal).sum(1, keepdim=True) > 0.99
-            inside = inside & g.hit.roll(step, dim) & same
-    inside[:, :, (0, -1)] = False
-    inside[..., (0, -1)] = False
-    return inside
 
 
 def _bend(depth: Tensor, inside: Tensor, *, orthographic: bool) -> float:

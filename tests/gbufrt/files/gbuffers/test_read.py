@@ -14,10 +14,10 @@ import torch
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
-from gbufrt.files.gbuffers.agreement import flat
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.guard import read_parts
 from gbufrt.gbuffer import GBuffer
+from gbufrt.validation.geometry import flat
 from post.shading.sent_light import gathered_radiance
 
 REAL = {
