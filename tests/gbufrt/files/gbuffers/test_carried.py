@@ -12,6 +12,7 @@ import torch
 from foreign_exr import CAMERA, SIZE, truth, write
 
 from gbufrt.camera import Camera
+from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.carried import carried_camera
@@ -60,6 +61,23 @@ def test_a_file_with_its_camera_needs_no_other(tmp_path: Path) -> None:
     assert disagreements(frame) == []
     with pytest.raises(ValueError, match="carries no camera; give one, or a field of view"):
         read_gbuffer(write(tmp_path / "b.exr", layers))
+
+
+def test_the_frame_before_gives_the_camera_before(tmp_path: Path) -> None:
+    found = truth()
+    layers = {"Z": np.where(found["hit"], found["planar"], 1e30), "RGB": np.full((*SIZE, 3), 0.5)}
+    for number, shift in ((1, 0.0), (2, 0.1), (4, 0.1)):
+        header = matrices(1, shift=shift)
+        write(tmp_path / f"a.{number}.exr", layers, header)  # pyright: ignore[reportArgumentType]
+    source = Source.of([tmp_path / f"a.{n}.exr" for n in (1, 2, 4)], "auto", None, None)
+    first, second, third = (frame.gbuffer for frame in source.frames())
+    assert first.previous_camera is None
+    assert third.previous_camera is None
+    assert second.previous_camera is not None
+    assert torch.equal(second.previous_camera.intrinsics, first.camera.intrinsics)
+    assert not torch.equal(second.camera.intrinsics, first.camera.intrinsics)
+    assert second.motion is not None
+    assert float(second.motion[second.hit.expand_as(second.motion)].abs().max()) > 1
 
 
 def test_the_text_of_unreal_is_read_in_metres() -> None:

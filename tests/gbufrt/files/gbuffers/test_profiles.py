@@ -196,3 +196,14 @@ def test_a_static_world_has_motion_without_a_layer_of_it(tmp_path: Path) -> None
     assert g.motion is not None
     assert g.motion_z is not None
     assert torch.allclose(g.motion_z, CAMERA.static_motion(BEFORE, g.depth, g.hit)[1])
+
+
+def test_normals_of_unreal_may_be_stored_either_way(tmp_path: Path) -> None:
+    plain = np.stack([X, Z, Y], -1)
+    found = [
+        read_gbuffer(
+            write(tmp_path / f"{n}.exr", FILES["unreal"] | {"QueueWorldNormal.RGB": normals}), camera=CAMERA
+        ).gbuffer.normal
+        for n, normals in enumerate((plain, plain / 2 + 0.5))
+    ]
+    assert torch.allclose(found[0], found[1], atol=1e-6)

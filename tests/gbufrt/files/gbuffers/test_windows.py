@@ -11,6 +11,7 @@ from foreign_exr import CAMERA, SIZE, truth, write
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.sequence import expanded, shots_of
+from gbufrt.files.guard import read_parts
 
 T = truth()
 LAYERS = {
@@ -80,3 +81,18 @@ def test_patterns_stand_for_the_files_there_by_number(tmp_path: Path) -> None:
     assert expanded(tmp_path / "other.exr") == [tmp_path / "other.exr"]
     with pytest.raises(ValueError, match=r"no file fits .*other\.#\.exr"):
         expanded(tmp_path / "other.#.exr")
+
+
+def test_a_camera_reaches_as_far_as_the_file(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", LAYERS | {"Depth.Z": np.where(T["hit"], 50 * T["planar"], 1e10)})
+    g = read_gbuffer(path, camera=CAMERA).gbuffer
+    assert float(g.depth[g.hit].max()) > CAMERA.far
+    assert float(g.depth[g.hit].max()) < g.camera.far
+    assert bool((g.depth[~g.hit] == g.camera.far).all())
+
+
+def test_a_small_crop_of_a_picture_too_large_for_memory_is_refused(tmp_path: Path) -> None:
+    many = {f"layer{n}.RGBA": np.zeros((*SIZE, 4)) for n in range(8)}
+    path = write(tmp_path / "a.exr", many, {"displayWindow": window(0, 0, 8191, 8191)})  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match=r"claims 8\.0 GB of pixels, more than the limit of 4; if true, set"):
+        read_parts(path, header_only=True)
