@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_exr import CAMERA, SIZE, truth, write
+from foreign_exr import CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
@@ -96,3 +97,14 @@ def test_a_small_crop_of_a_picture_too_large_for_memory_is_refused(tmp_path: Pat
     path = write(tmp_path / "a.exr", many, {"displayWindow": window(0, 0, 8191, 8191)})  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match=r"claims 8\.0 GB of pixels, more than the limit of 4; if true, set"):
         read_parts(path, header_only=True)
+
+
+def test_luminance_with_chroma_at_half_size_is_refused(tmp_path: Path) -> None:
+    path = write_parts(tmp_path / "a.exr", {"": dict.fromkeys(("Y", "BY", "RY"), np.ones(SIZE))})
+    data = bytearray(path.read_bytes())
+    for name in (b"BY\0", b"RY\0"):
+        sampling = data.index(name) + len(name) + 8  # after type, linearity and three bytes of nothing
+        data[sampling : sampling + 8] = struct.pack("<ii", 2, 2)
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match="has subsampled channels, which gbufrt does not read; save it as RGB"):
+        read_gbuffer(path, fov=40)
