@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
@@ -13,17 +12,20 @@ from typing import Any
 
 import torch
 
+from gbufrt.camera import Camera
 from gbufrt.commands.session import Recipe
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
+from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.detect import detect
-from gbufrt.files.gbuffers.profile import SHIPPED
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.profile import SHIPPED, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
-from gbufrt.files.guard import read_parts
+from gbufrt.files.gbuffers.sequence import Shot, shot_parts, shots_of
 from gbufrt.frame import Frame
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
-from post import Denoise, EstimateMissing, normals_from_depth
+from post import Composite, Denoise, EstimateMissing, normals_from_depth
 
 LIT = ("ao", "gi", "reflection", "behind", "composite")
 """Stages that make light of direct light; a finished picture holds it already."""
@@ -38,13 +40,13 @@ class Source:
     """Where the files of another renderer come from.
 
     Args:
-        paths: in order.
+        shots: the frames, in order.
         profile: ``auto``, a shipped profile, or a TOML file.
-        cameras: of the frames; None with ``fov``.
+        cameras: of the frames; None with ``fov``, or where the files carry theirs.
         fov: vertical field of view in degrees of a camera that stands still.
     """
 
-    paths: list[Path]
+    shots: list[Shot]
     profile: str
     cameras: Cameras | None
     fov: float | None
@@ -58,43 +60,60 @@ class Source:
             ValueError: a profile or camera is missing or wrong.
             FileNotFoundError: there is no such camera file.
         """
-        if (camera is None) == (fov is None):
-            raise ValueError(
-                "--from needs the camera: give --camera FILE.toml, or --fov DEGREES for one that stands still"
-            )
+        if camera is not None and fov is not None:
+            raise ValueError("--camera and --fov exclude each other; leave one out")
         if fov is not None and not 0 < fov < 180:
             raise ValueError(f"--fov must lie between 0 and 180 degrees, got {fov:g}")
         if profile not in ("auto", *SHIPPED) and not Path(profile).is_file():
             raise ValueError(unknown("profile", profile, "--from", ("auto", *SHIPPED)) + ", or give a .toml file")
-        return Source(paths=paths, profile=profile, cameras=None if camera is None else load_cameras(camera), fov=fov)
+        cameras = None if camera is None else load_cameras(camera)
+        return Source(shots=shots_of(paths), profile=profile, cameras=cameras, fov=fov)
 
     @staticmethod
     def of(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
         """Files in order; says what they are taken for.
 
         Raises:
-            ValueError: see `named`; a file fits no profile, or numbers run backwards.
+            ValueError: see `named`; a file fits no profile, numbers run backwards, or there is no camera.
             FileNotFoundError: see `named`.
         """
         source = Source.named(paths, profile, camera, fov)
-        numbers = source.numbers
-        if numbers != sorted(set(numbers)):
+        numbers = [shot.number for shot in source.shots]
+        if numbers != sorted(numbers) or any(source.are_frames(shot) for shot in source.shots):
             raise ValueError("frame numbers in the files' names must count up; give the files in order")
+        first = source.shots[0]
         if profile == "auto":
-            found = detect(paths[0])
-            source.tell(f"{paths[0]}: {found.name} ({found.certainty:.0%} sure: {'; '.join(found.reasons[:3])})")
+            found = detect(first.files)
+            source.tell(f"{first}: {found.name} ({found.certainty:.0%} sure: {'; '.join(found.reasons[:3])})")
         if fov is not None:
             source.tell("--fov: the camera is taken to stand still; moving ones need --camera")
+        elif camera is None and source.carried(first) is None:
+            raise ValueError(
+                f"{first} carries no camera: give --camera FILE.toml, or --fov DEGREES for one that stands still"
+            )
         gaps = [n for n, after in pairwise(numbers) if after != n + 1]
         if gaps:
             source.tell(f"no frame {gaps[0] + 1}: histories begin anew after a gap")
         return source
 
-    @property
-    def numbers(self) -> list[int]:
-        """The last number in each file's name; the place in the list where one has none."""
-        found = [re.findall(r"\d+", path.stem) for path in self.paths]
-        return [int(digits[-1]) for digits in found] if all(found) else list(range(len(self.paths)))
+    def are_frames(self, shot: Shot) -> bool:
+        """Whether several files of one number are frames of their own, because the first has depth and more."""
+        if len(shot.files) == 1:
+            return False
+        try:
+            return len(detect(shot.files[0]).reasons) > 1
+        except ValueError:
+            return False
+
+    def carried(self, shot: Shot) -> Camera | None:
+        """The camera in a frame's files."""
+        profile = load_profile(self.profile_of(shot))
+        layers = Layers(shot.files[0], shot_parts(shot.files, header_only=True))
+        return carried_camera(layers.header, profile, layers.size)
+
+    def profile_of(self, shot: Shot) -> str:
+        """The profile's name or path."""
+        return detect(shot.files).name if self.profile == "auto" else self.profile
 
     def tell(self, line: str) -> None:
         """Say something once, on stderr."""
@@ -105,15 +124,15 @@ class Source:
     def frames(self) -> Iterator[Frame]:
         """The frames of all files, in order."""
         before = None
-        for path in self.paths:
-            before = self.frame(path, before)
+        for shot in self.shots:
+            before = self.frame(shot, before)
             yield before
 
-    def frame(self, path: Path, before: Frame | None = None) -> Frame:
-        """The frame of one of the files, ready for the passes; ``before`` is the one before it, if there is one."""
-        frame, wrong = self.read(path, before)
+    def frame(self, shot: Shot, before: Frame | None = None) -> Frame:
+        """One of the frames, ready for the passes; ``before`` is the one before it, if there is one."""
+        frame, wrong = self.read(shot, before)
         for line in wrong:
-            self.tell(f"{path}: {line}")
+            self.tell(f"{shot}: {line}")
         guessed = frame.extra.get("normal_estimated")
         if guessed is not None:
             g = frame.gbuffer
@@ -121,25 +140,40 @@ class Source:
             frame = frame.replace(gbuffer=g.replace(normal=normal))
         if frame.radiance is None:
             if frame.composite is None:
-                raise ValueError(f"{path} holds no light: neither passes of direct light nor a finished picture")
+                raise ValueError(f"{shot} holds no light: neither passes of direct light nor a finished picture")
             frame = frame.replace(color=frame.composite)
         return frame
 
-    def read(self, path: Path, before: Frame | None = None) -> tuple[Frame, list[str]]:
-        """The frame of one of the files, and what of it disagrees; ``before`` is used where it is the one before."""
-        number = self.numbers[self.paths.index(path)]
-        known: dict[str, Any] = {"fov": self.fov}
+    def read(self, shot: Shot, before: Frame | None = None) -> tuple[Frame, list[str]]:
+        """One of the frames, and what of it disagrees; ``before`` is used where it is the one before."""
+        number, known = shot.number, dict[str, Any]()
         follows = before is not None and before.index == number - 1
-        if self.cameras is not None:
-            size = read_parts(path, header_only=True)[0].size
-            known = {"camera": self.cameras.at(number, size)}
+        if self.fov is not None:
+            known["fov"] = self.fov
+        elif self.cameras is not None:
+            size = shot_parts(shot.files, header_only=True)[0].whole
+            known["camera"] = self.cameras.at(number, size)
             if follows or number - 1 in self.cameras.tables:
                 known["previous_camera"] = self.cameras.at(number - 1, size)
-        frame = read_gbuffer(path, self.profile, index=number, **known)
-        if follows and self.cameras is None:
+        elif follows and before is not None:
+            known["previous_camera"] = before.gbuffer.camera
+        profile = self.profile_of(shot)
+        frame = read_gbuffer(shot.files, profile, index=number, **known)
+        if follows and self.fov is not None:
             g = frame.gbuffer
             frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
-        return frame, disagreements(frame, before if follows else None)
+        return frame, disagreements(frame, before if follows else None, load_profile(profile).depth_kind)
+
+
+class CompositeOfPasses(Composite):
+    """`Composite` of light that a renderer has made: what it reflects is missing from its diffuse light already."""
+
+    def forward(self, frame: Frame) -> Frame:
+        if frame.reflection is None or self.mode != "physical" or self.sight is not None:
+            return super().forward(frame)
+        lit, added = super().forward(frame.replace(reflection=None)), self.reflection_intensity * frame.reflection
+        sums = {name: lit.read(name) + added for name in ("composite", "color")}
+        return lit.replace(reflection=frame.reflection, **sums)
 
 
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:
@@ -180,6 +214,8 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
         always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
         left_out |= set(stages) - set(names) - always
     kept = {name: stage for name, stage in stages.items() if name not in left_out}
+    if not finished and isinstance(sums := kept.get("composite"), Composite):
+        kept["composite"] = CompositeOfPasses(**sums.tunables())
     light = "color" if finished else "radiance"
     guessed = GUESSED if "reflection" in kept and frame.gbuffer.roughness is None else ()
     first: dict[str, Any] = {"missing": EstimateMissing(channels=(*ESTIMATED, *guessed))}

@@ -20,15 +20,16 @@ def inspect(
     """Print what files hold, what they are taken for, and why.
 
     Of an EXR file: layers with type, range of values and pixels that are not finite; who wrote it; which of gbufrt's
-    channels it gives, and from what; what is missing, and what is done about it. With a camera, also whether the
-    channels agree with each other, and the setting of the profile that would make them. Of a Minecraft region, save or
-    schematic and of a .vox file: size, version, blocks.
+    channels it gives, and from what; what is missing, and what is done about it. With a camera, of the file or given,
+    also whether the channels agree with each other, and the setting of the profile that would make them. Of a Minecraft
+    region, save or schematic and of a .vox file: size, version, blocks.
 
     Args:
-        files: EXR files, of gbufrt or any other program, and worlds. Frames that count on test each other's motion.
-        source: What wrote the EXR files: auto, blender, mitsuba, falcor, unreal, nuke, or a profile of your own in
-            TOML.
-        camera: The cameras, in TOML.
+        files: EXR files, of gbufrt or any other program, and worlds. Frames that count on test each other's motion; EXR
+            files that share a frame number are passes of one frame.
+        source: What wrote the EXR files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, or a profile of your
+            own in TOML.
+        camera: The cameras, in TOML. [default: those that the files carry]
         fov: In place of --camera: vertical field of view in degrees of a camera that stands still.
         out: Folder for a contact sheet of each EXR file: every layer as the file has it, then as gbufrt reads it.
     """
@@ -54,12 +55,12 @@ def inspect(
     from gbufrt.commands.inspection.world import show_world
 
     pictures = [file for file in files if file.suffix.lower() == ".exr"]
-    told = camera is not None or fov is not None
-    inspector = Inspector(pictures, source, Source.named(pictures, source, camera, fov) if told else None)
+    inspector = Inspector(Source.named(pictures, source, camera, fov))
     console = Console(highlight=False)
-    for place, file in enumerate(files):
+    first = {shot.files[0]: shot for shot in inspector.source.shots}
+    for place, file in enumerate(file for file in files if file in first or file not in pictures):
         console.print("\n" * (place > 0), end="")
-        if file in pictures:
-            inspector.show(console, file, out)
+        if file in first:
+            inspector.show(console, first[file], out)
         else:
             show_world(console, file)

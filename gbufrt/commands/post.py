@@ -38,29 +38,31 @@ def post(
     were rendered with, and the pictures are the same; --without and --set change it, --preset starts anew. Frames that
     follow each other share their history, others start with their own.
 
-    Files of other renderers need a camera. What their G-buffers lack is estimated. Passes of direct light get ambient
-    occlusion, indirect light and reflections; to a finished picture no light is added.
+    Files of other renderers need a camera, unless they carry it. What their G-buffers lack is estimated. Passes of
+    direct light get ambient occlusion, indirect light and reflections; to a finished picture no light is added. Files
+    that share a frame number are passes of one frame.
 
     Light that is not finite, as in real renders, is mended (NaN becomes 0, infinity the largest value of its channel)
     and reported; geometry that is not finite is refused.
 
     Args:
-        files: EXR files in order, or folders of them (their frame_*.exr).
+        files: EXR files in order, such as shot.####.exr or shot.%04d.exr, or folders of them.
         out: Folder to write to; made where it is missing.
-        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, or a profile of your own in TOML.
-        camera: With --from: the cameras, in TOML.
-        fov: With --from, in place of --camera: vertical field of view in degrees of a camera that stands still.
-        passes: With --from: passes to run, such as ao,gi,dof,motion_blur,denoise; by default all that fit. Exposure and
-            tone curve always run.
+        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, or a profile of your own in
+            TOML. [default: gbufrt, or auto where it was another]
+        camera: Of other renderers: the cameras, in TOML. [default: those that the files carry]
+        fov: Of other renderers, in place of --camera: vertical field of view in degrees of a camera that stands still.
+        passes: Of other renderers: passes to run, such as ao,gi,dof,motion_blur,denoise; by default all that fit.
+            Exposure and tone curve always run.
         strict: Mend nothing: refuse a frame in which any channel breaks a convention.
     """
     options, written = options or PassOptions(), written or FileOptions()
     check_options(options)
     check_files(written)
     check_folder(out)
-    if source is None and (camera is not None or fov is not None or passes):
-        raise ValueError("--camera, --fov and --passes are for files of other renderers; add --from auto")
     paths = gathered(files, out)
+    if source is None and (camera is not None or fov is not None or passes or not is_own(paths[0])):
+        source = "auto"
 
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of, save
@@ -68,6 +70,7 @@ def post(
 
     device = open_device(options.device)
     check_sizes(paths)
+    names = [path.stem for path in paths]
     if source is None:
         recipe, notes = recorded(paths, options)
         pipeline, frames = recipe.build(), own(paths)
@@ -77,8 +80,10 @@ def post(
         from gbufrt.commands.foreign import Source, pipeline_for
         from gbufrt.commands.session import Recipe
 
+        origin = Source.of(paths, source, camera, fov)
+        paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
-        frames = Source.of(paths, source, camera, fov).frames()
+        frames = origin.frames()
         first = next(frames)
         pipeline, frames = pipeline_for(first, recipe, parse_names(passes)), chain([first], frames)
         if "denoise" in pipeline.stages:
@@ -86,14 +91,14 @@ def post(
     runner = Runner(pipeline, recipe.warmup)
     check_only(written, runner.pipeline)
     with progress("post", runner.runs(len(paths))) as doing:
-        for path, frame in zip(paths, frames, strict=True):
+        for path, name, frame in zip(paths, names, frames, strict=True):
             keeps = replace(written, precision=precision_of(written, notes[path]))
             frame = as_stored(sound(frame, path, strict=strict), precision_of(keeps))
-            result = runner(frame.to(device), doing(f"passes of {path.name}"))
+            result = runner(frame.to(device), doing(f"passes of {name}"))
             told = {**notes[path], "pipeline": recipe.to_notes()}
-            save(out, path.stem, result, notes=told, debug=options.debug, files=keeps)
+            save(out, name, result, notes=told, debug=options.debug, files=keeps)
     print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
-    encode(written, [out / f"{path.stem}.png" for path in paths], rate_of(notes[paths[0]]))
+    encode(written, [out / f"{name}.png" for name in names], rate_of(notes[paths[0]]))
 
 
 def own(paths: list[Path]) -> Iterator[Frame]:
@@ -109,7 +114,7 @@ def check_sizes(paths: list[Path]) -> None:
     """Raise ValueError where a file cannot be read or is of another size than the first; reads headers only."""
     from gbufrt.files.guard import read_parts
 
-    sizes = {path: read_parts(path, header_only=True)[0].size for path in paths}
+    sizes = {path: read_parts(path, header_only=True)[0].whole for path in paths}
     for path, (height, width) in sizes.items():
         if (height, width) != sizes[paths[0]]:
             first = sizes[paths[0]]
@@ -123,16 +128,18 @@ def rate_of(notes: dict[str, Any]) -> float:
 
 
 def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
-    """The files to read, with folders replaced by what is in them.
+    """The files to read, with folders and patterns replaced by what is in them.
 
     Raises:
         ValueError: there are none, a folder lacks one between others, or two would be written to the same name, or
             onto their own input.
         FileNotFoundError: one does not exist.
     """
+    from gbufrt.files.gbuffers.sequence import expanded
+
     paths: list[Path] = []
     for file in files:
-        paths += numbered(file, "exr") if file.is_dir() else [file]
+        paths += within(file) if file.is_dir() else expanded(file)
     if not paths:
         raise ValueError("no files given; give EXR files or folders that `gbufrt render` wrote")
     stems = [path.stem for path in paths]
@@ -146,6 +153,23 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
         if stems.count(path.stem) > 1:
             raise ValueError(f"several inputs are called {path.stem}, and would be written to one file; run them apart")
     return paths
+
+
+def within(folder: Path) -> list[Path]:
+    """The frames that `gbufrt render` wrote into a folder, or else all its EXR files, by number."""
+    from gbufrt.files.gbuffers.sequence import by_number
+
+    if any(folder.glob("frame_*.exr")):
+        return numbered(folder, "exr")
+    return by_number(folder.glob("*.exr")) or numbered(folder, "exr")
+
+
+def is_own(path: Path) -> bool:
+    """Whether gbufrt wrote a file; raises ValueError where it cannot be read."""
+    from gbufrt.files.guard import read_parts
+    from gbufrt.files.header import ATTRIBUTE
+
+    return any(ATTRIBUTE in part.header for part in read_parts(path, header_only=True))
 
 
 def sound(frame: Frame, path: Path, *, strict: bool = False) -> Frame:

@@ -40,6 +40,17 @@ class Part:
     names: tuple[str, ...]
     channels: Mapping[str, np.ndarray]
 
+    @property
+    def display(self) -> tuple[int, int, int, int]:
+        """Left, top, height and width of the display window: the whole picture, which pixels may not fill or pass."""
+        (x0, y0), (x1, y1) = ([int(v) for v in c] for c in self.header.get("displayWindow", self.header["dataWindow"]))
+        return x0, y0, y1 - y0 + 1, x1 - x0 + 1
+
+    @property
+    def whole(self) -> tuple[int, int]:
+        """``(H, W)`` of the display window."""
+        return self.display[2:]
+
 
 def read_parts(path: str | Path, *, max_pixels: int = MAX_PIXELS, header_only: bool = False) -> list[Part]:
     """Every part of an OpenEXR file.
@@ -115,7 +126,7 @@ def _part(path: Path, part: Any) -> Part:
 def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
     if not parts:
         raise ValueError(f"{path} is damaged: it has no parts")
-    decoded = 0
+    decoded = filled = 0
     for part in parts:
         height, width = part.size
         if height < 1 or width < 1:
@@ -127,14 +138,31 @@ def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
         if part.header.get("type") in (OpenEXR.deepscanline, OpenEXR.deeptile):
             raise ValueError(f"{path} holds deep pixels, which gbufrt does not read; flatten it first")
         decoded += height * width * 4 * len(part.names)
+        filled += _window_pixels(path, part, max_pixels) * 4 * len(part.names)
     size = path.stat().st_size
     if decoded > MAX_RATIO * size + SLACK:
         raise ValueError(f"{path} is damaged: {size} bytes cannot hold the {decoded} that its header claims")
-    if decoded > (most := most_bytes()):
+    if max(decoded, filled) > (most := most_bytes()):
         raise ValueError(
-            f"{path} claims {decoded / 2**30:.1f} GB of pixels, more than the limit of {most / 2**30:g}; if true, set "
-            "GBUFRT_MAX_GB"
+            f"{path} claims {max(decoded, filled) / 2**30:.1f} GB of pixels, more than the limit of {most / 2**30:g}; "
+            "if true, set GBUFRT_MAX_GB"
         )
+
+
+def _window_pixels(path: Path, part: Part, max_pixels: int) -> int:
+    """How many pixels the whole picture has; a crop is filled up to it."""
+    try:
+        height, width = part.whole
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is damaged: its display window cannot be read") from error
+    if height < 1 or width < 1:
+        raise ValueError(f"{path} is damaged: its display window is {width}x{height} pixels")
+    if height * width > max_pixels:
+        raise ValueError(
+            f"{path} claims a picture of {width}x{height} pixels, more than the limit of {max_pixels}; raise "
+            "max_pixels if true"
+        )
+    return height * width
 
 
 def most_bytes() -> float:

@@ -13,7 +13,9 @@ from gbufrt.validation.pixels import WRONG_SHARE, check_unit, count, example, pl
 
 FACING_TOLERANCE = 1e-2  # shading normals may tip past the silhouette by this much
 FAR_TOLERANCE = 1e-4  # of the camera's far
-PLANAR_TOLERANCE = 1.0  # degrees between normals and those of the depth, in the median
+SMOOTH = 0.02  # relative second difference of depth up to which there is no edge
+FEW = 16  # pixels that tell nothing
+PLANAR_TOLERANCE = 1.0  # degrees between normals and those of the depth off edges, in the median
 NEARER = 0.5  # of that angle: another reading of the depth that comes so close is the right one
 OPENGL = (1.0, -1.0, -1.0, 1.0)  # signs of the axes of a view space that looks along -z with y up
 
@@ -97,11 +99,13 @@ def check_normal(g: Geometry, name: str, normal: Tensor) -> None:
 
 def check_planar(g: Geometry, prefix: str) -> None:
     """Raise ValueError where depth agrees with the normals only if it is taken for the length of rays."""
-    if g.camera.orthographic or min(g.camera.size) < 2 or not bool(g.hit.any()):
+    inside = flat(g)
+    if g.camera.orthographic or min(g.camera.size) < 3 or int(inside.sum()) < FEW:
         return
     normal = g.normal if g.normal_geo is None else g.normal_geo
     length = g.camera.unproject(torch.ones_like(g.depth)).norm(dim=1, keepdim=True)
-    planar, ray = (float(_angles(g, g.camera, depth, normal).median()) for depth in (g.depth, g.depth / length))
+    depths = (g.depth, g.depth / length)
+    planar, ray = (float(_angles(g, g.camera, depth, normal, inside).median()) for depth in depths)
     if planar > PLANAR_TOLERANCE and ray < NEARER * planar:
         raise ValueError(
             f"{prefix}depth must be planar view-space z, but looks like the length of rays: its surfaces are "
@@ -110,17 +114,31 @@ def check_planar(g: Geometry, prefix: str) -> None:
         )
 
 
+def flat(g: Geometry) -> Tensor:
+    """``(B, 1, H, W)`` pixels hit, as are those around them, without an edge of depth or of normals between."""
+    inside = g.hit.clone()
+    for dim in (2, 3):
+        bend = g.depth.roll(1, dim) - 2 * g.depth + g.depth.roll(-1, dim)
+        inside = inside & (bend.abs() < SMOOTH * g.depth)
+        for step in (1, -1):
+            same = (g.normal.roll(step, dim) * g.normal).sum(1, keepdim=True) > 0.99
+            inside = inside & g.hit.roll(step, dim) & same
+    inside[:, :, (0, -1)] = False
+    inside[..., (0, -1)] = False
+    return inside
+
+
 def _away(g: Geometry, camera: Camera, normal: Tensor) -> Tensor:
     """The pixels hit whose normal faces away from the camera."""
     to_eye = camera.rotate_to_world(camera.to_eye(g.points_view()))
     return g.hit & ((normal * to_eye).sum(1, keepdim=True) < -FACING_TOLERANCE)
 
 
-def _angles(g: Geometry, camera: Camera, depth: Tensor, normal: Tensor) -> Tensor:
-    """Angles between normals and those of the depth at the pixels hit, degrees."""
+def _angles(g: Geometry, camera: Camera, depth: Tensor, normal: Tensor, where: Tensor | None = None) -> Tensor:
+    """Angles between normals and those of the depth, by default at the pixels hit, degrees."""
     if min(camera.size) < 2:
         return depth.new_zeros(1)
-    cosine = (camera.normals_from_depth(depth) * normal).sum(1, keepdim=True)[g.hit]
+    cosine = (camera.normals_from_depth(depth) * normal).sum(1, keepdim=True)[g.hit if where is None else where]
     return cosine.clamp(-1, 1).acos().rad2deg()
 
 

@@ -8,7 +8,7 @@ import boxes
 import pytest
 import torch
 
-from gbufrt import CHANNELS, SIGNALS, Frame, GBuffer
+from gbufrt import CHANNELS, SIGNALS, Camera, Frame, GBuffer
 
 
 @pytest.fixture
@@ -97,6 +97,19 @@ def test_spaces_are_told_by_their_names(moving, change, message):
     moving.validate()
     with pytest.raises(ValueError, match=message):
         change(moving).validate()
+
+
+def test_lengths_of_rays_are_told_where_most_pixels_are_at_edges():
+    """Walls of 4 x 4 pixels, near and far: of each only the inner four say which way it faces."""
+    camera = Camera.look_at((0, 0, 5), (0, 0, 0), size=(48, 64), fov_y=70)
+    place = torch.arange(64) // 4
+    near = ((place[:48, None] + place[None]) % 2 == 0)[None, None]
+    depth, hit = torch.where(near, 5.0, 8.0), torch.ones_like(near)
+    normal = torch.tensor([0.0, 0.0, 1.0]).view(1, 3, 1, 1).expand(1, 3, 48, 64)
+    true = GBuffer(camera=camera, depth=depth, hit=hit, normal=normal)
+    true.validate()
+    with pytest.raises(ValueError, match="looks like the length of rays"):
+        true.replace(depth=true.points_view().norm(dim=1, keepdim=True)).validate()
 
 
 @pytest.mark.parametrize("first", [0, 1], ids=["with a floor", "before a wall, where depth alone tells"])

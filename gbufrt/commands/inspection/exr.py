@@ -19,7 +19,9 @@ from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import CHANNELS, load_profile
-from gbufrt.files.guard import Part, read_parts
+from gbufrt.files.gbuffers.read import nothing_hit
+from gbufrt.files.gbuffers.sequence import Shot, shot_parts
+from gbufrt.files.guard import Part
 from gbufrt.files.header import ATTRIBUTE
 from gbufrt.files.png import to_pil, write_png
 from gbufrt.files.raw_views import pictures, span
@@ -41,38 +43,34 @@ class Inspector:
     """Looks at EXR files, each with the one before it where its number counts on.
 
     Args:
-        paths: of all of them.
-        profile: ``auto``, a shipped profile, or a TOML file.
         source: the files with their cameras, where these are known.
     """
 
-    paths: list[Path]
-    profile: str
-    source: Source | None
+    source: Source
     _last: Frame | None = field(default=None, init=False)
 
-    def show(self, console: Console, path: Path, out: Path | None) -> None:
-        """Print all about one file, and write its contact sheet into ``out``.
+    def show(self, console: Console, shot: Shot, out: Path | None) -> None:
+        """Print all about one frame, and write its contact sheet into ``out``.
 
         Raises:
             ValueError: it is damaged, or a camera does not fit it.
         """
-        parts = read_parts(path)
+        path, parts = shot.files[0], shot_parts(shot.files)
         layers = Layers(path, parts)
-        console.print(f"[bold]{escape(str(path))}[/bold]: {_outside(path, parts)}", soft_wrap=True)
+        console.print(f"[bold]{escape(str(shot))}[/bold]: {_outside(shot, parts)}", soft_wrap=True)
         console.print(_layer_table(layers))
         own = any(ATTRIBUTE in part.header for part in parts)
-        frame = _own(console, path) if own else self._foreign(console, path, layers)
+        frame = _own(console, path) if own else self._foreign(console, shot, layers)
         if out is not None:
-            sheet = out / f"{path.stem}_sheet.png"
+            sheet = out / f"{shot.name}_sheet.png"
             write_png(sheet, _sheet(layers, frame, own=own))
             console.print(f"wrote {escape(str(sheet))}", soft_wrap=True)
 
-    def _foreign(self, console: Console, path: Path, layers: Layers) -> Frame | None:
-        profile = self.profile
+    def _foreign(self, console: Console, shot: Shot, layers: Layers) -> Frame | None:
+        profile = self.source.profile
         if profile == "auto":
             try:
-                found = detect(path)
+                found = detect(shot.files)
             except ValueError as error:
                 console.print(escape(str(error)), soft_wrap=True)
                 return None
@@ -82,14 +80,22 @@ class Inspector:
         named = Named(layers, load_profile(profile))
         if len(named.others) > 1:
             console.print(escape(f"depth is in the layers {', '.join(named.others)}; {named.layer} is taken"))
-        console.print(_channel_table(named, estimates=self.source is not None and self.source.cameras is None))
-        if self.source is None:
+        console.print(_channel_table(named, estimates=self.source.fov is not None))
+        if layers.views:
+            console.print(escape(f"views are {', '.join(layers.views)}; {layers.views[0]} is taken"))
+        carried = None if self.source.fov or self.source.cameras else self.source.carried(shot)
+        if carried is not None:
+            console.print(escape(f"camera in the file: {carried}"), soft_wrap=True)
+        elif self.source.fov is None and self.source.cameras is None:
             console.print("whether the channels agree can be told with --camera, in part with --fov")
             return None
         with warnings.catch_warnings():  # the table has told what is missing
             warnings.simplefilter("ignore")
-            self._last, wrong = self.source.read(path, self._last)
-        tested = ["the kind of depth with planes"] if self.source.cameras is None else ["depth with normals"]
+            self._last, wrong = self.source.read(shot, self._last)
+        if not bool(self._last.gbuffer.hit.any()):
+            keys = named.keys("depth")
+            wrong = [f"the file {nothing_hit(layers.stack(keys), named.profile, keys[0])}"]
+        tested = ["the kind of depth with planes"] if self.source.fov is not None else ["depth with normals"]
         _tell_agreement(console, self._last, tested, wrong)
         return self._last
 
@@ -120,12 +126,14 @@ def _tell_agreement(console: Console, frame: Frame, tested: list[str], wrong: li
         console.print(f"agrees: {', '.join(tested + moved)}")
 
 
-def _outside(path: Path, parts: list[Part]) -> str:
-    """Size, parts and compression of a file."""
-    height, width = parts[0].size
+def _outside(shot: Shot, parts: list[Part]) -> str:
+    """Size, parts and compression of a file, or of those of one frame."""
+    height, width = parts[0].whole
     packed = {getattr(part.header.get("compression"), "name", "?").removesuffix("_COMPRESSION") for part in parts}
     count = f"{len(parts)} part{'' if len(parts) == 1 else 's'}"
-    return f"{width}x{height}, {count}, {', '.join(sorted(packed))}, {path.stat().st_size / 1e6:.3g} MB"
+    size = sum(file.stat().st_size for file in shot.files)
+    crop = f", pixels for {parts[0].size[1]}x{parts[0].size[0]}" if parts[0].size != parts[0].whole else ""
+    return f"{width}x{height}{crop}, {count}, {', '.join(sorted(packed))}, {size / 1e6:.3g} MB"
 
 
 def _layer_table(layers: Layers) -> Table:
@@ -164,7 +172,7 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else "not used without --camera",
         "motion": f"{profile.motion_unit} to the {profile.motion_target} frame",
     }
-    for channel in (*CHANNELS, "thickness"):
+    for channel in (name for name in (*CHANNELS, "thickness") if name != "emission" or named.keys(name)):
         keys = named.keys(channel) if channel in CHANNELS else []
         text = _short(keys) + (f" ({told[channel]})" if channel in told else "") if keys else MISSING[channel]
         table.add_row(channel, escape(text), style="" if keys else "dim")

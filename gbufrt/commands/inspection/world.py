@@ -38,18 +38,24 @@ def _vox(path: Path) -> str:
 
 
 def _schematic(path: Path) -> str:
+    from tracer.formats.minecraft.nbt import part
     from tracer.formats.minecraft.schematic import root_of
 
     tags = root_of(path)
-    sides = " x ".join(str(int(tags[side]) & 0xFFFF) for side in ("Width", "Height", "Length"))
-    kind = f"Sponge schematic {int(tags['Version'])}" if "Version" in tags else "MCEdit schematic"
-    data = f", Minecraft's data version {int(tags['DataVersion'])}" if "DataVersion" in tags else ""
+    try:
+        sides = " x ".join(str(int(part(tags, side, int)) & 0xFFFF) for side in ("Width", "Height", "Length"))
+        kind = f"Sponge schematic {int(part(tags, 'Version', int))}" if "Version" in tags else "MCEdit schematic"
+        told = int(part(tags, "DataVersion", int)) if "DataVersion" in tags else None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    data = "" if told is None else f", Minecraft's data version {told}"
     return f"{kind}, {sides} blocks, the middle number upwards{data}"
 
 
 def _blocks(path: Path) -> str:
     from tracer.formats.minecraft.region import Region
     from tracer.formats.minecraft.save import WIDTH, region_files
+    from tracer.formats.minecraft.sections import version_of
 
     regions = [Region.of(file) for file in region_files(path)]
     places = [place for region in regions for place in region.sectors]
@@ -57,7 +63,11 @@ def _blocks(path: Path) -> str:
         return "Minecraft, without chunks"
     (x0, z0), (x1, z1) = (tuple(end(axis) for axis in zip(*places, strict=True)) for end in (min, max))
     first = next(region for region in regions if region.sectors)
-    version = int(first.chunk(next(iter(first.sectors))).get("DataVersion", 0)) or "from before 1.9"
+    place = next(iter(first.sectors))
+    try:
+        version = version_of(first.chunk(place)) or "from before 1.9"
+    except ValueError as error:
+        version = f"not known, because chunk {place[0]},{place[1]} cannot be read ({error})"
     kind = "Minecraft save" if path.is_dir() else "Minecraft region"
     return (
         f"{kind}, data version {version}, {_count(len(places), 'chunk')} in {_count(len(regions), 'file')}, in x "

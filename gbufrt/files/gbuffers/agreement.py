@@ -9,27 +9,27 @@ from gbufrt.camera import Camera
 from gbufrt.directions import length
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
+from gbufrt.validation.geometry import FEW, flat
 from gbufrt.validation.motion import found_again
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
-SMOOTH = 0.02  # relative second difference of depth up to which there is no edge
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
 BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
-FEW = 16  # pixels that tell nothing
 MOVES = 0.5  # pixels of motion apart from the cameras' own
 RECIPROCAL = '"reciprocal" or "device"'
 
 
-def disagreements(frame: Frame, before: Frame | None = None) -> list[str]:
+def disagreements(frame: Frame, before: Frame | None = None, depth_kind: str = "planar") -> list[str]:
     """What of a frame by `gbufrt.files.read_gbuffer` disagrees; each line names the profile's setting to change.
 
     Args:
         frame: its motion is tested against the cameras where it has the one before.
         before: the frame before, against which the motion of what moves by itself is tested.
+        depth_kind: how the profile read depth.
     """
     g = frame.gbuffer
-    lines = [_depth_line(g), _normal_line(g)] if min(g.camera.size) > 2 else []
+    lines = [_depth_line(g, depth_kind), _normal_line(g)] if min(g.camera.size) > 2 else []
     if g.motion is not None:
         if g.previous_camera is not None:
             lines.append(_static_line(g, g.motion, g.previous_camera))
@@ -38,10 +38,14 @@ def disagreements(frame: Frame, before: Frame | None = None) -> list[str]:
     return [line for line in dict.fromkeys(lines) if line]
 
 
-def depth_readings(g: GBuffer) -> dict[str, Tensor]:
-    """Planar depth if the file's kind of depth were another, by that kind."""
+def depth_readings(g: GBuffer, kind: str = "planar") -> dict[str, Tensor]:
+    """Planar depth if the file's kind of depth were another than ``kind``, by that kind."""
     ray = 1.0 if g.camera.orthographic else length(g.camera.unproject(torch.ones_like(g.depth)))
-    return {'"ray"': g.depth / ray, '"planar"': g.depth * ray, RECIPROCAL: 1 / g.depth}
+    if kind in ("reciprocal", "device"):
+        return {'"planar"': 1 / g.depth, '"ray"': 1 / g.depth / ray}
+    stored = g.depth * ray if kind == "ray" else g.depth
+    readings = {'"ray"': stored / ray, '"planar"': stored, RECIPROCAL: 1 / stored}
+    return {name: depth for name, depth in readings.items() if name != f'"{kind}"'}
 
 
 def normal_readings(g: GBuffer) -> dict[str, Tensor]:
@@ -80,24 +84,22 @@ def motion_readings(motion: Tensor) -> dict[str, Tensor]:
     }
 
 
-def _depth_line(g: GBuffer) -> str:
+def _depth_line(g: GBuffer, kind: str) -> str:
     """By planarity: on a plane 1 / z is linear over the picture, and so are no lengths of rays."""
     inside = flat(g)
     if int(inside.sum()) < FEW:
         return ""
     now = _agreeing(g, g.camera, g.depth, g.normal, inside)
     bend = _bend(g.depth, inside, orthographic=g.camera.orthographic)
-    for kind, depth in depth_readings(g).items():
-        other = _bend(depth, inside, orthographic=g.camera.orthographic)
-        if bend > BEND and other < NEARER * bend:
-            fits = _agreeing(g, g.camera, depth, g.normal, inside)
-            if fits > now + BETTER:
-                return (
-                    f"depth_kind = {kind} fits better: normals agree with depth at {fits:.0%} of the pixels instead "
-                    f"of {now:.0%}"
-                )
-            return f"depth_kind = {kind} fits better: planes bend by {other:.2g} a pixel instead of {bend:.2g}"
-    return ""
+    readings = depth_readings(g, kind)
+    bends = {text: _bend(depth, inside, orthographic=g.camera.orthographic) for text, depth in readings.items()}
+    best = min(bends, key=lambda text: bends[text])
+    if bend <= BEND or bends[best] >= NEARER * bend:
+        return ""
+    told, fits = f"depth_kind = {best} fits better", _agreeing(g, g.camera, readings[best], g.normal, inside)
+    if fits > now + BETTER:
+        return f"{told}: normals agree with depth at {fits:.0%} of the pixels instead of {now:.0%}"
+    return f"{told}: planes bend by {bends[best]:.2g} a pixel instead of {bend:.2g}"
 
 
 def _normal_line(g: GBuffer) -> str:
@@ -146,20 +148,6 @@ def _motion_line(now: float, fits: dict[str, float], what: str) -> str:
     if fits[best] <= now + BETTER:
         return ""
     return f"{best} fits better: motion agrees with {what} at {fits[best]:.0%} of the pixels instead of {now:.0%}"
-
-
-def flat(g: GBuffer) -> Tensor:
-    """``(B, 1, H, W)`` pixels hit, as are those around them, without an edge of depth or of normals between."""
-    inside = g.hit.clone()
-    for dim in (2, 3):
-        bend = g.depth.roll(1, dim) - 2 * g.depth + g.depth.roll(-1, dim)
-        inside = inside & (bend.abs() < SMOOTH * g.depth)
-        for step in (1, -1):
-            same = (g.normal.roll(step, dim) * g.normal).sum(1, keepdim=True) > 0.99
-            inside = inside & g.hit.roll(step, dim) & same
-    inside[:, :, (0, -1)] = False
-    inside[..., (0, -1)] = False
-    return inside
 
 
 def _bend(depth: Tensor, inside: Tensor, *, orthographic: bool) -> float:

@@ -17,8 +17,9 @@ UNIT = 1e-3  # shorter normals are empty pixels
 
 def hit_of(raw: Tensor, profile: Profile) -> Tensor:
     """``(B, 1, H, W)`` where depth is a surface's: finite, positive, and not the sky's."""
-    sky = math.inf if profile.sky <= 0 else profile.sky
-    hit = torch.isfinite(raw) & (raw > 0) & (raw < sky * SKY_SHARE if sky > 1 else raw != sky)
+    raw, sky = raw * profile.depth_scale, profile.sky * profile.depth_scale
+    sky = math.inf if sky <= 0 else sky
+    hit = torch.isfinite(raw) & (raw > 0) & (raw < sky * SKY_SHARE if abs(profile.sky) > 1 else raw != sky)
     if profile.depth_kind == "device":
         hit = hit & (raw < 1) if not profile.reversed else hit
     return hit
@@ -26,6 +27,7 @@ def hit_of(raw: Tensor, profile: Profile) -> Tensor:
 
 def distances(raw: Tensor, profile: Profile) -> Tensor:
     """Depth as a distance, of the plane or along the ray; what was not hit may hold anything."""
+    raw = raw * profile.depth_scale
     if profile.depth_kind == "reciprocal":
         return 1 / raw
     if profile.depth_kind == "device":
@@ -46,7 +48,10 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera, like: Tensor) -
 
     ``like`` are normals estimated from depth, which tell the axis that points up where the profile leaves it open.
     """
-    raw = (2 * raw - 1 if profile.normal_encoded else raw) * raw.new_tensor(profile.normal_scale).view(1, 3, 1, 1)
+    encoded = profile.normal_encoded
+    if encoded == "auto":
+        encoded = bool((raw >= 0).all()) and _off_unit(2 * raw - 1) < _off_unit(raw)
+    raw = (2 * raw - 1 if encoded else raw) * raw.new_tensor(profile.normal_scale).view(1, 3, 1, 1)
     size = length(raw)
     unit = raw / size.clamp_min(UNIT)
     x, y, z = unit.unbind(1)
@@ -61,13 +66,19 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera, like: Tensor) -
     return unit, size > UNIT
 
 
+def _off_unit(vectors: Tensor) -> float:
+    """How far vectors are from unit length, in the median."""
+    return float((length(vectors) - 1).abs().median())
+
+
 def pixels_to_previous(raw: Tensor, profile: Profile) -> Tensor:
     """``(B, 2, H, W)`` previous minus current px."""
     height, width = raw.shape[-2:]
     unit = (width, height) if profile.motion_unit == "uv" else (1, 1)
     sign = -1 if profile.motion_target == "next" else 1
     factors = [sign * scale * size for scale, size in zip(profile.motion_scale, unit, strict=True)]
-    return raw * raw.new_tensor(factors).view(1, 2, 1, 1)
+    moved = raw - raw.new_tensor(profile.motion_offset).view(1, 2, 1, 1)
+    return moved * raw.new_tensor(factors).view(1, 2, 1, 1)
 
 
 def linear(colour: Tensor, profile: Profile) -> Tensor:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
-from gbufrt.files.guard import MAX_PIXELS, read_parts
+from gbufrt.files.gbuffers.sequence import shot_parts
+from gbufrt.files.guard import MAX_PIXELS
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
@@ -24,23 +25,24 @@ class Detection:
     reasons: tuple[str, ...]
 
 
-def detect(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Detection:
-    """The shipped profile that fits a file best; reads headers only.
+def detect(path: str | Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS) -> Detection:
+    """The shipped profile that fits a file, or those of a frame's passes, best; reads headers only.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: it is damaged, or no profile finds depth in it.
     """
-    parts = read_parts(path, max_pixels=max_pixels, header_only=True)
+    files = [Path(path)] if isinstance(path, str | Path) else list(path)
+    path = files[0]
+    parts = shot_parts(files, max_pixels=max_pixels, header_only=True)
     layers = Layers(path, parts)
-    headers = {key: value for part in parts for key, value in part.header.items()}
-    weighed = [_weigh(name, load_profile(name), layers, headers) for name in SHIPPED]
+    weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
     best = max(weighed, key=lambda detection: detection.certainty)
     if best.certainty == 0:
         some = ", ".join(layers.names[:6]) + (", ..." if len(layers.names) > 6 else "")
         raise ValueError(
             f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; write a profile and "
-            "pass its path"
+            "pass its path with --from"
         )
     return best
 
@@ -52,12 +54,13 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
     found = 1
-    for channel, names in profile.channels.items():
+    names_of = {channel: names for channel, names in profile.channels.items() if channel != "emission"}
+    for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel])
         if channel != "depth" and keys:
             found += 1
             reasons.append(f"{channel} is {', '.join(keys)}")
-    share = found / len(profile.channels)
+    share = found / len(names_of)
     if marks:
         return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
     return Detection(name, round((BY_HEADER + BY_NAMES) * share * 0.9, 2), tuple(reasons))

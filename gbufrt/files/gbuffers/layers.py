@@ -1,4 +1,4 @@
-"""The layers of an EXR file, whatever its parts."""
+"""The layers of an EXR file, whatever its parts, views and data windows."""
 
 from __future__ import annotations
 
@@ -19,17 +19,27 @@ ORDER = "RGBAXYZWUVTIrgbaxyzwuv"  # in which letters of channels are said
 class Layers:
     """Channels of all parts under full names; a part's name goes before channels that do not carry it.
 
+    Of several views, as stereo files have them, the first is taken, and its name left out of those of channels.
+
     Raises:
-        ValueError: two parts hold a channel of one name, or a part is cropped.
+        ValueError: two parts hold a channel of one name.
     """
 
     def __init__(self, path: str | Path, parts: Sequence[Part]) -> None:
         self.path = path
+        self.views = _views(parts)
+        """All views, where there are several."""
+        self.size = parts[0].whole
+        """``(H, W)`` of the picture: its display window."""
+        self.header = {key: value for part in reversed(parts) for key, value in part.header.items()}
+        """Attributes of all parts, those of the first before others."""
         self._parts: dict[str, tuple[Part, str]] = {}
         for part in parts:
             for name in part.names:
                 known = not part.name or name.startswith(f"{part.name}.") or len(parts) == 1
-                full = name if known else f"{part.name}.{name}"
+                full = self._seen(name if known else f"{part.name}.{name}", part)
+                if not full:
+                    continue
                 if full in self._parts:
                     raise ValueError(f"{path} holds the channel {full!r} in two parts; rename one of them")
                 self._parts[full] = part, name
@@ -77,28 +87,62 @@ class Layers:
         return key.rsplit(".", 2)[0] if key.count(".") >= 2 else ""
 
     def stack(self, keys: Sequence[str], size: tuple[int, int] | None = None) -> Tensor:
-        """``(1, C, H, W)`` float32 of those channels.
+        """``(1, C, H, W)`` float32 of those channels over the whole picture.
+
+        What overscan has beyond it is left out; where a crop ends before it there are zeros, as in files that are not
+        cropped.
 
         Raises:
-            ValueError: they are not of ``size``, or their part is cropped.
+            ValueError: they are not of ``size``.
         """
         planes = []
         for key in keys:
             part, name = self._parts[key]
-            (x0, y0), (x1, y1) = part.header.get("displayWindow", part.header["dataWindow"])
-            if list(part.header["dataWindow"][0]) != [x0, y0] or part.size != (y1 - y0 + 1, x1 - x0 + 1):
-                raise ValueError(f"{self.path} is cropped: {key} does not fill the display window; save it whole")
-            if size is not None and part.size != size:
+            if size is not None and part.whole != size:
                 raise ValueError(
-                    f"{self.path} must have layers of one size, but {key} is {part.size[1]}x{part.size[0]} and depth "
+                    f"{self.path} must have layers of one size, but {key} is {part.whole[1]}x{part.whole[0]} and depth "
                     f"{size[1]}x{size[0]}; save them at one size"
                 )
-            planes.append(part.channels[name].astype(np.float32))
+            planes.append(_placed(part, part.channels[name]))
         return torch.from_numpy(np.stack(planes))[None]
+
+    def _seen(self, name: str, part: Part) -> str:
+        """A channel's full name without the first view's; empty for those of other views."""
+        if not self.views:
+            return name
+        words = name.split(".")
+        view = part.header.get("view", next((word for word in words[:-1] if word in self.views), self.views[0]))
+        return ".".join(word for word in words if word != view) if view == self.views[0] else ""
 
     def _bases(self, name: str, end: str, layer: str) -> list[str]:
         """What ``name`` stands for: full names, or what comes before the last dot where ``end`` follows."""
         bases = self.names if not end else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
+        if name.startswith("."):
+            return [base for base in bases if fnmatchcase(base, name[1:])]
         found = [b for b in bases if fnmatchcase(b, name) or (name and fnmatchcase(b, f"*.{name}"))]
         inside = [b for b in found if layer and b.startswith(f"{layer}.")]
         return inside if layer else found
+
+
+def _views(parts: Sequence[Part]) -> tuple[str, ...]:
+    """The views of a file, as its parts or its first header name them; none where there is but one."""
+    named = [str(view) for part in parts for view in (part.header.get("multiView") or ())]
+    named += [str(part.header["view"]) for part in parts if part.header.get("view")]
+    found = tuple(dict.fromkeys(named))
+    return found if len(found) > 1 else ()
+
+
+def _placed(part: Part, pixels: np.ndarray) -> np.ndarray:
+    """A channel as float32 over the whole picture."""
+    left, top, height, width = part.display
+    x, y = (int(v) for v in part.header["dataWindow"][0])
+    if (x, y, *part.size) == (left, top, height, width):
+        return pixels.astype(np.float32)
+    whole = np.zeros((height, width), np.float32)
+    (x0, x1), (y0, y1) = (
+        (max(low, start), min(low + size, start + count))
+        for low, size, start, count in ((left, width, x, part.size[1]), (top, height, y, part.size[0]))
+    )
+    if x0 < x1 and y0 < y1:
+        whole[y0 - top : y1 - top, x0 - left : x1 - left] = pixels[y0 - y : y1 - y, x0 - x : x1 - x]
+    return whole

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke")
-CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1}
-"""What a profile may name, and how many numbers a pixel has."""
+SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini")
+CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
+"""What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
@@ -24,7 +24,8 @@ CHOICES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """Names are of layers or of channels (``Depth.Z``), from the start or after a dot; ``*`` stands for anything."""
+    """Names are of layers or of channels (``Depth.Z``), from the start or after a dot; with a dot before them (``.Z``)
+    from the start alone. ``*`` stands for anything."""
 
     channels: Mapping[str, tuple[str, ...]]
     """Names to try for each of `CHANNELS`; depth must be there."""
@@ -36,6 +37,9 @@ class Profile:
     """Which world axis points up: y, z, or auto: the one with which normals agree with depth better."""
     handed: str = "right"
     """right, or left: then the world is mirrored in its y axis (z up) or its z axis (y up)."""
+    depth_scale: float = 1.0
+    """Factor on depth as the file has it: -1 where it counts down, 0.01 for centimetres, which then holds for the
+    camera in the file too."""
     depth_kind: str = "planar"
     """planar z, the length of the ray, device depth between near and far, or 1 / z."""
     near: float = 0.1
@@ -50,14 +54,19 @@ class Profile:
     """world, opengl (x right, y up, z to the viewer) or opencv (x right, y down, z forward)."""
     normal_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Factors on x, y and z of normals, before their axes are converted."""
-    normal_encoded: bool = False
-    """Normals are stored in [0, 1], as (n + 1) / 2."""
+    normal_encoded: bool | str = False
+    """Normals are stored in [0, 1], as (n + 1) / 2: true, false, or auto by their lengths."""
+    motion_offset: tuple[float, ...] = (0.0, 0.0)
+    """What X and Y of motion hold where nothing moves; it is taken off first."""
     motion_scale: tuple[float, ...] = (1.0, 1.0)
     """Factors on X and Y of motion that make y point down, and its difference the target's place minus this one."""
     motion_unit: str = "pixels"
     """pixels, or uv: parts of the picture's width and height."""
     motion_target: str = "previous"
     """The frame that motion leads to. Motion to the next frame is negated, as if it were even over three frames."""
+    shaded: tuple[str, ...] | None = None
+    """Colours that shaders write together with roughness. Where these, as far as there are any, and roughness are 0,
+    the shader has written neither, and the surface counts as rough. By default roughness 0 is a mirror."""
     albedo_space: str = "linear"
     """linear, or srgb: encoded for display."""
     direct: tuple[tuple[str, ...], ...] = ()
@@ -69,17 +78,19 @@ class Profile:
 def load_profile(name: str | Path) -> Profile:
     """A shipped profile by name, or a user's own by its path.
 
+    In a file of one's own ``base = "nuke"`` takes what it leaves out, channels one by one, from that shipped profile.
+
     Raises:
         ValueError: there is no such profile, it is not TOML, or a key or value is unknown or of a wrong type.
     """
     path = Path(__file__).parent / f"{name}.toml" if name in SHIPPED else Path(name)
     if not path.is_file():
         raise ValueError(f"profile must be one of {', '.join(SHIPPED)} or a TOML file, got {str(name)!r}")
-    table = read_toml(path)
+    table = _on_its_base(path, read_toml(path))
     known = [f.name for f in fields(Profile)]
     for key in table:
         if key not in known:
-            raise ValueError(f"{path}: unknown key {key!r}; known are {', '.join(known)}")
+            raise ValueError(f"{path}: unknown key {key!r}; known are base, {', '.join(known)}")
     values = {key: _value(path, key, value) for key, value in table.items()}
     if not values.get("channels", {}).get("depth"):
         raise ValueError(f"{path} must name its depth: write a table [channels] with depth = [NAMES]")
@@ -87,6 +98,19 @@ def load_profile(name: str | Path) -> Profile:
     if not 0 < profile.near < profile.far:
         raise ValueError(f"{path}: near and far must satisfy 0 < near < far, got {profile.near:g} and {profile.far:g}")
     return profile
+
+
+def _on_its_base(path: Path, table: dict[str, Any]) -> dict[str, Any]:
+    """The table with what it lacks taken from the shipped profile that it names."""
+    base = table.pop("base", None)
+    if base is None:
+        return table
+    if base not in SHIPPED:
+        raise ValueError(f"{path}: base must be one of {', '.join(SHIPPED)}, got {base!r}")
+    below = read_toml(Path(__file__).parent / f"{base}.toml")
+    channels = table.get("channels", {})
+    merged = below["channels"] | channels if isinstance(channels, dict) else channels
+    return below | table | {"channels": merged}
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -143,9 +167,11 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
         lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
         lambda v: tuple(map(tuple, v)),
     ),
-    "finished": ("a list of names", _is_names, tuple),
+    **dict.fromkeys(("finished", "shaded"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky"), ("a number", is_number, float)),
-    **dict.fromkeys(("reversed", "normal_encoded"), ("true or false", lambda v: isinstance(v, bool), bool)),
+    "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
+    "reversed": ("true or false", lambda v: isinstance(v, bool), bool),
+    "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
     "normal_scale": ("three numbers", _numbers(3), tuple),
-    "motion_scale": ("two numbers", _numbers(2), tuple),
+    **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),
 }

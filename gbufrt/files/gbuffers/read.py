@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.convert import distances, hit_of, linear, pixels_to_previous, planar, world_normals
 from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
-from gbufrt.files.gbuffers.profile import load_profile
-from gbufrt.files.guard import MAX_PIXELS, read_parts
+from gbufrt.files.gbuffers.profile import Profile, load_profile
+from gbufrt.files.gbuffers.sequence import shot_parts
+from gbufrt.files.guard import MAX_PIXELS
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
 MOST_AWAY = (
     0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
 )
+NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
 
 
 def read_gbuffer(
-    path: str | Path,
+    path: str | Path | Sequence[Path],
     profile: str | Path = "auto",
     *,
     camera: Camera | None = None,
@@ -35,14 +40,16 @@ def read_gbuffer(
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
-    Direct light becomes ``radiance``; where the file has the finished picture alone, that becomes ``composite``, so
-    that light is not added twice. A warning says which passes of the direct light are missing. Where the file has no
-    normal, the one of the depth is taken, and the extra signal ``normal_estimated`` is 1.
+    Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
+    file has the finished picture alone, that becomes ``composite``, so that light is not added twice. A warning says
+    which passes of the direct light are missing. Where the file has no normal, the one of the depth is taken, and the
+    extra signal ``normal_estimated`` is 1.
 
     Args:
-        path: the file.
+        path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.
         profile: ``auto``, the name of a shipped one, or a TOML file with the fields of `Profile`.
-        camera: the camera, in a world with y up.
+        camera: the camera, in a world with y up; by default the one that the file carries. Its ``far`` is raised where
+            the file reaches farther.
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
             ``motion_z`` is that of a static world where the file's motion agrees.
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
@@ -52,17 +59,24 @@ def read_gbuffer(
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: the file is damaged, no profile fits, or neither or both of camera and fov are given.
+        ValueError: the file is damaged, no profile fits, both of camera and fov are given, or neither is and the file
+            carries no camera.
     """
-    if (camera is None) == (fov is None):
-        raise ValueError("read_gbuffer needs either camera or fov; pass one of them")
-    if previous_camera is not None and camera is None:
-        raise ValueError("previous_camera needs camera; pass both, or fov alone")
+    if camera is not None and fov is not None:
+        raise ValueError("read_gbuffer takes either camera or fov; pass one of them")
+    if previous_camera is not None and fov is not None:
+        raise ValueError("previous_camera needs a camera with a pose; leave fov out")
     if fov is not None and not 0 < fov < 180:
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
-    layers = Layers(path, read_parts(path, max_pixels=max_pixels))
-    chosen = load_profile(detect(path, max_pixels=max_pixels).name if profile == "auto" else profile)
+    files = [Path(path)] if isinstance(path, str | Path) else list(path)
+    path = files[0]
+    layers = Layers(path, shot_parts(files, max_pixels=max_pixels))
+    chosen = load_profile(detect(files, max_pixels=max_pixels).name if profile == "auto" else profile)
     named = Named(layers, chosen)
+    if camera is None and fov is None and (camera := carried_camera(layers.header, chosen, layers.size)) is None:
+        raise ValueError(f"{path} {NO_CAMERA}")
+    if layers.views:
+        warnings.warn(f"{path} holds the views {', '.join(layers.views)}; took {layers.views[0]}", stacklevel=2)
     if len(named.others) > 1:
         warnings.warn(
             f"{path} has depth in the layers {', '.join(named.others)}; took {named.layer}, set layer = in the profile "
@@ -79,14 +93,25 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
     hit = hit_of(raw, profile)
+    if not bool(hit.any()):
+        warnings.warn(f"{path} {nothing_hit(raw, profile, named.keys('depth')[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)
     view = camera if camera is not None else _still(fov, far)
-    depth = torch.where(hit, planar(far, profile, view), view.far)
-    if bool((hit & (depth >= view.far)).any()):
-        raise ValueError(f"camera.far must exceed every depth, got {view.far:g} and {float(depth.max()):g}; raise it")
+    depth = torch.where(hit, planar(far, profile, view), 0.0)
+    if (farthest := float(depth.max())) >= view.far:
+        view = replace(view, far=2 * farthest)
+    depth = torch.where(hit, depth, view.far)
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
     motion, motion_z = _motion(named, view, previous, depth, hit)
     albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
+    emission = _channel(named, "emission", size)
+    if roughness is not None and profile.shaded is not None:
+        colors = [
+            named.layers.stack(keys, size) for n in profile.shaded if (keys := named.layers.find((n,), 3, named.layer))
+        ]
+        shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
+        roughness = torch.where(shaded, roughness, 1.0)
+    radiance, finished = _light(named, size)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -98,10 +123,23 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
         roughness=None if roughness is None else torch.where(hit, roughness.clamp(0, 1), 1.0),
         metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
+        emission=None if emission is None or radiance is None else torch.where(hit, emission, 0.0),
     )
-    radiance, finished = _light(named, size)
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
     return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished, extra=extra)
+
+
+def nothing_hit(raw: Tensor, profile: Profile, key: str) -> str:
+    """What to say of depth without a surface."""
+    there = raw[torch.isfinite(raw)]
+    if (
+        there.numel()
+        and bool((there * profile.depth_scale < 0).any())
+        and not bool((there * profile.depth_scale > 0).any())
+    ):
+        return f"has no surface: all of {key} is negative; set depth_scale = -1 in a profile where it counts down"
+    span = f"{float(there.min()):g} to {float(there.max()):g}" if there.numel() else "not finite"
+    return f"has no surface: {key} is {span}, which is all sky by sky = {profile.sky:g}; set sky = in a profile"
 
 
 def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:

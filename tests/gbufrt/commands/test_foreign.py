@@ -13,6 +13,7 @@ from command_line import run
 
 from gbufrt import Frame
 from gbufrt.commands.foreign import LIT, Source, pipeline_for
+from gbufrt.commands.post import gathered
 from gbufrt.commands.session import Recipe
 from gbufrt.files.exr import read_exr
 
@@ -43,7 +44,8 @@ def rendered(path: Path, *, direct: bool, level: float = 0.5) -> Path:
 
 
 def taken(path: Path) -> Frame:
-    return Source.of([path], "auto", None, 50.0).frame(path)
+    (frame,) = Source.of([path], "auto", None, 50.0).frames()
+    return frame
 
 
 def test_direct_light_gets_all_passes_and_a_finished_picture_no_light(tmp_path: Path) -> None:
@@ -85,9 +87,19 @@ def test_normals_that_the_file_lacks_are_estimated_with_care_for_edges(tmp_path:
     assert float(off[0].mean()) < 0.2 * float(off[1].mean())
     camera = tmp_path / "camera.toml"
     camera.write_text(f"fov = 50\nworld_from_view = {foreign_exr.CAMERA.world_from_view[0].tolist()}\n")
-    posed = Source.of([path], "auto", camera, None).frame(path)
+    (posed,) = Source.of([path], "auto", camera, None).frames()
     assert "normal_estimated" not in posed.extra
     assert np.allclose(posed.gbuffer.normal, true, atol=1e-5)
+
+
+@pytest.mark.filterwarnings("ignore:reflection.estimate")
+def test_passes_of_light_lose_nothing_to_what_is_reflected(tmp_path: Path) -> None:
+    """The renderer has taken it off its diffuse light."""
+    frame = taken(rendered(tmp_path / "a_0001.exr", direct=True))
+    result, _ = pipeline_for(frame, Recipe(preset="low"), ())(frame)
+    sum_of_all = result.read("radiance") + result.read("gi") + result.read("reflection")
+    assert float(result.read("reflection").max()) > 0.01
+    assert torch.allclose(result.read("composite"), sum_of_all, atol=1e-5)
 
 
 def test_a_finished_picture_may_have_occlusion_as_a_layer(tmp_path: Path) -> None:
@@ -124,8 +136,23 @@ def test_frames_that_count_on_follow_each_other_and_others_do_not(tmp_path: Path
     assert [frame.index for frame in frames] == [7, 8, 11]
     assert [frame.gbuffer.previous_camera is not None for frame in frames] == [False, True, False]
     assert "no frame 9: histories begin anew after a gap" in capfd.readouterr().err
-    with pytest.raises(ValueError, match="must count up"):
-        Source.of(paths[::-1], "blender", None, 50.0)
+    twin = rendered(tmp_path / "other_0008.exr", direct=True)  # a frame of its own, no pass of the one before
+    for wrong in (paths[::-1], [*paths[:2], twin]):
+        with pytest.raises(ValueError, match="must count up"):
+            Source.of(wrong, "blender", None, 50.0)
+
+
+def test_a_folder_or_pattern_of_another_renderer_needs_no_profile(tmp_path: Path, capfd) -> None:
+    shot = tmp_path / "shot"
+    shot.mkdir()
+    for number in (9, 10):
+        rendered(shot / f"a.{number}.exr", direct=False)
+    wanted = [shot / "a.9.exr", shot / "a.10.exr"]
+    for named in (shot, shot / "a.##.exr", shot / "a.%02d.exr"):
+        assert gathered((named,), tmp_path / "out") == wanted
+    options = ("--fov", "50", "--preset", "low", "--warmup", "0", "--passes", "fxaa", "--only", "image")
+    assert run("post", shot, "--out", tmp_path / "out", *options) == 0, capfd.readouterr().err
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.png")) == ["a.10.png", "a.9.png"]
 
 
 def test_a_still_is_denoised_by_one_run(tmp_path: Path) -> None:
@@ -141,11 +168,10 @@ def test_a_still_is_denoised_by_one_run(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "was not written by gbufrt: its header has no 'gbufrt' attribute; files of other renderers"),
-        (("--from", "auto"), "--from needs the camera: give --camera FILE.toml, or --fov DEGREES"),
+        ((), "a_0001.exr carries no camera: give --camera FILE.toml, or --fov DEGREES for one that stands still"),
+        (("--from", "auto", "--fov", "40", "--camera", "c.toml"), "--camera and --fov exclude each other"),
         (("--from", "auto", "--fov", "181"), "--fov must lie between 0 and 180 degrees, got 181"),
         (("--from", "blendr", "--fov", "50"), "no profile 'blendr' in --from (did you mean blender?); it has auto,"),
-        (("--fov", "50"), "--camera, --fov and --passes are for files of other renderers; add --from auto"),
         (("--from", "auto", "--camera", "none.toml"), "none.toml does not exist"),
         (("--from", "auto", "--fov", "50", "--passes", "aoo"), "no stage 'aoo' in --passes (did you mean ao?)"),
     ],
@@ -164,7 +190,7 @@ def test_real_files_become_pictures(tmp_path: Path, capfd, name: str) -> None:
         pytest.skip("GBUFRT_TEST_DATA is not set: no files of other renderers")
     camera = tmp_path / "camera.toml"
     camera.write_text(CAMERA)
-    arguments = ("--from", "auto", "--camera", camera, "--preset", "low", "--warmup", "0", "--out", tmp_path / "out")
+    arguments = ("--camera", camera, "--preset", "low", "--warmup", "0", "--out", tmp_path / "out")
     assert run("post", Path(folder) / "exr" / f"{name}.exr", *arguments) == 0
     frame, told = read_exr(tmp_path / "out" / f"{name}.exr"), capfd.readouterr().err
     assert f"{name}.exr: {name[:7]}" in told

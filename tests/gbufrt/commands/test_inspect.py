@@ -95,7 +95,7 @@ def test_frames_that_count_on_test_each_other(tmp_path: Path, capfd) -> None:
 def test_what_fits_no_profile_is_still_shown(tmp_path: Path, capfd) -> None:
     path = foreign_exr.write(tmp_path / "photo.exr", {"RGB": GREY, "extra.Q": GREY[..., 0]})
     text = told(capfd, path, "--out", tmp_path / "out")
-    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke): none finds its depth" in text
+    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke, houdini): none finds its depth" in text
     assert Image.open(tmp_path / "out" / "photo_sheet.png").width > 2 * 320
 
 
@@ -124,6 +124,20 @@ def test_worlds(tmp_path: Path, capfd) -> None:
     path.write_bytes(vox_writer.file(vox_writer.model((3, 4, 5), [(0, 0, 0, 1), (2, 3, 4, 2)]), version=150))
     text = told(capfd, path)
     assert text == f"{path}: MagicaVoxel 150, 1 model, 3 x 4 x 5, the last number upwards; 2 voxels, 0 materials"
+
+
+def test_worlds_whose_tags_are_of_a_wrong_kind(tmp_path: Path, capfd) -> None:
+    nbtlib = pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
+    for tags, message in (
+        ({"Height": 1}, "a.schem: Width must be int, got none"),
+        ({"Width": 1, "Height": 1, "Length": 1, "Version": "x"}, "a.schem: Version must be int, got String"),
+    ):
+        kinds = {int: nbtlib.Short, str: nbtlib.String}
+        nbtlib.File({name: kinds[type(value)](value) for name, value in tags.items()}).save(tmp_path / "a.schem")
+        assert message in told(capfd, tmp_path / "a.schem", code=2)
+    region = tmp_path / "r.0.0.mca"
+    region.write_bytes(b"\0\0\2\1".ljust(8192, b"\0") + b"\0\0\0\2\5x")
+    assert "data version not known, because chunk 0,0 cannot be read (compression must" in told(capfd, region)
 
 
 @pytest.mark.parametrize(
@@ -162,7 +176,7 @@ def test_real_files_of_other_renderers(tmp_path: Path, capfd, name: str) -> None
         (("none.exr",), "none.exr does not exist; check the path"),
         (("{}", "--fov", "5", "--camera", "c.toml"), "--camera and --fov exclude each other"),
         (("{}", "--fov", "500"), "--fov must lie between 0 and 180 degrees, got 500"),
-        (("{}", "--from", "blendr"), "profile must be one of blender, mitsuba, falcor, unreal, nuke or a TOML file"),
+        (("{}", "--from", "blendr"), "no profile 'blendr' in --from (did you mean blender?); it has auto, blender,"),
         (("{}", "--from", "nuke", "--out", "{}"), "a.exr is a file; choose another name"),
         (("{}", "--from", "falcor"), "has no depth under linearZ.R, linearZ.X, linearZ; choose another profile"),
         (("picture.png",), "picture.png is of a kind that is not read; give .vox, .schem, .schematic, .mca, .exr or"),

@@ -79,7 +79,8 @@ class Region:
         if kind & EXTERNAL:
             data = self._external(place)
         if (kind := kind & ~EXTERNAL) not in (1, 2, 3):
-            raise ValueError(f"compression must be 1, 2 or 3 (gzip, zlib, none), got {kind}; 4, LZ4, is not read")
+            remedy = "; for LZ4 set region-file-compression=deflate and let the game save it again" if kind == 4 else ""
+            raise ValueError(f"compression must be 1, 2 or 3 (gzip, zlib, none), got {kind}{remedy}")
         return parse_nbt(data if kind == 3 else inflate(data))
 
     def _external(self, place: Place) -> bytes:

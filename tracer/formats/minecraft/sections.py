@@ -44,9 +44,11 @@ def sections(chunk: Tags) -> Iterator[Section]:
     Raises:
         ValueError: something in it breaks the format.
     """
-    version = int(chunk.get("DataVersion", 0))
+    version = version_of(chunk)
     level = part(chunk, "Level", dict) if "Level" in chunk else chunk
     name = "sections" if "sections" in level else "Sections"
+    if "Entities" in chunk or isinstance(level.get(name), dict):  # the game's folders entities and poi
+        raise ValueError("it holds entities or points of interest, no blocks; give the file of that name in region")
     for tags in part(level, name, list) if name in level else []:
         y = int(part(tags, "Y", int))
         if not LOWEST <= y <= HIGHEST:
@@ -55,6 +57,15 @@ def sections(chunk: Tags) -> Iterator[Section]:
         if found is not None:
             biomes, biome = _biomes(level, tags, y)
             yield Section(y=y, states=found[0], blocks=found[1], biomes=biomes, biome=biome)
+
+
+def version_of(tags: Tags) -> int:
+    """The game's data version that wrote a chunk or schematic; 0 from before 1.9, which did not write it.
+
+    Raises:
+        ValueError: it is no whole number.
+    """
+    return int(part(tags, "DataVersion", int)) if "DataVersion" in tags else 0
 
 
 def unpack(longs: Any, bits: int, count: int, *, padded: bool) -> Numbers:

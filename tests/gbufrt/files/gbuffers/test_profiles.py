@@ -30,10 +30,11 @@ FILES = {
     "mitsuba": {"far.T": np.where(SKY, 0, T["ray"]), "nn.XYZ": Z_UP, "alb.RGB": GREY},
     "falcor": {"linearZ.R": np.where(SKY, 0, T["planar"]), "normW.RGB": T["normal"], "mvec.RG": UV},
     "unreal": {
-        "QueueWorldDepth.R": np.where(SKY, 65504, T["planar"]),
-        "QueueWorldNormal.RGB": np.stack([X, Z, Y], -1),
-        "QueueMotionVectors.RG": UV,
+        "QueueWorldDepth.R": np.where(SKY, 65504, 100 * T["planar"]),
+        "QueueWorldNormal.RGB": np.stack([X, Z, Y], -1) / 2 + 0.5,
+        "QueueMotionVectors.RG": UV * (-0.5, 0.5) + 0.5,
     },
+    "houdini": {"Z": np.where(SKY, 1e30, T["planar"]), "N.XYZ": T["normal"], "P.XYZ": T["normal"], "albedo.RGB": GREY},
     "nuke": {
         "depth.Z": np.where(SKY, 0, 1 / np.where(SKY, 1, T["planar"])),
         "N.XYZ": T["normal"],
@@ -88,6 +89,8 @@ SETTINGS = {
         {"d.Z": np.where(SKY, 1, 1 - DEVICE)},
         None,
     ),
+    "down": ({"depth_scale": -1.0}, {"d.Z": np.where(SKY, 0, -T["planar"])}, None),
+    "centimetres": ({"depth_scale": 0.01}, {"d.Z": np.where(SKY, 0, 100 * T["planar"])}, None),
     "z up": ({"up": "z"}, {"n.XYZ": Z_UP}, 'up = "z"'),
     "left": ({"handed": "left"}, {"n.XYZ": T["normal"] * (1, 1, -1) + 0.0}, None),
     "opengl": ({"normal_space": "opengl"}, {"n.XYZ": _view(True)}, 'normal_space = "opengl"'),
@@ -95,6 +98,7 @@ SETTINGS = {
     "negated": ({"normal_scale": [-1, -1, -1]}, {"n.XYZ": -T["normal"]}, "normal_scale with all signs"),
     "encoded": ({"normal_encoded": True}, {"n.XYZ": (T["normal"] + 1) / 2 * T["hit"][..., None]}, "normal_encoded"),
     "uv": ({"motion_unit": "uv"}, {"m.XY": UV}, 'motion_unit = "uv" fits'),
+    "offset": ({"motion_offset": [0.5, 0.25]}, {"m.XY": T["motion"] + (0.5, 0.25)}, None),
     "next": ({"motion_target": "next"}, {"m.XY": -T["motion"]}, "motion_scale with both signs"),
     "y up": ({"motion_scale": [1, -1]}, {"m.XY": T["motion"] * (1, -1)}, "motion_scale with the sign of y"),
 }
@@ -114,6 +118,32 @@ def test_a_setting_converts_and_without_it_the_disagreement_names_it(name: str, 
     if told is not None:
         lines = disagreements(read_gbuffer(path, _own(tmp_path), camera=CAMERA, previous_camera=BEFORE))
         assert any(told in line for line in lines), lines
+
+
+@pytest.mark.parametrize("kind", ["planar", "ray"])
+def test_the_kind_told_is_another_than_the_profile_has(kind: str, tmp_path: Path) -> None:
+    """Plain depth under the name that Nuke gives to 1 / z."""
+    path = write(tmp_path / "a.exr", {"depth.Z": np.where(SKY, 0, T[kind]), "N.XYZ": T["normal"]})
+    assert detect(path).name == "nuke"
+    (line, *_) = disagreements(read_gbuffer(path, camera=CAMERA), depth_kind="reciprocal")
+    assert line.startswith(f'depth_kind = "{kind}" fits better')
+    (tmp_path / "own.toml").write_text(f'base = "nuke"\ndepth_kind = "{kind}"')
+    frame = read_gbuffer(path, tmp_path / "own.toml", camera=CAMERA)
+    assert disagreements(frame, depth_kind=kind) == []
+
+
+@pytest.mark.parametrize(
+    ("depth", "told"),
+    [
+        (-T["planar"], "all of d.Z is negative; set depth_scale = -1"),
+        (np.zeros(SIZE), "d.Z is 0 to 0, which is all sky"),
+    ],
+)
+def test_depth_without_a_surface_is_told(depth: np.ndarray, told: str, tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", {"d.Z": np.where(SKY, 0, depth)})
+    with pytest.warns(UserWarning, match=f"has no surface: {told}"):
+        frame = read_gbuffer(path, _own(tmp_path), camera=CAMERA)
+    assert not bool(frame.gbuffer.hit.any())
 
 
 def test_albedo_is_decoded(tmp_path: Path) -> None:
@@ -147,6 +177,8 @@ def test_channels_of_parts_carry_the_names_of_their_parts(tmp_path: Path) -> Non
         ("[channels]\ndepth = 'd'", "channels must be a table of lists"),
         ("[channels]\ndepht = ['d']", "unknown channel 'depht'"),
         ("colour = 1", "unknown key 'colour'"),
+        ("base = 'nuk'", "base must be one of blender"),
+        ("depth_scale = 0", "depth_scale must be a number other than 0"),
         ("near = 5\nfar = 2\n[channels]\ndepth = ['d']", "near and far must satisfy"),
         ("", "must name its depth"),
     ],
@@ -164,3 +196,14 @@ def test_a_static_world_has_motion_without_a_layer_of_it(tmp_path: Path) -> None
     assert g.motion is not None
     assert g.motion_z is not None
     assert torch.allclose(g.motion_z, CAMERA.static_motion(BEFORE, g.depth, g.hit)[1])
+
+
+def test_normals_of_unreal_may_be_stored_either_way(tmp_path: Path) -> None:
+    plain = np.stack([X, Z, Y], -1)
+    found = [
+        read_gbuffer(
+            write(tmp_path / f"{n}.exr", FILES["unreal"] | {"QueueWorldNormal.RGB": normals}), camera=CAMERA
+        ).gbuffer.normal
+        for n, normals in enumerate((plain, plain / 2 + 0.5))
+    ]
+    assert torch.allclose(found[0], found[1], atol=1e-6)

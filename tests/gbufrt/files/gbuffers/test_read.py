@@ -14,10 +14,11 @@ import torch
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
-from gbufrt.files.gbuffers.agreement import flat
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.guard import read_parts
 from gbufrt.gbuffer import GBuffer
+from gbufrt.validation.geometry import flat
+from post.shading.sent_light import gathered_radiance
 
 REAL = {
     "blender4515_cycles_multilayer.exr": ("blender", 10 * np.tan(np.radians(80 - 90))),
@@ -147,3 +148,23 @@ def test_where_the_file_has_no_normal_it_is_estimated_and_flagged(tmp_path: Path
     assert float(flag[:, 5].max()) == 0
     assert torch.allclose(frame.gbuffer.normal[0, :, 0, 0], torch.tensor([0.0, 0.8, 0.6]))
     assert torch.allclose(frame.gbuffer.normal[0, :, 3, 0], torch.tensor([0.0, 0.0, 1.0]), atol=1e-5)
+
+
+def test_emission_is_told_apart_and_what_no_shader_wrote_is_rough(tmp_path: Path) -> None:
+    """Else lamps in sight would light what they have lit already, and shaders without the AOV would be mirrors."""
+    light = {f"V.{n}.{c}": v for n, v in (("DiffDir", 3.0), ("DiffCol", 0.5), ("Emit", 1.0)) for c in "RGB"}
+    rough, color = np.zeros((4, 6)), np.zeros((4, 6, 3))
+    rough[:, :2], color[:, 2:4, 1] = 0.25, 0.5
+    planes = {name: np.full((4, 6), value) for name, value in light.items()}
+    planes |= {"V.Depth.Z": np.full((4, 6), 5.0), "V.Roughness.X": rough}
+    for more, wanted in (
+        ({}, [0.25] * 2 + [1.0] * 4),
+        ({"V.Base Color.RGB": color}, [0.25] * 2 + [0.0] * 2 + [1.0] * 2),
+    ):
+        frame = read_gbuffer(foreign_exr.write(tmp_path / "a.exr", planes | more), fov=40)
+        g = frame.gbuffer
+        assert g.roughness is not None
+        assert g.roughness[0, 0, 0].tolist() == wanted
+        assert g.emission is not None
+        assert torch.all(g.emission == 1)
+        assert torch.all(gathered_radiance(frame) == 1.5)

@@ -9,6 +9,7 @@ import warnings
 import zlib
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,6 +128,10 @@ def test_biomes_tint_grass(tmp_path: Path):
     assert not torch.allclose(world.materials.albedo[one], world.materials.albedo[other], atol=0.02)
 
 
+def packed_tags(tags: dict[str, Any]) -> bytes:
+    return b"\x02" + zlib.compress(nbt_bytes(File(tags)))
+
+
 @cache
 def damaged_chunks() -> dict[str, bytes]:
     whole = nbt_bytes(chunk("1.21", 0, 0, [section("1.21", 0, np.ones((16, 16, 16), int), STATES)]))
@@ -142,7 +147,11 @@ def damaged_chunks() -> dict[str, bytes]:
         "NBT ends at byte": b"\x02" + zlib.compress(whole[:-30]),
         "but 8589934584 more": b"\x02" + zlib.compress(b"\x0a\0\0\x0c\0\1a\x3f\xff\xff\xff\0"),
         "NBT is damaged": b"\x02" + zlib.compress(b"\x0a\0\0\x63\0\1a"),
-        "compression must be": b"\x04" + packed[1:],
+        "compression must be": b"\x05" + packed[1:],
+        "set region-file-compression=deflate": b"\x04" + packed[1:],
+        "holds entities": packed_tags({"DataVersion": Int(3955), "Entities": List[Compound]([])}),
+        "or points of interest, no blocks": packed_tags({"DataVersion": Int(3955), "Sections": Compound({})}),
+        "DataVersion must be int": packed_tags({"DataVersion": List[Int]([1, 2])}),
         "c.5.0.mcc, which does not exist": b"\x82",
         "values allowed": b"\x02" + zlib.compress(b"\x0a\0\0\x09\0\1a\x01\0\x40\0\0" + bytes(1 << 22) + b"\0"),
     }

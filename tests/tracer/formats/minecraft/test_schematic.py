@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 
 import torch
-from nbtlib import ByteArray, Compound, File, Int, Short
+from nbtlib import ByteArray, Compound, Double, File, Int, IntArray, List, Short, String
 from region_writer import nbt_bytes
 
 import tracer
@@ -110,6 +111,19 @@ def test_what_is_damaged_is_refused_in_one_line(tmp_path: Path, message: str):
     with pytest.raises(ValueError, match=message) as told:
         tracer.load(path)
     assert str(path) in str(told.value)
+
+
+@pytest.mark.parametrize("tags", [sponge(1), sponge(2), sponge(3)["Schematic"], mcedit()], ids=["1", "2", "3", "mc"])
+def test_no_value_of_a_wrong_kind_does_worse_than_a_message(tmp_path: Path, tags: Compound) -> None:
+    wrong = (Int(-1), Int(2**31 - 1), String(""), Compound(), ByteArray([]), IntArray([-1, 2]), Double("inf"), List([]))
+    for key in tags:
+        for value in (None, *wrong):
+            changed = {
+                **{name: tag for name, tag in tags.items() if name != key},
+                **({key: value} if value is not None else {}),
+            }
+            with suppress(ValueError):
+                read_schematic(written(tmp_path / "a.schem", File(changed), packed=False))
 
 
 def test_truncated_and_bombed_files_are_refused(tmp_path: Path):

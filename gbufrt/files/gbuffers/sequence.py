@@ -1,0 +1,98 @@
+"""Files of a sequence: which make one frame, what its number is, and names with a pattern in place of numbers."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from gbufrt.files.guard import MAX_PIXELS, Part, read_parts
+
+PATTERN = re.compile(r"#+|%0?\d*d")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """The files of one frame: one, or one for each pass, as Falcor and Unreal write them.
+
+    Args:
+        files: in the order given.
+        number: the last number in their names, or the frame's place among the others where one has none.
+        name: what results are called.
+    """
+
+    files: tuple[Path, ...]
+    number: int
+    name: str
+
+    def __str__(self) -> str:
+        return str(self.files[0]) if len(self.files) == 1 else f"{self.files[0]} and {len(self.files) - 1} more"
+
+
+def shots_of(paths: Sequence[Path]) -> list[Shot]:
+    """Frames in order of the files given; files of one number make one frame, each a pass of it."""
+    numbers = [re.findall(r"\d+", path.stem) for path in paths]
+    if not all(numbers):
+        return [Shot((path,), place, path.stem) for place, path in enumerate(paths)]
+    found: dict[int, list[Path]] = {}
+    for path, digits in zip(paths, numbers, strict=True):
+        found.setdefault(int(digits[-1]), []).append(path)
+    return [Shot(tuple(files), number, _name(files)) for number, files in found.items()]
+
+
+def shot_parts(files: Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS, header_only: bool = False) -> list[Part]:
+    """The parts of all files of a frame; those of several files carry the names of their passes.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: see `gbufrt.files.guard.read_parts`; or two files are of one pass.
+    """
+    files = [files] if isinstance(files, Path) else list(files)
+    if len(files) == 1:
+        return read_parts(files[0], max_pixels=max_pixels, header_only=header_only)
+    names = [_pass(file) for file in files]
+    for name, file in zip(names, files, strict=True):
+        if names.count(name) > 1:
+            raise ValueError(f"{file}: two files of one frame number are both of the pass {name!r}; run them apart")
+    return [
+        replace(part, name=".".join(filter(None, (name, part.name))))
+        for name, file in zip(names, files, strict=True)
+        for part in read_parts(file, max_pixels=max_pixels, header_only=header_only)
+    ]
+
+
+def expanded(path: Path) -> list[Path]:
+    """The files that a name with ``####`` or ``%04d`` in place of the number stands for, by number; else itself.
+
+    Raises:
+        ValueError: there are none.
+    """
+    if path.exists() or not PATTERN.search(path.name):
+        return [path]
+    form = re.compile(r"(\d+)".join(re.escape(text) for text in PATTERN.split(path.name)))
+    there = path.parent.iterdir() if path.parent.is_dir() else ()
+    found = sorted((tuple(map(int, match.groups())), file) for file in there if (match := form.fullmatch(file.name)))
+    if not found:
+        raise ValueError(f"no file fits {path}; check the path")
+    return [file for _, file in found]
+
+
+def by_number(paths: Iterable[Path]) -> list[Path]:
+    """Files by the last number of their names, then by name."""
+    return sorted(paths, key=lambda path: ([int(n) for n in re.findall(r"\d+", path.stem)[-1:]], path.name))
+
+
+def _pass(file: Path) -> str:
+    """What a file of one pass is called by: the last word of its name that is no number."""
+    words = [word for word in re.split(r"[._]", file.stem) if word and not word.isdecimal()]
+    return words[-1] if words else file.stem
+
+
+def _name(files: Sequence[Path]) -> str:
+    stems = [file.stem for file in files]
+    if len(stems) == 1:
+        return stems[0]
+    digits = re.findall(r"\d+", stems[0])[-1]
+    shared = [a for a, *others in zip(*(re.split(r"[._]", stem) for stem in stems), strict=False) if {a} == {*others}]
+    return "_".join(dict.fromkeys((*shared, digits)))
