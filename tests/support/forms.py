@@ -20,8 +20,8 @@ from post.history.op import accumulate, anti_alias, read_history
 from post.lens.op import reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
-from post.passes.light.ssgi import ssgi
 from post.passes.lens.upscale import upscale
+from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies

@@ -67,8 +67,8 @@ class OnGpu(Tensor):
     def is_cuda(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return True
 
-    def new_tensor(self, data: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        return torch.tensor(data, dtype=self.dtype, device=GPU)
+    def new_tensor(self, data: Any, dtype: Any = None) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return torch.tensor(data, dtype=dtype or self.dtype, device=GPU)
 
     def tolist(self) -> list[Any]:
         return self.cpu().tolist()

@@ -14,15 +14,17 @@ from torch import Tensor
 from gbufrt import Camera
 from tracer.gbuffers import gbuffer
 from tracer.lights.samples import Lights
-from tracer.paths import op
+from tracer.paths import integrators, op
 from tracer.paths import radiance as path_radiance
 from tracer.paths.on_screen import Picture
+from tracer.paths.receivers import receivers_of
+from tracer.sampling.sequence import Sequence
 
 SIZE, BOUNCES = (7, 9), 2
 
 
 def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """The radiance along a few rays, a row for each."""
+    """The radiance along a few rays, a row for each; and `from_surfaces`."""
     scene = voxels.polished_scene(2).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).to(device)
     g, poses = gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device)
@@ -30,7 +32,28 @@ def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
     u = numbers(1 + path_radiance.MORE * (BOUNCES + 1), 40).to(device)
     given: dict[str, Any] = {"bounces": BOUNCES, "poses": poses[0], "picture": Picture.of(g, 0), "spreads": True}
     light = op.radiance(scene, Lights.of(scene, poses[0]), origins, directions, u, **given)
-    return {"radiance": light[0].cpu(), "radiance on screen": light[1].cpu()}
+    return {"radiance": light[0].cpu(), "radiance on screen": light[1].cpu(), **from_surfaces(device)}
+
+
+def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
+    """Sums of what two paths from each surface of a picture find."""
+    scene = voxels.polished_scene(3).to(device)
+    camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).with_jitter((0.2, -0.3)).to(device)
+    at = receivers_of(scene, gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device))[0]
+    cases: dict[str, tuple[int, tuple[float, ...]]] = {
+        "occlusion": (integrators.OCCLUSION_DIMS, (7.0,)),
+        "indirect": (integrators.indirect_dims(BOUNCES), (BOUNCES,)),
+        "lit": (integrators.DIRECT_DIMS, ()),
+        "reflected": (integrators.REFLECTION_DIMS, (0.3,)),
+        "lobes": (integrators.lobe_dims(1), (1,)),
+    }
+    found = dict[str, Tensor]()
+    for name, (dims, setting) in cases.items():
+        start = () if name == "occlusion" else (at.vertices,)
+        sequence = Sequence.of(2, dims, SIZE, seed=1, device=at.pixels.device)
+        sums = getattr(op, name)(scene, at, *start, sequence, *setting)
+        found |= {f"{name} {key}": value.T.cpu() for key, value in sums.items()}
+    return found
 
 
 def numbers(dims: int, count: int) -> Tensor:
