@@ -97,7 +97,7 @@ class Seen(TorchDispatchMode):
         kwargs, name = dict(kwargs or {}), func._schema.name.partition("::")[2]
         given = list(_tensors((*args, *kwargs.values())))
         there = any(isinstance(x, OnGpu) for x in given)
-        if there and func.namespace == "gbufrt":
+        if there and func.namespace in ("gbufrt", "tracer"):
             with self:
                 OPDEFS[func._schema.name]._init_fn(*args, **kwargs)
         elif given:

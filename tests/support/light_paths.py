@@ -7,12 +7,13 @@ from __future__ import annotations
 from typing import Any
 
 import torch
+import traversals
 import voxels
 from simulated import save
 from torch import Tensor
 
 from gbufrt import Camera
-from tracer.gbuffers import gbuffer
+from tracer.gbuffers import gbuffer, layers
 from tracer.lights.samples import Lights
 from tracer.paths import integrators, op
 from tracer.paths import radiance as path_radiance
@@ -36,7 +37,7 @@ def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
 
 
 def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """Sums of what two paths from each surface of a picture find."""
+    """Sums of what two paths from each surface of a picture find; and `under_water`."""
     scene = voxels.polished_scene(3).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).with_jitter((0.2, -0.3)).to(device)
     at = receivers_of(scene, gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device))[0]
@@ -53,7 +54,18 @@ def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
         sequence = Sequence.of(2, dims, SIZE, seed=1, device=at.pixels.device)
         sums = getattr(op, name)(scene, at, *start, sequence, *setting)
         found |= {f"{name} {key}": value.T.cpu() for key, value in sums.items()}
-    return found
+    return found | under_water(device)
+
+
+def under_water(device: str | torch.device) -> dict[str, Tensor]:
+    """As `from_surfaces`, of a pool's floor: where a ray ends, it leaves the water."""
+    scene = traversals.scene().to(device)
+    _, floor = layers(scene, Camera.look_at((5, 9, -2), (5, 1, 5.5), size=(4, 5), fov_y=30).to(device), time=0.0)
+    assert floor is not None
+    at = receivers_of(scene, floor, scene.poses([0.0]).to(device))[0]
+    sequence = Sequence.of(2, integrators.indirect_dims(BOUNCES), (4, 5), seed=2, device=at.pixels.device)
+    sums = op.indirect(scene, at, at.vertices, sequence, BOUNCES)
+    return {f"under water {name}": sums[name].T.cpu() for name in ("sky", "sky_visibility")}
 
 
 def numbers(dims: int, count: int) -> Tensor:
