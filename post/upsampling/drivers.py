@@ -103,9 +103,9 @@ def upscaled_rows(
         sums = np.empty((SUMS, toned.shape[3]), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            out, tables = (new[b], light[b], lengths[b], news[b]), (across[b], down[b])
-            there = small[b], farthest[b], lenses[b], *tables, orthographic, curve[b], length[b], planes[b]
-            _upscaled_row(out, toned[b], there, tables, (kept, now, sums), np.float32(lock), numbers, y, 0, 0)
+            there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic, curve[b], length[b], planes[b]
+            given = *there, np.float32(lock), y, 0
+            _upscaled_row((new[b], light[b], lengths[b], news[b]), toned[b], given, (kept, now, sums), numbers, 0)
 
 
 @scalar
@@ -118,23 +118,24 @@ def upscaled_pixel(
     kept, now = cuda.local.array((KEPT, 1), np.float32), cuda.local.array((NOW, 1), np.float32)
     sums = cuda.local.array((SUMS, 3), np.float32)
     numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
-    tables, end = (across[b, :, x : x + 1], down[b]), x + 1
+    end, begin = x + 1, bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
     out = new[b, :, :, x:end], light[b, :, :, x:end], lengths[b, :, x:end], news[b, :, :, x:end]
-    there = small[b], farthest[b], lenses[b], *tables, orthographic, curve[b], length[b], planes[b]
-    begin = bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
+    there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic, curve[b], length[b], planes[b]
     some = sums[:, : min(3, toned.shape[3] - begin)]
-    _upscaled_row(out, toned[b], there, tables, (kept, now, some), np.float32(lock), numbers, y, x, begin)
+    _upscaled_row(out, toned[b], (*there, np.float32(lock), y, x), (kept, now, some), numbers, begin)
 
 
 upscaled_each = Each(upscaled_pixel)
 
 
 @scalar
-def _upscaled_row(out, toned, there, tables, scratch, lock, numbers, y, first, begin):
-    """Pixels of a row from ``first`` on, as many as there is room for, with samples from column ``begin`` on."""
-    (across, down), (kept, now, sums) = tables, scratch
-    small, lens = there[0], there[2]
-    fetch_row(kept, *there, lock, y, first)
+def _upscaled_row(out, toned, there, scratch, numbers, begin):
+    """Pixels of a row, as many as there is room for, with samples from column ``begin`` on.
+
+    ``there`` is what `fetch_row` takes.
+    """
+    (kept, now, sums), small, lens, across, down, y = scratch, there[0], there[2], there[3], there[4], there[10]
+    fetch_row(kept, *there)
     sums_row(sums, toned, down, y, begin)
     now_row(now, kept, sums, toned, across, down, lens[22] * lens[23], y, begin)
-    mix_row(*out, kept, now, small, across, down, numbers, y)
+    mix_row(kept, now, small, across, down, numbers, y, *out)

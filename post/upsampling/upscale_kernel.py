@@ -118,7 +118,7 @@ def now_row(now, kept, sums, toned, across, down, area, y, begin):
 
 
 @scalar
-def mix_row(out, light, length, planes, kept, now, small, across, down, numbers, y):
+def mix_row(kept, now, small, across, down, numbers, y, out, light, length, planes):
     """The new history: the old one, clipped to its box, with this frame in it; and the light that it shows."""
     gamma, frames, stability, mean_weight = numbers
     most_length = frames * mean_weight
