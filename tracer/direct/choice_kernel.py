@@ -1,4 +1,4 @@
-"""Which lamps matter to the pixels of a tile: the compiled form of `tracer.direct.reference.Direct.choices`.
+"""Which lamps matter to the pixels of a tile: the compiled form of `tracer.direct.choice_reference`.
 
 Where a scene has many lamps, a tile first bounds what each may send to any of its pixels. Its pixels then look only at
 the candidates: lamps that may be worth rays of their own. The others are drawn by what they send to one pixel of the
@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
+from tracer.direct.choice_reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.direct.kernel import AREA, CENTER, FACING, MEAN, MOVED, OFFSET, RADIUS
-from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
@@ -26,7 +26,7 @@ MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 
 @scalar
 def importance(sources, number, point, normal):
-    """See `tracer.direct.reference`."""
+    """See `tracer.direct.choice_reference`."""
     rectangles, first = sources.rectangles, sources.first
     shown = 0.0
     for k in range(first[number], first[number + 1]):

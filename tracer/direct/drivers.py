@@ -19,11 +19,11 @@ from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import array, replaced, threads
 from tracer.direct import reference
 from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE
+from tracer.direct.choice_reference import DRAWS
 from tracer.direct.kernel import Sources
 from tracer.direct.list_drivers import candidates_each, list_all, list_each, pack_each
 from tracer.direct.pixel_kernel import LEVEL
 from tracer.direct.ray_drivers import finish_all, finish_each, first_all, first_each
-from tracer.direct.reference import DRAWS
 from tracer.direct.sources import tables_of
 from tracer.lights.shadows import ALL, MOST, REACH, stages
 from tracer.traversal.rays import grid_from_world
@@ -67,7 +67,13 @@ class Direct(reference.Direct):
             yield first * width, (top - first, min(top + tall, height) - first), (last - first) * width
 
     def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int) -> tuple[Tensor, Tensor, Any]:
-        """Which lamps matter to ``pixels`` pixels P from ``start`` on; ``known`` and ``dice`` as in `choices`.
+        """Which lamps matter to ``pixels`` pixels P from ``start`` on.
+
+        Args:
+            known: ``(N,)`` as in `tracer.direct.choice_reference`, of the whole picture.
+            dice: ``(N,)``, see ``known``.
+            start: first pixel.
+            pixels: how many.
 
         Returns:
             ``(P, M)`` int32, lists as in `tracer.direct.pixel_kernel`; their lengths ``(P,)`` int64; the numbers

@@ -13,7 +13,7 @@ from voxels import DARK, LAMP, STONE, polished_scene, world
 
 from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
-from tracer.direct import choice_kernel, drivers, lighting, reference
+from tracer.direct import choice_kernel, choice_reference, drivers, lighting, reference
 from tracer.direct.pixel_kernel import LEVEL
 from tracer.direct.sources import sources_of
 from tracer.gbuffers import gbuffer
@@ -136,9 +136,9 @@ def test_draws_give_in_the_mean_what_all_of_the_rest_would(known: float):
         if form is compiled:
             drawn = replace(compiled, surface=surface).lists(torch.full((count,), known), dice, 0, count)[2]
             chosen, scale = (x.T for x in drawn)
-        faces = [reference._faces(form.lamps, lamp) for lamp in range(len(form.lamps))]
+        faces = [choice_reference.faces_of(form.lamps, lamp) for lamp in range(len(form.lamps))]
         at = rows["points"][:, :1], rows["normals"][:, :1]
-        power = torch.cat([reference._importance(form.lamps, n, face, *at) for n, face in enumerate(faces)])
+        power = torch.cat([choice_reference.importance(form.lamps, n, face, *at) for n, face in enumerate(faces)])
         rest = power[levels[:, 0] == 0].sum()
         drawn = (scale * power[chosen.long()]).sum(0)
         assert (drawn == 0).any() == (known == 1e4)
