@@ -1,10 +1,11 @@
-"""Light paths of a small picture, for tests that compare their forms. Run as a script, it answers in the CUDA form by
-numba's simulator and saves what it finds, with the names of the bodies that ran:
+"""Light paths and direct light of a small picture, for tests that compare their forms. Run as a script, it answers in the
+CUDA form by numba's simulator and saves what it finds, with the names of the bodies that ran:
 ``NUMBA_ENABLE_CUDASIM=1 python light_paths.py FILE``."""
 
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import patch
 
 import torch
 import traversals
@@ -13,6 +14,8 @@ from simulated import save
 from torch import Tensor
 
 from gbufrt import Camera
+from tracer.direct import drivers
+from tracer.direct.lighting import light
 from tracer.gbuffers import gbuffer, layers
 from tracer.lights.samples import Lights
 from tracer.paths import integrators, op
@@ -25,19 +28,25 @@ SIZE, BOUNCES = (7, 9), 2
 
 
 def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """The radiance along a few rays, a row for each; and `from_surfaces`."""
+    """The radiance along a few rays, a row for each; `from_surfaces`, `under_water` and `direct`."""
     scene = voxels.polished_scene(2).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).to(device)
     g, poses = gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device)
     origins, directions = (x.to(device) for x in voxels.random_rays(2, 40))
     u = numbers(1 + path_radiance.MORE * (BOUNCES + 1), 40).to(device)
     given: dict[str, Any] = {"bounces": BOUNCES, "poses": poses[0], "picture": Picture.of(g, 0), "spreads": True}
-    light = op.radiance(scene, Lights.of(scene, poses[0]), origins, directions, u, **given)
-    return {"radiance": light[0].cpu(), "radiance on screen": light[1].cpu(), **from_surfaces(device)}
+    found = op.radiance(scene, Lights.of(scene, poses[0]), origins, directions, u, **given)
+    return {
+        "radiance": found[0].cpu(),
+        "radiance on screen": found[1].cpu(),
+        **from_surfaces(device),
+        **under_water(device),
+        **direct(device),
+    }
 
 
 def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """Sums of what two paths from each surface of a picture find; and `under_water`."""
+    """Sums of what two paths from each surface of a picture find."""
     scene = voxels.polished_scene(3).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).with_jitter((0.2, -0.3)).to(device)
     at = receivers_of(scene, gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device))[0]
@@ -54,7 +63,7 @@ def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
         sequence = Sequence.of(2, dims, SIZE, seed=1, device=at.pixels.device)
         sums = getattr(op, name)(scene, at, *start, sequence, *setting)
         found |= {f"{name} {key}": value.T.cpu() for key, value in sums.items()}
-    return found | under_water(device)
+    return found
 
 
 def under_water(device: str | torch.device) -> dict[str, Tensor]:
@@ -66,6 +75,18 @@ def under_water(device: str | torch.device) -> dict[str, Tensor]:
     sequence = Sequence.of(2, integrators.indirect_dims(BOUNCES), (4, 5), seed=2, device=at.pixels.device)
     sums = op.indirect(scene, at, at.vertices, sequence, BOUNCES)
     return {f"under water {name}": sums[name].T.cpu() for name in ("sky", "sky_visibility")}
+
+
+def direct(device: str | torch.device = "cpu") -> dict[str, Tensor]:
+    """Light of sun and lamps where all lamps are candidates; and, in bands, where each tile leaves some out."""
+    scene, size = voxels.polished_scene(1).to(device), (10, 13)
+    g = gbuffer(scene, Camera.look_at((14, 16, 19), (0, 2, 0), size=size).to(device), time=0.3)
+    given: dict[str, Any] = {"poses": scene.poses([0.3]).to(device), "samples": 8}
+    seen = torch.linspace(0.2, 1.0, size[1], device=device).expand_as(g.depth)
+    found = {"direct light": light(scene, g, **given)[0]}
+    with patch.object(drivers, "FEW", 0), patch.object(drivers, "BAND", 1):
+        found["direct light of tiles"] = light(scene, g, seen=seen, **given)[0]
+    return {name: value.cpu() for name, value in found.items()}
 
 
 def numbers(dims: int, count: int) -> Tensor:

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
-import direct_light
 import forms
 import light_paths
 import pytest
@@ -17,7 +16,7 @@ from torch import Tensor
 
 from gbufrt.compute import cuda
 
-ANSWERS = {script.__name__: script.answers for script in (forms, traversals, light_paths, direct_light)}
+ANSWERS = {script.__name__: script.answers for script in (forms, traversals, light_paths)}
 CAPABILITY = (8, 0)
 
 
