@@ -1,5 +1,5 @@
-"""Light paths and direct light of a small picture, for tests that compare their forms. Run as a script, it answers in the
-CUDA form by numba's simulator and saves what it finds, with the names of the bodies that ran:
+"""Light paths and direct light of a small picture, for tests that compare their forms. Run as a script, it answers in
+the CUDA form by numba's simulator and saves what it finds, with the names of the bodies that ran:
 ``NUMBA_ENABLE_CUDASIM=1 python light_paths.py FILE``."""
 
 from __future__ import annotations
