@@ -199,7 +199,7 @@ class _Listener(event.Listener):
 
 
 def _name(dispatcher: Any) -> str:
-    """The name of a driver, without the hash that `gbufrt.compute.bodies.Target` puts behind it."""
+    """The name of a driver, without the hash that `gbufrt.compute.target.Target` puts behind it."""
     return str(dispatcher.py_func.__qualname__).partition("-")[0]
 
 

@@ -15,9 +15,9 @@ import torch
 from numba import cuda
 from torch import Tensor
 
-from gbufrt.compute.bodies import Target
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import Kernel, array, replaced, tensors_of
+from gbufrt.compute.target import Target
 
 BLOCK = 128  # threads: enough to hide memory latency, few enough that items of one block lie close together
 

@@ -8,8 +8,8 @@ says which form runs. Each has a torch reference: the definition, the oracle of 
 there is no kernel.
 
 `gbufrt.compute.cache` keeps the machine code, so a second process compiles nothing; its key covers all code and
-constants that a driver reaches, see `gbufrt.compute.bodies`. Asking numba for its thread count inside a kernel switches
-the cache off, so it is an argument.
+constants that a driver reaches, see `gbufrt.compute.fingerprint`. Asking numba for its thread count inside a kernel
+switches the cache off, so it is an argument.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ import numba
 import numpy as np
 from torch import Tensor
 
-from gbufrt.compute.bodies import WIDTH, Lanes, Target, allocating, contracted, inlined, scalar
+from gbufrt.compute.bodies import WIDTH, Lanes, allocating, contracted, in_lanes, inlined, scalar, specialized
 from gbufrt.compute.cache import kept, missing
+from gbufrt.compute.target import Target
 from gbufrt.compute.threads import threads
 
 __all__ = [
-    "CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "contracted", "driver", "inlined", "replaced", "scalar",
-    "tensors_of", "threads",
+    "CPU", "WIDTH", "Kernel", "Lanes", "allocating", "array", "contracted", "driver", "in_lanes", "inlined", "replaced",
+    "scalar", "specialized", "tensors_of", "threads",
 ]  # fmt: skip
 
 _PLAIN = {"nogil": True, "error_model": "numpy"}

@@ -12,8 +12,16 @@ from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import allocating, driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
 from post.upsampling.row_kernel import GUIDES, NEAREST, PLANES, Room, upsampled_picture_row
-from post.upsampling.upscale_history_kernel import KEPT, coefficients_row, fetch_row
-from post.upsampling.upscale_kernel import NOW, mix_row, now_row, sums_row
+from post.upsampling.upscale_history_kernel import (
+    INDEX,
+    KEPT,
+    bounded,
+    coefficients_row,
+    fetch_row,
+    filtered_across,
+    filtered_down,
+)
+from post.upsampling.upscale_kernel import NOW, SUMS, mix_row, now_row, sums_row
 
 cuda: Any = numba.cuda
 AROUND = SPAN * SPAN  # samples around a pixel
@@ -65,6 +73,23 @@ def coefficient_rows(out, image, taps, threads):
             coefficients_row(out[item // height], rows, image[item // height], taps, item % height)
 
 
+@scalar
+def down_pixel(i, padded, image, taps):
+    """Planes ``(N, H, W)`` filtered down, with as many columns on both sides as the filter reaches across."""
+    n, y, x = pixel_of(i, padded.shape[1], padded.shape[2])
+    filtered_down(padded[n, y, x : x + 1], image[n], taps, y, bounded(x - len(taps) // 2, image.shape[2]))
+
+
+@scalar
+def across_pixel(i, out, padded, taps):
+    """What `down_pixel` leaves, filtered across."""
+    n, y, x = pixel_of(i, out.shape[1], out.shape[2])
+    filtered_across(out[n, y, x : x + 1], padded[n, y, x : x + len(taps)], taps)
+
+
+down_each, across_each = Each(down_pixel), Each(across_pixel)
+
+
 @driver
 def upscaled_rows(
     light, new, lengths, news, toned, small, farthest, curve, length, planes, across, down, lenses, orthographic,
@@ -73,15 +98,44 @@ def upscaled_rows(
     """See `post.upsampling.upscale_op.upscaled`."""
     batch, _, height, width = new.shape
     numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
-    area = lenses[0, 22] * lenses[0, 23]
     for thread in prange(threads):
         kept, now = np.empty((KEPT, width), np.float32), np.empty((NOW, width), np.float32)
-        sums = np.empty((9, toned.shape[3]), np.float32)
+        sums = np.empty((SUMS, toned.shape[3]), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            tables = across[b], down[b]
             there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic, curve[b], length[b], planes[b]
-            fetch_row(kept, *there, np.float32(lock), y)
-            sums_row(sums, toned[b], down[b], y)
-            now_row(now, kept, sums, toned[b], *tables, area, y)
-            mix_row(new[b], light[b], lengths[b], news[b], kept, now, small[b], *tables, numbers, y)
+            given = *there, np.float32(lock), y, 0
+            _upscaled_row((new[b], light[b], lengths[b], news[b]), toned[b], given, (kept, now, sums), numbers, 0)
+
+
+@scalar
+def upscaled_pixel(
+    i, light, new, lengths, news, toned, small, farthest, curve, length, planes, across, down, lenses, orthographic,
+    gamma, frames, lock, stability, weight,
+):  # fmt: skip
+    """As `upscaled_rows`, one pixel."""
+    b, y, x = pixel_of(i, new.shape[2], new.shape[3])
+    kept, now = cuda.local.array((KEPT, 1), np.float32), cuda.local.array((NOW, 1), np.float32)
+    sums = cuda.local.array((SUMS, 3), np.float32)
+    numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
+    end, begin = x + 1, bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
+    out = new[b, :, :, x:end], light[b, :, :, x:end], lengths[b, :, x:end], news[b, :, :, x:end]
+    there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic, curve[b], length[b], planes[b]
+    some = sums[:, : min(3, toned.shape[3] - begin)]
+    _upscaled_row(out, toned[b], (*there, np.float32(lock), y, x), (kept, now, some), numbers, begin)
+
+
+upscaled_each = Each(upscaled_pixel)
+
+
+@scalar
+def _upscaled_row(out, toned, there, scratch, numbers, begin):
+    """Pixels of a row, as many as there is room for, with samples from column ``begin`` on.
+
+    ``there`` is what `fetch_row` takes.
+    """
+    (kept, now, sums), small, lens, across, down, y = scratch, there[0], there[2], there[3], there[4], there[10]
+    fetch_row(kept, *there)
+    sums_row(sums, toned, down, y, begin)
+    now_row(now, kept, sums, toned, across, down, lens[22] * lens[23], y, begin)
+    mix_row(kept, now, small, across, down, numbers, y, *out)

@@ -36,21 +36,33 @@ def bounded(i, count):
 @scalar
 def coefficients_row(out, rows, image, taps, y):
     """A row of spline coefficients ``(3, W)``: down, then across; ``rows`` is room for one row."""
-    (_, height, width), reach = image.shape, len(taps) // 2
+    width, reach = image.shape[2], len(taps) // 2
     for c in range(3):
-        rows[:] = ZERO
-        for k in range(-reach, reach + 1):
-            row, weight = image[c, bounded(y + k, height)], taps[k + reach]
-            for x in range(width):
-                rows[reach + x] += weight * row[x]
+        filtered_down(rows[reach : reach + width], image[c], taps, y, 0)
         for x in range(reach):
             rows[x], rows[reach + width + x] = rows[reach], rows[reach + width - 1]
-        new = out[c, y]
-        new[:] = ZERO
-        for k in range(2 * reach + 1):
-            row, weight = rows[k : k + width], taps[k]
-            for x in range(width):
-                new[x] += weight * row[x]
+        filtered_across(out[c, y], rows, taps)
+
+
+@scalar
+def filtered_down(new, plane, taps, y, first):
+    """Row ``y`` of a plane from column ``first`` on, filtered down."""
+    reach = len(taps) // 2
+    new[:] = ZERO
+    for k in range(-reach, reach + 1):
+        row, weight = plane[bounded(y + k, len(plane)), first : first + len(new)], taps[k + reach]
+        for x in range(len(new)):
+            new[x] += weight * row[x]
+
+
+@scalar
+def filtered_across(new, rows, taps):
+    """A row, filtered across; ``rows`` begins as many pixels before it as the filter reaches."""
+    new[:] = ZERO
+    for k in range(len(taps)):
+        row, weight = rows[k : k + len(new)], taps[k]
+        for x in range(len(new)):
+            new[x] += weight * row[x]
 
 
 @inlined
@@ -70,10 +82,10 @@ def _surface_in_front(small, across, down, x, y):
 
 
 @inlined
-def _was_at(small, lens, across, down, orthographic, x, y):
+def _was_at(small, lens, across, down, orthographic, x, y, first):
     """Where a pixel was, px, and its depth now and then."""
     column, row = _surface_in_front(small, across, down, x, y)
-    near, at_x, at_y = small[DEPTH, row, column], np.float32(x) + HALF, np.float32(y) + HALF
+    near, at_x, at_y = small[DEPTH, row, column], np.float32(first + x) + HALF, np.float32(y) + HALF
     ray_x, ray_y = (at_x - lens[2]) / lens[0], (at_y - lens[3]) / lens[1]
     fx, fy, fz = small[FACING, row, column], small[FACING + 1, row, column], small[FACING + 2, row, column]
     start = fx * ray_x + fy * ray_y if orthographic else ZERO
@@ -115,12 +127,15 @@ def _between(plane, i, k, u, j, m, v):
 
 
 @scalar
-def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, length, planes, lock, y):
-    """History where each pixel was, and what is left of its locks; zero where the pixel was not seen."""
+def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, length, planes, lock, y, first):
+    """History where each pixel was, and what is left of its locks; zero where the pixel was not seen.
+
+    ``kept`` and ``across`` are of the columns from ``first`` on.
+    """
     (_, height, width), (low_height, low_width) = curve.shape, farthest.shape
-    for x in range(width):
-        there_x, there_y, depth, then = _was_at(small, lens, across, down, orthographic, x, y)
-        move_x, move_y = there_x - (np.float32(x) + HALF), there_y - (np.float32(y) + HALF)
+    for x in range(kept.shape[1]):
+        there_x, there_y, depth, then = _was_at(small, lens, across, down, orthographic, x, y, first)
+        move_x, move_y = there_x - (np.float32(first + x) + HALF), there_y - (np.float32(y) + HALF)
         kept[NOW_DEPTH, x], kept[NOW_MOTION, x], kept[NOW_MOTION + 1, x] = depth, move_x, move_y
         valid = there_x >= ZERO and there_x < np.float32(width) and there_y >= ZERO and there_y < np.float32(height)
         if valid:

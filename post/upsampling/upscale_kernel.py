@@ -43,21 +43,22 @@ LEAST, MATURE, DECAY = np.float32(constants.LEAST), np.float32(constants.MATURE)
 SLOW, STEADY, WIDER = np.float32(constants.SLOW), np.float32(constants.STEADY), np.float32(constants.WIDER)
 COLOR, MEAN, SPREAD, NOW_WEIGHT = 0, 3, 6, 9
 """Rows of what this frame tells of each pixel."""
-NOW = 10
+NOW, SUMS = 10, 9
 
 
 @scalar
-def sums_row(sums, toned, down, y):
-    """Of each column of samples, sums over three rows about a row of pixels: colours, then YCoCg and its squares."""
-    _, height, width = toned.shape
+def sums_row(sums, toned, down, y, begin):
+    """Of columns of samples from ``begin`` on, sums over three rows about a row of pixels: colours, then YCoCg and its
+    squares."""
+    height, end = toned.shape[1], begin + sums.shape[1]
     sums[:] = ZERO
     s0, s1, s2, s3, s4, s5 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
     s6, s7, s8 = sums[6], sums[7], sums[8]
     for k in range(3):
         row = bounded(np.int64(down[INDEX, y]) + k - 1, height)
         weight, box = down[TAPS + k, y], down[BOXES + k, y]
-        red, green, blue = toned[0, row], toned[1, row], toned[2, row]
-        for x in range(width):
+        red, green, blue = toned[0, row, begin:end], toned[1, row, begin:end], toned[2, row, begin:end]
+        for x in range(sums.shape[1]):
             r, g, b = red[x], green[x], blue[x]
             luma, orange, shift = ycocg(r, g, b)
             s0[x] += weight * r
@@ -90,14 +91,14 @@ def _wide(now, toned, across, down, window, x, y):
 
 
 @scalar
-def now_row(now, kept, sums, toned, across, down, area, y):
-    """What this frame tells of each pixel; see `accumulate.Gathered`."""
+def now_row(now, kept, sums, toned, across, down, area, y, begin):
+    """What this frame tells of each pixel; see `accumulate.Gathered`. ``sums`` are of columns from ``begin`` on."""
     (_, _, low_width), width = toned.shape, now.shape[1]
     high = down[TAPS, y] + down[TAPS + 1, y] + down[TAPS + 2, y]
     box_high = down[BOXES, y] + down[BOXES + 1, y] + down[BOXES + 2, y]
     for x in range(width):
         i = np.int64(across[INDEX, x])
-        h, k = bounded(i - 1, low_width), bounded(i + 1, low_width)
+        h, k = bounded(i - 1, low_width) - begin, bounded(i + 1, low_width) - begin
         a, b, c = across[TAPS, x], across[TAPS + 1, x], across[TAPS + 2, x]
         near = (a + b + c) * high
         now[NOW_WEIGHT, x], share = near + LEAST, ONE / max(near, SMALLEST)
@@ -106,18 +107,18 @@ def now_row(now, kept, sums, toned, across, down, area, y):
             _wide(now, toned, across, down, WINDOW * ready + FIRST / area * (ONE - ready), x, y)
         else:
             for n in range(3):
-                now[COLOR + n, x] = (a * sums[n, h] + b * sums[n, i] + c * sums[n, k]) * share
+                now[COLOR + n, x] = (a * sums[n, h] + b * sums[n, i - begin] + c * sums[n, k]) * share
         a, b, c = across[BOXES, x], across[BOXES + 1, x], across[BOXES + 2, x]
         share = ONE / ((a + b + c) * box_high)
         for n in range(3):
-            mean = (a * sums[n + 3, h] + b * sums[n + 3, i] + c * sums[n + 3, k]) * share
-            square = (a * sums[n + 6, h] + b * sums[n + 6, i] + c * sums[n + 6, k]) * share
+            mean = (a * sums[n + 3, h] + b * sums[n + 3, i - begin] + c * sums[n + 3, k]) * share
+            square = (a * sums[n + 6, h] + b * sums[n + 6, i - begin] + c * sums[n + 6, k]) * share
             now[MEAN + n, x] = mean
             now[SPREAD + n, x] = math.sqrt(max(square - mean * mean, ZERO) + TINY)
 
 
 @scalar
-def mix_row(out, light, length, planes, kept, now, small, across, down, numbers, y):
+def mix_row(kept, now, small, across, down, numbers, y, out, light, length, planes):
     """The new history: the old one, clipped to its box, with this frame in it; and the light that it shows."""
     gamma, frames, stability, mean_weight = numbers
     most_length = frames * mean_weight

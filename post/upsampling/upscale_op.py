@@ -1,4 +1,4 @@
-"""Temporal upscaling as a torch operator: a kernel on the CPU, the torch reference elsewhere."""
+"""Temporal upscaling as a torch operator: kernels on the CPU and on CUDA, the torch reference elsewhere."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def upscaled(
     Returns:
         ``(B, 3, H, W)`` linear radiance, and the history after this frame.
     """
-    if form_of(*small, *before, *tunables, compiled=compiled) is Form.REFERENCE:
+    if form_of(*small, *before, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
         return upscaled_reference(small, before, at, camera, previous, tunables)
     planes = torch.cat([small.surfaces, small.alike, small.features, small.reactive], dim=1).detach()
     tables = [axis_table(at, axis, small.toned.shape[-1 - axis]) for axis in (0, 1)]
@@ -78,7 +78,7 @@ def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]
     of the frame before; its focal lengths and principal point; its jitter, in small pixels; and the ratios."""
     now, before = resized(camera, size).lens[:, :4], resized(previous, size).lens[:, :4]
     way = previous.view_from_world.double() @ camera.world_from_view.double()
-    ratio = torch.tensor(at.ratio).to(now).expand(camera.batch, 2)
+    ratio = resident(at.ratio, now).expand(camera.batch, 2)
     parts = [now, way[:, :3, :3].flatten(1), way[:, :3, 3], before, previous.lens[:, 4:], ratio]
     return torch.cat([part.float() for part in parts], dim=1)
 
@@ -91,15 +91,23 @@ def upscaled_cpu(
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
     """See `upscaled`: light, and the three of `Large`; ``weight`` is what a frame's samples weigh in the mean."""
     from gbufrt.compute.kernel import array, threads
-    from post.upsampling.drivers import coefficient_rows, upscaled_rows
+    from post.upsampling.drivers import across_each, coefficient_rows, down_each, upscaled_each, upscaled_rows
 
     curve, light, new, lengths, news = (
         torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, old, length, kept)
     )
-    coefficient_rows(array(curve), array(old), array(taps), threads())
     pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, length[:, 0], kept
-    given = (*map(array, pictures), array(across), array(down), array(lenses))
-    upscaled_rows(*given, orthographic, gamma, frames, lock, stability, weight, threads())
+    numbers = orthographic, gamma, frames, lock, stability, weight
+    if form_of(old, cuda=True) is Form.CUDA:
+        image, smooth = old.flatten(0, 1), curve.flatten(0, 1)
+        padded = image.new_empty(*image.shape[:2], image.shape[2] + len(taps) - 1)
+        down_each(padded.numel(), padded, image, taps)
+        across_each(smooth.numel(), smooth, padded, taps)
+        upscaled_each(new[:, 0].numel(), *pictures, across, down, lenses, *numbers)
+    else:
+        coefficient_rows(array(curve), array(old), array(taps), threads())
+        given = (*map(array, pictures), array(across), array(down), array(lenses))
+        upscaled_rows(*given, *numbers, threads())
     return light, new, lengths, news
 
 

@@ -24,7 +24,21 @@ def check(found: dict[str, torch.Tensor]) -> None:
 def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> None:
     found, ran = answers_of(SCRIPT, tmp_path / "answers.pt")
     light = {"sweep", "padded", "bodies", "agx", "upsampled", "correspondence", "read", "tone", "alias", "luma"}
-    light |= {"surface", "moments", "limits", "bilateral", "wavelet", "sample", "fast", "blend", "stairs", "layer"}
+    light |= {
+        "down",
+        "across",
+        "upscaled",
+        "surface",
+        "moments",
+        "limits",
+        "bilateral",
+        "wavelet",
+        "sample",
+        "fast",
+        "blend",
+        "stairs",
+        "layer",
+    }
     assert ran == {"march", "reflect", "reconstruct_pixel", *(f"{name}_pixel" for name in light)}
     check(found)
 

@@ -20,6 +20,7 @@ from post.history.op import accumulate, anti_alias, read_history
 from post.lens.op import reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
+from post.passes.lens.upscale import upscale
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
 from post.sweep.bitmask import bitmask_ao
@@ -47,7 +48,13 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     found |= {"ray": torch.cat([ends.px, ends.distance, ends.hit.float(), ends.blocked.float()], dim=1)}
     return {
         name: value.cpu()
-        for name, value in {**found, **of_pixels(frame), **of_filters(frame), **of_lens(frame)}.items()
+        for name, value in {
+            **found,
+            **of_pixels(frame),
+            **of_filters(frame),
+            **of_lens(frame),
+            **of_upscale(device),
+        }.items()
     }
 
 
@@ -118,6 +125,19 @@ def of_lens(frame: Frame) -> dict[str, Tensor]:
         "layers": depth_of_field(lamp, g.depth, g.camera, **lens),
         "blurred": reconstruct(light, g.depth, path, path.roll(2, 3), moment, **shutter),
     }
+
+
+def of_upscale(device: str) -> dict[str, Tensor]:
+    """The second of two jittered frames from a camera that moves, half as large again, and its history."""
+    light, history = torch.zeros(()), None
+    for index, place in enumerate(((0.3, -0.2), (-0.4, 0.1))):
+        camera = boxes.camera(SIZE, dx=0.35 * index).with_jitter(torch.tensor([place]))
+        frame = boxes.frame(camera, previous=boxes.camera(SIZE)).to(device)
+        color = frame.read("radiance") * (0.2 + 3 * noise(frame.read("radiance"))[:, index : index + 3])
+        light, history = upscale(color, frame.gbuffer, history, ratio=1.5, reactive=noise(color)[:, 4:])
+    assert history is not None
+    signals = history.signals["toned"], history.signals["planes"], history.length
+    return {"upscaled": light, "upscaled history": torch.cat(signals, dim=1)}
 
 
 if __name__ == "__main__":

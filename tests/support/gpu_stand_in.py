@@ -67,8 +67,8 @@ class OnGpu(Tensor):
     def is_cuda(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
         return True
 
-    def new_tensor(self, data: Any) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
-        return torch.tensor(data, dtype=self.dtype, device=GPU)
+    def new_tensor(self, data: Any, dtype: Any = None) -> Tensor:  # pyright: ignore[reportIncompatibleMethodOverride]
+        return torch.tensor(data, dtype=dtype or self.dtype, device=GPU)
 
     def tolist(self) -> list[Any]:
         return self.cpu().tolist()
@@ -97,7 +97,7 @@ class Seen(TorchDispatchMode):
         kwargs, name = dict(kwargs or {}), func._schema.name.partition("::")[2]
         given = list(_tensors((*args, *kwargs.values())))
         there = any(isinstance(x, OnGpu) for x in given)
-        if there and func.namespace == "gbufrt":
+        if there and func.namespace in ("gbufrt", "tracer"):
             with self:
                 OPDEFS[func._schema.name]._init_fn(*args, **kwargs)
         elif given:

@@ -1,4 +1,4 @@
-"""Which lamps matter to the pixels of a tile: the compiled form of `tracer.direct.reference.Direct.choices`.
+"""Which lamps matter to the pixels of a tile: the compiled form of `tracer.direct.choice_reference`.
 
 Where a scene has many lamps, a tile first bounds what each may send to any of its pixels. Its pixels then look only at
 the candidates: lamps that may be worth rays of their own. The others are drawn by what they send to one pixel of the
@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import allocating, scalar
+from gbufrt.compute.kernel import inlined, scalar
+from tracer.direct.choice_reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.direct.kernel import AREA, CENTER, FACING, MEAN, MOVED, OFFSET, RADIUS
-from tracer.direct.reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
@@ -26,7 +26,7 @@ MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 
 @scalar
 def importance(sources, number, point, normal):
-    """See `tracer.direct.reference`."""
+    """See `tracer.direct.choice_reference`."""
     rectangles, first = sources.rectangles, sources.first
     shown = 0.0
     for k in range(first[number], first[number + 1]):
@@ -52,11 +52,17 @@ def _arriving(sources, number, point, normal, shown):
     if shown <= 0:
         return 0.0
     way = along(triple(lamps, number, CENTER), point, -1.0)
-    square, radius = dot(way, way), lamps[number, RADIUS]
+    return shown * weight(way, normal, lamps[number, RADIUS], lamps[number, MEAN])
+
+
+@inlined
+def weight(way, normal, radius, mean):
+    """What a lamp may send to a point for each unit that it sees of area times height, along the way to its centre."""
+    square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
     distance = max(math.sqrt(square), 1e-6)
-    cosine = dot(way, normal) / distance
+    cosine = (way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]) / distance
     cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
-    return shown * cosine / (distance * max(square, radius * radius / 4)) * lamps[number, MEAN]
+    return cosine / (distance * max(square, radius * radius / 4)) * mean
 
 
 @scalar
@@ -84,13 +90,13 @@ def bound(sources, number, center, reach, low, high):
     return shown * cosine / (distance * max(distance * distance, radius * radius / 4)) * lamps[number, MEAN]
 
 
-@allocating
-def extent(surface, start, width, tile):
-    """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
-    ranges of its lit points and normals."""
+@scalar
+def extent(surface, start, width, tile, low, high):
+    """The lit pixel nearest a tile's centre (-1 for none), and how much is seen of the pixel of which most is; left in
+    ``low`` and ``high``, of six numbers each: the ranges of its lit points and normals."""
     points, normals, seen = surface
     nearest, middle, clearest = np.inf, -1, 0.0
-    low, high = np.full(6, np.inf), np.full(6, -np.inf)
+    low[:], high[:] = np.inf, -np.inf
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
             i = start + y * width + x
@@ -102,7 +108,7 @@ def extent(surface, start, width, tile):
                 for k in range(3):
                     low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
                     low[3 + k], high[3 + k] = min(low[3 + k], normals[i, k]), max(high[3 + k], normals[i, k])
-    return middle, clearest, low, high
+    return middle, clearest
 
 
 @scalar
@@ -165,6 +171,19 @@ def list_lamps(candidates, known, seen, sent, power, marked):
 
 
 @scalar
+def _first_above(values, count, value):
+    """Index of the first of ``count`` ascending values that is above a given one."""
+    begin, end = 0, count
+    while begin < end:
+        middle = (begin + end) // 2
+        if values[middle] > value:
+            end = middle
+        else:
+            begin = middle + 1
+    return begin
+
+
+@scalar
 def draw_rest(candidates, power, rest, others, count, die, draws, chosen, scale):
     """Draw lamps of the rest: candidates by importance, others by weight; ``scale`` is the inverse of how often.
 
@@ -180,7 +199,7 @@ def draw_rest(candidates, power, rest, others, count, die, draws, chosen, scale)
                 chosen[draw], scale[draw] = candidates[k], total / (power[k] * draws)
                 draw += 1
     while die + draw < draws and count > 0:
-        k = min(np.searchsorted(upto[:count], (die + draw) / draws * total - rest, side="right"), count - 1)
+        k = min(_first_above(upto, count, (die + draw) / draws * total - rest), count - 1)
         chosen[draw], scale[draw] = numbers[k], total / ((upto[k] - (upto[k - 1] if k > 0 else 0.0)) * draws)
         draw += 1
     if die + draw < draws and last >= 0:  # rounded up to the end

@@ -11,71 +11,25 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import torch
-from numba import prange
+import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.compute.kernel import array, driver, scalar, threads
+from gbufrt.compute.dispatch import simulated
+from gbufrt.compute.kernel import array, replaced, threads
 from tracer.direct import reference
-from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE, draw_rest, extent, find_candidates, list_lamps
+from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE
+from tracer.direct.choice_reference import DRAWS
 from tracer.direct.kernel import Sources
-from tracer.direct.near_kernel import gather, importances, new_near
+from tracer.direct.list_drivers import candidates_each, list_all, list_each, pack_each
 from tracer.direct.pixel_kernel import LEVEL
-from tracer.direct.ray_drivers import finish_all, first_all
-from tracer.direct.reference import DRAWS
-from tracer.direct.sources import sources_of
+from tracer.direct.ray_drivers import finish_all, finish_each, first_all, first_each
+from tracer.direct.sources import tables_of
 from tracer.lights.shadows import ALL, MOST, REACH, stages
-from tracer.traversal.kernel import triple
 from tracer.traversal.rays import grid_from_world
 
 BAND = 1 << 17  # pixels whose samples are in memory together, and fewer
 LONG = 32  # where their lists may have more entries than that
-
-
-@scalar
-def _list_tile(
-    sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, tile, candidates, others, scratch
-):
-    points, normals, seen = surface
-    power, near = scratch
-    i, clearest, low, high = extent(surface, start, width, tile)
-    found, count, sent = 0, 0, 0.0
-    if i >= 0:
-        given = triple(points, i, 0), triple(normals, i, 0), known[i], clearest, low, high, candidates, others
-        found, count, sent = find_candidates(sources, few, *given)
-    used, power = candidates[:found], power[:found]
-    gather(near, sources, used, low, high)
-    for row in range(tile[0], tile[1]):
-        for p in range(row * width + tile[2], row * width + tile[3]):
-            i = start + p
-            counts[p], scale[p, :] = 0, np.float32(0)
-            if seen[i] > 0:
-                importances(near, triple(points, i, 0), triple(normals, i, 0), power)
-                counts[p], rest, draws = list_lamps(used, known[i], seen[i], sent, power, lists[p])
-                draw_rest(used, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
-
-
-@driver
-def list_all(sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, lanes):
-    lamps, height = len(sources.lamps), len(counts) // width
-    across = (width + TILE - 1) // TILE
-    for lane in prange(lanes):
-        candidates, numbers = np.empty(lamps, np.int32), np.empty(lamps, np.int32)
-        power, upto, near = np.empty(lamps), np.empty(lamps), new_near(sources)
-        for n in range(lane, across * ((height + TILE - 1) // TILE), lanes):
-            y, x = n // across * TILE, n % across * TILE
-            tile, others = (y, min(y + TILE, height), x, min(x + TILE, width)), (numbers, upto)
-            given = sources, surface, known, dice, start, width, few, lists, counts, chosen, scale
-            _list_tile(*given, tile, candidates, others, (power, near))
-
-
-@driver
-def pack_all(lists, offsets, marked, lanes):
-    for lane in prange(lanes):
-        for p in range(lane, len(lists), lanes):
-            for k in range(offsets[p], offsets[p + 1]):
-                marked[k] = lists[p, k - offsets[p]]
 
 
 class Direct(reference.Direct):
@@ -84,22 +38,21 @@ class Direct(reference.Direct):
     def arriving(self, noise: Tensor, samples: int) -> Tensor:
         """See `tracer.direct.reference.Direct.arriving`."""
         size, lit = self.surface.size, self.surface.share > 0
-        arrived = torch.zeros(3, lit.numel())
+        arrived = self.surface.points.new_zeros(3, lit.numel())
         if self.scene.sun is not None:
             for start, rows, pixels in self._bands(1):
-                alone = lit[start : start + pixels].int()
-                offsets = np.concatenate([[0], array(alone.cumsum(0))])
-                marked = np.full(offsets[-1], (len(self.lamps) << LEVEL) + ALL, np.int32)
-                none = np.zeros((pixels, DRAWS), np.int32), np.zeros((pixels, DRAWS), np.float32)
-                self._sample(arrived, noise, samples, start, rows, offsets, marked, none)
+                offsets = F.pad(lit[start : start + pixels].cumsum(0), (1, 0))
+                marked = offsets.new_full((pixels,), (len(self.lamps) << LEVEL) + ALL, dtype=torch.int32)
+                none = marked.new_zeros(pixels, DRAWS), arrived.new_zeros(pixels, DRAWS)
+                self._sample(arrived, noise, samples, start, rows, offsets, marked, none, 1)
         if len(self.lamps):
             known, dice = self._known(arrived), noise[2].flatten()
-            for start, rows, pixels in self._bands(self._longest):
+            for start, rows, pixels in self._bands(max(self._longest, self._room)):
                 lists, counts, rest = self.lists(known, dice, start, pixels)
-                offsets = np.concatenate([[0], counts.cumsum()])
-                marked = np.empty(offsets[-1], np.int32)
-                pack_all(lists, offsets, marked, threads())
-                self._sample(arrived, noise, samples, start, rows, offsets, marked, rest)
+                offsets = F.pad(counts.cumsum(0), (1, 0))
+                marked = lists.new_empty(lists.numel() if self._on_gpu else int(offsets[-1]))
+                pack_each(pixels, lists, offsets, marked)
+                self._sample(arrived, noise, samples, start, rows, offsets, marked, rest, self._widest)
         return arrived.view(3, *size)
 
     def _bands(self, longest: int) -> Iterator[tuple[int, tuple[int, int], int]]:
@@ -113,24 +66,35 @@ class Direct(reference.Direct):
             first, last = max(top - REACH, 0), min(top + tall + REACH, height)
             yield first * width, (top - first, min(top + tall, height) - first), (last - first) * width
 
-    def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int) -> tuple[np.ndarray, np.ndarray, Any]:
-        """Which lamps matter to ``pixels`` pixels P from ``start`` on; ``known`` and ``dice`` as in `choices`.
+    def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int) -> tuple[Tensor, Tensor, Any]:
+        """Which lamps matter to ``pixels`` pixels P from ``start`` on.
+
+        Args:
+            known: ``(N,)`` as in `tracer.direct.choice_reference`, of the whole picture.
+            dice: ``(N,)``, see ``known``.
+            start: first pixel.
+            pixels: how many.
 
         Returns:
             ``(P, M)`` int32, lists as in `tracer.direct.pixel_kernel`; their lengths ``(P,)`` int64; the numbers
             ``(P, D)`` int32 of lamps drawn from the rest, with the inverse ``(P, D)`` float32 of how often each is.
         """
-        lists = np.empty((pixels, self._longest), np.int32)
-        counts, chosen = np.empty(pixels, np.int64), np.zeros((pixels, DRAWS), np.int32)
-        scale = np.empty(chosen.shape, np.float32)
-        given = array(known), array(dice), start, self.surface.size[1], FEW
-        list_all(self._sources, self._surface, *given, lists, counts, chosen, scale, threads())
-        return lists, counts, (chosen, scale)
-
-    @property
-    def _longest(self) -> int:
-        """Entries of the longest list of a pixel."""
-        return min(len(self.lamps), MOST_ALONE)
+        width, lamps = self.surface.size[1], len(self.lamps)
+        lists = known.new_empty(pixels, self._longest, dtype=torch.int32)
+        counts, chosen = known.new_empty(pixels, dtype=torch.int64), lists.new_zeros(pixels, DRAWS)
+        out = lists, counts, chosen, known.new_empty(chosen.shape)
+        if not self._on_gpu:
+            given = *replaced((self._surface, known, dice), array), start, width, FEW
+            list_all(self._sources, *given, *map(array, out), threads())
+            return lists, counts, out[2:]
+        count = -(-width // TILE) * -(-(pixels // width) // TILE)
+        candidates, numbers = (lists.new_empty(count, lamps) for _ in range(2))
+        upto, sent = (known.new_empty(count, *n, dtype=torch.float64) for n in ((lamps,), ()))
+        tiles = candidates, numbers, upto, counts.new_empty(count, 2), sent
+        candidates_each(count, self._tables, self._surface, known, start, width, FEW, pixels, *tiles)
+        power = upto.new_empty(pixels, lamps)
+        list_each(pixels, self._tables, self._surface, known, dice, start, width, tiles, power, *out)
+        return lists, counts, out[2:]
 
     def _sample(
         self,
@@ -139,29 +103,60 @@ class Direct(reference.Direct):
         samples: int,
         start: int,
         rows: tuple[int, int],
-        offsets: np.ndarray,
-        marked: np.ndarray,
-        rest: tuple[np.ndarray, np.ndarray],
+        offsets: Tensor,
+        marked: Tensor,
+        rest: tuple[Tensor, Tensor],
+        widest: int,
     ) -> None:
-        sums = np.empty((len(marked), MOST + 1), np.float32)
-        more, opened, out = np.empty_like(sums), np.zeros(len(marked), np.bool_), array(arrived)
-        turned, counts = array(noise[:2].flatten(1)), (*stages(samples), samples)
-        widest = int(np.diff(self._sources.first).max(initial=0))
-        given = self._space, self._sources, widest, self._surface, turned, start, offsets, marked, counts, sums
-        first_all(*given, out, threads())
-        near = offsets, marked, sums, self.surface.size[1]
-        finish_all(*given[:6], near, counts, rest, rows, more, opened, out, threads())
+        """Add the light of listed and drawn sources of up to ``widest`` rectangles to the pixels of a band."""
+        width, counts = self.surface.size[1], (*stages(samples), samples)
+        sums = arrived.new_empty(len(marked), MOST + 1)
+        more, opened = torch.empty_like(sums), sums.new_zeros(len(marked), dtype=torch.bool)
+        given = self._surface, noise[:2].flatten(1), start
+        near = offsets, marked, sums, width
+        if self._on_gpu:
+            each = arrived.new_empty(len(offsets) - 1, widest, dtype=torch.float64)
+            lit = self._space, self._tables, each, *given
+            first_each(len(each), *lit, offsets, marked, counts, sums, arrived)
+            finish_each((rows[1] - rows[0]) * width, *lit, near, counts, rest, rows, more, opened, arrived)
+            return
+        lit = replaced(self._space, array), self._sources, widest, *replaced(given, array)
+        first_all(*lit, *replaced((offsets, marked, counts, sums, arrived), array), threads())
+        finish_all(*lit, *replaced((near, counts, rest, rows, more, opened, arrived), array), threads())
+
+    @property
+    def _on_gpu(self) -> bool:
+        return simulated() or self.surface.points.is_cuda
+
+    @property
+    def _longest(self) -> int:
+        """Entries of the longest list of a pixel."""
+        return min(len(self.lamps), MOST_ALONE)
+
+    @property
+    def _widest(self) -> int:
+        """Rectangles of the lamp that has most."""
+        return self.lamps.edge_u.shape[1]
+
+    @property
+    def _room(self) -> int:
+        """Further numbers that a pixel has in memory: threads of a GPU share none."""
+        return max(len(self.lamps), self._widest) if self._on_gpu else 0
 
     @cached_property
-    def _surface(self) -> tuple[np.ndarray, ...]:
+    def _surface(self) -> tuple[Tensor, ...]:
         surface = self.surface
-        return array(surface.points.T), array(surface.normals.T), array(surface.share)
+        return surface.points.T.contiguous(), surface.normals.T.contiguous(), surface.share.contiguous()
 
     @cached_property
-    def _space(self) -> tuple[np.ndarray, ...]:
+    def _space(self) -> tuple[Tensor, ...]:
         transforms = grid_from_world(self.scene, self.poses, self.poses.device)[0]
-        return array(transforms), *(array(grid) for grid in self.scene.grids.tensors)
+        return transforms.contiguous(), *self.scene.grids.tensors
+
+    @cached_property
+    def _tables(self) -> tuple[Tensor, ...]:
+        return tuple(table.contiguous() for table in tables_of(self.lamps, self.scene.sun))
 
     @cached_property
     def _sources(self) -> Sources:
-        return sources_of(self.lamps, self.scene.sun)
+        return Sources(*map(array, self._tables))

@@ -112,7 +112,7 @@ def light(
 def _direct(scene: Scene, poses: Tensor, surface: Surface) -> Direct:
     """Direct light on a surface, in the form for its device."""
     lamps = lamps_of(scene, poses)
-    if form_of(surface.points.detach()) is Form.REFERENCE:
+    if form_of(surface.points.detach(), cuda=True) is Form.REFERENCE:
         return Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
     from tracer.direct import drivers
 

@@ -6,12 +6,12 @@ several lamps in one instruction.
 
 from __future__ import annotations
 
-import math
 from collections import namedtuple
 
 import numpy as np
 
 from gbufrt.compute.kernel import allocating, scalar
+from tracer.direct.choice_kernel import weight
 from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
 from tracer.traversal.kernel import triple
 
@@ -62,9 +62,5 @@ def importances(near, point, normal, power):
             shown += height[r]
         power[k] = shown
     for k in range(len(power)):
-        way_x, way_y, way_z = lamps[0, k] - point[0], lamps[1, k] - point[1], lamps[2, k] - point[2]
-        square, radius = way_x * way_x + way_y * way_y + way_z * way_z, lamps[RADIUS, k]
-        distance = max(math.sqrt(square), 1e-6)
-        cosine = (way_x * normal[0] + way_y * normal[1] + way_z * normal[2]) / distance
-        cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
-        power[k] *= cosine / (distance * max(square, radius * radius / 4)) * lamps[MEAN, k]
+        way = lamps[0, k] - point[0], lamps[1, k] - point[1], lamps[2, k] - point[2]
+        power[k] *= weight(way, normal, lamps[RADIUS, k], lamps[MEAN, k])

@@ -1,13 +1,18 @@
-"""The shadow rays of a band of a picture, in three parts: see `tracer.lights.shadows.arriving`."""
+"""The shadow rays of a band of a picture, in three parts: see `tracer.lights.shadows.arriving`.
+
+CPU threads send those of many pixels together; each of a GPU those of one pixel.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import prange
 
+from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver, scalar
+from tracer.direct.kernel import Sources
 from tracer.direct.pixel_kernel import LEVEL, first_rays, gathered, last_rays, second_rays
-from tracer.direct.shadow_kernel import finish, new_shadows
+from tracer.direct.shadow_kernel import Arrivals, finish, new_shadows
 from tracer.lights.shadows import AGREE
 from tracer.traversal.kernel import triple
 
@@ -81,3 +86,22 @@ def finish_all(space, sources, widest, surface, turned, start, near, counts, res
         finish(shadows, space, sources)
         for begin in range(rows[0] * width + lane * CHUNK, last, lanes * CHUNK):
             _gather(begin, min(begin + CHUNK, last), shadows, sources, near, start, opened)
+
+
+@scalar
+def first_pixel(p, space, table, each, surface, turned, start, offsets, marked, counts, sums, out):
+    """As `first_all`, one pixel; ``each`` has a row for every pixel."""
+    given = Arrivals(sums, out), space, Sources(*table), surface, turned, start, offsets, marked, counts, each[p]
+    _first_of(p, p + 1, *given)
+
+
+@scalar
+def finish_pixel(n, space, table, each, surface, turned, start, near, counts, rest, rows, more, opened, out):
+    """As `finish_all`, one pixel."""
+    p, shadows, sources = rows[0] * near[3] + n, Arrivals(more, out), Sources(*table)
+    _second_of(p, p + 1, shadows, space, sources, surface, turned, start, near, rest, counts, each[p], opened)
+    _last_of(p, p + 1, shadows, space, sources, surface, turned, start, near, counts, each[p], opened)
+    _gather(p, p + 1, shadows, sources, near, start, opened)
+
+
+first_each, finish_each = Each(first_pixel), Each(finish_pixel)

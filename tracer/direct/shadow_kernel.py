@@ -1,7 +1,7 @@
 """Shadow rays of direct light, which wait until there are enough of them to fill lanes.
 
 See `tracer.traversal.batch_kernel`. A ray adds what it finds to a row of sums, as `tracer.lights.shadows.ShadowRays`
-counts it, or at once to the light of a pixel.
+counts it, or to the light of a pixel. On a GPU no ray waits.
 """
 
 from __future__ import annotations
@@ -10,16 +10,18 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import allocating, scalar
+from gbufrt.compute.kernel import allocating, in_lanes, scalar
 from tracer.lights.shadows import LEAST, MOST, WEIGHT
 from tracer.scene.scene import MASK_SHADOW
-from tracer.traversal.batch_kernel import transmitted
+from tracer.traversal import batch_kernel, kernel
 from tracer.traversal.kernel import triple
 from tracer.traversal.lane_kernel import BATCH, new_lanes
 
 Shadows = namedtuple("Shadows", "lanes origins directions spans passed rows numbers weights used sums light")
 """Scratch of one thread: a batch of rays, what passes along each, and what its row, source and weight are; how many
 there are; and where their light goes: rows of sums, or for a row below 0 the pixel ``~row`` of ``light`` ``(3, N)``."""
+Arrivals = namedtuple("Arrivals", "sums light")
+"""The same for rays that do not wait."""
 
 
 @allocating
@@ -41,6 +43,14 @@ def new_shadows(sums, light):
 
 
 @scalar
+def _shoot_alone(shadows, space, sources, origin, direction, distance, weight, row, number):
+    transforms, bricks, index, entries, media = space
+    grids = bricks, index, entries, media
+    light = kernel.transmitted(transforms, grids, origin, direction, 0.0, distance, MASK_SHADOW)
+    _arrive(shadows, sources, light, weight, row, number)
+
+
+@in_lanes(_shoot_alone)
 def shoot(shadows, space, sources, origin, direction, distance, weight, row, number):
     """One shadow ray to a source."""
     i = shadows.used[0]
@@ -59,15 +69,21 @@ def finish(shadows, space, sources):
     transforms, bricks, index, entries, media = space
     count = shadows.used[0]
     rays = shadows.origins[:count], shadows.directions[:count], shadows.spans[:count]
-    transmitted(shadows.lanes, transforms, (bricks, index, entries, media), rays, MASK_SHADOW, shadows.passed[:count])
+    grids, passed = (bricks, index, entries, media), shadows.passed[:count]
+    batch_kernel.transmitted(shadows.lanes, transforms, grids, rays, MASK_SHADOW, passed)
     for i in range(count):
-        light, row, weight = triple(shadows.passed, i, 0), shadows.rows[i], shadows.weights[i]
-        if row < 0:
-            for k in range(3):
-                shadows.light[k, ~row] += np.float32(light[k] * weight * sources.colors[shadows.numbers[i], k])
-        else:
-            _count(shadows.sums[row], light, weight)
+        _arrive(shadows, sources, triple(passed, i, 0), shadows.weights[i], shadows.rows[i], shadows.numbers[i])
     shadows.used[0] = 0
+
+
+@scalar
+def _arrive(shadows, sources, light, weight, row, number):
+    """What a ray to a source lets through goes to where it counts."""
+    if row < 0:
+        for k in range(3):
+            shadows.light[k, ~row] += np.float32(light[k] * weight * sources.colors[number, k])
+    else:
+        _count(shadows.sums[row], light, weight)
 
 
 @scalar

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.kernel import array
@@ -17,21 +18,26 @@ ALIKE = 1e-6  # part of the sum of their areas by which facings that count as on
 
 def sources_of(lamps: Lamps, sun: Sun | None) -> Sources:
     """Lamps and sun as `tracer.direct.kernel` reads them."""
+    return Sources(*map(array, tables_of(lamps, sun)))
+
+
+def tables_of(lamps: Lamps, sun: Sun | None) -> tuple[Tensor, ...]:
+    """The tables of `Sources`, where the lamps lie."""
     used = lamps.edge_u.abs().sum(dim=2) > 0
     corner, edge_u, edge_v = (t[used].double() for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
     facing = torch.linalg.cross(edge_u, edge_v)
     offset = (facing * corner).sum(dim=1, keepdim=True)
-    first = torch.cat([torch.zeros(1, dtype=torch.long), used.sum(dim=1).cumsum(0)])
+    first = F.pad(used.sum(dim=1).cumsum(0), (1, 0))
     ball = torch.cat([lamps.center, lamps.radius[:, None], lamps.radiance.mean(dim=1, keepdim=True)], dim=1)
     sine, basis = (0.0, torch.eye(3)) if sun is None else reference.sun_frame(sun)
     color = torch.zeros(1, 3) if sun is None else torch.tensor([sun.irradiance])
-    return Sources(
-        rectangles=array(torch.cat([corner, edge_u, edge_v, facing, offset], dim=1)),
-        first=array(first),
-        sides=array(_sides(used, facing, offset)),
-        lamps=array(ball.double()),
-        sun=array(torch.cat([basis.T, torch.full((1, 3), sine)]).double()),
-        colors=array(torch.cat([lamps.radiance, color])),
+    return (
+        torch.cat([corner, edge_u, edge_v, facing, offset], dim=1),
+        first,
+        _sides(used, facing, offset),
+        ball.double(),
+        torch.cat([basis.T, torch.full((1, 3), sine)]).double().to(ball.device),
+        torch.cat([lamps.radiance, color.to(lamps.radiance)]),
     )
 
 

@@ -1,6 +1,6 @@
 """Paths from the surfaces of a picture, a batch at a time: their numbers are drawn, and their first rays go in lanes.
 
-See `tracer.traversal.batch_kernel`.
+See `tracer.traversal.batch_kernel`. A GPU has a path at a time in each thread.
 """
 
 from __future__ import annotations
@@ -9,19 +9,21 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import allocating, scalar
+from gbufrt.compute.kernel import Lanes, allocating, in_lanes, scalar
 from tracer.sampling.scatter_kernel import cosine_direction
 from tracer.sampling.sequence import BELOW_ONE
 from tracer.scene.scene import MASK_SECONDARY
 from tracer.traversal import batch_kernel
-from tracer.traversal.kernel import triple
+from tracer.traversal.kernel import nearest, triple
 from tracer.traversal.lane_kernel import BATCH, new_lanes
 from tracer.traversal.rays import FARTHEST
 
 ONE, MOST = np.float32(1.0), np.float32(BELOW_ONE)
 
 # Rows of the scratch memory for directions: normals, and directions about them.
-NX, NY, NZ, DX, DY, DZ = range(0, 6 * BATCH, BATCH)
+NX, NY, NZ, DX, DY, DZ = map(Lanes, range(0, 6 * BATCH, BATCH))
+ROWS = Lanes(6 * BATCH)
+NONE = (-1, 0, (0, 0, 0))  # what a ray begins in that begins in the air
 
 Paths = namedtuple("Paths", "lanes u rows origins directions spans weights left numbers ids")
 """Scratch of one thread: numbers of each path; its first ray, with two numbers for its weight; and what that hits."""
@@ -33,7 +35,7 @@ def new_paths(dims):
     return Paths(
         new_lanes(),
         np.zeros((dims, BATCH), np.float32),
-        np.zeros(6 * BATCH),
+        np.zeros(ROWS),
         np.zeros((BATCH, 3)),
         np.zeros((BATCH, 3)),
         np.zeros((BATCH, 2)),
@@ -75,6 +77,19 @@ def put_ray(paths, j, origin, direction, t_end):
 
 
 @scalar
+def _trace_alone(paths, count, transforms, grids):
+    for j in range(count):
+        origin, direction, t_end = triple(paths.origins, j, 0), triple(paths.directions, j, 0), paths.spans[j, 1]
+        t, entry, material, face, back, voxel, place = nearest(
+            transforms, grids, origin, direction, 0.0, t_end, NONE, MASK_SECONDARY
+        )
+        paths.numbers[j, 0], paths.ids[j, 0], paths.ids[j, 1], paths.ids[j, 2] = t, material, entry, face
+        paths.ids[j, 3] = 1 if back else 0
+        for k in range(3):
+            paths.numbers[j, 1 + k], paths.ids[j, 4 + k] = place[k], voxel[k]
+
+
+@in_lanes(_trace_alone)
 def trace(paths, count, transforms, grids):
     """Find what the first rays of ``count`` paths hit."""
     rays = paths.origins[:count], paths.directions[:count], paths.spans[:count]

@@ -1,20 +1,24 @@
-"""The compiled paths over many rays at a time: on CPU threads, and those along given rays on a GPU too."""
+"""The compiled paths over many rays at a time: on CPU threads, or one in each thread of a GPU."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import numba.cuda
+import numpy as np
 import torch
 from numba import prange
 from torch import Tensor
 
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.each import Each
-from gbufrt.compute.kernel import CPU, Kernel, array, driver, replaced, scalar, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, driver, replaced, scalar, specialized, threads
 from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
-from tracer.paths.batch_kernel import draw, new_paths
+from tracer.paths.batch_kernel import ROWS, Paths, draw, new_paths
+from tracer.paths.integrators import MOST_DIMS
 from tracer.paths.interaction import MOST_PASS, Vertices
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
@@ -25,9 +29,10 @@ from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.kernel import triple
 from tracer.traversal.lane_kernel import BATCH
 
+cuda: Any = numba.cuda
 _known: WeakKeyDictionary[Receivers, tuple[Any, ...]] = WeakKeyDictionary()  # paths from one picture come in many parts
 _packed: WeakKeyDictionary[Vertices, Any] = WeakKeyDictionary()
-ROWS = 64  # rays handed out at a time, to a helper that counts no references to what they share
+CHUNK = 64  # rays handed out at a time, to a helper that counts no references to what they share
 
 
 @scalar
@@ -59,9 +64,9 @@ radiance_each = Each(radiance_path)
 def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
     count = len(rays[0])
     for lane in prange(lanes):
-        for begin in range(lane * ROWS, count, lanes * ROWS):
+        for begin in range(lane * CHUNK, count, lanes * CHUNK):
             _radiance_of(
-                begin, min(begin + ROWS, count), arrays, camera, picture, rays, u, bounces, spreads, next_event, out
+                begin, min(begin + CHUNK, count), arrays, camera, picture, rays, u, bounces, spreads, next_event, out
             )
 
 
@@ -87,11 +92,35 @@ def _sums(arrays, camera, picture, surfaces, points, rotation, pixels, setting, 
                 _add_paths(paths, begin, end, arrays, camera, picture, surfaces, some, rotation, pixels, setting, out)
 
 
-occlusion_sums = Kernel(_sums, CPU, item=integrator_kernel.occlusion)
-indirect_sums = Kernel(_sums, CPU, item=integrator_kernel.indirect)
-lit_sums = Kernel(_sums, CPU, item=integrator_kernel.lit)
-reflected_sums = Kernel(_sums, CPU, item=integrator_kernel.reflected)
-lobes_sums = Kernel(_sums, CPU, item=integrator_kernel.lobes)
+@scalar
+def paths(i, arrays, camera, picture, surfaces, points, rotation, pixels, setting, out):
+    """As `_sums`, all paths from one surface, one after the other."""
+    u, rows = cuda.local.array((MOST_DIMS, 1), np.float32), cuda.local.array(ROWS, np.float64)
+    origins, directions = cuda.local.array((1, 3), np.float64), cuda.local.array((1, 3), np.float64)
+    spans, weights = cuda.local.array((1, 2), np.float64), cuda.local.array((1, 2), np.float64)
+    numbers, ids = cuda.local.array((1, 4), np.float64), cuda.local.array((1, 7), np.int32)
+    one = Paths(0, u[: len(rotation)], rows, origins, directions, spans, weights, 0, numbers, ids)
+    tables = interaction_kernel.assembled(arrays)
+    for k in range(len(points)):
+        draw(one, points[k : k + 1], rotation, pixels[i : i + 1])
+        item(one, tables, camera, picture, surfaces, i, i + 1, 1, setting, out)
+
+
+def _forms(integrator: Callable[..., None]) -> tuple[Kernel, Each]:
+    """An integrator for CPU threads, and for those of a GPU."""
+    return Kernel(_sums, CPU, item=integrator), Each(specialized(paths, integrator))
+
+
+occlusion_sums, indirect_sums, lit_sums, reflected_sums, lobes_sums = map(
+    _forms,
+    (
+        integrator_kernel.occlusion,
+        integrator_kernel.indirect,
+        integrator_kernel.lit,
+        integrator_kernel.reflected,
+        integrator_kernel.lobes,
+    ),
+)
 
 
 def radiance(
@@ -129,7 +158,7 @@ def radiance(
 
 def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) -> Values:
     """See `tracer.paths.op.occlusion`."""
-    out = _summed(occlusion_sums, scene, at, array(at.places).T, sequence, float(radius), 5)
+    out = _summed(occlusion_sums, scene, at, at.places.T, sequence, float(radius), 5)
     return {"ao": out[:1], "bent_normal": out[1:4], "ao_onscreen": out[4:]}
 
 
@@ -159,20 +188,33 @@ def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, boun
     return {"indirect": out[:3], "specular": out[3:6], **counts}
 
 
-def _surfaces(start: Vertices) -> Any:
+def _surfaces(start: Vertices) -> Tensor:
     if start not in _packed:
-        _packed[start] = array(surfaces_of(start))
+        _packed[start] = surfaces_of(start)
     return _packed[start]
 
 
 def _summed(
-    kernel: Kernel, scene: Scene, at: Receivers, surfaces: Any, sequence: Sequence, setting: float, rows: int
+    forms: tuple[Kernel, Each],
+    scene: Scene,
+    at: Receivers,
+    surfaces: Tensor,
+    sequence: Sequence,
+    setting: float,
+    rows: int,
 ) -> Tensor:
     """``(rows, M)`` sums over the paths from each of M ``surfaces``, rows of `surfaces_of` or the first of them."""
     if at not in _known:
-        sees = camera_of(at.picture, at.poses.device), picture_of(at.picture, at.poses.device)
-        _known[at] = replaced((arrays_of(scene, at.poses, at.lights), *sees), array)
-    out = torch.zeros(rows, len(at.pixels))
-    numbers = array(sequence.points), array(sequence.rotation), array(at.pixels)
-    kernel(*_known[at], surfaces, *numbers, setting, threads(), array(out))
+        device = at.poses.device
+        _known[at] = (
+            arrays_of(scene, at.poses, at.lights),
+            camera_of(at.picture, device),
+            picture_of(at.picture, device),
+        )
+    out, (on_cpu, each) = surfaces.new_zeros(rows, len(at.pixels)), forms
+    given = *_known[at], surfaces, sequence.points, sequence.rotation, at.pixels
+    if simulated() or out.is_cuda:
+        each(len(at.pixels), *given, setting, out)
+    else:
+        on_cpu(*replaced(given, array), setting, threads(), array(out))
     return out

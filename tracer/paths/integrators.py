@@ -24,6 +24,7 @@ from tracer.scene.scene import Scene
 OCCLUSION_DIMS = 3
 DIRECT_DIMS = DIMS
 REFLECTION_DIMS = 3 + DIMS + EVEN
+MOST_DIMS = 256  # numbers of a path for which a thread of a GPU has room
 
 
 def occlusion(scene: Scene, at: Receivers, start: Vertices, u: Tensor, radius: float) -> Values:

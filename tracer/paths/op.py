@@ -1,4 +1,4 @@
-"""Paths: compiled on the CPU, those along given rays for CUDA too, the torch reference elsewhere.
+"""Paths: kernels on the CPU and on CUDA, the torch reference elsewhere.
 
 Those from the surfaces of a picture take its M surfaces, which may be sent out changed as ``start``, and a sequence
 whose points are numbers of paths from each. They return sums, see `tracer.paths.receivers.Sums`.
@@ -25,7 +25,7 @@ from tracer.scene.scene import Scene
 
 def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) -> Values:
     """See `tracer.paths.integrators.occlusion`."""
-    if form_of(at.places) is Form.REFERENCE:
+    if _form(at.places, sequence) is Form.REFERENCE:
         return summed(partial(integrators.occlusion, scene, at, radius=radius), at, at.vertices, sequence)
     from tracer.paths import drivers
 
@@ -34,7 +34,7 @@ def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) ->
 
 def indirect(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
     """See `tracer.paths.integrators.indirect`."""
-    if form_of(start.points) is Form.REFERENCE:
+    if _form(start.points, sequence) is Form.REFERENCE:
         return summed(partial(integrators.indirect, scene, at, bounces=bounces), at, start, sequence)
     from tracer.paths import drivers
 
@@ -43,7 +43,7 @@ def indirect(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, b
 
 def lit(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence) -> Values:
     """See `tracer.paths.integrators.lit`."""
-    if form_of(start.points) is Form.REFERENCE:
+    if _form(start.points, sequence) is Form.REFERENCE:
         return summed(partial(integrators.lit, scene, at), at, start, sequence)
     from tracer.paths import drivers
 
@@ -52,7 +52,7 @@ def lit(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence) -> Val
 
 def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, sharp: float) -> Values:
     """See `tracer.paths.integrators.reflected`."""
-    if form_of(start.points) is Form.REFERENCE:
+    if _form(start.points, sequence) is Form.REFERENCE:
         return summed(partial(integrators.reflected, scene, at, sharp=sharp), at, start, sequence)
     from tracer.paths import drivers
 
@@ -61,7 +61,7 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, 
 
 def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
     """See `tracer.paths.integrators.lobes`."""
-    if form_of(start.points) is Form.REFERENCE:
+    if _form(start.points, sequence) is Form.REFERENCE:
         return summed(partial(integrators.lobes, scene, at, bounces=bounces), at, start, sequence)
     from tracer.paths import drivers
 
@@ -99,3 +99,8 @@ def radiance(
     from tracer.paths import drivers
 
     return drivers.radiance(scene, lights, origins, directions, u, **given, **first)
+
+
+def _form(starts: Tensor, sequence: Sequence) -> Form:
+    """The form of paths from the surfaces of a picture."""
+    return form_of(starts, cuda=len(sequence.rotation) <= integrators.MOST_DIMS)

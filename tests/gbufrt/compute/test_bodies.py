@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from gbufrt.compute.bodies import contracted, fingerprint, inlined, is_scalar, scalar
+from gbufrt.compute.bodies import contracted, inlined, is_scalar, scalar
 from gbufrt.compute.each import Each
+from gbufrt.compute.fingerprint import fingerprint
 from gbufrt.compute.kernel import CPU
 
 HELPERS = """

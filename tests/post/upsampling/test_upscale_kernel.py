@@ -37,7 +37,7 @@ def last_of(monkeypatch, compiled: bool, run: list[Frame], *, reactive: Tensor |
     result: tuple[Tensor, History | None] = torch.zeros(()), None
     for index, frame in enumerate(run):
         kernel = compiled and index == len(run) - 1
-        monkeypatch.setattr(upscale_op, "form_of", lambda *given, compiled=None, k=kernel: form_of(*given, compiled=k))
+        monkeypatch.setattr(upscale_op, "form_of", lambda *given, k=kernel, **_: form_of(*given, compiled=k))
         result = upscale(frame.read("color"), frame.gbuffer, result[1], reactive=reactive, **tunables)
     light, history = result
     assert history is not None

@@ -13,7 +13,7 @@ from voxels import DARK, LAMP, STONE, polished_scene, world
 
 from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
-from tracer.direct import choice_kernel, drivers, lighting, reference
+from tracer.direct import choice_kernel, choice_reference, drivers, lighting, reference
 from tracer.direct.pixel_kernel import LEVEL
 from tracer.direct.sources import sources_of
 from tracer.gbuffers import gbuffer
@@ -117,7 +117,7 @@ def test_the_same_lamps_matter(seed: int):
     assert set(want.unique().tolist()) == {0, FIRST, QUARTER, ALL}
     drawn = ratio > 0
     assert int(drawn.sum()) > 50
-    chosen, scale = torch.from_numpy(chosen.T), torch.from_numpy(scale.T)
+    chosen, scale = chosen.T, scale.T
     agree = chosen[drawn] == which[drawn]
     assert agree.float().mean() > 0.99
     torch.testing.assert_close(scale[drawn][agree], ratio[drawn][agree], rtol=1e-2, atol=1e-3)
@@ -135,10 +135,10 @@ def test_draws_give_in_the_mean_what_all_of_the_rest_would(known: float):
         levels, chosen, scale = replace(plain, surface=surface).choices(torch.full((count,), known), dice)
         if form is compiled:
             drawn = replace(compiled, surface=surface).lists(torch.full((count,), known), dice, 0, count)[2]
-            chosen, scale = (torch.from_numpy(x.T) for x in drawn)
-        faces = [reference._faces(form.lamps, lamp) for lamp in range(len(form.lamps))]
+            chosen, scale = (x.T for x in drawn)
+        faces = [choice_reference.faces_of(form.lamps, lamp) for lamp in range(len(form.lamps))]
         at = rows["points"][:, :1], rows["normals"][:, :1]
-        power = torch.cat([reference._importance(form.lamps, n, face, *at) for n, face in enumerate(faces)])
+        power = torch.cat([choice_reference.importance(form.lamps, n, face, *at) for n, face in enumerate(faces)])
         rest = power[levels[:, 0] == 0].sum()
         drawn = (scale * power[chosen.long()]).sum(0)
         assert (drawn == 0).any() == (known == 1e4)
@@ -176,11 +176,11 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
 
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
     width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
-    tile, surface = (1, 9, 2, 10), (zeros, zeros, seen)
-    assert choice_kernel.extent(surface, 0, width, tile)[0] == -1
+    tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen), (np.empty(6), np.empty(6))
+    assert choice_kernel.extent(surface, 0, width, tile, *ranges)[0] == -1
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
         seen[y * width + x] = 1 / (y + 1)
-        assert choice_kernel.extent(surface, 0, width, tile)[:2] == (y * width + x, seen.max())
+        assert choice_kernel.extent(surface, 0, width, tile, *ranges) == (y * width + x, seen.max())
 
 
 def test_long_lists_make_low_bands():
