@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import numpy as np
 import torch
 from numba import prange
 from torch import Tensor
@@ -16,6 +17,7 @@ from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.batch_kernel import draw, new_paths
 from tracer.paths.interaction import MOST_PASS, Vertices
+from tracer.paths.memory import Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
@@ -152,11 +154,21 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, 
     return {"reflection": out[:3], "reflection_onscreen": out[3:6], **counts}
 
 
-def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
+def lobes(
+    scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int, memory: Memory | None = None
+) -> Values:
     """See `tracer.paths.op.lobes`."""
-    out = _summed(lobes_sums, scene, at, _surfaces(start), sequence, bounces, 9)
+    if memory is None:
+        none = np.zeros(0, np.int64), np.zeros((0, 4), np.float32), np.zeros(0, np.bool_)
+        out = _summed(lobes_sums, scene, at, _surfaces(start), sequence, (bounces, *none), 9)
+    else:
+        cache = memory.cache
+        values = array(torch.cat([cache.radiance, cache.weight[:, None]], dim=1))
+        setting = bounces, array(cache.keys), values, array(memory.follows)
+        out = _summed(lobes_sums, scene, at, _surfaces(start), sequence, setting, 19)
     counts = {name: out[6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
-    return {"indirect": out[:3], "specular": out[3:6], **counts}
+    samples = {} if memory is None else {"met": out[9:19]}
+    return {"indirect": out[:3], "specular": out[3:6], **counts, **samples}
 
 
 def _surfaces(start: Vertices) -> Any:
@@ -166,7 +178,7 @@ def _surfaces(start: Vertices) -> Any:
 
 
 def _summed(
-    kernel: Kernel, scene: Scene, at: Receivers, surfaces: Any, sequence: Sequence, setting: float, rows: int
+    kernel: Kernel, scene: Scene, at: Receivers, surfaces: Any, sequence: Sequence, setting: Any, rows: int
 ) -> Tensor:
     """``(rows, M)`` sums over the paths from each of M ``surfaces``, rows of `surfaces_of` or the first of them."""
     if at not in _known:
