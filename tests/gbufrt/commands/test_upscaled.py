@@ -107,7 +107,7 @@ def test_frames_leave_light_for_those_after_them():
     for name in ("cached_diffuse", "image"):
         assert torch.equal(again.read(name), frames[2].read(name))
     assert run("post", "whole", "--out", "again") == 0
-    assert torch.equal(read_exr("again/frame_0002.exr").read("image"), again.read("image"))
+    assert torch.equal(read_exr("again/frame_0002.exr").read("cached_diffuse"), again.read("cached_diffuse"))
 
 
 def test_mistakes_are_told(capsys: pytest.CaptureFixture[str]):
