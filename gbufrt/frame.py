@@ -58,6 +58,7 @@ class Frame:
     replayed: Tensor | None = channel(1, "1 at pixels of the frame before whose samples were taken again, else 0")
     replayed_diffuse: Tensor | None = channel(3, "their `diffuse` in the scene as it is now")
     replayed_specular: Tensor | None = channel(3, "their `specular` in the scene as it is now")
+    cached_diffuse: Tensor | None = channel(3, "`diffuse` with the `indirect` light that a cache knows")
 
     ao: Tensor | None = channel(1, "ambient visibility, 1 open", clear=1.0)
     sky_visibility: Tensor | None = channel(1, "visibility of the sky at unlimited radius, 1 open", clear=1.0)
@@ -224,6 +225,6 @@ MOTION = ("motion", "motion_z")
 REPLAYED = ("replayed", "replayed_diffuse", "replayed_specular")
 LIGHT = (
     *("radiance", "ambient", "environment", "fog_transmittance", "fog_light", "fog_mirrored"),
-    *("diffuse", "indirect", "specular", "shadow", *REPLAYED),
+    *("diffuse", "indirect", "specular", "shadow", *REPLAYED, "cached_diffuse"),
 )
 """Signals that come with the frame rather than from a pass."""

@@ -29,5 +29,6 @@ def specimen() -> Frame:
         gbuffer=gbuffer, radiance=light, ambient=light, environment=torch.ones(1, 3, 8, 16),
         fog_light=light[..., ::2, ::2], fog_transmittance=one / 2, diffuse=light, specular=light,
         reflection_distance=one, replayed=one, replayed_diffuse=light, replayed_specular=light,
+        cached_diffuse=light,
     )  # fmt: skip
     return frame.replace(behind=frame)

@@ -1,10 +1,12 @@
 """The tracer: voxel worlds, the G-buffers and direct light that a camera sees of them, and ray-traced truth."""
 
 import gbufrt as gbufrt  # first: says how threads wait, before torch is loaded
+from tracer.cache.irradiance import IrradianceCache
 from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
 from tracer.frames import render
 from tracer.gbuffers import gbuffer
-from tracer.paths.sampled import SampledLight, one_a_stratum, sample_light, sampled
+from tracer.paths.one_sample import SampledLight, one_a_stratum, sample_light
+from tracer.paths.sampled import sampled, sampled_with_cache
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.fog import Fog
 from tracer.scene.material import Material, MaterialTable
@@ -49,6 +51,7 @@ __all__ = [
     "HitGroup",
     "Hits",
     "Instance",
+    "IrradianceCache",
     "Launch",
     "Material",
     "MaterialTable",
@@ -83,6 +86,7 @@ __all__ = [
     "render",
     "sample_light",
     "sampled",
+    "sampled_with_cache",
     "stream",
     "trace",
     "transmission",

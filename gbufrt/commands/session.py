@@ -27,6 +27,8 @@ from gbufrt.pipeline import Pipeline
 
 WARMUPS: Mapping[str, int] = {"me1": 3, "minecraft-rtx": 15}
 """Runs of a pipeline over a first frame before it counts."""
+OPTIONAL = ("fog", "pipeline", "denoiser", "irradiance_cache")
+"""What a recipe says only where it is not the default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,7 @@ class Recipe:
     fog: bool = False
     pipeline: str = "me1"
     denoiser: str = "asvgf"
+    irradiance_cache: bool = False
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
@@ -53,7 +56,7 @@ class Recipe:
         if options.pipeline not in (None, base.pipeline):
             base = Recipe(pipeline=str(options.pipeline), warmup=WARMUPS[str(options.pipeline)], fog=base.fog)
         if options.preset is not None:
-            kept = {name: getattr(base, name) for name in ("warmup", "fog", "pipeline", "denoiser")}
+            kept = {name: getattr(base, name) for name in ("warmup", "fog", "pipeline", "denoiser", "irradiance_cache")}
             base = Recipe(preset=options.preset, **kept)
         if options.composite is not None:
             if base.pipeline != "me1":
@@ -63,6 +66,9 @@ class Recipe:
             if base.pipeline != "minecraft-rtx":
                 raise ValueError("--denoiser is for minecraft-rtx; leave it out, or give --pipeline minecraft-rtx")
             base = replace(base, denoiser=options.denoiser)
+        base = replace(base, irradiance_cache=base.irradiance_cache or options.irradiance_cache)
+        if base.irradiance_cache and (base.pipeline, base.denoiser) != ("minecraft-rtx", "asvgf"):
+            raise ValueError("--irradiance-cache is for minecraft-rtx with asvgf; leave it out, or give --pipeline")
         warmup = base.warmup if options.warmup is None else options.warmup
         at_least("--warmup", warmup, 0, MOST_WARMUP)
         without = tuple(dict.fromkeys((*base.without, *parse_names(options.without))))
@@ -99,6 +105,7 @@ class Recipe:
                 fog=found.get("fog") is True,
                 pipeline=found.get("pipeline", "me1"),
                 denoiser=found.get("denoiser", "asvgf"),
+                irradiance_cache=found.get("irradiance_cache") is True,
             )
         except (KeyError, TypeError, ValueError, OverflowError):
             return Recipe()
@@ -113,7 +120,7 @@ class Recipe:
     def to_notes(self) -> dict[str, Any]:
         """The recipe as JSON values."""
         notes, plain = {**asdict(self), "without": list(self.without)}, Recipe()
-        usual = {name for name in ("fog", "pipeline", "denoiser") if getattr(self, name) == getattr(plain, name)}
+        usual = {name for name in OPTIONAL if getattr(self, name) == getattr(plain, name)}
         return {name: value for name, value in notes.items() if name not in usual}
 
     def build(self) -> Pipeline:

@@ -22,7 +22,7 @@ MIDDLE_GREY = 0.18
 NEAR_POWER = 1.5  # steeper than the plain reciprocal, which leaves the ends of the colour map unused
 LIGHTS = {
     *("emission", "radiance", "ambient", "environment", "gi", "reflection", "composite", "color"),
-    *("diffuse", "indirect", "specular", "replayed_diffuse", "replayed_specular"),
+    *("diffuse", "indirect", "specular", "replayed_diffuse", "replayed_specular", "cached_diffuse"),
 }
 DIRECTIONS = {"normal", "normal_geo", "bent_normal"}
 SHARES = {"hit", "roughness", "metallic", "opacity", "ao", "sky_visibility", "reflection_confidence", "replayed"}

@@ -15,7 +15,7 @@ UNIT_RANGE = ("albedo", "roughness", "metallic", "opacity", "transmittance")
 SHARES = ("ao", "sky_visibility", "reflection_confidence", "shadow", "replayed")
 LIGHTS = (
     *("radiance", "ambient", "environment", "fog_light", "fog", "gi", "reflection", "composite", "color"),
-    *("diffuse", "indirect", "specular", "replayed_diffuse", "replayed_specular"),
+    *("diffuse", "indirect", "specular", "replayed_diffuse", "replayed_specular", "cached_diffuse"),
 )
 
 

@@ -98,7 +98,7 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
         spread = max(square - around * around, ZERO)
         own = luminance_of(state, lead, y, first + x) + firefly * math.sqrt(noise[x] + TINY)
         limit = max(own, around + firefly * math.sqrt(spread + TINY))
-        cut = ages[x] >= YOUNG and light > limit and limit > ZERO and firefly > ZERO
+        cut = ages[x] > ZERO and light > limit and limit > ZERO and firefly > ZERO
         scale[x] = limit / max(light, TINY) if cut else ONE
     for c in range(channels):
         given, kept = signal[c, y, first:end], sample[c, y, first:end]

@@ -61,7 +61,10 @@ def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
 
 
 def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor, lead: int, firefly: float) -> Tensor:
-    """Scale down samples that stand far above both their own history and the 3x3 pixels around them."""
+    """Scale down samples that stand far above both their own history and the 3x3 pixels around them.
+
+    Without any history a lone bright pixel may be detail, and is kept.
+    """
     if firefly <= 0:
         return signal
     light, ones = luminance(signal, lead), torch.ones_like(age)
@@ -69,7 +72,7 @@ def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor
     spread = ((9 * pooled(light * light, ones) - light * light) / 8 - around**2).clamp_min(0.0)
     own = luminance(old, lead) + firefly * variance.add(1e-12).sqrt()
     limit = torch.maximum(own, around + firefly * spread.add(1e-12).sqrt())
-    scale = torch.where((age >= YOUNG) & (light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
+    scale = torch.where((age > 0) & (light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
     return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
 
 

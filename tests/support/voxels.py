@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -21,6 +22,7 @@ TABLE = MaterialTable.of(
     ]
 )
 STONE, GLASS, WATER, LAMP = 1, 2, 3, 4
+EVEN = (0.5, 0.6, 0.7)
 DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
 
 
@@ -120,3 +122,18 @@ def polished_scene(seed: int) -> Scene:
         ),
         sun=Sun(angular_radius=2.0),
     )
+
+
+def gallery(
+    metallic: float, albedo: tuple[float, float, float] = (0.9, 0.8, 0.7), *, size: tuple[int, int] = (10, 13)
+) -> tuple[Scene, Camera]:
+    """Walls that send light to and fro, round a lamp."""
+    wall = Material(name="wall", albedo=albedo, roughness=0.4, metallic=metallic)
+    lamp = Material(name="lamp", emission=(4.0, 3.0, 2.0))
+    table = MaterialTable.of([wall, *(Material(name=name) for name in ("glass", "water")), lamp])
+    sides = ((STONE, (0, 0, 0), (9, 1, 9)), (STONE, (0, 8, 0), (9, 9, 9)), (STONE, (0, 1, 0), (1, 8, 9)))
+    far = ((STONE, (8, 1, 0), (9, 8, 9)), (STONE, (1, 1, 0), (8, 8, 1)), (LAMP, (4, 5, 4), (5, 6, 5)))
+    room = replace(world((9, 9, 9), *sides, *far), materials=table)
+    inside = Camera.look_at((4.5, 4.0, 8.9), (4.0, 3.0, 0.0), size=size, far=100.0)
+    sky = Sky(zenith=EVEN, horizon=EVEN, ground=EVEN)
+    return Scene(world=room, sun=Sun(direction=(0.1, 0.2, 0.9)), sky=sky), inside

@@ -20,6 +20,7 @@ from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.batch_kernel import ROWS, Paths, draw, new_paths
 from tracer.paths.integrators import MOST_DIMS
 from tracer.paths.interaction import MOST_PASS, Vertices
+from tracer.paths.memory import Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
@@ -181,11 +182,22 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, 
     return {"reflection": out[:3], "reflection_onscreen": out[3:6], **counts}
 
 
-def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
+def lobes(
+    scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int, memory: Memory | None = None
+) -> Values:
     """See `tracer.paths.op.lobes`."""
-    out = _summed(lobes_sums, scene, at, _surfaces(start), sequence, bounces, 9)
+    surfaces = _surfaces(start)
+    if memory is None:
+        keys, values = surfaces.new_zeros(0, dtype=torch.int64), surfaces.new_zeros(0, 4)
+        cached = keys, values, surfaces.new_zeros(0, dtype=torch.bool)
+    else:
+        cache = memory.cache
+        cached = cache.keys, torch.cat([cache.radiance, cache.weight[:, None]], dim=1), memory.follows
+    rows = integrator_kernel.COLUMNS if memory is None else integrator_kernel.COLUMNS + integrator_kernel.SAMPLE
+    out = _summed(lobes_sums, scene, at, surfaces, sequence, (bounces, *cached), rows)
     counts = {name: out[6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
-    return {"indirect": out[:3], "specular": out[3:6], **counts}
+    samples = {} if memory is None else {"met": out[integrator_kernel.COLUMNS :]}
+    return {"indirect": out[:3], "specular": out[3:6], **counts, **samples}
 
 
 def _surfaces(start: Vertices) -> Tensor:
@@ -200,7 +212,7 @@ def _summed(
     at: Receivers,
     surfaces: Tensor,
     sequence: Sequence,
-    setting: float,
+    setting: Any,
     rows: int,
 ) -> Tensor:
     """``(rows, M)`` sums over the paths from each of M ``surfaces``, rows of `surfaces_of` or the first of them."""
@@ -212,9 +224,9 @@ def _summed(
             picture_of(at.picture, device),
         )
     out, (on_cpu, each) = surfaces.new_zeros(rows, len(at.pixels)), forms
-    given = *_known[at], surfaces, sequence.points, sequence.rotation, at.pixels
+    given = *_known[at], surfaces, sequence.points, sequence.rotation, at.pixels, setting
     if simulated() or out.is_cuda:
-        each(len(at.pixels), *given, setting, out)
+        each(len(at.pixels), *given, out)
     else:
-        on_cpu(*replaced(given, array), setting, threads(), array(out))
+        on_cpu(*replaced(given, array), threads(), array(out))
     return out

@@ -24,12 +24,15 @@ from tracer.paths.interaction_kernel import (
     transmit,
 )
 from tracer.paths.on_screen_kernel import sees
-from tracer.paths.path_kernel import arriving, diffuse_of, direct, f0_of, from_lamp, gathered
+from tracer.paths.path_kernel import arriving, diffuse_of, direct, f0_of, from_lamp, gathered, remembered
 from tracer.paths.radiance import MORE
 from tracer.sampling.scatter_kernel import added, dot, fresnel, sample_specular, scaled, times
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import FARTHEST
+
+COLUMNS = 9  # of what `lobes` finds without a cache
+SAMPLE = 10  # more with one: place, normal, radiance, and how many samples there are
 
 
 @inlined
@@ -178,16 +181,30 @@ def reflected(paths, tables, camera, picture, surfaces, begin, end, each, sharp,
 
 
 @scalar
-def lobes(paths, tables, camera, picture, surfaces, begin, end, each, bounces, out):
-    """``indirect``, ``specular``; and ``distance``, ``flies``, ``ends`` of the specular ray."""
+def lobes(paths, tables, camera, picture, surfaces, begin, end, each, setting, out):
+    """``indirect``, ``specular``; and ``distance``, ``flies``, ``ends`` of the specular ray.
+
+    Where ``out`` has room for it, also a sample for a cache: where, facing where, its radiance, and 1 if there is one.
+    """
+    bounces, keys, values, follows = setting
     _trace_even(paths, tables, surfaces, begin, end, each, np.inf)
-    u, count, rest = paths.u, (end - begin) * each, bounces - 1
-    first = 3 + MORE * bounces
+    u, count, rest, cache = paths.u, (end - begin) * each, bounces - 1, (keys, values)
+    first, remembers = 3 + MORE * bounces, len(out) > COLUMNS
     for j in range(count):
         i = begin + j // each
         at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
         isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
-        light = arriving(tables, camera, picture, isect, 0.0, direction, u, j, 3, rest, True, False, False)[0]
+        if remembers:
+            light, sample, point, normal, sent = remembered(
+                tables, cache, camera, picture, isect, direction, u, j, 3, rest, False, False, follows[i]
+            )
+            if sample:
+                _add(out, COLUMNS, i, point)
+                _add(out, COLUMNS + 3, i, normal)
+                _add(out, COLUMNS + 6, i, sent)
+                out[COLUMNS + 9, i] += 1
+        else:
+            light = arriving(tables, camera, picture, isect, 0.0, direction, u, j, 3, rest, True, False, False)[0]
         _add(out, 0, i, scaled(light, (1 - at.metallic) * at.opacity))
         sharp_sun, sharp_lamp = _sharp(tables, at)
         _add(out, 3, i, direct(tables, at, u, j, first + 3, NOTHING, not sharp_sun, not sharp_lamp))
@@ -202,10 +219,13 @@ def lobes(paths, tables, camera, picture, surfaces, begin, end, each, bounces, o
             continue
         at, direction, onward = surface_of(surfaces, i), triple(paths.directions, j, 0), first + 3 + DIMS
         isect = reached(tables, hit_of(paths, j), at, direction, u[first + 2, j])
-        sharp_sun, sharp_lamp = _sharp(tables, at)
-        sent, _ = arriving(
-            tables, camera, picture, isect, 0.0, direction, u, j, onward, rest, True, sharp_sun, sharp_lamp
-        )
+        sun, lamp = _sharp(tables, at)
+        if remembers:
+            sent = remembered(
+                tables, cache, camera, picture, isect, direction, u, j, onward, rest, sun, lamp, follows[i]
+            )[0]
+        else:
+            sent = arriving(tables, camera, picture, isect, 0.0, direction, u, j, onward, rest, True, sun, lamp)[0]
         _add(out, 3, i, times(scaled(fresnel(f0_of(at), cosine), weight), sent))
         out[7, i] += 1
         if isect.t < np.inf:

@@ -15,7 +15,8 @@ from tracer.lights.samples import DIMS, Lights
 from tracer.lights.sky import sky_along
 from tracer.paths.diffuse import EVEN, even_response, gathered
 from tracer.paths.interaction import Vertices, direct, intersect
-from tracer.paths.radiance import MORE, arriving, glossy, sharp
+from tracer.paths.memory import Memory, brought
+from tracer.paths.radiance import MORE, glossy, sharp
 from tracer.paths.receivers import Receivers
 from tracer.sampling.progressive import Values
 from tracer.sampling.scatter import cosine_direction, fresnel, sample_specular
@@ -122,11 +123,14 @@ def lobe_dims(bounces: int) -> int:
     return 6 + DIMS + 2 * MORE * bounces
 
 
-def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int) -> Values:
+def lobes(
+    scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int, memory: Memory | None = None
+) -> Values:
     """``indirect`` and ``specular`` of `tracer.SampledLight`, by one path from each lobe; see `occlusion`.
 
     Of sun and lamps, rough surfaces reflect what a shadow ray brings, and smooth ones what the path itself finds. Also
     found: where there is a specular ray (``flies``), where it hits anything (``ends``), and its length (``distance``).
+    With a ``memory`` of the N surfaces, paths read its cache, and find samples for it (``met``), see `remembered`.
     """
     start = start.repeat(u.shape[1] // max(len(start), 1))
     sharp_sun, sharp_lamp = sharp(scene, start)
@@ -136,7 +140,8 @@ def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int)
     directions, none = cosine_direction(start.normals, u[:2]), torch.zeros_like(sharp_sun)
     isect = intersect(scene, start.points, directions, u[2], **begun)
     even = ((1 - start.metallic) * start.opacity)[:, None]
-    found, _ = arriving(scene, at.lights, isect, directions, u[3:first], sees_sun=none, sees_lamps=none, **given)
+    given |= {"sees_sun": none, "sees_lamps": none}
+    found, met = brought(scene, at.lights, memory, isect, directions, u[3:first], **given)
     even = even * found
 
     u = u[first:]
@@ -145,7 +150,7 @@ def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int)
     ends = torch.where(flies, torch.inf, 0.0)  # a ray into the surface itself hits nothing
     isect = intersect(scene, start.points, directions, u[2], t_max=ends, **begun)
     given |= {"sees_sun": sharp_sun, "sees_lamps": sharp_lamp}
-    found, _ = arriving(scene, at.lights, isect, directions, u[3 + DIMS :], **given)
+    found, _ = brought(scene, at.lights, memory, isect, directions, u[3 + DIMS :], **given)
     light = fresnel(start.f0, cosine) * weight[:, None] * found
     light = light + _specular_sun(scene, at.lights, start, u[3 : 3 + DIMS], at.poses)
     rough = ~sharp_lamp
@@ -153,7 +158,8 @@ def lobes(scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int)
         light[rough] += _specular_lamps(scene, at.lights, start[rough], u[3 : 3 + DIMS, rough], at.poses)[0]
     distance = torch.where(isect.hit, isect.distance, 0.0)
     counts = {"distance": distance, "flies": flies.to(weight), "ends": isect.hit.to(weight)}
-    return {"indirect": even, "specular": light} | {k: v[:, None] for k, v in counts.items()}
+    values = {"indirect": even, "specular": light} | {k: v[:, None] for k, v in counts.items()}
+    return values if memory is None else values | {"met": met}
 
 
 def _specular_lamps(

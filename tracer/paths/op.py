@@ -16,6 +16,7 @@ from tracer.lights.samples import Lights
 from tracer.paths import integrators
 from tracer.paths import radiance as path_radiance
 from tracer.paths.interaction import FINE, Vertices
+from tracer.paths.memory import Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers, summed
 from tracer.sampling.progressive import Values
@@ -59,13 +60,19 @@ def reflected(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, 
     return drivers.reflected(scene, at, start, sequence, sharp)
 
 
-def lobes(scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int) -> Values:
-    """See `tracer.paths.integrators.lobes`."""
+def lobes(
+    scene: Scene, at: Receivers, start: Vertices, sequence: Sequence, bounces: int, memory: Memory | None = None
+) -> Values:
+    """See `tracer.paths.integrators.lobes`; a ``memory`` takes a sequence of one point."""
     if _form(start.points, sequence) is Form.REFERENCE:
-        return summed(partial(integrators.lobes, scene, at, bounces=bounces), at, start, sequence)
+        if memory is None:
+            return summed(partial(integrators.lobes, scene, at, bounces=bounces), at, start, sequence)
+        numbers = sequence.draw(at.pixels)
+        found = integrators.lobes(scene, at, start, numbers, bounces, memory)
+        return {name: x.T for name, x in found.items()}
     from tracer.paths import drivers
 
-    return drivers.lobes(scene, at, start, sequence, bounces)
+    return drivers.lobes(scene, at, start, sequence, bounces, memory)
 
 
 def radiance(

@@ -8,6 +8,7 @@ import numpy as np
 
 from gbufrt.compute.kernel import scalar
 from gbufrt.specular import DIELECTRIC_F0, LAMP_ROUGHNESS
+from tracer.cache.kernel import look_up
 from tracer.lights.kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
 from tracer.lights.samples import DIMS
 from tracer.paths.diffuse import EVEN
@@ -200,3 +201,36 @@ def _scattered(at, a, b, c):
         return direction, scaled(_diffuse_share(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
     direction, weight, cosine = sample_specular(at.normal, at.toward, at.roughness * at.roughness, b, c)
     return direction, scaled(fresnel(f0_of(at), cosine), weight / chance), 0.0
+
+
+@scalar
+def remembered(tables, cache, camera, picture, isect, direction, u, i, first, bounces, sees_sun, sees_lamps, follows):
+    """See `tracer.paths.cached.remembered`; the light, and whether there is a sample, where, facing where, of what."""
+    keys, values = cache
+    at = isect.surface
+    if isect.t == np.inf:
+        light, _ = arriving(
+            tables, camera, picture, isect, 0.0, direction, u, i, first, bounces, True, sees_sun, sees_lamps
+        )
+        return light, False, NOTHING, NOTHING, NOTHING
+    sharp_sun, sharp_lamp = at.roughness * at.roughness < tables.lit.sky[DISC, 0], at.roughness < LAMP_ROUGHNESS
+    even = _diffuse_share(at)
+    light = added(
+        at.emission if sees_lamps else NOTHING,
+        direct(tables, at, u, i, first, even, not sharp_sun, not sharp_lamp),
+    )
+    cached, known = look_up(keys, values, at.point, at.normal)
+    known = known and not follows
+    if known:
+        light = added(light, times(even, cached))
+    direction, factor, density = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
+    diffuse, sent = density > 0, NOTHING
+    if max(factor) > 0 and not (known and diffuse):
+        onward = _go_on(tables, at, direction, u[first + DIMS + 4, i])
+        sees_sun, sees_lamps = sharp_sun and not diffuse, sharp_lamp and not diffuse
+        sent, _ = arriving(
+            tables, camera, picture, onward, 0.0, direction, u, i, first + MORE, bounces - 1, True, sees_sun, sees_lamps
+        )
+        light = added(light, times(factor, sent))
+    sampled = diffuse and not known and max(factor) > 0
+    return times(isect.weight, light), sampled, at.point, at.normal, sent

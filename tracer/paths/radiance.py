@@ -145,12 +145,12 @@ def arriving(
         numbers, u = u[:MORE], u[MORE:]
         sharp_sun, sharp_lamp = sharp(scene, at)
         if next_event:
-            respond = partial(_response, at, sharp_sun, sharp_lamp)
+            respond = partial(response, at, sharp_sun, sharp_lamp)
             for _, light in direct(scene, lights, at, numbers[:DIMS], respond, poses=poses):
                 add(paths, light)
             if lights.sky is not None:
                 add(paths, _from_sky(scene, lights.sky, at, numbers[DIMS + 5 :], poses))
-        directions, factor, density = _scattered(at, numbers[DIMS : DIMS + 3])
+        directions, factor, density = scattered(at, numbers[DIMS : DIMS + 3])
         through, mirrors = paths.through * factor, density == 0
         chance = through.amax(dim=1).clamp(SURVIVAL, 1.0) if bounce else torch.ones_like(through[:, 0])
         lives = ((through.amax(dim=1) > 0) & (numbers[DIMS + 3] < chance)).nonzero()[:, 0]
@@ -210,7 +210,7 @@ def _from_sky(scene: Scene, table: SkyTable, at: Vertices, u: Tensor, poses: Ten
     return value
 
 
-def _response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
+def response(at: Vertices, sharp_sun: Tensor, sharp_lamp: Tensor, sample: LightSample) -> Tensor:
     """Response of surfaces, without the specular share where it is sharp."""
     value = at.diffuse * at.enters * even_response(at, sample)
     rows = (~(sharp_sun if sample.facing is None else sharp_lamp)).nonzero()[:, 0]
@@ -236,7 +236,7 @@ def _mirrors(at: Vertices) -> Tensor:
     return torch.where(even > 0, (bright / (bright + even).clamp_min(1e-9)).clamp(RARELY, 1 - RARELY), 1.0)
 
 
-def _scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def scattered(at: Vertices, u: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """The next bounce, from numbers ``(3, N)``: directions ``(N, 3)``, factors ``(N, 3)`` on the light from there, and
     densities ``(N,)`` of diffuse bounces, 0 for specular ones."""
     chance = _mirrors(at)

@@ -1,135 +1,17 @@
-"""The light of a picture at one sample a pixel, as separate signals; and the same samples again in a later scene."""
+"""Frames with light of one sample a pixel; the same samples again in a later scene; and a cache of it in the world."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from gbufrt import Frame, GBuffer
-from gbufrt.noise.noise import SLICES
-from tracer.direct.lighting import batched
-from tracer.paths.integrators import DIRECT_DIMS, lobe_dims
-from tracer.paths.op import lit, lobes
-from tracer.paths.receivers import Receivers, Sums, placed, receivers_of
-from tracer.sampling.progressive import Values
-from tracer.sampling.sequence import Sequence
+from gbufrt import Frame
+from tracer.cache.irradiance import IrradianceCache
+from tracer.direct.lighting import lifted
+from tracer.paths.one_sample import one_a_stratum, sample
 from tracer.scene.scene import Scene
-
-STRATUM = 3  # pixels: side of the squares of which one pixel is replayed
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SampledLight:
-    """Light by one sample a pixel; all of it 0 where there is no surface, or where none was asked for.
-
-    Args:
-        direct: ``(B, 3, H, W)`` diffuse light of sun and lamps, albedo divided out, linear radiance.
-        indirect: ``(B, 3, H, W)`` diffuse light of other surfaces and the sky, likewise.
-        specular: ``(B, 3, H, W)`` specular light, Fresnel included, linear radiance.
-        distance: ``(B, 1, H, W)`` world units to what the specular ray hit, the camera's ``far`` for the sky, 0 for a
-            ray into the surface itself.
-        shadow: ``(B, 2, H, W)`` share of light that came along the shadow rays to the sun and to a lamp, 0 where
-            there was none to come.
-    """
-
-    direct: Tensor
-    indirect: Tensor
-    specular: Tensor
-    distance: Tensor
-    shadow: Tensor
-
-    @property
-    def diffuse(self) -> Tensor:
-        """``(B, 3, H, W)`` all diffuse light, albedo divided out."""
-        return self.direct + self.indirect
-
-
-def sample_light(
-    scene: Scene,
-    gbuffer: GBuffer,
-    *,
-    poses: Tensor | None = None,
-    index: int = 0,
-    seed: int = 0,
-    bounces: int = 1,
-    chosen: Tensor | None = None,
-    poses_then: Tensor | None = None,
-) -> SampledLight:
-    """Light that leaves every pixel's surface toward the camera, by one path a pixel for each signal.
-
-    One shadow ray goes to the sun and one to a lamp, and one path begins with a diffuse and one with a specular bounce;
-    they go on as those of `tracer.path_trace`. Of sun and lamps, rough surfaces reflect what shadow rays bring.
-    Emission of the surfaces themselves is not part of it: outgoing light is emission + albedo x diffuse + specular.
-    Light that waves reflect, fog and haze are not either. Of diffuse light, `post.Composite` takes off what a
-    dielectric reflects.
-
-    The numbers of a pixel depend on the pixel, ``index`` and ``seed`` alone: blue noise over the picture, an
-    Owen-scrambled Sobol sequence over 128 frames. So samples can be replayed: given the G-buffer of an earlier frame
-    and its index, the same paths start again from the same surfaces, moved with their instances, in the scene as it is
-    now. Directions to the eye stay those of the earlier frame.
-
-    Args:
-        scene: what is there, and its lights.
-        gbuffer: what the cameras show of it, with albedo, and with roughness and metallic where they differ from 1 and
-            0.
-        poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
-        index: frame number of the G-buffer, from which the noise comes.
-        seed: another seed, another noise.
-        bounces: most surfaces between the first one and a light, as in `tracer.path_trace`.
-        chosen: ``(B, 1, H, W)`` bool, the pixels to sample; by default all.
-        poses_then: as ``poses``, when the G-buffer was made, if the instances have moved since.
-
-    Returns:
-        See `SampledLight`; the mean over many seeds is what `light_truth` returns.
-
-    Raises:
-        ValueError: bounces is below 1, there is no albedo, or the poses do not fit.
-
-    Source: Schied, Peters and Dachsbacher 2018 (A-SVGF), 4.1, for replayed samples.
-    """
-    sums, dims = light_sums(scene, bounces)
-    size = gbuffer.camera.size
-    asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
-    receivers = receivers_of(scene, asked, poses)
-    if poses_then is not None:
-        then = batched(poses_then, gbuffer.batch, len(scene.instances))
-        receivers = [_moved(at, then[b]) for b, at in enumerate(receivers)]
-    sequence = Sequence.of(SLICES, dims, size, seed=seed, device=gbuffer.camera.device)
-    number = index % SLICES
-    found = [sums(at, sequence.part(range(number, number + 1))) for at in receivers]
-    rows = {name: torch.cat([f[name] for f in found], dim=1) for name in found[0]}
-    return sampled_light({name: placed(x, receivers, size) for name, x in rows.items()}, gbuffer)
-
-
-def light_sums(scene: Scene, bounces: int) -> tuple[Sums, int]:
-    """One path of each kind from each surface for each point of a sequence, and how many numbers they take.
-
-    Raises:
-        ValueError: bounces is below 1.
-    """
-    if bounces < 1:
-        raise ValueError(f"bounces must be at least 1, got {bounces}")
-
-    def sums(at: Receivers, sequence: Sequence) -> Values:
-        start = at.vertices
-        white = replace(start, albedo=torch.ones_like(start.albedo))
-        found = lobes(scene, at, start, sequence.dims(DIRECT_DIMS), bounces)
-        return {**lit(scene, at, white, sequence.dims(0, DIRECT_DIMS)), **found}
-
-    return sums, DIRECT_DIMS + lobe_dims(bounces)
-
-
-def sampled_light(found: Mapping[str, Tensor], gbuffer: GBuffer) -> SampledLight:
-    """Means of what `light_sums` finds as light, ``(B, C, H, W)`` each."""
-    away = torch.where(found["flies"] > 0, gbuffer.camera.far, 0.0)
-    mean = found["distance"] / found["ends"].clamp_min(1e-6)
-    distance = torch.where(found["ends"] > 0, mean, away)
-    names = ("direct", "indirect", "specular", "shadow")
-    return SampledLight(distance=distance, **{name: found[name] for name in names})
 
 
 def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: int = 0, bounces: int = 1) -> Frame:
@@ -150,9 +32,66 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
     Raises:
         ValueError: see `sample_light`.
     """
-    given: dict[str, Any] = {"seed": seed, "bounces": bounces}
+    return _sampled(scene, frame, before, None, {"seed": seed, "bounces": bounces})[0]
+
+
+def sampled_with_cache(
+    scene: Scene,
+    frame: Frame,
+    cache: IrradianceCache | None = None,
+    *,
+    before: Frame | None = None,
+    seed: int = 0,
+    bounces: int = 1,
+) -> tuple[Frame, IrradianceCache]:
+    """As `sampled`, with light that the frames before have left in the world: ``frame, cache = ...(frame, cache)``.
+
+    Where a path first hits a surface that the cache knows, it ends there with the light that arrives at that surface
+    by any number of bounces. Paths of the pixels that the next frame replays go on; so do those that meet what the
+    cache does not know. What these and all first surfaces find goes into the cache.
+
+    Args:
+        scene: see `sampled`, as the rest.
+        frame: see ``scene``.
+        cache: what this function returned for the frame before; None at first. It may come from another camera.
+        before: see ``scene``.
+        seed: see ``scene``.
+        bounces: see ``scene``; of paths that go on.
+
+    Returns:
+        The frame of `sampled`, with ``cached_diffuse``: diffuse light whose indirect part is the cache's where it
+        knows the surface; and the cache for the next frame.
+
+    Raises:
+        ValueError: see `sample_light`.
+
+    Source: Ward, Rubinstein and Clear 1988, for caches of irradiance; Binder, Fricke and Keller 2019, for hashed cells.
+    """
+    cache = IrradianceCache.empty(device=frame.gbuffer.camera.device) if cache is None else cache
+    frame, samples = _sampled(scene, frame, before, cache, {"seed": seed, "bounces": bounces})
+    cache = cache.update(*samples.split(3, dim=1))
+    return _with_cached(frame, cache), cache
+
+
+def _with_cached(frame: Frame, cache: IrradianceCache) -> Frame:
+    g, behind = frame.gbuffer, frame.behind
+    metallic = 0.0 if g.metallic is None else g.metallic
+    even = (1 - metallic) * (1.0 if g.opacity is None else g.opacity)
+    places, normals = (x.movedim(1, -1).reshape(-1, 3) for x in (lifted(g), g.normal))
+    light, known = cache.look_up(places, normals)
+    light, known = (x.view(g.batch, *g.camera.size, -1).movedim(-1, 1) for x in (light, known[:, None]))
+    diffuse = frame.read("diffuse")
+    cached = torch.where(known & g.hit, diffuse + even * light - frame.read("indirect"), diffuse)
+    return frame.replace(cached_diffuse=cached, behind=None if behind is None else _with_cached(behind, cache))
+
+
+def _sampled(
+    scene: Scene, frame: Frame, before: Frame | None, cache: IrradianceCache | None, given: dict[str, Any]
+) -> tuple[Frame, Tensor]:
+    """See `sampled`; also the samples for a cache, see `sample`."""
     poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
-    light = sample_light(scene, frame.gbuffer, poses=poses, index=frame.index, **given)
+    follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=frame.index, seed=given["seed"])
+    light, samples = sample(scene, frame.gbuffer, poses=poses, index=frame.index, cache=cache, follows=follows, **given)
     changes: dict[str, Tensor | Frame] = {
         "diffuse": light.diffuse,
         "indirect": light.indirect,
@@ -160,44 +99,14 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
     }
     changes |= {"reflection_distance": light.distance, "shadow": light.shadow}
     if before is not None:
-        chosen = one_a_stratum(before.gbuffer.hit, index=before.index, seed=seed)
+        chosen = one_a_stratum(before.gbuffer.hit, index=before.index, seed=given["seed"])
         then = scene.poses([before.time]).to(poses.device)
-        again = sample_light(
-            scene, before.gbuffer, poses=poses, poses_then=then, index=before.index, chosen=chosen, **given
-        )
+        moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": before.index}
+        again, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **given)
         changes |= {"replayed": chosen.to(light.direct)}
         changes |= {"replayed_diffuse": again.diffuse, "replayed_specular": again.specular}
     if frame.behind is not None:
-        changes["behind"] = sampled(scene, frame.behind, before=None if before is None else before.behind, **given)
-    return frame.replace(**changes)
-
-
-def one_a_stratum(hit: Tensor, *, index: int = 0, seed: int = 0) -> Tensor:
-    """One pixel of every 3x3 square, the same in all of them, if it hit anything: each is chosen once in nine frames.
-
-    Args:
-        hit: ``(B, 1, H, W)`` bool.
-        index: frame number, from which the choice comes.
-        seed: another seed, another choice.
-
-    Returns:
-        ``(B, 1, H, W)`` bool.
-    """
-    row, column = divmod((4 * index + seed) % STRATUM**2, STRATUM)  # neighbours in time lie apart
-    height, width = hit.shape[-2:]
-    chosen = torch.zeros_like(hit)
-    chosen[..., min(row, height - 1) :: STRATUM, min(column, width - 1) :: STRATUM] = True
-    return chosen & hit
-
-
-def _moved(at: Receivers, then: Tensor) -> Receivers:
-    """Surfaces of instances that were at poses ``then`` ``(I, 4, 4)``, carried to where they are now."""
-    if torch.equal(then, at.poses):
-        return at
-    forward = at.poses.double() @ torch.linalg.inv(then.double())
-    forward = torch.cat([torch.eye(4).to(forward)[None], forward]).float()[at.vertices.instances.long(), :3]
-    v = at.vertices
-    turned = forward[..., :3] @ torch.stack([v.points, v.normals, v.toward], dim=-1)
-    points, normals, toward = turned.unbind(dim=-1)
-    moved = replace(v, points=points + forward[..., 3], normals=normals, toward=toward)
-    return replace(at, places=torch.cat([moved.points, normals], dim=1).T, surfaces=lambda: moved)
+        last = None if before is None else before.behind
+        changes["behind"], more = _sampled(scene, frame.behind, last, cache, given)
+        samples = torch.cat([samples, more])
+    return frame.replace(**changes), samples

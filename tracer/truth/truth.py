@@ -10,9 +10,9 @@ from gbufrt.directions import length
 from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.lens import focus_distance
 from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
+from tracer.paths.one_sample import SampledLight, light_sums, sampled_light
 from tracer.paths.op import indirect, occlusion, reflected
 from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
-from tracer.paths.sampled import SampledLight, light_sums, sampled_light
 from tracer.sampling.progressive import Progress, Truth, Values
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene

@@ -22,6 +22,9 @@ class PassOptions:
     denoiser: str | None = None
     """Of minecraft-rtx: asvgf, diffuse and specular light apart; or denoise, all light in one. [default: asvgf]"""
 
+    irradiance_cache: Flag = False
+    """Of minecraft-rtx with asvgf: light that paths have found stays in the world, for paths and new pixels to read."""
+
     preset: str | None = None
     """low, medium, high or ultra. [default: high]"""
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gbufrt.commands.flights.job import Left
+
 if TYPE_CHECKING:
     from gbufrt.commands.arguments.options import FileOptions
     from gbufrt.commands.flights.job import Job
@@ -57,36 +59,37 @@ class Flight:
             runner: of the recipe, without history.
             device: where to trace and run.
             doing: told what is being done; what it returns is called after each step.
-            known: gives a frame that is not wanted, as it was before the passes; by default it is traced.
+            known: gives a frame that is not wanted, as it was before the passes; by default it is traced, as it is
+                where frames leave light for others.
             ready: called before the passes run.
         """
-        wanted = frozenset(shot.wanted)
+        wanted, left = frozenset(shot.wanted), Left()
         for index in shot.frames:
             noisy = (
                 bool(self.sampling.paths) or self.recipe.fog
             )  # so that a warm-up over one frame would keep its noise
-            stills = self._stills(index, runner.warmup, device) if noisy and index == shot.begin else ()
-            if known is not None and index not in wanted:
+            stills = self._stills(index, runner.warmup, device, left) if noisy and index == shot.begin else ()
+            if known is not None and index not in wanted and not self.sampling.cached:
                 yield index, runner(known(index), doing(f"reading frame {index} again"), stills)
                 continue
-            traced = self._trace(index, device)
+            traced = self._trace(index, device, left)
             doing(f"tracing frame {index}")()
             ready()
             yield index, runner(traced, doing(f"passes of frame {index}"), stills)
 
-    def _trace(self, index: int, device: Any, *, still: int | None = None) -> Frame:
+    def _trace(self, index: int, device: Any, left: Left, *, still: int | None = None) -> Frame:
         from gbufrt.commands.session import precision_of
         from gbufrt.files.precision import as_stored
 
-        traced = self.job.trace(self.scene, index, device, self.sampling, still=still)
+        traced = self.job.trace(self.scene, index, device, self.sampling, still=still, left=left)
         return as_stored(traced, precision_of(self.files))
 
-    def _stills(self, index: int, count: int, device: Any) -> Iterator[Frame]:
+    def _stills(self, index: int, count: int, device: Any, left: Left) -> Iterator[Frame]:
         """Frames before one, with noise of their own, as if nothing had moved yet."""
         from gbufrt.pipeline import NOISE_PERIOD
 
         for before in range(count, 0, -1):
-            yield self._trace(index, device, still=(index - before) % NOISE_PERIOD)
+            yield self._trace(index, device, left, still=(index - before) % NOISE_PERIOD)
 
     def save(self, folder: Path, index: int, frame: Frame) -> None:
         """Write a finished frame's files."""

@@ -13,10 +13,18 @@ from gbufrt.names import unknown
 if TYPE_CHECKING:
     from gbufrt.commands.flights.sampling import Sampling
     from gbufrt.frame import Frame
+    from tracer.cache.irradiance import IrradianceCache
     from tracer.scene.scene import Scene, View
     from tracer.worlds.stream import Stream
 
 BOUNCES = 4  # of sampled light, as `tracer.path_trace` has by default
+
+
+@dataclass(kw_only=True)
+class Left:
+    """What the frames of a shot leave for those after them."""
+
+    light: IrradianceCache | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +141,14 @@ class Job:
         return view if self.fov is None else replace(view, fov_y=self.fov)
 
     def trace(
-        self, scene: Scene | Stream, index: int, device: Any, sampling: Sampling, *, still: int | None = None
+        self,
+        scene: Scene | Stream,
+        index: int,
+        device: Any,
+        sampling: Sampling,
+        *,
+        still: int | None = None,
+        left: Left | None = None,
     ) -> Frame:
         """G-buffer and light of one frame.
 
@@ -143,11 +158,12 @@ class Job:
             device: where to trace.
             sampling: how.
             still: number of a frame that stands as if it were this one, with noise of its own.
+            left: what the frames before have left, where the sampling says so; this one adds to it.
         """
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
         from tracer.frames import unlit
-        from tracer.paths.sampled import sampled
+        from tracer.paths.sampled import sampled, sampled_with_cache
         from tracer.truth.one_path import one_path
 
         view, number = self.seen_from(scene), index if still is None else still
@@ -176,7 +192,10 @@ class Job:
         last = None
         if still is None and index > 0:  # traced again, so that no frame needs another's files
             last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)
-        return without_ambient(sampled(there, frame, before=last, bounces=BOUNCES))
+        if not sampling.cached or left is None:
+            return without_ambient(sampled(there, frame, before=last, bounces=BOUNCES))
+        frame, left.light = sampled_with_cache(there, frame, left.light, before=last, bounces=BOUNCES)
+        return without_ambient(frame)
 
 
 def without_ambient(frame: Frame) -> Frame:

@@ -22,6 +22,8 @@ class Sampling:
     """Frames after which the camera's jitter repeats; 0 for none."""
     paths: Literal["asvgf", "denoise"] | None = None
     """Which denoiser gets light of one path a pixel, and so in what form; None for direct light without noise."""
+    cached: bool = False
+    """Whether paths leave their light in the world, see `tracer.sampled_with_cache`."""
 
     def rendered(self, size: tuple[int, int]) -> tuple[int, int]:
         """What is traced of a picture of ``size`` ``(H, W)``.
@@ -45,5 +47,6 @@ def sampling_of(runner: Runner, recipe: Recipe, frames: int) -> Sampling:
     upscale = stages.get("Upscale")
     if upscale is not None:
         ratio = upscale.tunables()["ratio"]
-        return Sampling(ratio=ratio, jitter=round(JITTERS * ratio**2), paths=paths)
-    return Sampling(jitter=TAA_JITTERS if frames > 1 and "TAA" in stages else 0, paths=paths)
+        return Sampling(ratio=ratio, jitter=round(JITTERS * ratio**2), paths=paths, cached=recipe.irradiance_cache)
+    jitter = TAA_JITTERS if frames > 1 and "TAA" in stages else 0
+    return Sampling(jitter=jitter, paths=paths, cached=recipe.irradiance_cache)

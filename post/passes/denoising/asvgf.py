@@ -16,6 +16,7 @@ from post.filters.op import wavelet
 from post.filters.signals import REC709, luminance
 from post.filters.surfaces import surface
 from post.history.antilag import tolerated
+from post.history.op import read_history
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
@@ -26,6 +27,7 @@ GRADIENT_ITERATIONS = 4  # of wavelets over the replayed pixels: they reach 90 p
 GRADIENT_NORMAL = 32.0  # exponent of the cosine between normals of replayed pixels
 LEAST = 1e-3  # frames: length of a history none of which is valid, for pixels of length 0 match no surface
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
+FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
 ITERATIONS = {"diffuse": 7, "specular": 3}
 
 
@@ -37,6 +39,7 @@ def asvgf(
     replayed: Tensor | None = None,
     chosen: Tensor | None = None,
     distance: Tensor | None = None,
+    cached: Tensor | None = None,
     blend: float = 0.9,
     firefly: float = 6.0,
     iterations: int = 7,
@@ -58,6 +61,8 @@ def asvgf(
         chosen: ``(B, 1, H, W)``, above 0 where ``replayed`` holds a sample: every third pixel of every third row.
         distance: ``(B, 1, H, W)`` world units to the reflected hit, for specular light: it is also back-projected as
             its virtual image, and roughness keeps mirrors sharp.
+        cached: ``(B, 3, H, W)`` as ``light``, with less noise, of surfaces that a cache in the world knows: what pixels
+            show at first that have no history. Its share falls by `FADING` a frame.
         blend: largest share of history, see `temporal`.
         firefly: see `temporal`.
         iterations: see `atrous`.
@@ -77,6 +82,10 @@ def asvgf(
     if history is not None and history.gbuffer is not None and replayed is not None and chosen is not None:
         gradient = temporal_gradient(history.signals["sample"], finite(replayed), chosen, history.gbuffer)
         history = forgetting(history, 1 - (1 - gradient).square())
+    sample, new = light, None
+    if cached is not None:
+        new = _new(gbuffer, history)
+        light = torch.lerp(light, finite(cached), new)
     mean, history = temporal(
         light, gbuffer, history,
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
@@ -84,7 +93,8 @@ def asvgf(
     roughness = None if distance is None else gbuffer.roughness
     variance = tolerated(mean, history.signals["variance"], history.length, gbuffer.hit)
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, roughness)
-    history = replace(history, signals={**history.signals, "sample": light})
+    kept = {"sample": sample} if new is None else {"sample": sample, "new": new}
+    history = replace(history, signals={**history.signals, **kept})
     return torch.where(gbuffer.hit, smooth, light), history
 
 
@@ -136,6 +146,16 @@ def forgetting(history: History, change: Tensor) -> History:
     return replace(history, length=torch.where(change > 0, shorter, history.length))
 
 
+def _new(gbuffer: GBuffer, history: History | None) -> Tensor:
+    """``(B, 1, H, W)`` how new a surface is in the picture: 1 at first, less by `FADING` a frame, and 0 in a history
+    that began without a cache. Changes of its light do not make it new, since the cache learns of them later."""
+    if history is None or history.gbuffer is None:
+        return torch.ones_like(gbuffer.depth)
+    before = history.signals.get("new", torch.zeros_like(history.length))
+    found = read_history(gbuffer, history.gbuffer, before, length=history.length)
+    return torch.where(found.valid, FADING * found.image, 1.0)
+
+
 def _first(chosen: Tensor, dim: int) -> int:
     """First row or column with a chosen pixel, modulo the stratum."""
     lines = (chosen > 0).transpose(0, dim).flatten(1).any(dim=1)
@@ -164,8 +184,8 @@ def _filtered(
 class ASVGF(TemporalPass):
     """Denoise diffuse or specular light of one sample a pixel, as `tracer.sampled` gives it. See `asvgf`.
 
-    Uses ``replayed`` and ``replayed_<signal>`` where present, and writes ``<signal>_history``, the number of frames in
-    each pixel's mean. Every signal has samples and a history of its own.
+    Uses ``replayed`` and ``replayed_<signal>`` where present, for diffuse light ``cached_diffuse`` too, and writes
+    ``<signal>_history``, the number of frames in each pixel's mean. Every signal has samples and a history of its own.
 
     Args:
         signal: ``diffuse``, ``specular``, or another light of which the frame has a ``replayed_`` one.
@@ -197,6 +217,8 @@ class ASVGF(TemporalPass):
             self.optional |= {"roughness", "reflection_distance"}
         if gradients:
             self.optional |= {"replayed", f"replayed_{signal}"}
+        if signal == "diffuse":
+            self.optional |= {"cached_diffuse"}
         self.writes = frozenset({signal, f"{signal}_history"})
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
@@ -204,6 +226,7 @@ class ASVGF(TemporalPass):
             frame.read(self.signal), frame.gbuffer, history_for(state, frame.cut),
             replayed=frame.get(f"replayed_{self.signal}") if self.gradients else None, chosen=frame.replayed,
             distance=_image_distance(frame) if self.signal == "specular" else None,
+            cached=frame.cached_diffuse if self.signal == "diffuse" else None,
             blend=self.blend, firefly=self.firefly, phi_color=self.phi_color,
             iterations=self.iterations or ITERATIONS.get(self.signal, ITERATIONS["diffuse"]),
         )  # fmt: skip

@@ -36,6 +36,14 @@ def fake_samples(scene: Scene, frame: Frame, *, before: Frame | None, bounces: i
     return lit.replace(replayed=chosen, replayed_diffuse=again, replayed_specular=0.1 * again)
 
 
+def fake_cache(
+    scene: Scene, frame: Frame, cache: int | None, *, before: Frame | None, bounces: int
+) -> tuple[Frame, int]:
+    """A cache that counts its frames."""
+    lit, count = fake_samples(scene, frame, before=before, bounces=bounces), (cache or 0) + 1
+    return lit.replace(cached_diffuse=torch.full_like(lit.read("diffuse"), float(count))), count
+
+
 def fake_unlit(scene: Scene, camera: Camera, *, time: float = 0.0, index: int) -> Frame:
     return Frame(gbuffer=boxes.frame(camera).gbuffer, index=index, time=time)
 
@@ -50,6 +58,7 @@ def fake_path(scene: Scene, frame: Frame, *, bounces: int) -> Frame:
 def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     install(monkeypatch, tmp_path)
     monkeypatch.setattr("tracer.paths.sampled.sampled", fake_samples)
+    monkeypatch.setattr("tracer.paths.sampled.sampled_with_cache", fake_cache)
     monkeypatch.setattr("tracer.truth.one_path.one_path", fake_path)
     monkeypatch.setattr("tracer.frames.unlit", fake_unlit)
 
@@ -87,11 +96,26 @@ def test_one_light_for_the_other_denoiser():
     assert again.read("image").shape == (1, 3, 16, 24)
 
 
+def test_frames_leave_light_for_those_after_them():
+    assert run("render", "--frames", "3", *RTX, "--irradiance-cache", "--out", "whole") == 0
+    frames = [read_exr(f"whole/frame_{number:04d}.exr") for number in range(3)]
+    assert [float(frame.read("cached_diffuse").mean()) for frame in frames] == [1.0, 3.0, 4.0], "and a warm-up"
+    for ending in ("exr", "png"):
+        Path(f"whole/frame_0002.{ending}").rename(f"frame.{ending}")
+    assert run("render", "--frames", "3", *RTX, "--irradiance-cache", "--out", "whole", "--resume") == 0
+    again = read_exr("whole/frame_0002.exr")
+    for name in ("cached_diffuse", "image"):
+        assert torch.equal(again.read(name), frames[2].read(name))
+    assert run("post", "whole", "--out", "again") == 0
+    assert torch.equal(read_exr("again/frame_0002.exr").read("cached_diffuse"), again.read("cached_diffuse"))
+
+
 def test_mistakes_are_told(capsys: pytest.CaptureFixture[str]):
     for options, message in (
         (("--pipeline", "minecraft"), "--pipeline must be me1 or minecraft-rtx"),
         (("--pipeline", "minecraft-rtx", "--composite", "me1"), "--composite is for me1"),
         (("--denoiser", "denoise"), "--denoiser is for minecraft-rtx"),
+        (("--irradiance-cache",), "--irradiance-cache is for minecraft-rtx"),
         (("--pipeline", "minecraft-rtx", "--denoiser", "oidn"), "--denoiser must be asvgf or denoise"),
         (("--pipeline", "minecraft-rtx", "--size", "25x16"), "--size 25x16"),
     ):

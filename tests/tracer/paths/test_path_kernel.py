@@ -12,11 +12,13 @@ import voxels
 from torch import Tensor
 
 from gbufrt import Camera
+from tracer.cache.irradiance import IrradianceCache
 from tracer.gbuffers import gbuffer
 from tracer.lights.samples import Lights
 from tracer.paths import integrators, on_screen_kernel
 from tracer.paths import op as path_ops
 from tracer.paths import radiance as path_radiance
+from tracer.paths.memory import Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers, receivers_of, summed
 from tracer.paths.tables import camera_of, picture_of
@@ -76,6 +78,23 @@ def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> Non
         assert got.keys() == want.keys()
         for key, value in want.items():
             same(got[key], value)
+
+
+def test_paths_that_read_a_cache_find_the_same() -> None:
+    scene, at, sequence = place(5, integrators.lobe_dims(2))
+    cache, read = IrradianceCache.empty(), []
+    for number in range(4):
+        one = sequence.part(range(number, number + 1))
+        memory = Memory(cache=cache, follows=torch.arange(len(at.pixels)) % 9 == number)
+        got = path_ops.lobes(scene, at, at.vertices, one, 2, memory)
+        want = integrators.lobes(scene, at, at.vertices, one.draw(at.pixels), 2, memory)
+        assert got.keys() == want.keys()
+        for key, value in want.items():
+            same(got[key], value.T)
+        samples = got["met"][:9, got["met"][9] > 0].T
+        read.append(len(samples))
+        cache = cache.update(*samples.split(3, dim=1)).update(*at.places.T.split(3, dim=1), got["indirect"].T)
+    assert read[-1] < 0.8 * read[0], "paths end where the cache knows"
 
 
 def test_sums_over_more_paths_than_a_batch_holds_are_those_of_their_parts(monkeypatch: pytest.MonkeyPatch) -> None:

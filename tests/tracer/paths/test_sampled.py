@@ -16,7 +16,8 @@ from gbufrt.frame import Frame
 from post.shading.composite_op import specular_albedo
 from tracer.frames import render, unlit
 from tracer.gbuffers import gbuffer
-from tracer.paths.sampled import one_a_stratum, sample_light, sampled
+from tracer.paths.one_sample import one_a_stratum, sample_light
+from tracer.paths.sampled import sampled
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
@@ -79,16 +80,9 @@ def test_rough_surfaces_reflect_the_sun():
 
 
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
-def test_all_light_after_any_bounce_is_that_of_the_path_tracer(metallic):
-    """In a gallery whose walls send light to and fro, most of what a mirror shows has bounced before."""
-    wall = Material(name="wall", albedo=(0.9, 0.8, 0.7), roughness=0.4, metallic=metallic)
-    lamp = Material(name="lamp", emission=(4.0, 3.0, 2.0))
-    table = MaterialTable.of([wall, *(Material(name=name) for name in ("glass", "water")), lamp])
-    sides = ((STONE, (0, 0, 0), (9, 1, 9)), (STONE, (0, 8, 0), (9, 9, 9)), (STONE, (0, 1, 0), (1, 8, 9)))
-    far = ((STONE, (8, 1, 0), (9, 8, 9)), (STONE, (1, 1, 0), (8, 8, 1)), (LAMP, (4, 5, 4), (5, 6, 5)))
-    world = replace(voxels.world((9, 9, 9), *sides, *far), materials=table)
-    scene = Scene(world=world, sun=Sun(direction=(0.1, 0.2, 0.9)), sky=EVEN)
-    inside = Camera.look_at((4.5, 4.0, 8.9), (4.0, 3.0, 0.0), size=(10, 13), far=100.0)
+def test_all_light_after_any_bounce_is_that_of_the_path_tracer(metallic: float):
+    """In a gallery most of what a mirror shows has bounced before."""
+    scene, inside = voxels.gallery(metallic)
     g = gbuffer(scene, inside)
     light = light_truth(scene, g, bounces=3, samples=64)
     want = path_trace(scene, inside, bounces=3, samples=64, antialias=False).values["radiance"]

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from gbufrt import Frame, Pipeline
 from post import ASVGF, asvgf
-from post.passes.denoising.asvgf import forgetting, temporal_gradient
-from tracer.paths.sampled import one_a_stratum
+from post.passes.denoising.asvgf import FADING, forgetting, temporal_gradient
+from tracer.paths.one_sample import one_a_stratum
 
 SIZE = (36, 48)
 COLOR = torch.tensor([0.9, 0.5, 0.2]).view(1, 3, 1, 1)
@@ -87,6 +87,34 @@ def test_this_frame_counts_as_much_as_has_changed(share: float):
     want = even() * (1 - (0.2 + 0.8 * share))
     hit = f.gbuffer.hit.expand_as(want)
     torch.testing.assert_close(after.signals["signal"][hit], want[hit], atol=2e-3, rtol=0)
+
+
+def test_new_surfaces_show_what_a_cache_knows_until_they_have_a_history():
+    """The share of the cache falls over frames; what it shows is no sample, so that gradients stay as they are."""
+    f, history, shares = frame(0 * even()), None, []
+    hit = f.gbuffer.hit
+    for _ in range(24):
+        light, history = asvgf(f.read("diffuse"), f.gbuffer, history, cached=even(), firefly=0.0)
+        assert not bool(history.signals["sample"].any())
+        shares.append(float((light / even())[hit.expand_as(light)].mean()))
+    assert shares[0] == pytest.approx(1.0, abs=1e-3)
+    assert shares[1] == pytest.approx((1 + FADING) / 2, abs=1e-3)
+    assert shares[-1] < 0.1
+    assert history is not None
+    changed = forgetting(history, torch.ones_like(history.length))
+    light, _ = asvgf(f.read("diffuse"), f.gbuffer, changed, cached=even(), firefly=0.0)
+    assert float(light.max()) < 0.01, "light that changes makes no surface new"
+    light, _ = asvgf(f.read("diffuse"), f.gbuffer, history.reset(torch.tensor([True])), cached=even(), firefly=0.0)
+    torch.testing.assert_close(light[hit.expand_as(light)], even()[hit.expand_as(light)])
+
+
+def test_a_cache_that_comes_late_stays_unread():
+    f = frame(0 * even())
+    _, history = asvgf(f.read("diffuse"), f.gbuffer)
+    light, _ = asvgf(f.read("diffuse"), f.gbuffer, history, cached=even())
+    assert not bool(light.any())
+    result, _ = ASVGF()(f.replace(cached_diffuse=even()))
+    assert bool(result.read("diffuse").any())
 
 
 def test_even_light_of_any_colour_is_left_alone():

@@ -1,0 +1,1 @@
+"""Light that paths have found, kept in the world."""
