@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 import torch
 
-from gbufrt.compute.bodies import contracted, inlined, is_scalar, scalar
+from gbufrt.compute.bodies import WIDTH, contracted, in_lanes, inlined, is_scalar, scalar, specialized
 from gbufrt.compute.each import Each
 from gbufrt.compute.fingerprint import fingerprint
 from gbufrt.compute.kernel import CPU
+from gbufrt.compute.target import Target
 
 HELPERS = """
 from gbufrt.compute.kernel import scalar
@@ -41,6 +42,7 @@ RUN = """
 import sys, torch
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import CPU
+from gbufrt.compute.target import Target
 for folder in sys.argv[1:]:
     sys.path.insert(0, folder)
     sys.modules.pop("some_bodies", None), sys.modules.pop("some_helpers", None)
@@ -87,6 +89,47 @@ def test_fingerprints_change_with_code_and_constants_that_are_reached() -> None:
     assert [fingerprint(made(value)) for value in values] == found
     with pytest.raises(TypeError, match=r"made.body names .*, a dict: compiled code may name numbers"):
         fingerprint(made({}))
+
+
+@scalar
+def one_by_one(x):
+    return 10.0 * x
+
+
+@in_lanes(one_by_one)
+def side_by_side(x):
+    return 2.0 * x
+
+
+def item(x: float) -> float:
+    """Placeholder for the body below."""
+    return x
+
+
+@scalar
+def changed(i, out):
+    out[i] = item(out[i])
+
+
+def test_a_target_of_one_lane_takes_the_form_that_works_alone() -> None:
+    def plain(**_: Any) -> Any:
+        return lambda function: function
+
+    options: Any = {name: {} for name in ("helper", "owner", "within", "entry", "driver")}
+    body = specialized(changed, side_by_side)
+    for lanes, want in ((1, 30.0), (WIDTH, 6.0)):
+        out = [3.0]
+        Target(plain, lanes=lanes, **options).bind(body)(0, out)
+        assert out == [want]
+    assert body.__name__ == "side_by_side_changed"
+    assert len({fingerprint(specialized(changed, form)) for form in (one_by_one, side_by_side)}) == 2
+
+
+def test_fingerprints_change_with_the_form_that_works_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = specialized(changed, side_by_side)
+    before = fingerprint(body)
+    monkeypatch.setattr(one_by_one, "__code__", (lambda x: 11.0 * x).__code__)
+    assert fingerprint(body) != before
 
 
 def test_bodies_are_plain_functions_that_call_marked_functions_only(tmp_path: Path, monkeypatch) -> None:
