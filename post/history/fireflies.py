@@ -9,7 +9,7 @@ from torch import Tensor
 from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance
-from post.history.antilag import typical_variance
+from post.history.antilag import grain_of, trusted, typical_variance
 from post.history.constants import YOUNG
 
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
@@ -22,6 +22,7 @@ def cut_outliers(signal: Tensor, geometry: Surface, state: Tensor | None, lead: 
     """Scale down samples far above the surface around, unless the pixel's own history explains them.
 
     Unlike `antilag.without_fireflies`, which looks at 3x3 pixels of any surface, this works from the first frame on.
+    Where there is little noise all around nothing is cut: there what stands out is light.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame.
@@ -49,6 +50,9 @@ def cut_outliers(signal: Tensor, geometry: Surface, state: Tensor | None, lead: 
         own = luminance(state[:, :channels], lead) + firefly * noise
         limit = torch.where(age >= YOUNG, torch.maximum(limit, own), limit)
     scale = torch.where((light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
+    lone = torch.ones_like(light)
+    speckled = 1 - trusted(grain_of(signal[:, :lead], variance, geometry.hit), lone)
+    scale = 1 - speckled * (1 - scale)
     return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
 
 
