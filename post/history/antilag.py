@@ -13,6 +13,7 @@ from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, 
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
+SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 
@@ -156,7 +157,7 @@ def accumulate_reference(
     return torch.cat(new, dim=1), sample
 
 
-def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
+def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor | None = None) -> Tensor:
     """Darken the mean where this frame's sample is far below it, but not below the neighbours' darkest mean.
 
     History blurs penumbrae, and disoccluded pixels borrow light from their neighbours. A bright sample proves little,
@@ -167,6 +168,7 @@ def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
         mean: ``(B, 3, H, W)`` accumulated light without albedo.
         sample: as ``mean``, this frame's.
         geometry: of this frame; neighbours are those of the 3x3 pixels around that lie on the same surface.
+        sure: ``(B, 1, H, W)`` in [0, 1]: how far to follow the sample; 1 by default.
 
     Returns:
         ``(B, 3, H, W)``.
@@ -177,30 +179,56 @@ def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface) -> Tensor:
         darkest = torch.where(same, torch.minimum(darkest, view), darkest)
     missing = 1 - own / light.clamp_min(1e-6)
     blocked = ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
+    blocked = blocked if sure is None else blocked * sure
     darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
     return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)
 
 
-def tolerated(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor) -> Tensor:
-    """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
+def trusted(grain: Tensor, length: Tensor) -> Tensor:
+    """How far one sample tells light from shadow, ``(B, 1, H, W)`` in [0, 1]: little where samples are often dark.
 
-    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
-    would show as blotches, since the variance of few rare bright samples is itself uncertain. Much noise in a narrow
-    band is that of a penumbra, whose edges stay.
+    Args:
+        grain: see `grain_of`.
+        length: ``(B, 1, H, W)`` frames in the mean.
+    """
+    return 1 / (1 + (grain * length / SPECKLED) ** 3)
+
+
+def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
+    """How much of the light is noise, wherever one looks around; 1 is `GRAINY`, squared.
+
+    Much noise in a narrow band is that of a penumbra and does not count.
 
     Args:
         mean: ``(B, 3, H, W)`` accumulated light without albedo.
         variance: ``(B, 1, H, W)`` of its luminance.
-        length: ``(B, 1, H, W)`` frames in it.
         hit: ``(B, 1, H, W)`` bool.
 
     Returns:
-        ``(B, 1, H, W)``, nowhere below ``variance``.
+        ``(B, 1, H, W)``, 0 where nothing was hit.
     """
     lit = hit.to(mean.dtype)
     noise, light = pooled(variance, lit, AROUND), pooled(luminance(mean), lit, AROUND)
     grain = torch.where(hit, noise / (GRAINY * light).square().clamp_min(1e-8), torch.inf)
     for size in ((WIDE, 1), (1, WIDE)):
         grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))
+    return torch.where(hit, grain, 0.0)
+
+
+def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor) -> Tensor:
+    """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
+
+    Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
+    would show as blotches, since the variance of few rare bright samples is itself uncertain.
+
+    Args:
+        variance: ``(B, 1, H, W)`` of the luminance of the mean.
+        grain: see `grain_of`.
+        length: ``(B, 1, H, W)`` frames in the mean.
+        hit: ``(B, 1, H, W)`` bool.
+
+    Returns:
+        ``(B, 1, H, W)``, nowhere below ``variance``.
+    """
     unsure = UNSURE / length.clamp_min(1.0)
     return variance * (1 + torch.where(hit, torch.maximum(grain, unsure), 0.0))

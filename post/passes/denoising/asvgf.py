@@ -15,7 +15,7 @@ from post.filters.edges import Surface
 from post.filters.op import wavelet
 from post.filters.signals import REC709, luminance
 from post.filters.surfaces import surface
-from post.history.antilag import tolerated
+from post.history.antilag import grain_of, tolerated
 from post.history.op import read_history
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
@@ -91,7 +91,8 @@ def asvgf(
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
     )  # fmt: skip
     roughness = None if distance is None else gbuffer.roughness
-    variance = tolerated(mean, history.signals["variance"], history.length, gbuffer.hit)
+    variance = history.signals["variance"]
+    variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, roughness)
     kept = {"sample": sample} if new is None else {"sample": sample, "new": new}
     history = replace(history, signals={**history.signals, **kept})

@@ -23,6 +23,7 @@ def atrous(
     camera: Camera,
     iterations: int = 5,
     phi_color: float = 4.0,
+    growth: float = 1.0,
     phi_normal: float = 128.0,
     phi_depth: float = 1.0,
     variance: Tensor | None = None,
@@ -44,6 +45,8 @@ def atrous(
         camera: the camera of depth.
         iterations: how many kernels; the last has taps 2^(iterations - 1) pixels apart.
         phi_color: difference between 3x3 means of luminance, in their standard deviations, at which a tap counts 1/e.
+        growth: of phi_color from kernel to kernel. Neighbours that are filtered share their noise, and their 3x3 mean
+            keeps up to three times as much of it as that of the samples does.
         phi_normal: exponent of the cosine between normals.
         phi_depth: sensitivity to plane distance, per pixel footprint.
         variance: ``(B, 1, H, W)`` of the luminance of ``signal``; estimated from 5x5 neighbours where absent.
@@ -69,8 +72,9 @@ def atrous(
     values = torch.cat([signal, light, variance], dim=1)
     for iteration in range(iterations):
         values = wavelet(
-            values, geometry, reach, step=2**iteration, phi_color=phi_color, phi_depth=phi_depth, phi_normal=phi_normal
-        )
+            values, geometry, reach, step=2**iteration,
+            phi_color=phi_color * growth**iteration, phi_depth=phi_depth, phi_normal=phi_normal,
+        )  # fmt: skip
     return values[:, :-2], values[:, -1:].clone()  # a view that is kept would keep all channels
 
 

@@ -11,7 +11,8 @@ from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
 from post.filters.signals import MIN_ALBEDO
 from post.filters.surfaces import surface
-from post.history.antilag import alike, into_shadow, pooled, tolerated
+from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
+from post.history.fireflies import given_back
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
@@ -21,6 +22,7 @@ from post.shading.mirrors import mirror_image
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
+GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
 
@@ -32,11 +34,11 @@ def denoise(
     *,
     behind: GBuffer | None = None,
     blend: float = 0.97,
-    clamp: float = 4.0,
-    firefly: float = 6.0,
+    clamp: float = 1.5,
+    firefly: float = 2.5,
     motion_response: float = 0.0,
     iterations: int = 4,
-    phi_color: float = 0.5,
+    phi_color: float = 0.3,
     shadows: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
@@ -53,10 +55,11 @@ def denoise(
         behind: of what lies straight behind the first transmissive surface.
         blend: largest share of history, see `temporal`.
         clamp: see `temporal`; 0 for a world whose light never changes.
-        firefly: see `temporal`.
+        firefly: standard deviations above history, or half as many above the surface around, at which a sample is cut;
+            what is cut brightens all that lies around, if little.
         motion_response: see `temporal`.
         iterations: see `atrous`.
-        phi_color: see `atrous`, for little noise; it grows with the noise's share of the light.
+        phi_color: see `atrous`, for the first kernel and little noise; it grows with the noise's share of the light.
         shadows: keep penumbrae by this frame's own samples.
 
     Returns:
@@ -83,15 +86,21 @@ def denoise(
         motion_response=motion_response,
         sharp=True,
         distance=_image_distance(gbuffer),
+        excess=True,
     )
-    variance = tolerated(mean, history.signals["variance"], history.length, shown.hit)
+    variance, length = history.signals["variance"], history.length
+    grain = grain_of(mean, variance, shown.hit)
     smooth, _ = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
-        iterations=iterations, phi_color=phi_color, variance=variance,
+        iterations=iterations, phi_color=phi_color, growth=GROWTH,
+        variance=tolerated(variance, grain, length, shown.hit),
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
     if shadows:
-        smooth = into_shadow(smooth, noisy, geometry)
+        sure = trusted(grain, length)
+        sure = sure if mirrors is None else torch.where(mirrors, 1.0, sure)  # histories of images lag
+        smooth = into_shadow(smooth, noisy, geometry, sure)
+    smooth = given_back(smooth, mean, history.signals["excess"], shown.hit)
     clean = smooth * divisor + emission
     if mirrors is not None:
         clean = _filled(clean, geometry, mirrors)
@@ -191,11 +200,11 @@ class Denoise(TemporalPass):
         *,
         signal: str = "gi",
         blend: float = 0.97,
-        clamp: float = 4.0,
-        firefly: float = 6.0,
+        clamp: float = 1.5,
+        firefly: float = 2.5,
         motion_response: float = 0.0,
         iterations: int = 4,
-        phi_color: float = 0.5,
+        phi_color: float = 0.3,
         shadows: bool = True,
     ) -> None:
         super().__init__()

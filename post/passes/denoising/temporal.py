@@ -9,14 +9,16 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.compute.resident import waits
-from gbufrt.directions import length
+from gbufrt.directions import length as norm
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
+from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 from post.history.antilag import pooled, sample_variance
 from post.history.constants import YOUNG
+from post.history.fireflies import cut_outliers, taken
 from post.history.op import accumulate, read_history
 from post.history.planes import together
 from post.history.reproject import geometry_of, history_for, motion_of
@@ -40,6 +42,7 @@ def temporal(
     sharp: bool = False,
     distance: Tensor | None = None,
     lead: int | None = None,
+    excess: bool = False,
 ) -> tuple[Tensor, History]:
     """Average a signal over time along the motion of surfaces.
 
@@ -64,10 +67,11 @@ def temporal(
         distance: ``(B, 1, H, W)`` world units to the reflected hit: history is then also read where its virtual image
             was, and the one that agrees better is taken.
         lead: how many of the first channels the tests use; all by default.
+        excess: cut samples by `post.history.fireflies.cut_outliers` first, and accumulate what all cuts take.
 
     Returns:
         The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
-        variance ``(B, 1, H, W)`` of the mean's luminance.
+        variance ``(B, 1, H, W)`` of the mean's luminance, ``signals["excess"]`` the mean of the luminance cut.
 
     Raises:
         ValueError: blend lies outside 0 to 1, or the history has another size than the frame.
@@ -77,31 +81,48 @@ def temporal(
     if not 0.0 <= blend <= 1.0:
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
-    if history is None or history.gbuffer is None:
-        light, one = luminance(signal, lead), torch.ones_like(signal[:, :1])
-        moments = torch.cat([light, light * light], dim=1)
-        new = {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": one}
-        return _finish(signal, new, one, gbuffer, feedback, lead)
-    state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp)
-    motion, _ = motion_of(gbuffer, history.gbuffer.camera)
-    longest = 1 / (1 + motion_response * length(motion)) / max(1 - blend, 1e-9)
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
-    state, sample = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
-    parts = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
-    return _finish(sample, dict(zip(STORED, parts, strict=False)), parts[-1], gbuffer, feedback, lead)
+    names, state, given = (*STORED, "excess") if excess else STORED, None, signal
+    before, new = torch.zeros_like(signal[:, :1]), dict[str, Tensor]()
+    if history is not None and history.gbuffer is not None:
+        state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp, names)
+    if excess:
+        signal = cut_outliers(signal, geometry, state, lead, firefly)
+    if state is None or history is None or history.gbuffer is None:
+        light, length = luminance(signal, lead), torch.ones_like(signal[:, :1])
+        moments = torch.cat([light, light * light], dim=1)
+        new |= {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": length}
+    else:
+        if excess:
+            before, state = state[:, -2:-1], torch.cat([state[:, :-2], state[:, -1:]], dim=1)
+        motion, _ = motion_of(gbuffer, history.gbuffer.camera)
+        longest = 1 / (1 + motion_response * norm(motion)) / max(1 - blend, 1e-9)
+        state, signal = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
+        *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
+        new |= zip(STORED, parts, strict=True)
+    if excess:
+        new["excess"] = before + (taken(given, signal, lead) - before) / length
+    return _finish(signal, new, length, gbuffer, geometry, feedback, lead)
 
 
 def _fetch(
-    signal: Tensor, gbuffer: GBuffer, history: History, before: GBuffer, distance: Tensor | None, lead: int, sharp: bool
+    signal: Tensor,
+    gbuffer: GBuffer,
+    history: History,
+    before: GBuffer,
+    distance: Tensor | None,
+    lead: int,
+    sharp: bool,
+    names: tuple[str, ...],
 ) -> Tensor:
-    """Mean, fast mean, moments, sum of squared weights and length of the history, reprojected to this frame."""
+    """The named signals and the length of the history, reprojected to this frame."""
     kept = history.signals
     if kept["signal"].shape[1] != signal.shape[1]:
         raise ValueError(
             f"the history holds {kept['signal'].shape[1]} channels but the signal has {signal.shape[1]}; "
             "start with state=None when signals come or go"
         )
-    everything = together([*(kept[name] for name in STORED), history.length])
+    everything = together([*(kept[name] for name in names), history.length])
     options: dict[str, Any] = {"length": history.length}
     if sharp:
         options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
@@ -134,12 +155,18 @@ def _misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
 
 
 def _finish(
-    sample: Tensor, new: dict[str, Tensor], length: Tensor, g: GBuffer, feedback: bool, lead: int
+    sample: Tensor,
+    new: dict[str, Tensor],
+    length: Tensor,
+    g: GBuffer,
+    geometry: Surface,
+    feedback: bool,
+    lead: int,
 ) -> tuple[Tensor, History]:
     """Compute the variance left in the mean, and the history for the next frame."""
     mean, variance = new["signal"], sample_variance(new["moments"], length)
     if waits(length) or bool((length < YOUNG).any()):
-        _, around = spatial_moments(sample, surface(g.depth, g.normal, g.hit, g.camera), radius=2, lead=lead)
+        _, around = spatial_moments(sample, geometry, radius=2, lead=lead)
         variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
     variance = variance * new["share"]
     kept = mean

@@ -1,0 +1,79 @@
+"""Fireflies: what stands out is cut and given back, what history or the surface explains stays; no lamp lingers."""
+
+from __future__ import annotations
+
+import boxes
+import torch
+
+from post import denoise
+from post.filters.surfaces import surface
+from post.history.antilag import into_shadow, trusted
+from post.history.fireflies import cut_outliers, given_back, taken
+
+SIZE = (36, 48)
+FRAME = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+G = FRAME.gbuffer
+GEOMETRY = surface(G.depth, G.normal, G.hit, G.camera)
+INNER = (..., slice(8, -8), slice(8, -8))
+AT = (..., 18, 24)
+
+
+def noisy(seed: int, level: float = 1.0) -> torch.Tensor:
+    """Light of which a sample brings all or nothing: a third of them bright."""
+    generator = torch.Generator().manual_seed(seed)
+    return (level * 3.0 * (torch.rand(G.depth.shape, generator=generator) < 1 / 3)).expand_as(G.normal).contiguous()
+
+
+def state(mean: float, square: float, age: float) -> torch.Tensor:
+    """As `cut_outliers` takes it, for three channels that lead."""
+    planes = [mean] * 6 + [mean, square, 1 / age, age]
+    return torch.tensor(planes).view(1, -1, 1, 1).expand(1, -1, *SIZE).contiguous()
+
+
+def test_an_outlier_is_cut_among_noise_and_light_without_noise_is_not():
+    light = noisy(1)
+    light[AT] = 100.0
+    kept = cut_outliers(light, GEOMETRY, None, 3, 2.5)
+    assert float(kept[AT].max()) < 4.0
+    assert torch.equal(cut_outliers(light, GEOMETRY, None, 3, 0.0), light)
+    edge = torch.where(torch.arange(SIZE[1]) < 24, 1.0, 4.0).expand_as(G.normal).contiguous()
+    edge[AT] = 100.0
+    assert torch.allclose(cut_outliers(edge, GEOMETRY, None, 3, 2.5), edge, rtol=0.02)
+
+
+def test_history_explains_a_bright_sample_once_it_is_old_enough():
+    light = noisy(1)
+    light[AT] = 9.0
+    for mean, square, age, stays in ((9.0, 81.0, 8.0, True), (9.0, 81.0, 2.0, False), (1.0, 3.0, 8.0, False)):
+        kept = cut_outliers(light, GEOMETRY, state(mean, square, age), 3, 2.5)
+        assert bool((kept[AT] > 8.9).all()) is stays
+
+
+def test_what_is_cut_comes_back_as_light_all_around():
+    light = noisy(1)
+    light[AT] = 60.0
+    kept = cut_outliers(light, GEOMETRY, None, 3, 2.5)
+    cut = taken(light, kept, 3)
+    assert float(cut[AT].min()) > 30.0
+    lighter = given_back(kept, kept, cut, G.hit)
+    inner = G.hit.expand_as(light)
+    assert abs(float(lighter[inner].sum() / light[inner].sum()) - 1) < 0.03
+    assert float(kept[inner].sum()) < 0.96 * float(light[inner].sum())
+
+
+def test_one_dark_sample_proves_no_shadow_where_many_are_dark():
+    length = torch.full_like(G.depth, 8.0)
+    grain = torch.where(torch.arange(SIZE[1]) < 24, 100.0, 1.0).expand_as(G.depth)
+    ramp = torch.linspace(0.5, 1.0, SIZE[0])[:, None].expand_as(G.normal).contiguous()
+    kept = into_shadow(ramp, torch.zeros_like(ramp), GEOMETRY, trusted(grain, length))
+    darker = (ramp - kept)[INNER]
+    assert 0 < float(darker[..., :12].mean()) < 0.02 * float(darker[..., 20:].mean())
+
+
+def test_a_lamp_that_goes_out_does_not_linger():
+    history, light, generator = None, torch.zeros_like(G.normal), torch.Generator().manual_seed(4)
+    for frame in range(11):
+        grain = 0.25 + 1.5 * torch.rand(G.depth.shape, generator=generator)
+        light, history = denoise((grain * (1.0 if frame < 8 else 0.2)).expand_as(G.normal), G, history, shadows=False)
+    mask = G.hit[INNER].expand_as(light[INNER])
+    assert abs(float(light[INNER][mask].mean()) - 0.2) < 0.2
