@@ -83,6 +83,7 @@ def test_paths_from_surfaces_find_the_same(name: str, orthographic: bool) -> Non
 def test_paths_that_read_a_cache_find_the_same() -> None:
     scene, at, sequence = place(5, integrators.lobe_dims(2))
     cache, read = IrradianceCache.empty(), []
+    places, normals = at.places.T.split(3, dim=1)
     for number in range(4):
         one = sequence.part(range(number, number + 1))
         memory = Memory(cache=cache, follows=torch.arange(len(at.pixels)) % 9 == number)
@@ -93,7 +94,7 @@ def test_paths_that_read_a_cache_find_the_same() -> None:
             same(got[key], value.T)
         samples = got["met"][:9, got["met"][9] > 0].T
         read.append(len(samples))
-        cache = cache.update(*samples.split(3, dim=1)).update(*at.places.T.split(3, dim=1), got["indirect"].T)
+        cache = cache.update(*samples.split(3, dim=1)).update(places, normals, got["indirect"].T)
     assert read[-1] < 0.8 * read[0], "paths end where the cache knows"
 
 
