@@ -75,6 +75,14 @@ def test_known_variance_decides_what_noise_is():
     assert float(blurred.read("light_variance").mean()) < 0.1
 
 
+def test_tolerance_that_grows_with_the_noise_that_neighbours_share_leaves_less_of_it():
+    frame = noisy(boxes.frame(boxes.camera((60, 80)), boxes=boxes.ROOM[:1]))
+    g, light = frame.gbuffer, frame.read("light")
+    given = {"hit": g.hit, "camera": g.camera, "phi_color": 0.5, "variance": (0.3 * lit(frame)[:, :1]) ** 2}
+    plain, grown = (atrous(light, g.depth, g.normal, growth=growth, **given)[0] for growth in (1.0, 1.3))
+    assert error(frame.write("light", grown)) < 0.8 * error(frame.write("light", plain))
+
+
 def test_constant_and_sky_stay():
     frame = boxes.frame(boxes.camera((40, 50)), boxes=boxes.ROOM[2:])
     hit = frame.gbuffer.hit
