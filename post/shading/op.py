@@ -29,12 +29,14 @@ def reflect_cpu(
     normal_geo: Tensor,
     roughness: Tensor,
     f0: Tensor,
+    metallic: Tensor,
     lit: Tensor,
     sky: Tensor,
     bent_normal: Tensor,
     limit: Tensor,
     noise: Tensor,
     shifts: Tensor,
+    bounces: int,
     steps: int,
     distance: float,
     far: float,
@@ -57,13 +59,15 @@ def reflect_cpu(
         normal_geo: see `Picture`.
         roughness: see `Picture`.
         f0: see `Picture`.
+        metallic: see `Picture`.
         lit: ``(B, H, W, 4)``: the light that pixels send, and the visibility of the sky there.
         sky: ``(B, h, w, 3)`` or ``(1, h, w, 3)``, lat-long.
         bent_normal: see `Picture`.
         limit: ``(B,)``: see `brightest`.
         noise: see `reflect`.
         shifts: ``(samples, 2)``: see `reflect`.
-        steps: see `reflect`, as the rest.
+        bounces: see `reflect`, as the rest.
+        steps: likewise.
         distance: likewise.
         far: likewise.
         roughness_cutoff: likewise.
@@ -74,8 +78,8 @@ def reflect_cpu(
     batch, _, height, width = depth.shape
     out = depth.new_empty(batch, 5, height, width)
     view = (planes, pyramid, table, lens, near, orthographic, rotation)
-    channels = (hit, depth, normal, normal_geo, roughness, f0, lit, sky, bent_normal, limit)
-    rays = (noise, shifts, steps, distance, far, roughness_cutoff, border)
+    channels = (hit, depth, normal, normal_geo, roughness, f0, metallic, lit, sky, bent_normal, limit)
+    rays = (noise, shifts, bounces, steps, distance, far, roughness_cutoff, border)
     reflect_each(batch * height * width, out, *view, *channels, *rays)
     return out
 
@@ -94,6 +98,7 @@ def reflect(
     *,
     steps: int,
     distance: float,
+    bounces: int = 1,
     roughness_cutoff: float = 1.0,
     reuse: int = 0,
     method: Method = "ggx",
@@ -109,6 +114,7 @@ def reflect(
         shifts: of the noise, for each ray of a pixel; a pixel that takes fewer rays takes the first ones.
         steps: see `post.ssr`, as the rest.
         distance: how far rays go, world units.
+        bounces: see `post.ssr`.
         roughness_cutoff: see `post.ssr`.
         reuse: see `post.ssr`; neighbours' rays are reused by the reference alone.
         method: see `post.ssr`; the kernel knows GGX alone.
@@ -121,7 +127,7 @@ def reflect(
         ValueError: steps or distance is not positive, or a kernel is requested where there is none.
     """
     check_reach(steps, distance)
-    options = {"steps": steps, "distance": distance, "roughness_cutoff": roughness_cutoff}
+    options = {"steps": steps, "distance": distance, "bounces": bounces, "roughness_cutoff": roughness_cutoff}
     if compiled and (reuse or method != "ggx"):
         raise ValueError(f"compiled must be None or False for reuse={reuse}, method={method!r}: there is no kernel")
     plain = not reuse and method == "ggx"
@@ -147,12 +153,14 @@ def reflect(
         none if picture.normal_geo is None else _full(picture.normal_geo, 3, depth),
         _full(picture.roughness, 1, depth),
         _full(picture.f0, 3, depth),
+        none[:, :1] if picture.metallic is None else _full(picture.metallic, 1, depth),
         torch.cat([light, known], dim=1).movedim(1, -1),
         depth.new_zeros(1, 1, 1, 3) if environment is None else environment.movedim(1, -1),
         none if bent_normal is None else _full(bent_normal, 3, depth),
         brightest(light, picture.hit).flatten(),
         noise,
         numbers(shifts, noise),
+        int(bounces),
         int(steps),
         float(distance),
         float(camera.far),

@@ -15,7 +15,19 @@ from post.filters.signals import luminance
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
 from post.shading.constants import BORDER, FIREFLY, GUESSED, HIDDEN_SHARE
-from post.shading.lobes import Lobe, Surface, cone_ray, dot, ggx_ray, rays_of, reuse_neighbors, surface_of, throughput
+from post.shading.ggx import grazing
+from post.shading.lobes import (
+    Lobe,
+    Surface,
+    cone_ray,
+    dot,
+    ggx_ray,
+    rays_of,
+    reuse_neighbors,
+    surface_of,
+    throughput,
+    unit,
+)
 
 Method = Literal["ggx", "cone"]
 LOBES = {"ggx": ggx_ray, "cone": cone_ray}
@@ -34,6 +46,7 @@ class Picture(NamedTuple):
     environment: Tensor | None
     visibility: Tensor | None
     bent_normal: Tensor | None
+    metallic: Tensor | None = None
 
 
 def reflect_reference(
@@ -45,14 +58,15 @@ def reflect_reference(
     *,
     steps: int,
     distance: float,
+    bounces: int = 1,
     roughness_cutoff: float = 1.0,
     reuse: int = 0,
     method: Method = "ggx",
 ) -> Tensor:
     """``(B, 5, H, W)``. Arguments and result are those of `post.shading.op.reflect`."""
-    depth, hit, normal, normal_geo, roughness, f0, light, environment, visibility, bent_normal = picture
-    flat, limit = normal if normal_geo is None else normal_geo, brightest(light, hit)
-    surface = surface_of(depth, hit, normal, normal_geo, roughness, camera)
+    depth, hit, roughness, f0 = picture.depth, picture.hit, picture.roughness, picture.f0
+    limit = brightest(picture.light, hit)
+    surface = surface_of(depth, hit, picture.normal, picture.normal_geo, roughness, camera)
     rays = rays_of(surface, f0, roughness, len(shifts))
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
@@ -61,13 +75,8 @@ def reflect_reference(
         u = ((noise + noise.new_tensor(shift)[:, None, None]) % 1.0)[None]
         lobe = LOBES[method](surface, u, taken)
         reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
-        marching = lobe.direction * (flies * trust > 0)
-        hits = march_rays(hierarchy, surface.points, marching, camera, steps=steps, distance=distance)
-        hits = attach_hits(hits, depth, flat, surface.points, marching, camera)
-        confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
-        world = camera.rotate_to_world(lobe.direction)
-        sky = flies * ~hits.blocked * _sky_share(world, hits, hit, visibility, bent_normal)
-        incoming = _incoming(light, environment, hits, confidence, world, sky)
+        reach = {"bounces": bounces, "steps": steps, "distance": distance}
+        incoming, hits, confidence = _followed(picture, hierarchy, camera, surface, lobe.direction, trust, **reach)
         incoming = incoming * _firefly_factor(incoming, limit, roughness, hits.blocked)
         if reuse:
             incoming, reflected = reuse_neighbors(surface, lobe, _ends(surface, lobe, hits), incoming, reuse)
@@ -76,6 +85,55 @@ def reflect_reference(
         way, ends = way + hits.distance * (ended := hits.hit | hits.blocked), ends + ended
     distances = torch.where(ends > 0, way / ends.clamp_min(1), torch.where(hit, camera.far, 0.0).to(depth))
     return torch.cat([total / shares.clamp_min(1e-6), known / rated.clamp_min(1), distances], dim=1)
+
+
+def _followed(
+    picture: Picture,
+    hierarchy: Hierarchy,
+    camera: Camera,
+    surface: Surface,
+    way: Tensor,
+    trust: Tensor,
+    *,
+    bounces: int,
+    steps: int,
+    distance: float,
+) -> tuple[Tensor, Hits, Tensor]:
+    """Radiance along each ray, where it first ended, and how far that is trusted.
+
+    A ray that hits a metal goes on as from a smooth mirror, from the point of the pixel that it hit; from a side that
+    the camera does not see, whose normal is unknown, along the pixel's normal. After the last bounce it is not marched:
+    it brings the sky as far as the metal's own openness leaves it.
+    """
+    g, points, facing = picture, surface.points, camera.rotate_to_view(picture.normal)
+    flat, at = g.normal if g.normal_geo is None else g.normal_geo, pixel_centers(g.depth)
+    start, open_here, bent, carried = points, g.visibility, g.bent_normal, torch.ones_like(g.depth)
+    total, firsts = torch.zeros_like(way), []
+    for bounce in range(bounces + 1):
+        flies = (way != 0).any(1, keepdim=True).to(way)
+        marched = way * (flies * trust > 0) * (bounce < bounces)
+        hits = march_rays(hierarchy, start, marched, camera, steps=steps, distance=distance)
+        hits = attach_hits(hits, g.depth, flat, start, marched, camera)
+        hits = hits if bounce < bounces else hits._replace(px=at)
+        confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
+        world = camera.rotate_to_world(way)
+        sky = flies * ~hits.blocked * _sky_share(world, hits, g.hit, g.visibility, open_here, bent, at)
+        total = total + carried * _incoming(g.light, g.environment, hits, confidence, world, sky)
+        firsts.append((hits, confidence))
+        if g.metallic is None or bounce == bounces:
+            break
+        column, row = hits.px[:, 0].floor(), hits.px[:, 1].floor()
+        other, f0 = gather(facing, column, row), gather(g.f0, column, row)
+        share = (confidence + HIDDEN_SHARE * hits.blocked) * gather(g.metallic, column, row)
+        cosine = -dot(way, other)
+        goes, faces = share > 0, cosine > 0
+        edge = grazing(torch.where(faces, cosine, 1.0))
+        carried = torch.where(goes, carried * share * (f0 * (1 - edge) + edge), 0.0)
+        way = torch.where(goes, torch.where(faces, unit(way + 2 * cosine * other), other), 0.0)
+        start, at = gather(points, column, row), torch.stack([column, row], dim=1) + 0.5
+        open_here = None if g.visibility is None else gather(g.visibility, column, row)
+        bent = None if g.bent_normal is None else gather(g.bent_normal, column, row)
+    return total, *firsts[0]
 
 
 def brightest(light: Tensor, hit: Tensor) -> Tensor:
@@ -95,7 +153,15 @@ def _border_fade(px: Tensor, camera: Camera) -> Tensor:
     return (to_edge / border_width(camera)).clamp(0.0, 1.0)
 
 
-def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None, bent: Tensor | None) -> Tensor:
+def _sky_share(
+    world: Tensor,
+    hits: Hits,
+    hit: Tensor,
+    everywhere: Tensor | None,
+    visibility: Tensor | None,
+    bent: Tensor | None,
+    at: Tensor,
+) -> Tensor:
     """Visibility of the sky to a ray without a hit.
 
     The ray takes the visibility of the surface it was last in front of, or 1 if that was the sky itself: its end is as
@@ -104,7 +170,7 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
     hemisphere is taken for a cone around the bent normal: cosine-weighted visibility v leaves open a half angle whose
     sine is sqrt(v) (Jimenez et al. 2016, section 5).
     """
-    if visibility is None:
+    if everywhere is None or visibility is None:
         return torch.ones_like(hits.distance)
     share = visibility
     if bent is not None:
@@ -112,8 +178,8 @@ def _sky_share(world: Tensor, hits: Hits, hit: Tensor, visibility: Tensor | None
         soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
         ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
         share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
-    last = gather(torch.where(hit, visibility, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
-    went = ((hits.px - pixel_centers(hits.distance)).abs() > 0.5).any(1, keepdim=True)
+    last = gather(torch.where(hit, everywhere, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
+    went = ((hits.px - at).abs() > 0.5).any(1, keepdim=True)
     return torch.where(hits.spent & went | (last > visibility), last, share)
 
 

@@ -13,10 +13,10 @@ from gbufrt.compute.approximations import HALF_TURN, atan2
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.specular import MIRROR_ROUGHNESS
 from post.filters.signals import REC709
-from post.march.constants import BLOCKED, HIT, SPENT
-from post.march.kernel import trace
+from post.march.constants import BLOCKED, HIT, LEFT, SPENT
+from post.march.kernel import Ending, trace
 from post.shading import constants
-from post.shading.lobe_kernel import dot, grazing, mirror, reflected, scaled
+from post.shading.lobe_kernel import dot, grazing, mirror, reflected, scaled, unit
 
 ZERO, HALF, ONE, TWO, THREE = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
 SMOOTH, SMOOTHEST, DARK = np.float32(MIRROR_ROUGHNESS), np.float32(1e-3), np.float32(1e-9)
@@ -147,10 +147,30 @@ def _rays(f0, cosine, rough, samples):
     return max(np.int64(np.ceil(np.float32(samples) * min(share / FULL_SHARE, ONE))), 1)
 
 
+@inlined
+def _point(z, optics, orthographic, x, y):
+    """The view-space point of a pixel."""
+    across = (np.float32(x) + HALF - optics[2]) / optics[0]
+    along = (np.float32(y) + HALF - optics[3]) / optics[1]
+    return (across, along, z) if orthographic else (across * z, along * z, z)
+
+
+@inlined
+def _carried(carried, f0, cosine, share):
+    """What is left of light that a metal mirrors once more."""
+    edge = share * grazing(min(cosine, ONE))
+    fades = share - edge
+    return (
+        carried[0] * (f0[0] * fades + edge),
+        carried[1] * (f0[1] * fades + edge),
+        carried[2] * (f0[2] * fades + edge),
+    )
+
+
 @scalar
 def reflect(
     i, out, planes, pyramid, table, lens, near, orthographic, rotation, hit, depth, normal, geometric, roughness, f0,
-    lit, sky, bent, limit, noise, shifts, steps, distance, far, cutoff, border,
+    metallic, lit, sky, bent, limit, noise, shifts, bounces, steps, distance, far, cutoff, border,
 ):  # fmt: skip
     """See `post.shading.op.reflect_cpu`: one pixel, written to its place in ``out``."""
     near, distance, far = np.float32(near), np.float32(distance), np.float32(far)
@@ -162,13 +182,11 @@ def reflect(
             out[b, c, y, x] = ZERO
         return
     rough, z, optics, turn = roughness[b, 0, y, x], depth[b, 0, y, x], lens[b], rotation[b]
-    px = (np.float32(x) + HALF - optics[2]) / optics[0], (np.float32(y) + HALF - optics[3]) / optics[1]
-    point = (px[0], px[1], z) if orthographic else (px[0] * z, px[1] * z, z)
+    point = _point(z, optics, orthographic, x, y)
     facing = _turned_back(turn, _vector(normal, b, y, x))
     at = mirror(point, facing, orthographic, rough * rough)
     above = _turned_back(turn, _vector(geometric, b, y, x)) if geometric.shape[0] else at.normal
     has_bent = bent.shape[0] > 0
-    toward = _vector(bent, b, y, x) if has_bent else facing
     trust = min(max((cutoff - rough) * STEEP + ONE, ZERO), ONE) if cutoff < ONE else ONE
     f0_here = _vector(f0, b, y, x)
     rays = _rays(f0_here, at.eye[2], rough, shifts.shape[0])
@@ -178,20 +196,46 @@ def reflect(
         ray = reflected(at, above, u - np.floor(u), v - np.floor(v))
         if not ray.weight > ZERO:
             continue
-        way = ray.direction if trust > ZERO else (ZERO, ZERO, ZERO)
-        end = trace(planes[b], pyramid[b], table, optics, point, way, near, orthographic, distance, steps)
-        found = end.status == HIT or end.status == BLOCKED
-        confidence = trust * end.agreement * _border_fade(lit[b], end, border) if end.status == HIT else ZERO
-        world = _turned(turn, ray.direction)
-        light = _incoming(lit[b], sky[b if sky.shape[0] > 1 else 0], end, confidence, x, y, toward, has_bent, world)
-        light = scaled(light, ray.weight * _firefly_factor(light, limit[b], rough, end.status == BLOCKED))
+        light, carried, start, way, row, column = (ZERO, ZERO, ZERO), (ONE, ONE, ONE), point, ray.direction, y, x
+        first, sure = Ending(ZERO, ZERO, ZERO, ZERO, LEFT), ZERO
+        for bounce in range(bounces + 1):
+            end = Ending(np.float32(column) + HALF, np.float32(row) + HALF, ZERO, ZERO, LEFT)
+            if bounce < bounces:
+                flown = way if trust > ZERO else (ZERO, ZERO, ZERO)
+                end = trace(planes[b], pyramid[b], table, optics, start, flown, near, orthographic, distance, steps)
+            confidence = trust * end.agreement * _border_fade(lit[b], end, border) if end.status == HIT else ZERO
+            world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else facing
+            here = sky[b if sky.shape[0] > 1 else 0]
+            sent = _incoming(lit[b], here, end, confidence, column, row, toward, has_bent, world)
+            light = (
+                light[0] + carried[0] * sent[0],
+                light[1] + carried[1] * sent[1],
+                light[2] + carried[2] * sent[2],
+            )
+            if bounce == 0:
+                first, sure = end, confidence
+            likely = HIDDEN_SHARE if end.status == BLOCKED else confidence
+            if metallic.shape[0] == 0 or not likely > ZERO:
+                break
+            row, column = min(max(np.int64(end.y), 0), height - 1), min(max(np.int64(end.x), 0), width - 1)
+            other = _turned_back(turn, _vector(normal, b, row, column))
+            cosine, share = -dot(way, other), likely * metallic[b, 0, row, column]
+            if not share > ZERO:
+                break
+            faces = cosine > ZERO
+            carried = _carried(carried, _vector(f0, b, row, column), cosine if faces else ONE, share)
+            lift = TWO * cosine
+            turned = unit((way[0] + lift * other[0], way[1] + lift * other[1], way[2] + lift * other[2]))
+            way = turned if faces else other
+            start = _point(depth[b, 0, row, column], optics, orthographic, column, row)
+        light = scaled(light, ray.weight * _firefly_factor(light, limit[b], rough, first.status == BLOCKED))
         edge = grazing(ray.cosine)
         red += (f0_here[0] * (ONE - edge) + edge) * light[0]
         green += (f0_here[1] * (ONE - edge) + edge) * light[1]
         blue += (f0_here[2] * (ONE - edge) + edge) * light[2]
-        known, rated = known + confidence, rated + ONE
-        if found:
-            travelled, ends = travelled + end.distance, ends + ONE
+        known, rated = known + sure, rated + ONE
+        if first.status == HIT or first.status == BLOCKED:
+            travelled, ends = travelled + first.distance, ends + ONE
     share = ONE / np.float32(rays)
     out[b, 0, y, x], out[b, 1, y, x], out[b, 2, y, x] = red * share, green * share, blue * share
     out[b, 3, y, x] = known / max(rated, ONE)

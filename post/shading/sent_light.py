@@ -133,20 +133,6 @@ def _with_visible_sky(frame: Frame, light: Tensor) -> Tensor:
     return light
 
 
-def mirrored_light(frame: Frame) -> Tensor | None:
-    """``(B, 3, H, W)``: what metals mirrored in the frame before, 0 where it did not show them; None without metals.
-
-    A mirror that is seen in a mirror shows what it shows the camera: often the wrong place, but with the right tint and
-    about as bright. Without that it would be black.
-    """
-    metallic, previous = frame.gbuffer.metallic, frame.previous
-    if metallic is None or not (waits(metallic) or bool((metallic > 0).any())):
-        return None
-    if previous is None or previous.reflection is None:
-        return torch.zeros_like(frame.read("radiance"))
-    return metallic * read_history(frame.gbuffer, previous.gbuffer, previous.reflection, search=False).image
-
-
 def nothing_before(frame: Frame, signal: str = "gi") -> Tensor:
     """``(B, 1, 1, 1)`` bool: whether there is no previous frame's light to continue from."""
     lone = frame.previous is None or frame.previous.get(signal) is None

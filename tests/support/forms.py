@@ -40,7 +40,16 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
     ao, bent = bitmask_ao(g.depth, g.normal, g.camera, radius=2.0, scales=2, **SWEEP, **given)
     gi, sky, _ = ssgi(g.depth, g.normal, g.camera, light=light, albedo=albedo, **SWEEP, **given)
     mirrored = ssr(
-        g.depth, g.normal, g.camera, light, roughness, f0=albedo, environment=light[:, :, :4, :8], samples=2, **given
+        g.depth,
+        g.normal,
+        g.camera,
+        light,
+        roughness,
+        f0=albedo,
+        metallic=albedo[:, :1],
+        environment=light[:, :, :4, :8],
+        samples=2,
+        **given,
     )
     hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, **given)
     ends = march_rays(hierarchy, g.camera.unproject(g.depth), g.camera.rotate_to_view(g.normal), g.camera)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from types import MappingProxyType
 
 import torch
@@ -16,7 +15,7 @@ from post.march.rays import depth_hierarchy
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
 from post.shading.reference import Method, Picture
-from post.shading.sent_light import mirrored_light, nothing_before, outgoing_light, starts
+from post.shading.sent_light import outgoing_light
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 
@@ -30,6 +29,7 @@ def ssr(
     *,
     hit: Tensor | None = None,
     f0: Tensor | None = None,
+    metallic: Tensor | None = None,
     normal_geo: Tensor | None = None,
     thickness: Tensor | float | None = None,
     environment: Tensor | None = None,
@@ -39,6 +39,7 @@ def ssr(
     samples: int = 4,
     steps: int = 64,
     distance: float | None = None,
+    bounces: int = 2,
     roughness_cutoff: float = 1.0,
     reuse: int = 0,
     method: Method = "ggx",
@@ -49,7 +50,8 @@ def ssr(
     A ray that hits a visible surface brings ``light``. A ray that hits nothing brings the environment times a sky
     visibility: that of the surface it was last in front of, or that of the cone around ``bent_normal`` that
     ``visibility`` leaves open. So windows reflect the sky, and interiors do not fill with it. A ray that ends at a
-    surface hidden from the camera brings some of the light of the surface next to it, at confidence 0.
+    surface hidden from the camera brings some of the light of the surface next to it, at confidence 0. A ray that hits
+    a metal goes on as from a smooth mirror, and after its last bounce brings the sky that the metal there mirrors.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
@@ -62,6 +64,7 @@ def ssr(
         roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         f0: ``(B, 3, H, W)`` reflectance at normal incidence; 0.04 where absent.
+        metallic: ``(B, 1, H, W)`` in [0, 1]: which surfaces mirror what rays that hit them bring; none where absent.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
         thickness: ``(B, 1, H, W)`` of solids along the view ray, world units; or one assumed for everything;
             by default 0.5.
@@ -72,6 +75,7 @@ def ssr(
         samples: rays a pixel; one for a mirror, fewer where little light is reflected, see `rays_of`.
         steps: pixels a ray may be compared with, see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
+        bounces: how often a ray is marched, again from each metal that it hits; 1 to take metals as other surfaces.
         roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel reuses, 0 to 8.
         method: ``"ggx"`` samples visible microfacets; ``"cone"`` a cone of roughness x 45 degrees.
@@ -82,7 +86,7 @@ def ssr(
         found on screen; and ``distance`` ``(B, 1, H, W)`` mean distance to what was hit, ``far`` where only sky was.
 
     Raises:
-        ValueError: unknown method, samples below 1, or reuse outside 0 to 8.
+        ValueError: unknown method, samples or bounces below 1, or reuse outside 0 to 8.
 
     Source: Stachowiak 2015; Heitz 2018; ME1 Path Tracing technical overview for ``cone``.
     """
@@ -90,6 +94,8 @@ def ssr(
         raise ValueError(f'method must be "ggx" or "cone", got {method!r}')
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
+    if bounces < 1:
+        raise ValueError(f"bounces must be at least 1, got {bounces}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     light, environment = finite(light), None if environment is None else finite(environment)
@@ -97,10 +103,11 @@ def ssr(
     far = camera.far if distance is None else distance
     flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
-    picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, environment, visibility, bent_normal)
+    sky = (environment, visibility, bent_normal)
+    picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, *sky, metallic if bounces > 1 else None)
     noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)
     shifts = _shifts(index, samples, method)
-    options = {"steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
+    options = {"bounces": bounces, "steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
     found = reflect(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
     return found[:, :3], found[:, 3:4], found[:, 4:].clone()  # the distance is kept, and a view would keep the rest
 
@@ -118,18 +125,17 @@ def _shifts(index: int, samples: int, method: Method) -> list[tuple[float, float
 
 
 class SSR(Pass):
-    """See `ssr`; the light that surfaces send is `outgoing_light`, and `mirrored_light` of metals.
+    """See `ssr`; the light that surfaces send is `outgoing_light`.
 
     Args:
         assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``.
-        bounces: 1 for what surfaces send, 2 for what metals mirror of it too.
         samples: see `ssr`, as the rest.
     """
 
     reads = frozenset({"depth", "hit", "normal", "roughness", "radiance"})
     optional = frozenset(
         {"albedo", "metallic", "normal_geo", "thickness", "ambient", "environment"}
-        | {"ao", "sky_visibility", "bent_normal", "gi", "motion", "motion_z", "object_id"}
+        | {"ao", "sky_visibility", "bent_normal", "gi"}
     )
     writes = frozenset({"reflection", "reflection_confidence", "reflection_distance"})
     lacks = MappingProxyType(
@@ -165,24 +171,15 @@ class SSR(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, tunables = frame.gbuffer, self.tunables()
-        assumed, bounces = tunables.pop("assumed_thickness"), tunables.pop("bounces")
+        assumed, roughness = tunables.pop("assumed_thickness"), frame.read("roughness")
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
         known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
         known |= {"thickness": assumed if g.thickness is None else g.thickness, "index": frame.index}
         known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
-        gather = lambda light: ssr(g.depth, g.normal, g.camera, light, frame.read("roughness"), **known, **tunables)
-        reflection, confidence, distance = _gathered(frame, bounces, gather)
+        known |= {"metallic": g.metallic}
+        found = ssr(g.depth, g.normal, g.camera, outgoing_light(frame), roughness, **known, **tunables)
+        reflection, confidence, distance = found
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
-
-
-def _gathered(frame: Frame, bounces: int, gather: Callable[[Tensor], tuple[Tensor, ...]]) -> tuple[Tensor, ...]:
-    """What ``gather`` finds of the light that surfaces send and that metals mirror, twice in a lone frame."""
-    light, mirrored = outgoing_light(frame), mirrored_light(frame) if bounces > 1 else None
-    found = gather(light if mirrored is None else light + mirrored)
-    if mirrored is None or not starts(frame, "reflection"):
-        return found
-    again, new = gather(light + frame.read("metallic") * found[0]), nothing_before(frame, "reflection")
-    return tuple(torch.where(new, second, first) for first, second in zip(found, again, strict=True))
 
 
 def _f0(frame: Frame) -> Tensor | None:

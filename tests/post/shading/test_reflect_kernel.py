@@ -16,7 +16,7 @@ from post.shading.op import reflect, reflect_cpu
 from post.shading.reference import Picture
 
 SHIFTS = [(0.25, 0.625), (0.7, 0.1), (0.45, 0.9), (0.95, 0.3)]
-OPTIONS = {"steps": 64, "distance": 60.0}
+OPTIONS = {"bounces": 2, "steps": 64, "distance": 60.0}
 
 
 def noise(channels: int, size: tuple[int, int], seed: int, batch: int = 1) -> Tensor:
@@ -44,6 +44,7 @@ def scene(camera: Camera, *, world: Tensor = boxes.ROOM) -> tuple[Any, ...]:
         4 * noise(3, (8, 16), 6),
         visibility,
         torch.nn.functional.normalize(bent + 0.3, dim=1),
+        (3 * smooth(noise(1, size, 9, batch)) - 1).clamp(0, 1),
     )
     hierarchy = depth_hierarchy(g.depth, g.normal, camera, hit=g.hit, thickness=0.4)
     return picture, hierarchy, camera, noise(2, size, 7)[0]
@@ -85,7 +86,7 @@ def test_kernel_equals_reference(case: str) -> None:
         assert float(((confidence < 1) & hit).float().mean()) > 0.1, "and some do not"
 
 
-@pytest.mark.parametrize("absent", ["normal_geo", "environment", "visibility", "bent_normal"])
+@pytest.mark.parametrize("absent", ["normal_geo", "environment", "visibility", "bent_normal", "metallic"])
 def test_kernel_equals_reference_without_a_channel(absent: str) -> None:
     picture, *rest = scene(CAMERAS["perspective"])
     whole, _ = both_forms(picture, *rest)
@@ -94,7 +95,7 @@ def test_kernel_equals_reference_without_a_channel(absent: str) -> None:
     assert not torch.allclose(got, whole), "the channel counts where it is there"
 
 
-@pytest.mark.parametrize("changes", [{"roughness_cutoff": 0.3}, {"steps": 3}, {"distance": 2.0}])
+@pytest.mark.parametrize("changes", [{"roughness_cutoff": 0.3}, {"steps": 3}, {"distance": 2.0}, {"bounces": 1}])
 def test_kernel_equals_reference_with_other_options(changes: dict[str, float]) -> None:
     arguments = scene(CAMERAS["perspective"])
     got, want = both_forms(*arguments, **changes)
@@ -183,6 +184,8 @@ def test_operator_is_registered_properly() -> None:
     lit = torch.cat([p.light, 1 + 0 * p.depth], dim=1).movedim(1, -1)
     assert p.environment is not None
     seen = (lit, p.environment.movedim(1, -1), p.bent_normal, torch.ones(1))
-    arguments = (*view, p.hit, p.depth, p.normal, p.normal_geo, p.roughness, p.f0, *seen, offsets, torch.tensor(SHIFTS))
+    arguments = (*view, p.hit, p.depth, p.normal, p.normal_geo, p.roughness, p.f0, p.metallic, *seen, offsets)
     checks = ("test_schema", "test_faketensor")
-    torch.library.opcheck(reflect_cpu, (*arguments, 8, 10.0, 100.0, 1.0, 1.0), test_utils=checks)
+    torch.library.opcheck(
+        reflect_cpu, (*arguments, torch.tensor(SHIFTS), 2, 8, 10.0, 100.0, 1.0, 1.0), test_utils=checks
+    )
