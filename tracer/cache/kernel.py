@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
+from gbufrt.compute.search import lower_bound
 from tracer.cache.irradiance import BITS, LEAST, PRIOR, SIDES
 
 MASK = (1 << BITS) - 1
@@ -27,14 +28,8 @@ def cell(point, normal, side, level):
 @scalar
 def row_of(keys, key):
     """The row of a key among ascending ``keys``, -1 for none."""
-    low, high = 0, len(keys)
-    while low < high:
-        middle = (low + high) // 2
-        if keys[middle] < key:
-            low = middle + 1
-        else:
-            high = middle
-    return low if low < len(keys) and keys[low] == key else -1
+    row = lower_bound(keys, key)
+    return row if row < len(keys) and keys[row] == key else -1
 
 
 @scalar

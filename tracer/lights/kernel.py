@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
+from gbufrt.compute.search import lower_bound
 from tracer.lights.lamp_table import CANDIDATES, SLOTS, SPREAD
 from tracer.lights.samples import NEAR
 from tracer.lights.shadows import SHORT
@@ -105,7 +106,7 @@ def _pictured(picture, direction):
 def sky_sample(lit, a, b):
     """A direction to the sky, and its density."""
     place = a * lit.sky_upto[-1]
-    cell = min(_lower(lit.sky_upto, place), len(lit.sky_upto) - 1)
+    cell = min(lower_bound(lit.sky_upto, place), len(lit.sky_upto) - 1)
     before = np.float64(lit.sky_upto[cell - 1]) if cell > 0 else 0.0
     within = min(max((place - before) / max(lit.sky_upto[cell] - before, 1e-12), 0.0), 1.0)
     row, column = cell // CELLS[1], cell % CELLS[1]
@@ -159,25 +160,12 @@ def _cell(lit, point):
 
 
 @scalar
-def _lower(values, value):
-    """Index of the first of ascending values that is not below a given one."""
-    begin, end = 0, len(values)
-    while begin < end:
-        middle = (begin + end) // 2
-        if values[middle] < value:
-            begin = middle + 1
-        else:
-            end = middle
-    return begin
-
-
-@scalar
 def _suggested(lit, cell, u):
     """A lamp drawn from the slots of a cell, and its probability."""
     slots = lit.slots[cell]
     if u < SPREAD:
-        lamp = min(_lower(lit.upto, u / SPREAD), len(lit.lamps) - 1)
-        place = _lower(slots, lamp)
+        lamp = min(lower_bound(lit.upto, u / SPREAD), len(lit.lamps) - 1)
+        place = lower_bound(slots, lamp)
         count = int(lit.counts[cell, place]) if place < SLOTS and slots[place] == lamp else 0
     else:
         place = min(int((u - SPREAD) / (1 - SPREAD) * SLOTS), SLOTS - 1)

@@ -20,7 +20,7 @@ from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.batch_kernel import ROWS, Paths, draw, new_paths
 from tracer.paths.integrators import MOST_DIMS
 from tracer.paths.interaction import MOST_PASS, Vertices
-from tracer.paths.memory import Memory
+from tracer.paths.memory import SAMPLE, Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
@@ -193,7 +193,7 @@ def lobes(
     else:
         cache = memory.cache
         cached = cache.keys, torch.cat([cache.radiance, cache.weight[:, None]], dim=1), memory.follows
-    rows = integrator_kernel.COLUMNS if memory is None else integrator_kernel.COLUMNS + integrator_kernel.SAMPLE
+    rows = integrator_kernel.COLUMNS if memory is None else integrator_kernel.COLUMNS + SAMPLE
     out = _summed(lobes_sums, scene, at, surfaces, sequence, (bounces, *cached), rows)
     counts = {name: out[6 + k : 7 + k] for k, name in enumerate(("distance", "flies", "ends"))}
     samples = {} if memory is None else {"met": out[integrator_kernel.COLUMNS :]}

@@ -32,7 +32,6 @@ from tracer.traversal.kernel import triple
 from tracer.traversal.rays import FARTHEST
 
 COLUMNS = 9  # of what `lobes` finds without a cache
-SAMPLE = 10  # more with one: place, normal, radiance, and how many samples there are
 
 
 @inlined

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import zlib
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -116,14 +115,20 @@ def test_what_is_damaged_is_refused_in_one_line(tmp_path: Path, message: str):
 @pytest.mark.parametrize("tags", [sponge(1), sponge(2), sponge(3)["Schematic"], mcedit()], ids=["1", "2", "3", "mc"])
 def test_no_value_of_a_wrong_kind_does_worse_than_a_message(tmp_path: Path, tags: Compound) -> None:
     wrong = (Int(-1), Int(2**31 - 1), String(""), Compound(), ByteArray([]), IntArray([-1, 2]), Double("inf"), List([]))
+    told = list[str]()
     for key in tags:
         for value in (None, *wrong):
             changed = {
                 **{name: tag for name, tag in tags.items() if name != key},
                 **({key: value} if value is not None else {}),
             }
-            with suppress(ValueError):
-                read_schematic(written(tmp_path / "a.schem", File(changed), packed=False))
+            path = written(tmp_path / "a.schem", File(changed), packed=False)
+            try:
+                read_schematic(path)
+            except ValueError as error:
+                told.append(str(error))
+    assert len(told) > len(wrong), "sizes and blocks at least are needed"
+    assert all("a.schem" in line for line in told), "each says which file"
 
 
 def test_truncated_and_bombed_files_are_refused(tmp_path: Path):
