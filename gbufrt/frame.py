@@ -215,7 +215,7 @@ class Frame:
 
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
-        names = ("radiance", "ambient", "gi", "sky_visibility", "reflection", "composite")
+        names = ("radiance", "ambient", "gi", "sky_visibility", "composite")
         keep = {name: getattr(self, name) for name in names}
         return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
 

@@ -165,17 +165,6 @@ class Source:
         return frame, disagreements(frame, before if follows else None, load_profile(profile).depth_kind)
 
 
-class CompositeOfPasses(Composite):
-    """`Composite` of light that a renderer has made: what it reflects is missing from its diffuse light already."""
-
-    def forward(self, frame: Frame) -> Frame:
-        if frame.reflection is None or self.mode != "physical" or self.sight is not None:
-            return super().forward(frame)
-        lit, added = super().forward(frame.replace(reflection=None)), self.reflection_intensity * frame.reflection
-        sums = {name: lit.read(name) + added for name in ("composite", "color")}
-        return lit.replace(reflection=frame.reflection, **sums)
-
-
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:
     """The passes that fit a frame of another renderer.
 
@@ -215,7 +204,7 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
         left_out |= set(stages) - set(names) - always
     kept = {name: stage for name, stage in stages.items() if name not in left_out}
     if not finished and isinstance(sums := kept.get("composite"), Composite):
-        kept["composite"] = CompositeOfPasses(**sums.tunables())
+        kept["composite"] = sums.tuned(layered=False)  # a renderer's diffuse passes lack what is reflected
     light = "color" if finished else "radiance"
     guessed = GUESSED if "reflection" in kept and frame.gbuffer.roughness is None else ()
     first: dict[str, Any] = {"missing": EstimateMissing(channels=(*ESTIMATED, *guessed))}

@@ -133,16 +133,16 @@ def _with_visible_sky(frame: Frame, light: Tensor) -> Tensor:
     return light
 
 
-def nothing_before(frame: Frame, signal: str = "gi") -> Tensor:
-    """``(B, 1, 1, 1)`` bool: whether there is no previous frame's light to continue from."""
-    lone = frame.previous is None or frame.previous.get(signal) is None
+def nothing_before(frame: Frame) -> Tensor:
+    """``(B, 1, 1, 1)`` bool: whether there is no previous frame's bounced light to continue from."""
+    lone = frame.previous is None or frame.previous.gi is None
     new = torch.full((frame.gbuffer.batch,), lone, device=frame.gbuffer.depth.device)
     return (new if frame.cut is None else new | frame.cut.to(new.device))[:, None, None, None]
 
 
-def starts(frame: Frame, signal: str = "gi") -> bool:
+def starts(frame: Frame) -> bool:
     """Whether `nothing_before` holds anywhere. Only a frame that says whether it is a `cut` asks a GPU."""
-    lone = frame.previous is None or frame.previous.get(signal) is None
+    lone = frame.previous is None or frame.previous.gi is None
     return lone or (frame.cut is not None and bool(frame.cut.any()))
 
 

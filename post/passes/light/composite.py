@@ -78,6 +78,8 @@ class Composite(Pass):
 
     Args:
         mode: see `composite`, as the intensities.
+        layered: whether diffuse light loses what the surface reflects, under ``physical``; False for the light passes
+            of a renderer that has taken it off already.
         sight: distance from which on nothing is seen, world units, as under the effects Blindness and Darkness of
             Minecraft; surfaces, mirrors and what is behind glass and water fade by the whole way of their light. None
             for clear air.
@@ -100,6 +102,7 @@ class Composite(Pass):
         self,
         *,
         mode: Mode = "physical",
+        layered: bool = True,
         ao_intensity: float = 1.0,
         gi_intensity: float = 1.0,
         reflection_intensity: float = 1.0,
@@ -108,6 +111,7 @@ class Composite(Pass):
     ) -> None:
         super().__init__()
         self.mode: Mode = mode
+        self.layered = layered
         self.ao_intensity = ao_intensity
         self.gi_intensity = gi_intensity
         self.reflection_intensity = reflection_intensity
@@ -131,7 +135,7 @@ class Composite(Pass):
             gi=frame.gi,
             reflection=_fogged_reflection(frame),
             behind=behind,
-            specular=None if frame.reflection is None else specular_albedo(frame.gbuffer),
+            specular=specular_albedo(frame.gbuffer) if self.layered and frame.reflection is not None else None,
             mode=self.mode,
             ao_intensity=self.ao_intensity,
             gi_intensity=self.gi_intensity,
