@@ -111,10 +111,10 @@ def _followed(
     total, firsts = torch.zeros_like(way), []
     for bounce in range(bounces + 1):
         flies = (way != 0).any(1, keepdim=True).to(way)
-        marched = way * (flies * trust > 0) * (bounce < bounces)
-        hits = march_rays(hierarchy, start, marched, camera, steps=steps, distance=distance)
-        hits = attach_hits(hits, g.depth, flat, start, marched, camera)
-        hits = hits if bounce < bounces else hits._replace(px=at)
+        flown = (flies * trust > 0) & (bounce < bounces)
+        hits = march_rays(hierarchy, start, way * flown, camera, steps=steps, distance=distance)
+        hits = attach_hits(hits, g.depth, flat, start, way * flown, camera)
+        hits = hits._replace(px=torch.where(flown, hits.px, at))
         confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
         world = camera.rotate_to_world(way)
         sky = flies * ~hits.blocked * _sky_share(world, hits, g.hit, g.visibility, open_here, bent, at)

@@ -200,9 +200,8 @@ def reflect(
         first, sure = Ending(ZERO, ZERO, ZERO, ZERO, LEFT), ZERO
         for bounce in range(bounces + 1):
             end = Ending(np.float32(column) + HALF, np.float32(row) + HALF, ZERO, ZERO, LEFT)
-            if bounce < bounces:
-                flown = way if trust > ZERO else (ZERO, ZERO, ZERO)
-                end = trace(planes[b], pyramid[b], table, optics, start, flown, near, orthographic, distance, steps)
+            if bounce < bounces and trust > ZERO:
+                end = trace(planes[b], pyramid[b], table, optics, start, way, near, orthographic, distance, steps)
             confidence = trust * end.agreement * _border_fade(lit[b], end, border) if end.status == HIT else ZERO
             world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else facing
             here = sky[b if sky.shape[0] > 1 else 0]
