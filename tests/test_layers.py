@@ -230,15 +230,15 @@ def test_samples_use_public_names_only():
 
 def test_importing_is_light():
     code = (
-        "import sys, time, warnings; warnings.simplefilter('error'); import torch; start = time.perf_counter();"
-        "import gbufrt, tracer, post; print(time.perf_counter() - start, 'numba' in sys.modules)"
+        "import sys, time, warnings; warnings.simplefilter('error'); import torch; start = time.process_time();"
+        "import gbufrt, tracer, post; print(time.process_time() - start, 'numba' in sys.modules)"
     )
     best = 1e9
-    for _ in range(3):  # a busy machine can stall one start
+    for _ in range(3):  # processor time, as a busy machine stalls starts; caches may still be cold
         out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd="/").stdout
         seconds, numba = out.split()
         best = min(best, float(seconds))
         assert numba == "False", "importing must not load numba: import kernels where they are called"
         if best < 2:
             break
-    assert best < 2, f"importing takes {best:.1f} s beyond torch; two are allowed"
+    assert best < 2, f"importing takes {best:.1f} s of processor time beyond torch; two are allowed"

@@ -86,6 +86,12 @@ class World:
             materials=materials,
         )
 
+    def __repr__(self) -> str:
+        """Extent and counts in one line, where the tensors would take pages."""
+        low, high = self.bounds()
+        bricks, materials = self.bricks.shape[0] - 1, len(self.materials)
+        return f"World({low} to {high}, {bricks} bricks, {materials} materials, on {self.device})"
+
     @property
     def empty(self) -> bool:
         """Whether there is no voxel at all; never so of a world from a pool, to which some may yet come."""
