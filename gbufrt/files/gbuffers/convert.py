@@ -11,15 +11,17 @@ from gbufrt.camera import Camera
 from gbufrt.directions import length
 from gbufrt.files.gbuffers.profile import Profile
 
+FARTHEST = 1e12  # world units; what claims to be farther is a sky, or damaged
 SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
 UNIT = 1e-3  # shorter normals are empty pixels
 
 
 def hit_of(raw: Tensor, profile: Profile) -> Tensor:
-    """``(B, 1, H, W)`` where depth is a surface's: finite, positive, and not the sky's."""
+    """``(B, 1, H, W)`` where depth is a surface's: positive, nearer than `FARTHEST`, and not the sky's."""
+    near_enough = distances(raw, profile) < FARTHEST  # not so of NaN
     raw, sky = raw * profile.depth_scale, profile.sky * profile.depth_scale
     sky = math.inf if sky <= 0 else sky
-    hit = torch.isfinite(raw) & (raw > 0) & (raw < sky * SKY_SHARE if abs(profile.sky) > 1 else raw != sky)
+    hit = near_enough & (raw > 0) & (raw < sky * SKY_SHARE if abs(profile.sky) > 1 else raw != sky)
     if profile.depth_kind == "device":
         hit = hit & (raw < 1) if not profile.reversed else hit
     return hit

@@ -207,3 +207,13 @@ def test_normals_of_unreal_may_be_stored_either_way(tmp_path: Path) -> None:
         for n, normals in enumerate((plain, plain / 2 + 0.5))
     ]
     assert torch.allclose(found[0], found[1], atol=1e-6)
+
+
+def test_depth_beyond_all_scenes_is_sky(tmp_path: Path) -> None:
+    depth, places = T["planar"].copy(), T["hit"].nonzero()
+    for i, claimed in enumerate((3e38, 2e12, 9e11)):
+        depth[places[0][i], places[1][i]] = claimed
+    path = write(tmp_path / "a.exr", FILES["falcor"] | {"linearZ.R": np.where(SKY, 0, depth)})
+    frame = read_gbuffer(path, camera=CAMERA)
+    assert frame.gbuffer.hit[0, 0].numpy()[places][:3].tolist() == [False, False, True]
+    assert bool(torch.isfinite(frame.gbuffer.depth).all())
