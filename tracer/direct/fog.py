@@ -10,11 +10,12 @@ from gbufrt.directions import length
 from gbufrt.noise.noise import blue_noise
 from gbufrt.reduction import every_nth
 from tracer.direct.lighting import batched, lifted
-from tracer.lights.fog import Segments, passes, scattered
+from tracer.lights.fog import scattered
+from tracer.lights.segments import Segments, passes
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import trace
 
-STRIDE = 2  # light is sampled at every second pixel both ways
+STRIDE = 2  # along mirrored rays, light is sampled at every second pixel both ways
 DIMS = 10  # numbers in [0, 1) that `scattered` takes
 MIRROR = 0.4  # perceptual roughness up to which fog is marched along the mirrored ray
 
@@ -53,17 +54,22 @@ def distances(g: GBuffer) -> Tensor:
     return length(g.camera.to_world(g.camera.unproject(depth)) - origins.permute(0, 3, 1, 2))
 
 
+def segments_of(g: GBuffer, number: int) -> Segments:
+    """The rays of one picture of a batch from its camera to the surfaces, or to the far plane; row by row."""
+    origins, directions = g.camera.rays()
+    end = distances(g)[number, 0]
+    return _flat(origins[number], directions[number], torch.zeros_like(end), end)
+
+
 def _with_light(scene: Scene, frame: Frame, begin: Tensor, end: Tensor, poses: Tensor, index: int, seed: int) -> Frame:
-    origins, directions = frame.gbuffer.camera.rays()
+    (origins, directions), size = frame.gbuffer.camera.rays(), frame.gbuffer.camera.size
     fog, clear, light = scene.fog, [], []
     assert fog is not None
+    noise = blue_noise(*size, dims=DIMS, seed=seed, device=origins.device).flatten(1)
     for b in range(frame.gbuffer.batch):
-        parts = [origins[b], directions[b], begin[b, 0], end[b, 0]]
-        clear.append(passes(fog, _flat(*parts)).view(1, *frame.gbuffer.camera.size))
-        few = _flat(*(part[::STRIDE, ::STRIDE] for part in parts))
-        size = parts[2][::STRIDE, ::STRIDE].shape
-        noise = blue_noise(*size, dims=DIMS, seed=seed, device=origins.device).flatten(1)
-        light.append(scattered(scene, few, noise, poses=poses[b], index=index).T.view(3, *size))
+        rays = _flat(origins[b], directions[b], begin[b, 0], end[b, 0])
+        clear.append(passes(fog, rays).view(1, *size))
+        light.append(scattered(scene, rays, noise, poses=poses[b], index=index).T.view(3, *size))
     return frame.replace(fog_transmittance=torch.stack(clear), fog_light=torch.stack(light))
 
 
