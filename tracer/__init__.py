@@ -26,6 +26,7 @@ from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
 from tracer.traversal.rays import Hits, trace, transmission
+from tracer.truth.fog import fog_truth
 from tracer.truth.one_path import one_path
 from tracer.truth.truth import (
     Truth,
@@ -72,6 +73,7 @@ __all__ = [
     "at_hour",
     "dispatch",
     "focus_distance",
+    "fog_truth",
     "gbuffer",
     "indirect_diffuse",
     "light_truth",

@@ -10,7 +10,8 @@ from gbufrt.directions import length
 from gbufrt.noise.noise import blue_noise
 from gbufrt.reduction import every_nth
 from tracer.direct.lighting import batched, lifted
-from tracer.lights.fog import Segments, passes, scattered
+from tracer.lights.fog import scattered
+from tracer.lights.segments import Segments, passes
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import trace
 
@@ -51,6 +52,13 @@ def distances(g: GBuffer) -> Tensor:
     origins, _ = g.camera.rays()
     depth = torch.where(g.hit, g.depth, g.camera.far)
     return length(g.camera.to_world(g.camera.unproject(depth)) - origins.permute(0, 3, 1, 2))
+
+
+def segments_of(g: GBuffer, number: int) -> Segments:
+    """The rays of one picture of a batch from its camera to the surfaces, or to the far plane; row by row."""
+    origins, directions = g.camera.rays()
+    end = distances(g)[number, 0]
+    return _flat(origins[number], directions[number], torch.zeros_like(end), end)
 
 
 def _with_light(scene: Scene, frame: Frame, begin: Tensor, end: Tensor, poses: Tensor, index: int, seed: int) -> Frame:

@@ -1,4 +1,4 @@
-"""The truth about fog that scatters once: many even steps along each ray, with shadow rays from every one."""
+"""The truth about fog that scatters once: even steps along each ray, with shadow rays from every one."""
 
 from __future__ import annotations
 
@@ -8,77 +8,134 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt import GBuffer
 from gbufrt.directions import tangent_frame
+from tracer.direct.fog import segments_of
+from tracer.direct.lighting import batched
+from tracer.lights.along import LampsAlong
 from tracer.lights.emitters import lamps_of
-from tracer.lights.fog import Segments, phase
+from tracer.lights.lamp_table import LampTable
+from tracer.lights.segments import Segments, passes, phase, phase_direction
 from tracer.lights.shadows import SHORT
 from tracer.lights.sky import sky_along
-from tracer.sampling.sequence import disc
-from tracer.scene.scene import Scene
+from tracer.lights.sky_table import SkyTable
+from tracer.sampling.progressive import Progress, Truth, Values, converge
+from tracer.sampling.sequence import Sequence, disc
+from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
 
 STEPS = 1024
+DIMS = 11  # numbers in [0, 1) a step: its place; two for the sun, two each for two rays to the sky, four for a lamp
 
 
 def fog_truth(
-    scene: Scene, segments: Segments, *, poses: Tensor, steps: int = STEPS, rays: int = 1, seed: int = 0
-) -> Tensor:
-    """Light that fog adds along segments, by brute force: nothing is drawn by what it gives.
+    scene: Scene,
+    gbuffer: GBuffer,
+    *,
+    poses: Tensor | None = None,
+    steps: int = STEPS,
+    noise: float = 0.0,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> Truth:
+    """Light that fog adds before surfaces and sky by brute force: what `post.fog` should have found.
+
+    Rays are cut into as many even steps as there are, with one place in each. From there go a shadow ray to the sun,
+    two to the sky and one to a lamp. See `Truth` and `tracer.sampling.progressive.converge`.
 
     Args:
-        scene: with fog.
-        segments: N of them.
-        poses: ``(I, 4, 4)`` of the scene's instances.
-        steps: along each ray, evenly spaced, each at an even random place.
-        rays: from each step to the sun, to the sky over the whole sphere, and to a face of any lamp by its area.
+        scene: with fog, whose light is scattered once.
+        gbuffer: what the cameras show; where nothing was hit, fog ends at their far plane.
+        poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
+        steps: along each ray.
+        noise: stop once the mean standard error of ``fog`` is not above this; 0 takes all steps.
         seed: another seed, another noise.
+        progress: called with steps done and their number.
 
     Returns:
-        ``(N, 3)`` linear radiance.
+        ``fog`` ``(B, 3, H, W)`` linear radiance; and ``fog_transmittance`` ``(B, 1, H, W)``.
+
+    Raises:
+        ValueError: the scene has no fog, steps is below 1, or the poses do not fit.
     """
-    fog = scene.fog
-    assert fog is not None
-    generator = torch.Generator().manual_seed(seed)
-    lamps = lamps_of(scene, poses)
-    used = lamps.edge_u.abs().sum(dim=2) > 0
-    corner, across, down = (t[used] for t in (lamps.corner, lamps.edge_u, lamps.edge_v))
-    shines = lamps.radiance[:, None].expand(-1, used.shape[1], -1)[used]
-    facing = torch.linalg.cross(across, down)
-    area = facing.norm(dim=1)
-    count, total = len(segments.begin), torch.zeros_like(segments.origins)
-    height, rise = segments.entry()
-    step = segments.length() / steps
-    for number in range(steps):
-        for _ in range(rays):
-            u = torch.rand(8, count, generator=generator)
-            t = (number + u[0]) * step
-            points = segments.points(segments.begin + t)
+    if scene.fog is None:
+        raise ValueError("scene must have fog: dataclasses.replace(scene, fog=tracer.Fog(extinction=0.01))")
+    if steps < 1:
+        raise ValueError(f"steps must be at least 1, got {steps}")
+    poses, size = batched(poses, gbuffer.batch, len(scene.instances)), gbuffer.camera.size
+    sequence = Sequence.of(steps, DIMS, size, seed=seed, device=gbuffer.camera.device)
+    rays = [segments_of(gbuffer, b) for b in range(gbuffer.batch)]
+    marches = [_Brute(scene, ray, poses[b]) for b, ray in enumerate(rays)]
+    clear = [passes(scene.fog, ray)[None] for ray in rays]
 
-            def seen(ways: Tensor, far: Tensor | float = torch.inf, points: Tensor = points) -> Tensor:
-                return transmission(scene, points, ways, poses=poses, t_max=far)
+    def estimate(numbers: range) -> Values:
+        points, light = sequence.part(numbers).points, clear[0].new_zeros(len(marches), 3, size[0] * size[1])
+        for u in points[:, :, None]:
+            drawn = (u + sequence.rotation) % 1.0
+            light = light + torch.stack([march.step(drawn).T for march in marches])
+        return {
+            "fog": light.view(-1, 3, *size),
+            "fog_transmittance": len(points) * torch.stack(clear).view(-1, 1, *size),
+        }
 
-            def turn(ways: Tensor) -> Tensor:
-                return phase(fog, (ways * segments.directions).sum(1))[:, None]
+    pixels = size[0] * size[1] * gbuffer.batch
+    return converge(estimate, samples=steps, noise=noise, pixels=pixels, progress=progress)
 
-            y = 1 - 2 * u[1]
-            ring, angle = (1 - y * y).clamp_min(0).sqrt(), 2 * math.pi * u[2]
-            ways = torch.stack([ring * angle.cos(), y, ring * angle.sin()], dim=1)
-            light = 4 * math.pi * turn(ways) * seen(ways) * sky_along(scene, ways)
-            if scene.sun is not None:
-                toward = F.normalize(u.new_tensor([scene.sun.direction]), dim=1)
-                first, other = tangent_frame(toward)
-                a, b = disc(u[3:5])[:, :, None] * math.sin(math.radians(scene.sun.angular_radius))
-                ways = first * a + other * b + toward * (1 - a * a - b * b).sqrt()
-                light = light + turn(ways) * seen(ways) * u.new_tensor(scene.sun.irradiance)
-            if len(area):
-                upto = area.cumsum(0)
-                which = torch.searchsorted(upto, u[5] * upto[-1]).clamp_max(len(area) - 1)
-                away = corner[which] + across[which] * u[6, :, None] + down[which] * u[7, :, None] - points
-                far = away.norm(dim=1).clamp_min(1e-6)
-                ways = away / far[:, None]
-                lean = -(ways * facing[which]).sum(1).clamp_max(0) / area[which] * upto[-1] / far**2
-                lean = lean * (-fog.depth(points[:, 1], ways[:, 1], far)).exp()
-                light = light + turn(ways) * seen(ways, (far - SHORT).clamp_min(0)) * lean[:, None] * shines[which]
-            taken = fog.density(points[:, 1]) * (-fog.depth(height, rise, t)).exp() * step / rays
-            total = total + light * taken[:, None]
-    return total * total.new_tensor(fog.albedo)
+
+class _Brute:
+    """Light scattered toward the eye from one even random place on each of N rays, as a sample of all of it."""
+
+    def __init__(self, scene: Scene, segments: Segments, poses: Tensor) -> None:
+        assert scene.fog is not None
+        self.scene, self.fog, self.segments, self.poses = scene, scene.fog, segments, poses
+        self.sky = SkyTable.of(scene)
+        table = LampTable.of(lamps_of(scene, poses), (0, 0, 0), (1, 1, 1))
+        self.lamps = LampsAlong.of(table, segments, scene.fog) if len(table) else None
+
+    def step(self, u: Tensor) -> Tensor:
+        """``(N, 3)`` from numbers ``(DIMS, N)`` in [0, 1)."""
+        t = self.segments.begin + u[0] * self.segments.length()
+        points = self.segments.points(t)
+        light = torch.zeros_like(points)
+        if self.scene.sun is not None:
+            light = light + self._sun(self.scene.sun, points, u[1:3])
+        if self.sky is not None:
+            light = light + self._sky(self.sky, points, u[3:5], u[5:7])
+        light = light * (self._taken(t, points) * self.segments.length())[:, None]
+        if self.lamps is not None:
+            light = light + self._lamp(self.lamps, u[7:])
+        return light * light.new_tensor(self.fog.albedo)
+
+    def _taken(self, t: Tensor, points: Tensor) -> Tensor:
+        """Share of light a unit that fog takes there, of what reaches the eye."""
+        height, rise = self.segments.entry()
+        return self.fog.density(points[:, 1]) * (-self.fog.depth(height, rise, t - self.segments.begin)).exp()
+
+    def _sun(self, sun: Sun, points: Tensor, u: Tensor) -> Tensor:
+        toward = F.normalize(u.new_tensor([sun.direction]), dim=1)
+        first, other = tangent_frame(toward)
+        a, b = disc(u)[:, :, None] * math.sin(math.radians(sun.angular_radius))
+        ways = first * a + other * b + toward * (1 - a * a - b * b).sqrt()
+        return self._turned(ways)[:, None] * self._seen(points, ways) * u.new_tensor(sun.irradiance)
+
+    def _sky(self, table: SkyTable, points: Tensor, u: Tensor, v: Tensor) -> Tensor:
+        light = torch.zeros_like(points)
+        for ways in (phase_direction(self.fog, self.segments.directions, u), table.sample(v)[0]):
+            share = self._turned(ways)
+            share = share / (share + table.density_of(ways))  # Veach and Guibas 1995, the balance heuristic
+            light = light + share[:, None] * self._seen(points, ways) * sky_along(self.scene, ways)
+        return light
+
+    def _lamp(self, lamps: LampsAlong, u: Tensor) -> Tensor:
+        drawn = lamps.draw(u)  # at a place of its own: at even ones, near lamps would be noise
+        far = drawn.away.norm(dim=1).clamp_min(1e-6)
+        ways = drawn.away / far[:, None]
+        share = self._turned(ways) * (-self.fog.depth(drawn.points[:, 1], ways[:, 1], far)).exp()
+        share = share * self._taken(drawn.t, drawn.points)
+        return share[:, None] * self._seen(drawn.points, ways, (far - SHORT).clamp_min(0)) * drawn.light
+
+    def _turned(self, ways: Tensor) -> Tensor:
+        return phase(self.fog, (ways * self.segments.directions).sum(1))
+
+    def _seen(self, points: Tensor, ways: Tensor, far: Tensor | float = torch.inf) -> Tensor:
+        return transmission(self.scene, points, ways, poses=self.poses, t_max=far)

@@ -9,9 +9,11 @@ import pytest
 import torch
 
 import tracer
+from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
-from tracer.lights.fog import Segments, passes, phase, scattered
-from tracer.truth.fog import fog_truth
+from tracer.direct.fog import segments_of
+from tracer.lights.fog import scattered
+from tracer.lights.segments import Segments, passes, phase
 
 
 def scene(sun=None, level=0.0, lamp=False, **fog) -> tracer.Scene:
@@ -71,16 +73,17 @@ def test_even_sky_is_the_albedo(anisotropy):
 
 
 @pytest.mark.parametrize("falloff", [0.0, 0.3])
-def test_lamp_and_shadow_against_brute_force(falloff):
+def test_sun_sky_and_lamp_against_brute_force(falloff):
     sun = tracer.Sun(direction=(0.0, 1.0, 0.0), irradiance=(3.0, 3.0, 3.0), angular_radius=0.5)
-    made, given = scene(sun=sun, level=0.3, lamp=True, falloff=falloff), rays(64, y=-0.6, z=2.0, end=14.0)
-    poses = torch.zeros(0, 4, 4)
+    made = scene(sun=sun, level=0.3, lamp=True, falloff=falloff)
+    gbuffer = tracer.gbuffer(made, Camera.look_at((-8.0, -0.6, 2.0), (0.0, -0.6, 0.5), size=(4, 16), far=14.0))
+    given = segments_of(gbuffer, 0)
     assert made.fog is not None
-    found = light_of(made, given, frames=64) * (1 - passes(made.fog, given))[:, None]
-    wanted = fog_truth(made, given, poses=poses, steps=256, rays=4)
+    found = light_of(made, given, frames=32) * (1 - passes(made.fog, given))[:, None]
+    wanted = tracer.fog_truth(made, gbuffer, steps=256)["fog"][0].flatten(1).T
     error = (found - wanted).square().mean().sqrt() / wanted.mean()
     assert float((found.mean(0) / wanted.mean(0) - 1).abs().max()) < 0.01
-    assert float(error) < 0.1  # most of it is the noise of brute force
+    assert float(error) < 0.05
 
 
 def test_no_fog_no_light():

@@ -1,0 +1,136 @@
+"""Lamps along rays through fog: one of them, a place on the ray and a point of the lamp, drawn by what is scattered."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from tracer.lights.lamp_table import LampTable
+from tracer.lights.segments import Segments, phase
+from tracer.lights.spherical_rectangle import rectangle_points
+from tracer.scene.fog import Fog
+
+CELLS = 256  # of angles, within which all are equally likely
+FLAT = 1e-6  # rise over a lamp's plane, a unit, below which a ray runs along it
+CANDIDATES = 64  # lamps that are weighed for a ray where not all are
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Drawn:
+    """What `LampsAlong.draw` gives for N rays.
+
+    Args:
+        t: ``(N,)`` distance from each ray's origin.
+        points: ``(N, 3)`` there.
+        away: ``(N, 3)`` to the lamp's point.
+        light: ``(N, 3)`` what the lamp sends there, over the density of the draw; neither phase, fog nor shadow.
+    """
+
+    t: Tensor
+    points: Tensor
+    away: Tensor
+    light: Tensor
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LampsAlong:
+    """Lamps weighed by what fog along N rays scatters of them: by distance, phase function and their fronts.
+
+    Args:
+        table: R rectangles.
+        segments: N rays.
+        upto: ``(N, K)`` summed weights.
+        which: ``(N, K)`` the rectangles; None where they are all.
+        turns: summed `phase` over the angles of `CELLS`.
+
+    Source: Kulla and Fajardo 2012 (equiangular sampling), with the phase function in the density of angles.
+    """
+
+    table: LampTable
+    segments: Segments
+    upto: Tensor
+    which: Tensor | None
+    turns: Tensor
+
+    @staticmethod
+    def of(table: LampTable, segments: Segments, fog: Fog, u: Tensor | None = None) -> LampsAlong:
+        """Weigh all lamps for each ray; with ``u`` ``(N,)`` in [0, 1) where there are many, a few drawn by power."""
+        angle = ((torch.arange(CELLS, device=table.power.device) + 0.5) / CELLS - 0.5) * math.pi
+        turns = torch.nn.functional.pad((phase(fog, -angle.sin()) * (math.pi / CELLS)).cumsum(0), (1, 0))
+        which, power = None, table.power
+        if u is not None and len(table) > CANDIDATES:
+            steps = torch.arange(CANDIDATES, device=u.device) / CANDIDATES
+            upto = table.power.cumsum(0)
+            which = torch.searchsorted(upto, ((u[:, None] + steps) % 1.0) * upto[-1]).clamp_max(len(table) - 1)
+            power = torch.full_like(u, 1 / CANDIDATES)[:, None]  # over what they are drawn by
+        along = LampsAlong(table=table, segments=segments, upto=turns, which=which, turns=turns)
+        middle, off, low, high = along._reach(which)
+        thick = (fog.depth(*segments.entry(), segments.length()) / segments.length().clamp_min(1e-9))[:, None]
+        near = middle.clamp(low, high)
+        way = near - segments.begin[:, None] + ((middle - near).square() + off * off).sqrt()
+        given = power / off * (along._turned(_angle(high, middle, off)) - along._turned(_angle(low, middle, off)))
+        given = torch.where(high > low, given.clamp_min(0) * (-thick * way).exp(), 0.0)
+        return LampsAlong(table=table, segments=segments, upto=given.cumsum(dim=1), which=which, turns=turns)
+
+    def draw(self, u: Tensor) -> Drawn:
+        """One place on each ray, from numbers ``(4, N)`` in [0, 1)."""
+        total = self.upto[:, -1:]
+        place = torch.searchsorted(self.upto, u[0, :, None] * total, right=True).clamp_max(self.upto.shape[1] - 1)
+        own = self.upto.gather(1, place) - torch.where(place > 0, self.upto.gather(1, (place - 1).clamp_min(0)), 0.0)
+        which, often = place, 1.0
+        if self.which is not None:
+            which = self.which.gather(1, place)
+            often = CANDIDATES * self.table.power[which[:, 0]]  # Talbot, Cline and Egbert 2005
+        middle, off, low, high = (x[:, 0] for x in self._reach(which))
+        first, last = (self._turned(_angle(t, middle, off)) for t in (low, high))
+        turned = first + (last - first) * u[1]
+        cell = (torch.searchsorted(self.turns, turned, right=True) - 1).clamp(0, CELLS - 1)
+        width = self.turns[cell + 1] - self.turns[cell]
+        angle = ((cell + (turned - self.turns[cell]) / width).clamp(0, CELLS) / CELLS - 0.5) * math.pi
+        t = (middle + off * angle.tan()).clamp(low, high)
+        chance = width * (CELLS / math.pi) / (last - first).clamp_min(1e-30) * off / (off * off + (t - middle).square())
+        chance = chance * often * own[:, 0] / total[:, 0].clamp_min(1e-30)
+        points, which = self.segments.points(t), which[:, 0]
+        table = self.table
+        away, solid = rectangle_points(points, table.corner[which], table.edge_u[which], table.edge_v[which], u[2:])
+        light = torch.where((own[:, 0] > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
+        return Drawn(t=t, points=points, away=away, light=light[:, None] * table.radiance[which])
+
+    def _reach(self, which: Tensor | None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        """``(N, K)``: where rays come nearest to lamps, how near, and between where they lie before their fronts."""
+        table, ray = self.table, self.segments
+        center = table.corner + (table.edge_u + table.edge_v) / 2
+        least = (table.edge_u + table.edge_v).norm(dim=1) / 4
+        home = ray.origins.mean(dim=0)  # products of large coordinates would round
+        start = ray.origins - home
+        if which is None:
+            center, facing = (center - home).T, table.facing.T
+            middle = ray.directions @ center - (ray.directions * start).sum(1, keepdim=True)
+            square = start.square().sum(1, keepdim=True) + center.square().sum(0) - 2 * (start @ center)
+            above = start @ facing - ((table.corner - home) * table.facing).sum(1)
+            rise = ray.directions @ facing
+        else:
+            away, facing, least = (center - home)[which] - start[:, None], table.facing[which], least[which]
+            middle = (away * ray.directions[:, None]).sum(2)
+            square = away.square().sum(2)
+            above, rise = -(away * facing).sum(2), (ray.directions[:, None] * facing).sum(2)
+        off = (square - middle * middle).clamp_min(0).sqrt().maximum(least)
+        cross = -above / torch.where(rise.abs() < FLAT, FLAT, rise)
+        none = (rise.abs() < FLAT) & (above <= 0)
+        low = torch.where(rise >= FLAT, cross.maximum(ray.begin[:, None]), ray.begin[:, None])
+        high = torch.where(rise <= -FLAT, cross.minimum(ray.end[:, None]), ray.end[:, None])
+        high = torch.where(none, low, high).maximum(low)
+        return middle, off, low, high
+
+    def _turned(self, angle: Tensor) -> Tensor:
+        """Summed phase function up to an angle: from behind the nearest place, where light goes straight on."""
+        place = ((angle / math.pi + 0.5) * CELLS).clamp(0, CELLS)
+        cell = place.long().clamp_max(CELLS - 1)
+        return torch.lerp(self.turns[cell], self.turns[cell + 1], place - cell)
+
+
+def _angle(t: Tensor, middle: Tensor, off: Tensor) -> Tensor:
+    return ((t - middle) / off).atan()
