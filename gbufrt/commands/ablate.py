@@ -76,8 +76,8 @@ def ablate(
             gi.estimate=MarchGI); may be repeated, or name several with commas.
         sweep: Tunable to vary, as NAME=LOW:HIGH:COUNT (gtao.radius=0.25:2:5); may be repeated.
         only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise,
-            front (error against time), asvgf, irradiance_cache, fog, upscale, caustics, dispatch; sky, which is slow
-            and measured only where it is named; world for the last seven.
+            front (error against time), asvgf, upscale, caustics, dispatch; irradiance_cache, fog and sky, which take
+            minutes and are measured only where they are named; world for the last seven.
         cache: Folder where truth is kept; on a cluster, one that all machines share. [default: the user's cache]
         resume: Keep what is finished in OUT, as far as nothing it depends on has changed.
     """

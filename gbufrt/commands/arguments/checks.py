@@ -34,7 +34,7 @@ WINDOW = (4, 64)
 """Least and most chunks along a window."""
 WORLD = ("asvgf", "irradiance_cache", "fog", "upscale", "sky", "caustics", "dispatch")
 """Subjects of Minecraft RTX's frame and BetterRTX's world, which the built-in world has."""
-SLOW = ("sky",)
+SLOW = ("irradiance_cache", "fog", "sky")
 """Subjects that are measured only where they are asked for."""
 PASSES = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
 SUBJECTS = (*PASSES, *WORLD)

@@ -25,7 +25,7 @@ VIEWS: Mapping[str, tuple[str, ...]] = {
     "asvgf": ("hall",),
     "irradiance_cache": tuple(cut.CUTS),
     "fog": tuple(fog.HOURS),
-    "upscale": ("flythrough",),
+    "upscale": ("flythrough", "orbit"),
     "sky": tuple(sky.HOURS),
     "caustics": tuple(caustics.SUNS),
     "dispatch": ("village",),

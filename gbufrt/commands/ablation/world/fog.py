@@ -18,7 +18,7 @@ from gbufrt.pipeline import Pipeline
 if TYPE_CHECKING:
     from tracer.scene.scene import Scene
 
-SIZE = (45, 80)
+SIZE = (90, 160)
 HOURS = {"hall": 16.5, "village": 17.0}
 TAKEN, OVER = 0.85, 100.0  # the share of light that the fog takes, and the distance over which it does, world units
 FRAMES = 16
