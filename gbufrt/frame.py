@@ -45,7 +45,7 @@ class Frame:
     environment: Tensor | None = channel(3, "lat-long sky radiance, linear", full_size=False)
     fog_transmittance: Tensor | None = channel(1, "share of light that fog before the surface or sky lets through")
     fog_light: Tensor | None = channel(
-        3, "mean radiance that fog there scatters over the share it takes, of every second pixel", full_size=False
+        3, "mean radiance that fog there scatters over the share it takes, or of every second pixel", full_size=False
     )
     fog_mirrored: Tensor | None = channel(
         4, "the same along the mirrored ray, then the share that fog lets through there", full_size=False

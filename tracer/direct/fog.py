@@ -15,7 +15,7 @@ from tracer.lights.segments import Segments, passes
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import trace
 
-STRIDE = 2  # light is sampled at every second pixel both ways
+STRIDE = 2  # along mirrored rays, light is sampled at every second pixel both ways
 DIMS = 10  # numbers in [0, 1) that `scattered` takes
 MIRROR = 0.4  # perceptual roughness up to which fog is marched along the mirrored ray
 
@@ -62,16 +62,14 @@ def segments_of(g: GBuffer, number: int) -> Segments:
 
 
 def _with_light(scene: Scene, frame: Frame, begin: Tensor, end: Tensor, poses: Tensor, index: int, seed: int) -> Frame:
-    origins, directions = frame.gbuffer.camera.rays()
+    (origins, directions), size = frame.gbuffer.camera.rays(), frame.gbuffer.camera.size
     fog, clear, light = scene.fog, [], []
     assert fog is not None
+    noise = blue_noise(*size, dims=DIMS, seed=seed, device=origins.device).flatten(1)
     for b in range(frame.gbuffer.batch):
-        parts = [origins[b], directions[b], begin[b, 0], end[b, 0]]
-        clear.append(passes(fog, _flat(*parts)).view(1, *frame.gbuffer.camera.size))
-        few = _flat(*(part[::STRIDE, ::STRIDE] for part in parts))
-        size = parts[2][::STRIDE, ::STRIDE].shape
-        noise = blue_noise(*size, dims=DIMS, seed=seed, device=origins.device).flatten(1)
-        light.append(scattered(scene, few, noise, poses=poses[b], index=index).T.view(3, *size))
+        rays = _flat(origins[b], directions[b], begin[b, 0], end[b, 0])
+        clear.append(passes(fog, rays).view(1, *size))
+        light.append(scattered(scene, rays, noise, poses=poses[b], index=index).T.view(3, *size))
     return frame.replace(fog_transmittance=torch.stack(clear), fog_light=torch.stack(light))
 
 

@@ -15,6 +15,7 @@ from tracer.scene.fog import Fog
 
 CELLS = 256  # of angles, within which all are equally likely
 FLAT = 1e-6  # rise over a lamp's plane, a unit, below which a ray runs along it
+BLOCK = 1 << 17  # rays times lamps at a time
 CANDIDATES = 64  # lamps that are weighed for a ray where not all are
 
 
@@ -66,26 +67,24 @@ class LampsAlong:
             upto = table.power.cumsum(0)
             which = torch.searchsorted(upto, ((u[:, None] + steps) % 1.0) * upto[-1]).clamp_max(len(table) - 1)
             power = torch.full_like(u, 1 / CANDIDATES)[:, None]  # over what they are drawn by
-        along = LampsAlong(table=table, segments=segments, upto=turns, which=which, turns=turns)
-        middle, off, low, high = along._reach(which)
-        thick = (fog.depth(*segments.entry(), segments.length()) / segments.length().clamp_min(1e-9))[:, None]
-        near = middle.clamp(low, high)
-        way = near - segments.begin[:, None] + ((middle - near).square() + off * off).sqrt()
-        given = power / off * (along._turned(_angle(high, middle, off)) - along._turned(_angle(low, middle, off)))
-        given = torch.where(high > low, given.clamp_min(0) * (-thick * way).exp(), 0.0)
-        return LampsAlong(table=table, segments=segments, upto=given.cumsum(dim=1), which=which, turns=turns)
+        step = max(1, BLOCK // (len(table) if which is None else CANDIDATES))  # rays at a time: they stay in the cache
+        upto = [
+            _weights(table, segments.of(part), fog, turns, None if which is None else which[part], power).cumsum(dim=1)
+            for part in (slice(k, k + step) for k in range(0, len(segments.begin), step))
+        ]
+        return LampsAlong(table=table, segments=segments, upto=torch.cat(upto), which=which, turns=turns)
 
     def draw(self, u: Tensor) -> Drawn:
         """One place on each ray, from numbers ``(4, N)`` in [0, 1)."""
-        total = self.upto[:, -1:]
+        table, total = self.table, self.upto[:, -1:]
         place = torch.searchsorted(self.upto, u[0, :, None] * total, right=True).clamp_max(self.upto.shape[1] - 1)
         own = self.upto.gather(1, place) - torch.where(place > 0, self.upto.gather(1, (place - 1).clamp_min(0)), 0.0)
         which, often = place, 1.0
         if self.which is not None:
             which = self.which.gather(1, place)
-            often = CANDIDATES * self.table.power[which[:, 0]]  # Talbot, Cline and Egbert 2005
-        middle, off, low, high = (x[:, 0] for x in self._reach(which))
-        first, last = (self._turned(_angle(t, middle, off)) for t in (low, high))
+            often = CANDIDATES * table.power[which[:, 0]]  # Talbot, Cline and Egbert 2005
+        middle, off, low, high = (x[:, 0] for x in _reach(table, self.segments, which))
+        first, last = (_turned(self.turns, _angle(t, middle, off)) for t in (low, high))
         turned = first + (last - first) * u[1]
         cell = (torch.searchsorted(self.turns, turned, right=True) - 1).clamp(0, CELLS - 1)
         width = self.turns[cell + 1] - self.turns[cell]
@@ -94,42 +93,53 @@ class LampsAlong:
         chance = width * (CELLS / math.pi) / (last - first).clamp_min(1e-30) * off / (off * off + (t - middle).square())
         chance = chance * often * own[:, 0] / total[:, 0].clamp_min(1e-30)
         points, which = self.segments.points(t), which[:, 0]
-        table = self.table
         away, solid = rectangle_points(points, table.corner[which], table.edge_u[which], table.edge_v[which], u[2:])
         light = torch.where((own[:, 0] > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
         return Drawn(t=t, points=points, away=away, light=light[:, None] * table.radiance[which])
 
-    def _reach(self, which: Tensor | None) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-        """``(N, K)``: where rays come nearest to lamps, how near, and between where they lie before their fronts."""
-        table, ray = self.table, self.segments
-        center = table.corner + (table.edge_u + table.edge_v) / 2
-        least = (table.edge_u + table.edge_v).norm(dim=1) / 4
-        home = ray.origins.mean(dim=0)  # products of large coordinates would round
-        start = ray.origins - home
-        if which is None:
-            center, facing = (center - home).T, table.facing.T
-            middle = ray.directions @ center - (ray.directions * start).sum(1, keepdim=True)
-            square = start.square().sum(1, keepdim=True) + center.square().sum(0) - 2 * (start @ center)
-            above = start @ facing - ((table.corner - home) * table.facing).sum(1)
-            rise = ray.directions @ facing
-        else:
-            away, facing, least = (center - home)[which] - start[:, None], table.facing[which], least[which]
-            middle = (away * ray.directions[:, None]).sum(2)
-            square = away.square().sum(2)
-            above, rise = -(away * facing).sum(2), (ray.directions[:, None] * facing).sum(2)
-        off = (square - middle * middle).clamp_min(0).sqrt().maximum(least)
-        cross = -above / torch.where(rise.abs() < FLAT, FLAT, rise)
-        none = (rise.abs() < FLAT) & (above <= 0)
-        low = torch.where(rise >= FLAT, cross.maximum(ray.begin[:, None]), ray.begin[:, None])
-        high = torch.where(rise <= -FLAT, cross.minimum(ray.end[:, None]), ray.end[:, None])
-        high = torch.where(none, low, high).maximum(low)
-        return middle, off, low, high
 
-    def _turned(self, angle: Tensor) -> Tensor:
-        """Summed phase function up to an angle: from behind the nearest place, where light goes straight on."""
-        place = ((angle / math.pi + 0.5) * CELLS).clamp(0, CELLS)
-        cell = place.long().clamp_max(CELLS - 1)
-        return torch.lerp(self.turns[cell], self.turns[cell + 1], place - cell)
+def _weights(table: LampTable, ray: Segments, fog: Fog, turns: Tensor, which: Tensor | None, power: Tensor) -> Tensor:
+    """``(N, K)``: about how much fog along rays scatters of lamps."""
+    middle, off, low, high = _reach(table, ray, which)
+    thick = (fog.depth(*ray.entry(), ray.length()) / ray.length().clamp_min(1e-9))[:, None]
+    near = middle.clamp(low, high)
+    far = ((middle - near).square() + off * off).sqrt()
+    given = _turned(turns, _angle(high, middle, off)) - _turned(turns, _angle(low, middle, off))
+    given = power / off * given.clamp_min(0) * (-thick * (near - ray.begin[:, None] + far)).exp()
+    return torch.where(high > low, given, 0.0)
+
+
+def _reach(table: LampTable, ray: Segments, which: Tensor | None) -> tuple[Tensor, ...]:
+    """``(N, K)``: where rays come nearest to lamps, how near, between where they lie before their fronts."""
+    center = table.corner + (table.edge_u + table.edge_v) / 2
+    least = (table.edge_u + table.edge_v).norm(dim=1) / 4
+    home = ray.origins.mean(dim=0)  # products of large coordinates would round
+    start = ray.origins - home
+    if which is None:
+        center, facing = (center - home).T, table.facing.T
+        middle = ray.directions @ center - (ray.directions * start).sum(1, keepdim=True)
+        square = start.square().sum(1, keepdim=True) + center.square().sum(0) - 2 * (start @ center)
+        above = start @ facing - ((table.corner - home) * table.facing).sum(1)
+        rise = ray.directions @ facing
+    else:
+        away, facing, least = (center - home)[which] - start[:, None], table.facing[which], least[which]
+        middle = (away * ray.directions[:, None]).sum(2)
+        square = away.square().sum(2)
+        above, rise = -(away * facing).sum(2), (ray.directions[:, None] * facing).sum(2)
+    off = (square - middle * middle).clamp_min(0).sqrt().maximum(least)
+    cross = -above / torch.where(rise.abs() < FLAT, FLAT, rise)
+    none = (rise.abs() < FLAT) & (above <= 0)
+    low = torch.where(rise >= FLAT, cross.maximum(ray.begin[:, None]), ray.begin[:, None])
+    high = torch.where(rise <= -FLAT, cross.minimum(ray.end[:, None]), ray.end[:, None])
+    high = torch.where(none, low, high).maximum(low)
+    return middle, off, low, high
+
+
+def _turned(turns: Tensor, angle: Tensor) -> Tensor:
+    """Summed phase function up to an angle: from behind the nearest place, where light goes straight on."""
+    place = ((angle / math.pi + 0.5) * CELLS).clamp(0, CELLS)
+    cell = place.long().clamp_max(CELLS - 1)
+    return torch.lerp(turns[cell], turns[cell + 1], place - cell)
 
 
 def _angle(t: Tensor, middle: Tensor, off: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
 """Light that fog scatters toward the eye: sun, sky and lamps, scattered once.
 
 Places along a ray are drawn in proportion to the light that fog takes there, so that the mean over them is the source
-term's; lamps are drawn apart, by what they send to the ray. Shadow rays are the compiled `tracer.traversal`'s.
+term's; lamps are drawn apart, see `tracer.lights.along`. Shadow rays are the compiled `tracer.traversal`'s.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ from tracer.scene.fog import Fog
 from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
 
-SUN_STEPS, SKY_STEPS, LAMP_STEPS = 8, 4, 4  # shadow rays a ray through the fog
+SUN_STEPS, SKY_STEPS, LAMP_STEPS = 32, 10, 16  # places on a ray through the fog, a frame
+GOLDEN = (5**0.5 - 1) / 2
+WIDE = 1 << 15  # rays at a time: bounds memory
 FEW = 512  # lamps up to which all are weighed for every ray
 NOTHING = 1e-7  # share of light below which fog is not marched
 
@@ -55,15 +57,15 @@ def scattered(scene: Scene, segments: Segments, noise: Tensor, *, poses: Tensor,
     some = (taken > NOTHING).nonzero()[:, 0]
     if not len(some):
         return light
-    march = _March(scene, scene.fog, segments.of(some), taken[some], poses)
-    noise = noise[:, some]
-    found = march.sky(noise[3:6], index)
-    if scene.sun is not None:
-        found = found + march.sun(scene.sun, noise[:3], index)
     lamps = LampTable.of(lamps_of(scene, poses), (0, 0, 0), (1, 1, 1))
-    if len(lamps):
-        found = found + march.lamps(lamps, noise[6:10], index)
-    light[some] = found * light.new_tensor(scene.fog.albedo)
+    for part in some.split(WIDE):
+        march, u = _March(scene, scene.fog, segments.of(part), taken[part], poses), noise[:, part]
+        found = march.sky(u[3:6], index)
+        if scene.sun is not None:
+            found = found + march.sun(scene.sun, u[:3], index)
+        if len(lamps):
+            found = found + march.lamps(lamps, u[6:10], index)
+        light[part] = found * light.new_tensor(scene.fog.albedo)
     return light
 
 
@@ -91,13 +93,12 @@ class _March:
         table = SkyTable.of(self.scene)
         if table is None:
             return light
-        for step, u in enumerate(_points(noise, SKY_STEPS, index)):
-            ways = phase_direction(self.fog, self.segments.directions, u[1:])
-            if step % 2:  # half by the phase function, half by the sky's light: both know peaks of their own
-                ways, _ = table.sample(u[1:])
-            share = phase(self.fog, (ways * self.segments.directions).sum(1))
-            share = 2 * share / (share + table.density_of(ways))
-            light = light + self._seen(self._place(u[0]), ways) * sky_along(self.scene, ways) * share[:, None]
+        for u in _points(noise, SKY_STEPS, index):
+            points = self._place(u[0])
+            for ways in (phase_direction(self.fog, self.segments.directions, u[1:]), table.sample(u[1:])[0]):
+                share = phase(self.fog, (ways * self.segments.directions).sum(1))
+                share = share / (share + table.density_of(ways))  # both know peaks of their own
+                light = light + self._seen(points, ways) * sky_along(self.scene, ways) * share[:, None]
         return light / SKY_STEPS
 
     def lamps(self, table: LampTable, noise: Tensor, index: int) -> Tensor:
@@ -131,12 +132,14 @@ class _March:
 def _points(noise: Tensor, steps: int, index: int) -> list[Tensor]:
     """For each step ``(D, N)`` in [0, 1): one additive sequence over steps and frames.
 
+    The first number, by which most light differs, goes by the golden ratio, which no other ratio spreads better.
+
     Source: Roberts 2018 (R sequences).
     """
     dims, ratio = len(noise), 2.0
     for _ in range(30):
-        ratio = (1 + ratio) ** (1 / (dims + 1))
-    turns = [ratio ** -(d + 1) for d in range(dims)]
+        ratio = (1 + ratio) ** (1 / dims)
+    turns = [GOLDEN, *(ratio ** -(d + 1) for d in range(dims - 1))]
     numbers = range(index * steps, (index + 1) * steps)
     shifts = (noise.new_tensor([[number * turn % 1] for turn in turns]) for number in numbers)
     return [((noise + shift) % 1.0).clamp_max(BELOW_ONE) for shift in shifts]

@@ -32,7 +32,7 @@ class Segments:
         """World units; none where the end comes first."""
         return (self.end - self.begin).clamp_min(0)
 
-    def of(self, chosen: Tensor) -> Segments:
+    def of(self, chosen: Tensor | slice) -> Segments:
         """Those of an index."""
         fields = (self.origins, self.directions, self.begin, self.end)
         origins, directions, begin, end = (t[chosen] for t in fields)

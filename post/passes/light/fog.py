@@ -1,4 +1,4 @@
-"""Fog: noisy light of a march at every second pixel, made smooth over time and space, and brought to full size."""
+"""Fog: noisy light of a march, made smooth over time and space, and brought to full size where it is not."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from post.passes.denoising.temporal import temporal
 from post.passes.light.estimate import normals_from_depth
 from post.upsampling.op import upsample
 
-STRIDE = 2  # as `tracer` samples it
+STRIDE = 2  # of light that comes at every second pixel both ways
 LEAST = 1e-6  # share of light that counts as fog
 THIN = 1e-2  # optical depth below which a series is exact enough
 PHI_NORMAL, PHI_DEPTH = 1.0, 0.1  # fog has no surfaces: edges of its depth are mild guides
@@ -28,18 +28,19 @@ def fog(
     history: History | None = None,
     *,
     blend: float = 0.97,
-    clamp: float = 3.0,
+    clamp: float = 6.0,
     iterations: int = 5,
-    phi_color: float = 4.0,
+    phi_color: float = 2.0,
 ) -> tuple[Tensor, History]:
-    """Light that fog adds before surfaces and sky, from a noisy march at every second pixel.
+    """Light that fog adds before surfaces and sky, from a noisy march.
 
-    The march gives the mean light of the share that fog takes. That has no edge where depth has one, so its history,
-    its filter and its interpolation do not mix fog of different lengths: the share itself is known at every pixel.
+    The march gives the mean light of the share that fog takes. That has weaker edges than depth, so its history and
+    its filter mix fog of different lengths but little: the share itself is known at every pixel. Behind an arch fog may
+    be lit as it is nowhere before it, so light of every second pixel is an approximation at silhouettes.
     Fog stands still and counts as if it were where its light comes from in the mean, so history follows the camera.
 
     Args:
-        light: ``(B, 3, h, w)`` mean radiance that fog scatters, at every second pixel from the top left one on.
+        light: ``(B, 3, H, W)`` mean radiance that fog scatters; or of every second pixel from the top left one on.
         transmittance: ``(B, 1, H, W)`` share of light that it lets through.
         gbuffer: of the frame.
         history: what this function returned for the frame before; None at first.
@@ -58,18 +59,23 @@ def fog(
     """
     height, width = gbuffer.camera.size
     size = -(-height // STRIDE), -(-width // STRIDE)
-    if light.shape[-2:] != size:
-        raise ValueError(f"light must be (B,3,{size[0]},{size[1]}), every second pixel, got {tuple(light.shape)}")
-    whole = _body(gbuffer, transmittance.detach())
-    small = every_nth(Frame(gbuffer=whole), STRIDE).gbuffer
-    mean, history = temporal(light, small, history, blend=blend, clamp=clamp)
+    whole = body = _body(gbuffer, transmittance.detach())
+    if light.shape[-2:] == size != (height, width):
+        body = every_nth(Frame(gbuffer=whole), STRIDE).gbuffer
+    elif light.shape[-2:] != (height, width):
+        raise ValueError(
+            f"light must be (B,3,{height},{width}), or of every second pixel (B,3,{size[0]},{size[1]}), "
+            f"got {tuple(light.shape)}"
+        )
+    mean, history = temporal(light, body, history, blend=blend, clamp=clamp)
     if iterations:
         mean, _ = atrous(
-            mean, small.depth, small.normal, hit=small.hit, camera=small.camera, iterations=iterations,
+            mean, body.depth, body.normal, hit=body.hit, camera=body.camera, iterations=iterations,
             variance=history.signals["variance"], phi_color=phi_color, phi_normal=PHI_NORMAL, phi_depth=PHI_DEPTH,
         )  # fmt: skip
-    found = upsample(mean, surface(whole.depth, whole.normal, whole.hit, whole.camera), stride=STRIDE)
-    return found * (1 - transmittance), history
+    if body is not whole:
+        mean = upsample(mean, surface(whole.depth, whole.normal, whole.hit, whole.camera), stride=STRIDE)
+    return mean * (1 - transmittance), history
 
 
 def _body(g: GBuffer, transmittance: Tensor) -> GBuffer:
@@ -98,7 +104,7 @@ class Fog(TemporalPass):
     optional = frozenset({"fog_mirrored"})
     writes = frozenset({"fog", "fog_reflection"})
 
-    def __init__(self, *, blend: float = 0.97, clamp: float = 3.0, iterations: int = 5, phi_color: float = 4.0) -> None:
+    def __init__(self, *, blend: float = 0.97, clamp: float = 6.0, iterations: int = 5, phi_color: float = 2.0) -> None:
         super().__init__()
         self.blend, self.clamp, self.iterations, self.phi_color = blend, clamp, iterations, phi_color
 

@@ -12,18 +12,19 @@ from post import Composite, Fog, fog, with_fog
 SIZE = (36, 48)
 
 
-def foggy(noise: float = 0.0, seed: int = 0) -> Frame:
-    """Boxes in fog of one light, with noise in it."""
+def foggy(noise: float = 0.0, seed: int = 0, size: tuple[int, int] = SIZE) -> Frame:
+    """Boxes in fog of one light, with noise in it; the light of every pixel, or of every second."""
     frame = boxes.frame(boxes.camera(SIZE))
     clear = (-0.1 * frame.gbuffer.depth).exp()
     generator = torch.Generator().manual_seed(seed)
     light = torch.tensor([0.6, 0.5, 0.4]).view(1, 3, 1, 1)
-    spread = 1 + noise * (2 * torch.rand(1, 1, 18, 24, generator=generator) - 1)
+    spread = 1 + noise * (2 * torch.rand(1, 1, *size, generator=generator) - 1)
     return frame.replace(fog_light=light * spread, fog_transmittance=clear, index=seed)
 
 
-def test_even_light_has_no_halo():
-    frame = foggy()
+@pytest.mark.parametrize("size", [SIZE, (18, 24)])
+def test_even_light_has_no_halo(size):
+    frame = foggy(size=size)
     found, _ = fog(frame.read("fog_light"), frame.read("fog_transmittance"), frame.gbuffer)
     wanted = torch.tensor([0.6, 0.5, 0.4]).view(1, 3, 1, 1) * (1 - frame.read("fog_transmittance"))
     torch.testing.assert_close(found, wanted.expand_as(found), rtol=1e-4, atol=1e-6)
@@ -55,6 +56,18 @@ def test_reflections_have_fog_of_their_own():
     bare = Composite()(frame.replace(fog_reflection=None)).read("composite")
     assert not torch.allclose(Composite()(frame).read("composite"), bare)
     assert bool(torch.isfinite(more).all())
+
+
+def test_light_at_silhouettes_is_that_of_each_pixel():
+    frame = foggy()
+    edge = frame.gbuffer.hit.clone()
+    edge[..., 1:] = edge[..., 1:] & ~edge[..., :-1]  # a line of pixels, of which every second would miss some
+    light = torch.where(edge, 8.0, frame.read("fog_light"))
+    found, state = None, None
+    for _ in range(4):
+        found, state = fog(light, frame.read("fog_transmittance"), frame.gbuffer, state)
+    assert found is not None
+    torch.testing.assert_close(found, light * (1 - frame.read("fog_transmittance")), rtol=0.02, atol=0.01)
 
 
 def test_light_of_another_size_is_refused():
