@@ -13,6 +13,7 @@ from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.world.pictures import compared
+from gbufrt.frame import Frame
 from gbufrt.pipeline import Pipeline
 
 if TYPE_CHECKING:
@@ -28,14 +29,16 @@ STEPS = 512  # of each half of the truth: 1,024 together
 def judge(place: Place) -> Outcome:
     """RMS error relative to the mean after static frames, and after one."""
     from post import Fog
-    from tracer import render
+    from tracer import gbuffer
+    from tracer.direct.fog import foggy
 
-    place = replace(place, scene=foggy(place.scene, HOURS[place.view]), size=SIZE)
+    place = replace(place, scene=in_fog(place.scene, HOURS[place.view]), size=SIZE)
     camera, state, shown = place.camera(0.0), None, dict[str, Tensor]()
-    pipeline = Pipeline(fog=Fog())
+    pipeline, poses = Pipeline(fog=Fog()), place.scene.poses([0.0])
+    g = gbuffer(place.scene, camera, previous_camera=camera)
     for index in range(FRAMES):
         place.say(f"{place.view} in fog, frame {index + 1} of {FRAMES}")
-        frame = render(place.scene, camera, previous_camera=camera, light_samples=1, index=index)
+        frame = foggy(place.scene, Frame(gbuffer=g, index=index), poses=poses, index=index)
         with torch.no_grad():
             after, state = pipeline(frame, state)
         shown["ours"] = after.read("fog")
@@ -56,7 +59,7 @@ def judge(place: Place) -> Outcome:
     return result
 
 
-def foggy(scene: Scene, hour: float) -> Scene:
+def in_fog(scene: Scene, hour: float) -> Scene:
     """The scene in fog, under a low sun."""
     from tracer import Fog, at_hour
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 SIZE = (72, 128)
 OUT, LATER = 16, 4  # the first frame without lamps, and how many frames later the error is judged
 STEADY = (29, 31)  # frames whose error is the steady one
-PATHS = 24  # a pixel, of each half of the truth
+PATHS = 48  # a pixel, of each half of the truth
 SEEDS = (100, 101)  # of the truth
 FPS, PACE = 30.0, 0.9  # world units a second, sideways
 TURN = 0.15  # degrees of the sun a frame

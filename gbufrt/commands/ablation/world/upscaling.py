@@ -50,7 +50,7 @@ def judge(place: Place) -> Outcome:
     for name, ratio in RATIOS.items():
         key, small = f"upscale.{name}", replace(place, size=(SIZE[0] // ratio, SIZE[1] // ratio))
         ours = _shown(Upscale(ratio=float(ratio)), frames(small, ratio), exposures)
-        plain = {n: f.display(_bicubic(small, n), exposures[n]) for n in CHECKED}
+        plain = {n: _bicubic(small, n, exposures[n]) for n in CHECKED}
         good, poor = score(ours, f"{key}.ours"), score(plain, f"{key}.bicubic")
         behind = [full - part for full, part in zip(best, good, strict=True)]
         result.figures |= {f"{key}.gain": _mean(good) - _mean(poor), f"{key}.native_gain": _mean(best) - _mean(poor)}
@@ -87,9 +87,10 @@ def truth(place: Place, number: int) -> Tensor:
     return place.kept("supersampled", place.camera(time), [time], (SAMPLES, LIGHT_SAMPLES), make)["radiance"]
 
 
-def _bicubic(place: Place, number: int) -> Tensor:
-    small = _traced(place, number).read("color")
-    return F.interpolate(small, size=SIZE, mode="bicubic").clamp_min(0.0)
+def _bicubic(place: Place, number: int, exposure: float) -> Tensor:
+    """Of the displayed picture: in linear light it rings round what is bright."""
+    small = f.display(_traced(place, number).read("color"), exposure)
+    return F.interpolate(small, size=SIZE, mode="bicubic").clamp(0.0, 1.0)
 
 
 def _traced(place: Place, number: int, jitter: tuple[float, float] | None = None, seed: int = 0) -> Frame:
