@@ -54,8 +54,9 @@ def ablate(
 
     Without further options it makes the table of what each pass must reach, from the built-in world: ambient occlusion,
     indirect light and reflections after static frames, and their error against time at several settings; denoising on a
-    moving path, motion blur and depth of field; the whole frame with each pass left out. Truth is kept between runs. A
-    variant that fails is reported in its row.
+    moving path, motion blur and depth of field; the whole frame with each pass left out. A second table has the frame
+    of Minecraft RTX and the world of BetterRTX, at places and sizes of their own. Truth is kept between runs. A variant
+    that fails is reported in its row.
 
     On a cluster (--cluster) units run beside one another: milliseconds, and error against time, tell nothing. All other
     figures are the same.
@@ -75,7 +76,8 @@ def ablate(
             gi.estimate=MarchGI); may be repeated, or name several with commas.
         sweep: Tunable to vary, as NAME=LOW:HIGH:COUNT (gtao.radius=0.25:2:5); may be repeated.
         only: Judge by these alone: ao, gi, reflection, frame, path, taa, motion_blur, depth_of_field, denoise,
-            front (error against time).
+            front (error against time), asvgf, upscale, caustics, dispatch; irradiance_cache, fog and sky, which take
+            minutes and are measured only where they are named; world for the last seven.
         cache: Folder where truth is kept; on a cluster, one that all machines share. [default: the user's cache]
         resume: Keep what is finished in OUT, as far as nothing it depends on has changed.
     """
@@ -85,7 +87,7 @@ def ablate(
     check_name("--preset", preset, PRESETS)
     check_name("--composite", composite, COMPOSITES)
     for subject in subjects:
-        check_name("--only", subject, SUBJECTS)
+        check_name("--only", subject, (*SUBJECTS, "world"))
     for world in worlds or ("builtin",):
         check_world(world, (*parse_names(views), *parse_names(paths)))
     check_folder(out)

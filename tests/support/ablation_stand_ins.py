@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer, Pass, Pipeline
+from gbufrt.commands.arguments.checks import WORLD
 from post import TAA, Composite, DepthOfField, MotionBlur
 from tracer.sampling.progressive import Truth
 from tracer.scene.material import Material, MaterialTable
@@ -145,6 +146,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "gbufrt.commands.arguments.checks.WORLDS", {"builtin": ("front", "above"), "other": ("front", "above")}
     )
+    monkeypatch.setattr("gbufrt.commands.ablation.world.VIEWS", dict.fromkeys(WORLD, ()))
     monkeypatch.setattr("gbufrt.commands.ablation.denoising.FRAMES", 3)
     monkeypatch.setattr("gbufrt.commands.ablation.subjects.PATH_FRAMES", 6)
     for integrator in (ambient_occlusion, indirect_diffuse, reflection, path_trace):

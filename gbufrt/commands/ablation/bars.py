@@ -1,14 +1,12 @@
-"""The table at the head of the report: one figure a pass, the bar it must reach, and what trivial answers score."""
+"""What each pass of ME1 must reach in the worst view, and the trivial answers beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
 
 from gbufrt.commands.ablation.front import TOLERANCE
-from gbufrt.commands.ablation.records import Record
-from gbufrt.commands.ablation.variants import FULL
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +23,9 @@ class Bar:
     trivial: Mapping[str, str] = field(default_factory=dict)
     """Label to the figure that holds the score of a trivial answer."""
     limit: str | None = None
-    """The figure that holds what a perfect screen-space answer would score."""
+    """The figure that holds what a perfect answer of its kind would score: for ME1's passes, one by screen space."""
+    timed: bool = False
+    """Whether it is made of times, which tell nothing beside other units."""
 
 
 BARS = (
@@ -91,94 +91,8 @@ BARS = (
 BARS += tuple(
     Bar(
         name=name, what="most times the time of the fastest setting that errs no more, of presets low to high",
-        key=f"front.{signal}.behind", bound=TOLERANCE, better="lower", subject="front",
+        key=f"front.{signal}.behind", bound=TOLERANCE, better="lower", subject="front", timed=True,
     )
     for name, signal in (("AO", "ao"), ("GI", "gi"), ("reflections", "reflection"))
 )  # fmt: skip
 UNTOUCHED = {"motion_blur": "the untouched frame: 0 dB", "depth_of_field": "the untouched frame: 0 dB"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One line of the table."""
-
-    name: str
-    what: str
-    value: float | None
-    view: str | None
-    """The worst."""
-    bound: float
-    better: str
-    reached: bool | None
-    """None where it was not measured, or is made of times that tell nothing."""
-    views: Mapping[str, float]
-    trivial: Mapping[str, float | None]
-    """Scores in the worst view."""
-    limit: float | None = None
-    note: str = ""
-
-    def to_json(self) -> dict[str, Any]:
-        """The row as JSON values."""
-        return asdict(self)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Results:
-    """What was found."""
-
-    records: list[Record]
-    rows: list[Row]
-    """The table that the report begins with."""
-    about: dict[str, Any]
-
-    @property
-    def failures(self) -> list[Record]:
-        """The records of what failed."""
-        return [record for record in self.records if record.error is not None]
-
-
-def table(records: Sequence[Record]) -> list[Row]:
-    """All rows: from the records of the full pipeline; for the whole frame, from those with a pass left out."""
-    return [*(_row(bar, records) for bar in BARS), _whole(records)]
-
-
-def _row(bar: Bar, records: Sequence[Record]) -> Row:
-    own = [r for r in records if r.subject == bar.subject and r.variant == FULL]
-    views = {_place(r): r for r in own if bar.key in r.figures}
-    scores = {place: record.figures[bar.key] for place, record in views.items()}
-    worst = (max if bar.better == "lower" else min)(scores, key=scores.__getitem__, default=None)
-    value = None if worst is None else scores[worst]
-    figures = {} if worst is None else views[worst].figures
-    failed = next((r.error for r in own if r.error), None)
-    note = UNTOUCHED.get(bar.subject, "") if value is not None else failed or "not measured in this run"
-    if value is None and bar.key.endswith("oidn") and own and not failed:
-        note = "OIDN is not installed: pip install 'gbufrt[denoise]'"
-    reached = None if value is None else value <= bar.bound if bar.better == "lower" else value >= bar.bound
-    crowded = bar.key.endswith(".behind") and any(record.beside > 1 for record in views.values())
-    note = "timed beside other units: no measure of speed" if crowded else note
-    return Row(
-        name=bar.name, what=bar.what, value=value, view=worst, bound=bar.bound, better=bar.better,
-        reached=None if crowded else reached, views=scores,
-        trivial={label: figures.get(key) for label, key in bar.trivial.items()},
-        limit=None if bar.limit is None else figures.get(bar.limit), note=note,
-    )  # fmt: skip
-
-
-def _whole(records: Sequence[Record]) -> Row:
-    """The smallest loss from leaving a stage out, over stages and views."""
-    lost = {
-        f"{_place(r)}, {r.variant}": r.figures["loss"]
-        for r in records
-        if r.subject == "frame" and r.group == "passes" and "loss" in r.figures and r.variant.startswith("without=")
-    }
-    worst = min(lost, key=lost.__getitem__, default=None)
-    value = None if worst is None else lost[worst]
-    return Row(
-        name="whole frame", what="dB lost by leaving out any pass, on the pixels that it changes", value=value,
-        view=worst, bound=0.0, better="higher", reached=None if value is None else value > 0, views=lost, trivial={},
-        note="" if value is not None else "not measured in this run",
-    )  # fmt: skip
-
-
-def _place(record: Record) -> str:
-    return record.view if record.world in ("builtin", "valley") else f"{record.world}: {record.view}"

@@ -175,6 +175,10 @@ class Place:
         stem = self._stem("path_trace", [self.camera(t) for t in ends], ends, count, settings)
         return self.cache.tensors(stem, make)[name]
 
+    def kept(self, kind: str, cameras: Any, times: list[float], settings: Any, make: Callable[[], Truth]) -> Truth:
+        """Tensors of a subject's own, kept under a name made from all that they depend on."""
+        return self.cache.tensors(self._stem(kind, cameras, times, settings), make)
+
     def _counted(self, integrator: str) -> Callable[[int, int], None]:
         what = integrator.replace("_", " ")
         return lambda done, of: self.say(f"{self.view}, truth by {what}, {done} of {of} samples")

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gbufrt.commands.ablation import world as worlds
 from gbufrt.commands.ablation.subjects import SIGNALS
 from gbufrt.commands.ablation.variants import FULL, Variant, parse_variants
-from gbufrt.commands.arguments.checks import SUBJECTS
+from gbufrt.commands.arguments.checks import SLOW, SUBJECTS, WORLD
 from gbufrt.commands.arguments.values import at_least
 from gbufrt.commands.session import Recipe
 
@@ -46,7 +47,7 @@ class Plan:
         recipe: the full pipeline.
         variants: groups (``passes``, ``presets``, ``methods``) or changes (``without=gi``, ``gtao.method=horizon``).
         sweeps: ``NAME=LOW:HIGH:COUNT``.
-        only: subjects to judge by; by default all of `SUBJECTS`.
+        only: subjects to judge by, ``world`` for all of `WORLD`; by default all of `SUBJECTS` but the slow ones.
         cache: folder where truth is kept; by default the user's own.
         resume: keep what is in ``out`` already.
     """
@@ -70,14 +71,15 @@ class Plan:
         at_least("--frames", self.frames, 1)
         at_least("--samples", self.samples, 1)
         for name in self.only:
-            if name not in SUBJECTS:
-                raise ValueError(f"--only must be among {', '.join(SUBJECTS)}; got {name!r}")
+            if name not in (*SUBJECTS, "world"):
+                raise ValueError(f"--only must be among {', '.join(SUBJECTS)}, world; got {name!r}")
         parse_variants(self.variants, self.sweeps, self.recipe)
         self.recipe.build()
 
     def wanted(self, subject: str) -> bool:
         """Whether the plan judges by a subject."""
-        return not self.only or subject in self.only
+        asked = subject in self.only or ("world" in self.only and subject in WORLD)
+        return asked or (not self.only and subject not in SLOW)
 
     def views_of(self, scene: Scene, world: str, subject: str) -> tuple[str, ...]:
         """Where to judge by a subject.
@@ -85,6 +87,9 @@ class Plan:
         Raises:
             ValueError: the world has no such view.
         """
+        if subject in WORLD:  # at places of their own, of the built-in world alone
+            own = worlds.VIEWS[subject] if world in ("builtin", "valley") else ()
+            return tuple(view for view in own if view in scene.views or subject in worlds.PLACELESS)
         still = subject in (*STILL, "signals")
         chosen = self.views if still else self.paths or self.views
         if not chosen:

@@ -10,11 +10,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from gbufrt.commands.ablation.bars import Results
 from gbufrt.commands.ablation.front import EFFECTS, Effect, Setting, front, settings_of
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.sections import SECTIONS, Section
+from gbufrt.commands.ablation.table import Results
 from gbufrt.commands.ablation.variants import FULL
+from gbufrt.commands.ablation.world import SECTIONS as WORLD
 from gbufrt.commands.charts.drawing import COLOURS, NARROW, STYLE, WIDTH, Point, dots, scatter, sheet
 from gbufrt.files.output import write_text
 
@@ -33,7 +34,9 @@ def write_page(out: Path, results: Results) -> Path:
     ink.filters["number"] = number
     text = ink.get_template("page.html").render(
         colours=COLOURS.strip(), style=STYLE.strip(),
-        about=results.about, rows=results.rows, sections=[_section(out, s, results.records) for s in SECTIONS],
+        about=results.about, rows=[row for row in results.rows if row.part == "passes"],
+        world_rows=[row for row in results.rows if row.part == "world"],
+        sections=[_section(out, s, results.records) for s in (*SECTIONS, *WORLD)],
         fronts=fronts(results.records),
         earned=earned(results.records), worth=worth(results.records), costs=costs(results.records),
         failures=results.failures, records=results.records, main=[m for m in MAIN if _any(results.records, m)],

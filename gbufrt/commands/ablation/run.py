@@ -11,13 +11,13 @@ from typing import Any
 
 from torch import Tensor
 
-from gbufrt.commands.ablation.bars import Results, table
 from gbufrt.commands.ablation.cache import Cache, default_folder, digest, sources
 from gbufrt.commands.ablation.place import Place, Say
 from gbufrt.commands.ablation.plan import Plan
 from gbufrt.commands.ablation.records import Record, Store, to_csv
 from gbufrt.commands.ablation.report import write_front, write_page
 from gbufrt.commands.ablation.subjects import Outcome
+from gbufrt.commands.ablation.table import Results, table
 from gbufrt.commands.ablation.variants import FULL, Variant
 from gbufrt.commands.arguments.checks import check_folder
 from gbufrt.commands.arguments.options import ClusterOptions
@@ -185,8 +185,10 @@ def _spot(unit: Unit) -> str:
 
 
 def _judge(plan: Plan, place: Place, variant: Variant, subject: str, full: Tensor | None) -> Outcome:
-    from gbufrt.commands.ablation import denoising, front, lens, subjects
+    from gbufrt.commands.ablation import denoising, front, lens, subjects, world
 
+    if subject in world.JUDGES:
+        return world.JUDGES[subject](place)
     pipeline = variant.pipeline
     if subject == "signals":
         return subjects.signals(place, pipeline, plan.signals_of(variant), plan.frames)

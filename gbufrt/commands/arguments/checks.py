@@ -32,7 +32,12 @@ ENDINGS = (".vox", ".schem", ".schematic", ".mca")
 """Endings of the files that hold worlds."""
 WINDOW = (4, 64)
 """Least and most chunks along a window."""
-SUBJECTS = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
+WORLD = ("asvgf", "irradiance_cache", "fog", "upscale", "sky", "caustics", "dispatch")
+"""Subjects of Minecraft RTX's frame and BetterRTX's world, which the built-in world has."""
+SLOW = ("irradiance_cache", "fog", "sky")
+"""Subjects that are measured only where they are asked for."""
+PASSES = ("ao", "gi", "reflection", "frame", "path", "taa", "motion_blur", "depth_of_field", "denoise", "front")
+SUBJECTS = (*PASSES, *WORLD)
 MOST_WORKERS = 65536
 SECONDS_TO_ANSWER = 5.0
 START = "start Ray with `ray start --head` and give the address that it prints"

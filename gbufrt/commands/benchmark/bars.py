@@ -118,6 +118,10 @@ def _tracing(figures: Figures) -> Found:
     return _times(figures["tracing_ms"], _preset(figures, "high"))
 
 
+def _rtx(figures: Figures) -> Found:
+    return _times(figures["rtx"]["ms"], figures["rtx"]["me1_ms"])
+
+
 def _rate(rate: Callable[[Figures], float]) -> Callable[[Figures], Found]:
     def find(figures: Figures) -> Found:
         found = rate(figures)
@@ -185,6 +189,7 @@ BARS = (
     Bar(name="ME1 medium, over high", bound=0.5, find=_over_high("medium")),
     Bar(name="ME1 low, over high", bound=0.2, find=_over_high("low")),
     Bar(name="tracing a frame with direct light, over ME1 high", bound=1.0, find=_tracing),
+    Bar(name="Minecraft RTX high, 480x270 to 960x540, over ME1 high at 480x270", bound=2.0, find=_rtx),
     Bar(
         name="primary rays over terrain, to the horizon, 854x480", bound=8.2, better="higher", unit=" Mrays/s",
         find=_rate(lambda figures: figures["rays"]["mrays_per_s"]),

@@ -13,6 +13,7 @@ from gbufrt.commands.busy import beside, cores, fair_slowdown
 
 HD = (1080, 1920)
 HD_REPEATS = 2  # frames with a history
+SMALL = (270, 480)  # what Minecraft RTX's frame is traced at, and ME1's beside it has
 
 
 def make_frame(path: Path, size: tuple[int, int], device: str) -> None:
@@ -34,6 +35,32 @@ def time_tracing(size: tuple[int, int], repeats: int) -> float:
     scene = builtin()
     camera = next(iter(scene.views.values())).camera(0.0, size=size)
     return timed(lambda: render(scene, camera, previous_camera=camera), repeats)
+
+
+def compare_rtx(repeats: int) -> dict[str, float]:
+    """Milliseconds of steady frames on the CPU: ``ms`` of `minecraft_rtx` high, which makes `SMALL` twice as large, and
+    ``me1_ms`` of `me1` high at `SMALL`.
+    """
+    import torch
+
+    from gbufrt.commands.flights.job import without_ambient
+    from post import me1, minecraft_rtx
+    from tracer.frames import render
+    from tracer.paths.sampled import sampled
+    from tracer.worlds import builtin
+
+    scene = builtin()
+    camera = next(iter(scene.views.values())).camera(0.0, size=SMALL)
+    first, lit = (render(scene, camera, previous_camera=camera, light_samples=1, index=index) for index in (0, 1))
+    noisy = without_ambient(sampled(scene, lit, before=first))
+
+    def steady(pipeline: Any, frame: Any) -> float:
+        frames = pipeline.stream(frame.replace(index=index) for index in range(repeats + 2))
+        next(frames)
+        return timed(lambda: next(frames), repeats)
+
+    with torch.no_grad():
+        return {"ms": steady(minecraft_rtx("high"), noisy), "me1_ms": steady(me1("high"), lit)}
 
 
 def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 0) -> dict[str, Any]:

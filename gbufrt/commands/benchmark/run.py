@@ -100,6 +100,7 @@ def _steps(plan: Plan, folder: Path) -> Iterator[_Step]:
     if not plan.judged:
         return
     yield _Step("tracing_ms", "", "tracing a frame", partial(frames.time_tracing, size, repeats))
+    yield _Step("rtx", "", "Minecraft RTX", partial(frames.compare_rtx, repeats))
     yield _Step("rates", "", "other rays", partial(rays.time_other_rays, repeats))
     if plan.peers:
         yield _Step("oidn_ms", "", "OIDN", partial(peers.time_oidn, frame, repeats))

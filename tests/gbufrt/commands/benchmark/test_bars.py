@@ -27,6 +27,7 @@ def figures() -> dict[str, Any]:
         "rays": {"ms": 100.0, "mrays_per_s": 4.1},
         "scaling": {"lamps": [lamps.to_json()]},
         "tracing_ms": 1000.0,
+        "rtx": {"ms": 600.0, "me1_ms": 300.0},
         "rates": {"grazing": 21.0, "occlusion": 5.5},
         "oidn_ms": 1000.0,
         "filters_ms": {peers.BILATERAL: 100.0, peers.KORNIA: 800.0, peers.ATROUS: 100.0, peers.OIDN_FAST: 500.0},
@@ -58,6 +59,7 @@ JUDGED = (
     ("ME1 medium", ("presets", "medium", "total_ms"), 501.0, "0.50x: 500 ms beside 1000"),
     ("ME1 low", ("presets", "low", "total_ms"), 201.0, "0.20x: 200 ms beside 1000"),
     ("tracing a frame", ("tracing_ms",), 1001.0, "1.00x: 1000 ms beside 1000"),
+    ("Minecraft RTX", ("rtx", "ms"), 601.0, "2.00x: 600 ms beside 300"),
     ("1,000 lamps", ("scaling", "lamps", 0, "points", 2, 1), 40.1, "2.00x: 40.0 ms beside 20.0"),
     ("1024x256x1024", ("worlds", "large"), 1.9, "0.50x: 2.0 Mrays/s beside 4.0"),
     ("bilateral", ("filters_ms", peers.BILATERAL), 101.0, "8.00x: 800 ms beside 100"),
@@ -150,6 +152,7 @@ def tiny(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(process, "in_own_process", lambda run, *a: run(*a))
     monkeypatch.setattr(process, "STARTS", 1)
     monkeypatch.setattr(frames, "HD", size)
+    monkeypatch.setattr(frames, "SMALL", size)
     monkeypatch.setattr(peers, "HD", size)
     monkeypatch.setattr("gbufrt.commands.benchmark.blender.blender_python", lambda: None)
     monkeypatch.setattr(rays, "TRACE_SIZE", size)
@@ -188,7 +191,10 @@ def test_only_what_the_options_ask_for_is_measured(monkeypatch: pytest.MonkeyPat
     steps, size = run._steps, (24, 40)
     monkeypatch.setattr(run, "_steps", lambda plan, folder: asked.extend(s.key for s in steps(plan, folder)) or [])
     monkeypatch.setattr(bars, "table", lambda found: [])
-    own, plan = (["tracing_ms", "rates"], ["", "hd", "import_s"]), run.Plan(presets=("low",), size=size, repeats=1)
+    own, plan = (
+        (["tracing_ms", "rtx", "rates"], ["", "hd", "import_s"]),
+        run.Plan(presets=("low",), size=size, repeats=1),
+    )
     for planned, keys in (
         (plan, []),
         (replace(plan, peers=True), ["peers", *own[0], "oidn_ms", "filters_ms", "blender", *own[1]]),
