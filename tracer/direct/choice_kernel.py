@@ -13,7 +13,7 @@ import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from tracer.direct.choice_reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
-from tracer.direct.kernel import AREA, CENTER, FACING, MEAN, MOVED, OFFSET, RADIUS
+from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
@@ -31,17 +31,6 @@ def importance(sources, number, point, normal):
     shown = 0.0
     for k in range(first[number], first[number + 1]):
         shown += max(dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET], 0.0)
-    return _arriving(sources, number, point, normal, shown)
-
-
-@scalar
-def roughly(sources, number, point, normal):
-    """`importance`, at most; of a lamp of many rectangles those that face one way count as one."""
-    sides, shown = sources.sides[number], 0.0
-    if sides[0, AREA] < 0:
-        return importance(sources, number, point, normal)
-    for k in range(len(sides)):
-        shown += max(dot(triple(sides, k, 0), point) - sides[k, MOVED], 0.0)
     return _arriving(sources, number, point, normal, shown)
 
 
@@ -65,58 +54,81 @@ def weight(way, normal, radius, mean):
     return cosine / (distance * max(square, radius * radius / 4)) * mean
 
 
-@scalar
-def bound(sources, number, center, reach, low, high):
-    """The most that `importance` is within ``reach`` of a point, for normals between ``low`` and ``high``."""
-    rectangles, first, lamps, sides = sources.rectangles, sources.first, sources.lamps, sources.sides[number]
-    shown = 0.0
-    way, radius = along(triple(lamps, number, CENTER), center, -1.0), lamps[number, RADIUS]
-    if sides[0, AREA] >= 0:  # all rectangles lie in the lamp's sphere
-        for k in range(len(sides)):
-            shown += max(sides[k, AREA] * (radius + reach) - dot(triple(sides, k, 0), way), 0.0)
-    else:
-        for k in range(first[number], first[number + 1]):
-            facing = triple(rectangles, k, FACING)
-            shown += max(dot(facing, center) + math.sqrt(dot(facing, facing)) * reach - rectangles[k, OFFSET], 0.0)
-    if shown <= 0:
-        return 0.0
-    distance = max(math.sqrt(dot(way, way)) - reach, 1e-6)
-    above = reach
-    for axis in range(3):
-        above += max(way[axis] * low[axis], way[axis] * high[axis])
-    far = math.sqrt(dot(way, way)) + reach  # behind the surface the highest cosine is that of the farthest point
-    cosine = min(above / (distance if above > 0 else far), 1.0)
+@inlined
+def _most_weight(way, reach, low, high, radius, mean):
+    """The most that `weight` is within ``reach`` of a point, for normals between ``low`` and ``high``."""
+    away = math.sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+    distance, above = max(away - reach, 1e-6), reach
+    above += max(way[0] * low[0], way[0] * high[0])
+    above += max(way[1] * low[1], way[1] * high[1])
+    above += max(way[2] * low[2], way[2] * high[2])
+    # behind the surface the highest cosine is that of the farthest point
+    cosine = min(above / (distance if above > 0 else away + reach), 1.0)
     cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
-    return shown * cosine / (distance * max(distance * distance, radius * radius / 4)) * lamps[number, MEAN]
+    return cosine / (distance * max(distance * distance, radius * radius / 4)) * mean
 
 
 @scalar
-def extent(surface, start, width, tile, low, high):
-    """The lit pixel nearest a tile's centre (-1 for none), and how much is seen of the pixel of which most is; left in
-    ``low`` and ``high``, of six numbers each: the ranges of its lit points and normals."""
+def weigh(sources, point, normal, center, reach, low, high, here, most):
+    """For each lamp, into ``here``, its `importance` at a point, of many rectangles at most; and into ``most`` the most
+    that it is within ``reach`` of a ``center``, for normals between ``low`` and ``high``.
+
+    Rows of numbers let the compiler take several lamps in one instruction.
+    """
+    faces, lamps = sources.faces, sources.lamps
+    for n in range(len(lamps)):
+        here[n] = most[n] = 0.0
+    for k in range(len(faces)):
+        x, y, z, offset, moved, area = faces[k, 0], faces[k, 1], faces[k, 2], faces[k, 3], faces[k, 4], faces[k, 5]
+        for n in range(len(lamps)):
+            here[n] += max(x[n] * point[0] + y[n] * point[1] + z[n] * point[2] - offset[n], 0.0)
+            height = x[n] * center[0] + y[n] * center[1] + z[n] * center[2] - moved[n]
+            most[n] += max(height + area[n] * reach, 0.0)
+    for n in range(len(lamps)):
+        x, y, z, radius, mean = lamps[n, 0], lamps[n, 1], lamps[n, 2], lamps[n, RADIUS], lamps[n, MEAN]
+        here[n] *= weight((x - point[0], y - point[1], z - point[2]), normal, radius, mean)
+        way = x - center[0], y - center[1], z - center[2]
+        most[n] *= _most_weight(way, reach, low, high, radius, mean)
+
+
+@inlined
+def side_of(normals, i):
+    """Which of the six sides of a cube a pixel faces most."""
+    x, y, z = abs(normals[i, 0]), abs(normals[i, 1]), abs(normals[i, 2])
+    axis = 0 if x >= y and x >= z else 1 if y >= z else 2
+    return 2 * axis + (1 if normals[i, axis] > 0 else 0)
+
+
+@scalar
+def extent(surface, known, start, width, tile, side, low, high):
+    """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
+    least ``known`` of one; left in ``low`` and ``high``, of six numbers each: the ranges of its lit points and normals.
+
+    Of a tile only pixels that face one ``side`` count, see `side_of`; below 0 all do.
+    """
     points, normals, seen = surface
-    nearest, middle, clearest = np.inf, -1, 0.0
+    nearest, middle, clearest, least = np.inf, -1, 0.0, np.inf
     low[:], high[:] = np.inf, -np.inf
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
             i = start + y * width + x
-            if seen[i] > 0:
-                clearest = max(clearest, seen[i])
+            if seen[i] > 0 and (side < 0 or side == side_of(normals, i)):
+                clearest, least = max(clearest, seen[i]), min(least, known[i])
                 away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
                 if away < nearest:
                     nearest, middle = away, i
                 for k in range(3):
                     low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
                     low[3 + k], high[3 + k] = min(low[3 + k], normals[i, k]), max(high[3 + k], normals[i, k])
-    return middle, clearest
+    return middle, clearest, least
 
 
 @scalar
-def find_candidates(sources, few, point, normal, known, clearest, low, high, candidates, others):
+def find_candidates(sources, few, point, normal, known, clearest, low, high, candidates, others, most):
     """Sort all lamps into candidates and others; up to ``few`` lamps are all candidates.
 
-    ``point``, ``normal`` and ``known`` are those of one pixel, the rest of the tile as `extent` gives it. Left in
-    ``others``: their numbers, and the sum of their weights up to each. Returned: the number of both, and what the
+    ``point`` and ``normal`` are those of one pixel, the rest is as `extent` gives it; ``most`` is scratch. Left
+    in ``others``: their numbers, and the sum of their weights up to each. Returned: the number of both, and what the
     others send to the pixel.
     """
     lamps = len(sources.lamps)
@@ -126,17 +138,17 @@ def find_candidates(sources, few, point, normal, known, clearest, low, high, can
         return lamps, 0, 0.0
     center = ((low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2)
     corner = (high[0] - center[0], high[1] - center[1], high[2] - center[2])
-    reach, least, most = math.sqrt(dot(corner, corner)), (low[3], low[4], low[5]), (high[3], high[4], high[5])
+    reach, lowest, highest = math.sqrt(dot(corner, corner)), (low[3], low[4], low[5]), (high[3], high[4], high[5])
     numbers, upto = others
+    weigh(sources, point, normal, center, reach, lowest, highest, upto, most)
     total = known
     for number in range(lamps):
-        upto[number] = roughly(sources, number, point, normal)
         total += upto[number]
-    total /= clearest
+    least = SHARE_ALONE * total / clearest
     found, count, rest, sent = 0, 0, 0.0, 0.0
     for number in range(lamps):
-        here, most_here = upto[number], bound(sources, number, center, reach, least, most)
-        if most_here > SHARE_ALONE * total:
+        here, most_here = upto[number], most[number]
+        if most_here > least:
             candidates[found] = number
             found += 1
         elif most_here > 0:

@@ -89,8 +89,8 @@ class Direct(reference.Direct):
             return lists, counts, out[2:]
         count = -(-width // TILE) * -(-(pixels // width) // TILE)
         candidates, numbers = (lists.new_empty(count, lamps) for _ in range(2))
-        upto, sent = (known.new_empty(count, *n, dtype=torch.float64) for n in ((lamps,), ()))
-        tiles = candidates, numbers, upto, counts.new_empty(count, 2), sent
+        upto, most, sent = (known.new_empty(count, *n, dtype=torch.float64) for n in ((lamps,), (lamps,), ()))
+        tiles = candidates, numbers, upto, most, counts.new_empty(count, 2), sent
         candidates_each(count, self._tables, self._surface, known, start, width, FEW, pixels, *tiles)
         power = upto.new_empty(pixels, lamps)
         list_each(pixels, self._tables, self._surface, known, dice, start, width, tiles, power, *out)

@@ -17,8 +17,6 @@ from tracer.traversal.kernel import triple
 
 CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
 """Columns of `Sources.rectangles`; the facing is as long as the area, the offset its product with the corner."""
-MOVED, AREA = 3, 4
-"""Columns of `Sources.sides` after the sum of the facings: the sums of the offsets and of the areas."""
 CENTER, RADIUS, MEAN = 0, 3, 4
 """Columns of `Sources.lamps`; the mean of the radiance."""
 SMALL = 1e-2  # square of the tangent of an angle below which a series is exact in float32
@@ -31,8 +29,8 @@ class Sources(NamedTuple):
     Args:
         rectangles: ``(R, 13)`` float64, those of one lamp after those of another.
         first: ``(L + 1,)`` int64, where those of each lamp begin.
-        sides: ``(L, 6, 5)`` float64: the rectangles of a lamp of many, summed over those that face one way; the first
-            area is negative for other lamps.
+        faces: ``(K, 6, L)`` float64, the rectangles of each lamp, and of a lamp of many their sums over those that face
+            one way: facing, offset, the least offset that they could have in the lamp's sphere, and area; else zero.
         lamps: ``(L, 5)`` float64.
         sun: ``(4, 3)`` float64: two axes across the direction to the sun, that direction, and the sine of the sun's
             angular radius.
@@ -41,7 +39,7 @@ class Sources(NamedTuple):
 
     rectangles: np.ndarray
     first: np.ndarray
-    sides: np.ndarray
+    faces: np.ndarray
     lamps: np.ndarray
     sun: np.ndarray
     colors: np.ndarray

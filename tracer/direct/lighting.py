@@ -48,7 +48,8 @@ def light(
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
     off: those that may give a pixel at most 1/96 of the light it could get are represented by up to eight of them,
     drawn in proportion, those below 1/32 get a sixteenth of the samples, and those below 1/16 a quarter. A share of the
-    sky's light counts to what a pixel could get, as much of it as reaches all but the deepest caves.
+    sky's light counts to what a pixel could get, as much of it as reaches all but the deepest caves, and so does what a
+    surface emits.
 
     Args:
         scene: what is there, and its sun and sky.
@@ -81,6 +82,9 @@ def light(
     points = above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
     arrived, sky_light = [], sky_irradiance(scene, gbuffer.normal)
+    besides = SKY_SHARE * sky_light.mean(dim=1)
+    if gbuffer.emission is not None:  # as the irradiance that would make a surface as bright
+        besides = besides + gbuffer.emission.mean(dim=1) / diffuse.mean(dim=1).clamp_min(1e-6)
     for b in range(batch):
         surface = Surface(
             points=points[b].flatten(1).float(),
@@ -88,7 +92,7 @@ def light(
             lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
             size=camera.size,
             seen=None if seen is None else seen[b].flatten(),
-            besides=SKY_SHARE * sky_light[b].mean(dim=0).flatten(),
+            besides=besides[b].flatten(),
         )
         arrived.append(_direct(scene, poses[b], surface).arriving(noise, samples))
         if scene.waves is not None:

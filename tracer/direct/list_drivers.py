@@ -13,7 +13,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver, scalar
-from tracer.direct.choice_kernel import TILE, draw_rest, extent, find_candidates, importance, list_lamps
+from tracer.direct.choice_kernel import TILE, draw_rest, extent, find_candidates, importance, list_lamps, side_of
 from tracer.direct.kernel import Sources
 from tracer.direct.near_kernel import gather, importances, new_near
 from tracer.traversal.kernel import triple
@@ -30,13 +30,13 @@ def _tile(n, width, height):
 
 
 @scalar
-def _candidates(sources, surface, known, start, width, few, tile, candidates, others, low, high):
+def _candidates(sources, surface, known, start, width, few, tile, side, candidates, others, most, low, high):
     """What `find_candidates` returns for a tile, and leaves in ``candidates`` and ``others``."""
-    i, clearest = extent(surface, start, width, tile, low, high)
+    i, clearest, least = extent(surface, known, start, width, tile, side, low, high)
     if i < 0:
         return 0, 0, 0.0
     point, normal = triple(surface[0], i, 0), triple(surface[1], i, 0)
-    return find_candidates(sources, few, point, normal, known[i], clearest, low, high, candidates, others)
+    return find_candidates(sources, few, point, normal, least, clearest, low, high, candidates, others, most)
 
 
 @scalar
@@ -51,17 +51,22 @@ def _choose(i, p, known, seen, dice, candidates, power, others, count, sent, out
 def _list_tile(sources, surface, known, dice, start, width, few, out, tile, candidates, others, scratch):
     points, normals, seen = surface
     power, near, low, high = scratch
-    given = sources, surface, known, start, width, few, tile, candidates, others, low, high
-    found, count, sent = _candidates(*given)
-    used, power = candidates[:found], power[:found]
-    gather(near, sources, used, low, high)
     for row in range(tile[0], tile[1]):
         for p in range(row * width + tile[2], row * width + tile[3]):
-            i = start + p
             out[1][p], out[3][p, :] = 0, np.float32(0)
-            if seen[i] > 0:
-                importances(near, triple(points, i, 0), triple(normals, i, 0), power)
-                _choose(i, p, known, seen, dice, used, power, others, count, sent, out)
+    # what pixels of one tile face differs more than where they lie: together they would bound hardly anything
+    for side in range(6):
+        given = sources, surface, known, start, width, few, tile, side, candidates, others, power, low, high
+        found, count, sent = _candidates(*given)
+        used, mine = candidates[:found], power[:found]
+        if found + count > 0:
+            gather(near, sources, used, low, high)
+            for row in range(tile[0], tile[1]):
+                for p in range(row * width + tile[2], row * width + tile[3]):
+                    i = start + p
+                    if seen[i] > 0 and side == side_of(normals, i):
+                        importances(near, triple(points, i, 0), triple(normals, i, 0), mine)
+                        _choose(i, p, known, seen, dice, used, mine, others, count, sent, out)
 
 
 @driver
@@ -79,18 +84,18 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
 
 
 @scalar
-def candidates_tile(n, table, surface, known, start, width, few, size, candidates, numbers, upto, found, sent):
+def candidates_tile(n, table, surface, known, start, width, few, size, candidates, numbers, upto, most, found, sent):
     """The candidates of one tile: their number and that of the others in ``found``; see `find_candidates`."""
     low, high = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     tile, others = _tile(n, width, size // width), (numbers[n], upto[n])
-    given = surface, known, start, width, few, tile, candidates[n], others, low, high
+    given = surface, known, start, width, few, tile, -1, candidates[n], others, most[n], low, high
     found[n, 0], found[n, 1], sent[n] = _candidates(Sources(*table), *given)
 
 
 @scalar
 def list_pixel(p, table, surface, known, dice, start, width, tiles, power, lists, counts, chosen, scale):
     """As `list_all`, one pixel; ``tiles`` is what `candidates_tile` found."""
-    candidates, numbers, upto, found, sent = tiles
+    candidates, numbers, upto, _, found, sent = tiles
     (points, normals, seen), sources, i = surface, Sources(*table), start + p
     counts[p] = 0
     for draw in range(scale.shape[1]):

@@ -34,15 +34,15 @@ def tables_of(lamps: Lamps, sun: Sun | None) -> tuple[Tensor, ...]:
     return (
         torch.cat([corner, edge_u, edge_v, facing, offset], dim=1),
         first,
-        _sides(used, facing, offset),
+        _faces(used, facing, offset, ball),
         ball.double(),
         torch.cat([basis.T, torch.full((1, 3), sine)]).double().to(ball.device),
         torch.cat([lamps.radiance, color.to(lamps.radiance)]),
     )
 
 
-def _sides(used: Tensor, facing: Tensor, offset: Tensor) -> Tensor:
-    """`Sources.sides` of lamps with rectangles where ``used`` ``(L, K)`` is set; see `Sources` for the other two."""
+def _faces(used: Tensor, facing: Tensor, offset: Tensor, ball: Tensor) -> Tensor:
+    """`Sources.faces` of lamps with rectangles where ``used`` ``(L, K)`` is set; ``ball`` is `Sources.lamps`."""
     lamp, area = used.nonzero()[:, 0], facing.norm(dim=1, keepdim=True)
     axis = facing.abs().argmax(dim=1)
     up = facing.gather(1, axis[:, None])[:, 0] > 0
@@ -51,5 +51,12 @@ def _sides(used: Tensor, facing: Tensor, offset: Tensor) -> Tensor:
     unlike = sums[:, 4] - sums[:, :3].norm(dim=1) > ALIKE * sums[:, 4]
     sides = sums.view(-1, 6, 5)
     alone = unlike.view(-1, 6).any(dim=1) | (used.sum(dim=1) < MANY)
-    sides[alone, 0, 4] = -1.0
-    return sides
+    least = (sides[..., :3] * ball[:, None, :3]).sum(dim=2) - sides[..., 4] * ball[:, 3:4]
+    summed = torch.cat([sides[..., :4], least[..., None], sides[..., 4:]], dim=2)
+    widest = max(6, int(used[alone].sum(dim=1).max())) if bool(alone.any()) else 6
+    own = facing.new_zeros(len(used), used.shape[1], 6)
+    own[used] = torch.cat([facing, offset, offset, area], dim=1)
+    own = own.gather(1, used.int().argsort(dim=1, descending=True, stable=True)[..., None].expand(-1, -1, 6))
+    own = F.pad(own[:, :widest], (0, 0, 0, max(widest - own.shape[1], 0)))
+    summed = F.pad(summed, (0, 0, 0, widest - 6))
+    return torch.where(alone[:, None, None], own, summed).permute(1, 2, 0)

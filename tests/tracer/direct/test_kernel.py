@@ -15,6 +15,7 @@ from voxels import DARK, LAMP, STONE, polished_scene, world
 from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
 from tracer.direct import choice_kernel, choice_reference, drivers, lighting, reference
+from tracer.direct.kernel import Sources
 from tracer.direct.pixel_kernel import LEVEL
 from tracer.direct.sources import sources_of
 from tracer.gbuffers import gbuffer
@@ -184,10 +185,29 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
     width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
     tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen), (np.empty(6), np.empty(6))
-    assert choice_kernel.extent(surface, 0, width, tile, *ranges)[0] == -1
+    known = np.arange(120, 0, -1).astype(np.float32)
+    assert choice_kernel.extent(surface, known, 0, width, tile, -1, *ranges)[0] == -1
+    least = np.inf
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
         seen[y * width + x] = 1 / (y + 1)
-        assert choice_kernel.extent(surface, 0, width, tile, *ranges) == (y * width + x, seen.max())
+        least = min(least, known[y * width + x])
+        assert choice_kernel.extent(surface, known, 0, width, tile, -1, *ranges) == (y * width + x, seen.max(), least)
+
+
+def test_pixels_of_a_tile_that_face_another_side_are_apart():
+    normals = F.normalize(torch.randn(64, 3, generator=torch.Generator().manual_seed(7)), dim=1).double().numpy()
+    points, seen, known = np.arange(192.0).reshape(64, 3), np.ones(64, np.float32), np.arange(64.0)
+    axes = np.abs(normals).argmax(1)
+    sides = 2 * axes + (np.take_along_axis(normals, axes[:, None], 1)[:, 0] > 0)
+    low, high = np.empty(6), np.empty(6)
+    for side in range(6):
+        mine = np.flatnonzero(sides == side)
+        middle, _, least = choice_kernel.extent((points, normals, seen), known, 0, 8, (0, 8, 0, 8), side, low, high)
+        assert middle in mine
+        assert least == mine[0]
+        np.testing.assert_array_equal(low, np.concatenate([points[mine].min(0), normals[mine].min(0)]))
+        np.testing.assert_array_equal(high, np.concatenate([points[mine].max(0), normals[mine].max(0)]))
+        assert {choice_kernel.side_of(normals, i) for i in mine} == {side}
 
 
 def test_long_lists_make_low_bands():
@@ -204,11 +224,20 @@ def crowd() -> Lamps:
     return lamps_of_world(World.from_dense(shines.to(torch.int16), lamp, origin=(-4, -4, -4)))
 
 
+def weighed(
+    sources: Sources, place: tuple[Any, Any], around: tuple[Any, Any, Any, Any]
+) -> tuple[np.ndarray, np.ndarray]:
+    """What `choice_kernel.weigh` finds at a place and around a centre."""
+    here, most = np.empty((2, len(sources.lamps)))
+    choice_kernel.weigh(sources, *place, *around, here, most)
+    return here, most
+
+
 @pytest.mark.parametrize("crowded", [False, True])
 def test_no_lamp_sends_more_than_its_bound(crowded: bool):
     g = torch.Generator().manual_seed(4)
     sources = sources_of(crowd() if crowded else forms(polished_scene(1))[0].lamps, None)
-    assert not crowded or (sources.sides[:, 0, choice_kernel.AREA] > 0).all()
+    assert not crowded or np.diff(sources.first).min() > len(sources.faces), "faces are sums"
     tight = behind = 0
     for case in range(25, 55) if crowded else range(120):
         center, reach = (torch.rand(3, generator=g) * 24 - 12).double().numpy(), float(torch.rand((), generator=g)) * 4
@@ -221,8 +250,8 @@ def test_no_lamp_sends_more_than_its_bound(crowded: bool):
             facing = F.normalize(way + 0.01 * torch.randn(20, 3, generator=g).double(), dim=1)
         low, high = tuple(facing.amin(0).tolist()), tuple(facing.amax(0).tolist())
         offsets = F.normalize(torch.randn(20, 3, generator=g), dim=1).double().numpy() * reach
-        for number in range(len(sources.lamps)):
-            most = choice_kernel.bound(sources, number, tuple(center), reach, low, high)
+        bounds = weighed(sources, (center, (0.0, 1.0, 0.0)), (center, reach, low, high))[1]
+        for number, most in enumerate(bounds.tolist()):
             sent = [
                 choice_kernel.importance(sources, number, tuple(center + offset), tuple(normal))
                 for offset, normal in zip(offsets, facing.tolist(), strict=True)
@@ -241,10 +270,11 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
         for _ in range(20):
             way = F.normalize(torch.randn(3, generator=g), dim=0).double()
             point, normal = tuple((far * way).tolist()), tuple((-way).tolist())
-            for number in range(len(sources.lamps)):
-                sent = choice_kernel.importance(sources, number, point, normal)
-                assert least * sent <= choice_kernel.roughly(sources, number, point, normal) <= sent * (1 + 1e-9)
-                assert sent <= choice_kernel.bound(sources, number, point, 0.0, normal, normal) * (1 + 1e-9)
+            roughly, most = weighed(sources, (point, normal), (point, 0.0, normal, normal))
+            sent = [choice_kernel.importance(sources, number, point, normal) for number in range(len(sources.lamps))]
+            assert (least * np.array(sent) <= roughly).all()
+            assert (roughly <= np.array(sent) * (1 + 1e-9)).all()
+            assert (sent <= most * (1 + 1e-9)).all()
 
 
 def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
@@ -254,7 +284,7 @@ def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
     point, away = (0.0, 40.0, 0.0), (0.0, 1.0, 0.0)  # above everything, and turned from it
     low, high = np.array([*point, -1.0, -1.0, -1.0]), np.array([*point, 1.0, 1.0, 1.0])
     bright = 1e9  # nothing is worth rays of its own
-    tile = 1.0, low, high, candidates, others
+    tile = 1.0, low, high, candidates, others, np.empty(lamps)
     found, count, sent = choice_kernel.find_candidates(sources, 0, point, away, bright, *tile)
     assert (found, sent) == (0, 0.0)
     reached = [n for n in range(lamps) if choice_kernel.importance(sources, n, point, (0.0, -1.0, 0.0)) > 0]

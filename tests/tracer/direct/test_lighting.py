@@ -8,6 +8,7 @@ import torch.nn.functional as F
 from voxels import GLASS, LAMP, STONE, TABLE, WATER, pose, world
 
 from gbufrt import Camera, GBuffer
+from tracer.direct import lighting
 from tracer.direct.lighting import light
 from tracer.gbuffers import gbuffer
 from tracer.lights.form_factor import rectangle_irradiance
@@ -145,6 +146,21 @@ def test_many_faint_lamps_are_not_cut_off():
     want = irradiance(alone, g)
     assert want.mean() > 0.02
     assert got.mean().item() == pytest.approx(want.mean().item(), rel=0.03)
+
+
+def test_lamps_are_weighed_against_what_a_surface_emits(monkeypatch: pytest.MonkeyPatch):
+    scene = Scene(world=world((48, 8, 48), FLOOR, (LAMP, (20, 1, 18), (28, 2, 30))), sky=DARK, sun=None)
+    g, found = gbuffer(scene, above((24, 24))), []
+    direct = lighting._direct
+    monkeypatch.setattr(lighting, "_direct", lambda *given: found.append(given[2].besides) or direct(*given))
+    light(scene, g)
+    assert g.albedo is not None
+    assert g.emission is not None
+    shines, besides = g.emission[0].amax(0) > 0, found[0].view(24, 24)
+    assert 0 < shines.sum() < shines.numel()
+    assert besides[~shines].max() < 1e-3
+    as_bright = besides / math.pi * g.albedo[0].mean(0)
+    torch.testing.assert_close(as_bright[shines], g.emission[0].mean(0)[shines])
 
 
 def test_stopping_early_changes_nothing_to_speak_of():
