@@ -29,18 +29,22 @@ def test_free_memory_amid_the_heap_goes_back_to_the_system() -> None:
     blocks = [np.ones(BLOCK, np.uint8) for _ in range(BLOCKS)]
     pins = blocks[::10]  # keep the heap from shrinking
     del blocks
-    before = _resident()
+    before, idle = _resident(), memory._idle()
     trim()
     assert before - _resident() > BLOCK * BLOCKS // 2
+    assert idle - memory._idle() > BLOCK * BLOCKS // 2
+    wanted = memory._idle()
+    more = [np.ones(BLOCK, np.uint8) for _ in range(BLOCKS)]
+    assert memory._idle() - wanted < BLOCK * len(more) // 2, "what is allocated is not idle"
     assert len(pins) == BLOCKS // 10
 
 
-def test_every_pass_over_a_large_frame_is_preceded_by_it_and_none_after(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_pass_is_preceded_by_it_where_much_is_held_and_none_after(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
     monkeypatch.setattr(memory, "_trim", lambda: lambda: calls.append(1))
     frame = specimen()
     frame = frame.replace(color=frame.radiance)
-    monkeypatch.setattr(memory, "LARGE", frame.gbuffer.depth.numel())
+    monkeypatch.setattr(memory, "_idle", lambda: memory.IDLE + 1)
     pipeline = Pipeline(given={"color"}, tone_map=ToneMap(), inner=Pipeline(given={"image"}, vignette=Vignette()))
     with memory.giving_back(pipeline):
         pipeline(frame)
@@ -49,8 +53,9 @@ def test_every_pass_over_a_large_frame_is_preceded_by_it_and_none_after(monkeypa
     assert len(calls) == 2
 
 
-def test_small_frames_are_spared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_little_is_left_where_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
+    monkeypatch.setattr(memory, "_idle", lambda: memory.IDLE)
     monkeypatch.setattr(memory, "_trim", lambda: lambda: calls.append(1))
     frame = specimen()
     pipeline = Pipeline(given={"color"}, tone_map=ToneMap())
@@ -62,7 +67,7 @@ def test_small_frames_are_spared(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_library_without_it_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory, "_trim", lambda: None)
     frame = specimen()
-    monkeypatch.setattr(memory, "LARGE", 0)
+    monkeypatch.setattr(memory, "_idle", lambda: memory.IDLE + 1)
     pipeline = Pipeline(given={"color"}, tone_map=ToneMap())
     with memory.giving_back(pipeline):
         assert pipeline(frame.replace(color=frame.radiance))[0].image is not None
