@@ -14,6 +14,7 @@ from gbufrt.commands.arguments.checks import DENOISERS, PIPELINES, check_name
 from gbufrt.commands.arguments.options import FileOptions, PassOptions
 from gbufrt.commands.arguments.settings import fitted, parse_settings
 from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, check_device, parse_names
+from gbufrt.commands.memory import giving_back
 from gbufrt.commands.progress import Tick
 from gbufrt.files.color_maps import to_srgb
 from gbufrt.files.exr import best_picture, write_exr
@@ -156,7 +157,7 @@ class Runner:
     def __init__(self, pipeline: Pipeline, warmup: int) -> None:
         self.pipeline, self.warmup = pipeline, warmup
         self.state: PipelineState | None = None
-        self.last: Frame | None = None
+        self.last: tuple[int, Camera] | None = None  # all of a frame would be in memory beside the next
 
     def __call__(self, frame: Frame, tick: Tick = lambda: None, stills: Iterable[Frame] = ()) -> Frame:
         """The frame after all passes.
@@ -166,7 +167,7 @@ class Runner:
             tick: called after each run of the pipeline.
             stills: what a camera saw that stood where the frame's stands, before it: in place of the warm-up.
         """
-        with torch.no_grad():
+        with torch.no_grad(), giving_back(self.pipeline):
             before = None
             for still in stills:
                 _, before = self.pipeline(still, before)
@@ -175,12 +176,13 @@ class Runner:
                 result, self.state = self.pipeline(frame.still(), before)
                 result = result.moving_as(frame)
                 tick()
-            elif self.last is not None and _follows(self.last, frame):
-                result, self.state = self.pipeline(frame, self.state)
+            elif self.last is not None and _follows(*self.last, frame):
+                given, self.state = None if self.state is None else self.state.handed_over(), None
+                result, self.state = self.pipeline(frame, given)
                 tick()
             else:
                 result, self.state = self.pipeline.settle(frame, self.warmup + 1, tick=tick)
-        self.last = frame
+        self.last = frame.index, frame.gbuffer.camera
         return result
 
     def runs(self, frames: int) -> int:
@@ -258,9 +260,10 @@ def open_device(name: str) -> torch.device:
     return torch.device(name)
 
 
-def _follows(last: Frame, frame: Frame) -> bool:
-    before, camera = frame.gbuffer.previous_camera, last.gbuffer.camera
-    if before is None or frame.index != last.index + 1 or (frame.cut is not None and bool(frame.cut.any())):
+def _follows(index: int, camera: Camera, frame: Frame) -> bool:
+    """Whether a frame is the next one after that of an index and a camera."""
+    before = frame.gbuffer.previous_camera
+    if before is None or frame.index != index + 1 or (frame.cut is not None and bool(frame.cut.any())):
         return False
     return _same_pose(before, camera)
 
