@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance
-from post.history.antilag import grain_of, trusted, typical_variance
+from post.history.antilag import grain_of, trusted
+from post.history.changes import spread
 from post.history.constants import YOUNG
 
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
 AROUND = 0.5  # of the standard deviations allowed above history: those allowed above the surroundings
 MOST = 20.0  # times the light that is kept: more than this is lost
-CELL, CELLS = 8, 5  # pixels to a cell, and cells to a side of the square over which light is given back
+WIDE = 5  # wavelets over which light is given back: they reach 62 pixels to each side
 
 
-def cut_outliers(signal: Tensor, geometry: Surface, state: Tensor | None, lead: int, firefly: float) -> Tensor:
+def cut_outliers(
+    signal: Tensor, geometry: Surface, state: Tensor | None, noise: Tensor | None, lead: int, firefly: float
+) -> Tensor:
     """Scale down samples far above the surface around, unless the pixel's own history explains them.
 
     Unlike `antilag.without_fireflies`, which looks at 3x3 pixels of any surface, this works from the first frame on.
@@ -29,6 +31,7 @@ def cut_outliers(signal: Tensor, geometry: Surface, state: Tensor | None, lead: 
         geometry: of this frame.
         state: ``(B, C + lead + 2 + K, H, W)`` of the frame before at this frame's pixels, which begins as that of
             `post.history.op.accumulate` and ends with the age; None at first.
+        noise: ``(B, 1, H, W)`` of the state, see `antilag.typical_variance`.
         lead: channels that make the luminance, and are scaled.
         firefly: standard deviations above its history at which a sample is cut; 0 keeps all.
 
@@ -44,11 +47,9 @@ def cut_outliers(signal: Tensor, geometry: Surface, state: Tensor | None, lead: 
     square = variance * (count - 1) / count + mean * mean
     others, around = (count * mean - light) / (count - 1), (count * square - light * light) / (count - 1)
     limit = others + AROUND * firefly * (around - others * others).clamp_min(0.0).add(1e-12).sqrt()
-    if state is not None:
-        channels, age = signal.shape[1], state[:, -1:]
-        noise = typical_variance(state[:, channels + lead : channels + lead + 2], age).add(1e-12).sqrt()
-        own = luminance(state[:, :channels], lead) + firefly * noise
-        limit = torch.where(age >= YOUNG, torch.maximum(limit, own), limit)
+    if state is not None and noise is not None:
+        own = luminance(state[:, : signal.shape[1]], lead) + firefly * noise.add(1e-12).sqrt()
+        limit = torch.where(state[:, -1:] >= YOUNG, torch.maximum(limit, own), limit)
     scale = torch.where((light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
     lone = torch.ones_like(light)
     speckled = 1 - trusted(grain_of(signal[:, :lead], variance, geometry.hit), lone)
@@ -62,20 +63,17 @@ def taken(signal: Tensor, kept: Tensor, lead: int) -> Tensor:
     return torch.minimum(luminance(signal, lead) - light, MOST * light).clamp_min(0.0)
 
 
-def given_back(smooth: Tensor, mean: Tensor, cut: Tensor, hit: Tensor) -> Tensor:
-    """Brighten all by the share of light that cuts took over a wide square: its mean stays.
+def given_back(smooth: Tensor, mean: Tensor, cut: Tensor, geometry: Surface) -> Tensor:
+    """Brighten each surface by the share of its light that cuts took over a wide area of it: its mean stays.
 
     Args:
         smooth: ``(B, 3, H, W)`` filtered light.
         mean: as ``smooth``, before the filter.
         cut: ``(B, 1, H, W)`` luminance, that cuts took, accumulated as ``mean`` was.
-        hit: ``(B, 1, H, W)`` bool.
+        geometry: of this frame.
 
     Returns:
         ``(B, 3, H, W)``, at most twice as bright.
     """
-    planes = torch.cat([luminance(mean), cut], dim=1) * hit
-    cells = F.avg_pool2d(planes, CELL, ceil_mode=True)
-    light, away = F.avg_pool2d(cells, CELLS, stride=1, padding=CELLS // 2).split(1, dim=1)
-    share = (away / light.clamp_min(1e-6)).clamp(0.0, 1.0)
-    return smooth * (1 + F.interpolate(share, size=cut.shape[-2:], mode="bilinear", align_corners=False))
+    light, away = spread(torch.cat([luminance(mean), cut], dim=1), torch.zeros_like(cut), geometry, WIDE)[0].split(1, 1)
+    return smooth * (1 + (away / light.clamp_min(1e-6)).clamp(0.0, 1.0))

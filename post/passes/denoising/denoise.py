@@ -100,7 +100,7 @@ def denoise(
         sure = trusted(grain, length)
         sure = sure if mirrors is None else torch.where(mirrors, 1.0, sure)  # histories of images lag
         smooth = into_shadow(smooth, noisy, geometry, sure)
-    smooth = given_back(smooth, mean, history.signals["excess"], shown.hit)
+    smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
     if mirrors is not None:
         clean = _filled(clean, geometry, mirrors)

@@ -16,7 +16,8 @@ from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
-from post.history.antilag import pooled, sample_variance
+from post.history.antilag import pooled, sample_variance, typical_variance
+from post.history.changes import follow_changes
 from post.history.constants import YOUNG
 from post.history.fireflies import cut_outliers, taken
 from post.history.op import accumulate, read_history
@@ -67,7 +68,8 @@ def temporal(
         distance: ``(B, 1, H, W)`` world units to the reflected hit: history is then also read where its virtual image
             was, and the one that agrees better is taken.
         lead: how many of the first channels the tests use; all by default.
-        excess: cut samples by `post.history.fireflies.cut_outliers` first, and accumulate what all cuts take.
+        excess: cut samples by `post.history.fireflies.cut_outliers` first, accumulate what all cuts take, and follow
+            changes of light over a wide area: see `post.history.changes.follow_changes`.
 
     Returns:
         The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
@@ -83,11 +85,13 @@ def temporal(
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal
-    before, new = torch.zeros_like(signal[:, :1]), dict[str, Tensor]()
+    before, noise, new = torch.zeros_like(signal[:, :1]), None, dict[str, Tensor]()
     if history is not None and history.gbuffer is not None:
         state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp, names)
     if excess:
-        signal = cut_outliers(signal, geometry, state, lead, firefly)
+        first = signal.shape[1] + lead  # of the moments
+        noise = None if state is None else typical_variance(state[:, first : first + 2], state[:, -1:])
+        signal = cut_outliers(signal, geometry, state, noise, lead, firefly)
     if state is None or history is None or history.gbuffer is None:
         light, length = luminance(signal, lead), torch.ones_like(signal[:, :1])
         moments = torch.cat([light, light * light], dim=1)
@@ -97,6 +101,9 @@ def temporal(
             before, state = state[:, -2:-1], torch.cat([state[:, :-2], state[:, -1:]], dim=1)
         motion, _ = motion_of(gbuffer, history.gbuffer.camera)
         longest = 1 / (1 + motion_response * norm(motion)) / max(1 - blend, 1e-9)
+        if noise is not None and clamp > 0:
+            signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
+            clamp = firefly = 0.0
         state, signal = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
         *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
         new |= zip(STORED, parts, strict=True)

@@ -33,29 +33,30 @@ def state(mean: float, square: float, age: float) -> torch.Tensor:
 def test_an_outlier_is_cut_among_noise_and_light_without_noise_is_not():
     light = noisy(1)
     light[AT] = 100.0
-    kept = cut_outliers(light, GEOMETRY, None, 3, 2.5)
+    kept = cut_outliers(light, GEOMETRY, None, None, 3, 2.5)
     assert float(kept[AT].max()) < 4.0
-    assert torch.equal(cut_outliers(light, GEOMETRY, None, 3, 0.0), light)
+    assert torch.equal(cut_outliers(light, GEOMETRY, None, None, 3, 0.0), light)
     edge = torch.where(torch.arange(SIZE[1]) < 24, 1.0, 4.0).expand_as(G.normal).contiguous()
     edge[AT] = 100.0
-    assert torch.allclose(cut_outliers(edge, GEOMETRY, None, 3, 2.5), edge, rtol=0.02)
+    assert torch.allclose(cut_outliers(edge, GEOMETRY, None, None, 3, 2.5), edge, rtol=0.02)
 
 
 def test_history_explains_a_bright_sample_once_it_is_old_enough():
     light = noisy(1)
     light[AT] = 9.0
     for mean, square, age, stays in ((9.0, 81.0, 8.0, True), (9.0, 81.0, 2.0, False), (1.0, 3.0, 8.0, False)):
-        kept = cut_outliers(light, GEOMETRY, state(mean, square, age), 3, 2.5)
+        noise = torch.full_like(G.depth, square - mean * mean)
+        kept = cut_outliers(light, GEOMETRY, state(mean, square, age), noise, 3, 2.5)
         assert bool((kept[AT] > 8.9).all()) is stays
 
 
 def test_what_is_cut_comes_back_as_light_all_around():
     light = noisy(1)
     light[AT] = 60.0
-    kept = cut_outliers(light, GEOMETRY, None, 3, 2.5)
+    kept = cut_outliers(light, GEOMETRY, None, None, 3, 2.5)
     cut = taken(light, kept, 3)
     assert float(cut[AT].min()) > 30.0
-    lighter = given_back(kept, kept, cut, G.hit)
+    lighter = given_back(kept, kept, cut, GEOMETRY)
     inner = G.hit.expand_as(light)
     assert abs(float(lighter[inner].sum() / light[inner].sum()) - 1) < 0.03
     assert float(kept[inner].sum()) < 0.96 * float(light[inner].sum())

@@ -1,0 +1,53 @@
+"""Changes of light: followed where a surface as a whole shows them; a lone bright sample is none."""
+
+from __future__ import annotations
+
+import boxes
+import torch
+
+from post.filters.surfaces import surface
+from post.history.changes import follow_changes, spread
+
+SIZE = (48, 64)
+G = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1]).gbuffer
+GEOMETRY = surface(G.depth, G.normal, G.hit, G.camera)
+AGE = 20.0
+AT = (..., 24, 32)
+
+
+def state(fast: torch.Tensor) -> torch.Tensor:
+    """Twenty frames of light 1 with a variance of 1, and a fast history that shows ``fast``, in three channels."""
+    one = torch.ones_like(G.depth)
+    return torch.cat([one, one, one, fast, fast, fast, fast, fast**2 + 1, one / AGE, AGE * one], dim=1)
+
+
+def follow(sample: float, fast: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """The sample, the slow history and its age after the test."""
+    light = torch.full_like(G.normal, sample)
+    light[AT] = 5000.0
+    kept, new = follow_changes(light, state(fast), torch.ones_like(fast), GEOMETRY, lead=3, clamp=1.5, firefly=2.5)
+    return kept, new[:, :3], new[:, -1:]
+
+
+def test_a_change_of_all_light_is_followed_and_one_bright_spot_is_not():
+    spot = torch.ones_like(G.depth)
+    spot[AT] = 3.0
+    kept, slow, age = follow(1.0, spot)
+    assert float(kept[AT].max()) < 10.0
+    assert torch.equal(age, torch.full_like(age, AGE))
+    assert torch.equal(slow, torch.ones_like(slow))
+    _, slow, age = follow(0.1, torch.full_like(G.depth, 0.2))
+    hit = G.hit & (torch.arange(SIZE[0])[:, None] < SIZE[0] - 4)
+    assert float(age[hit].mean()) < 5.0
+    assert float(slow[hit.expand_as(slow)].mean()) < 0.4
+
+
+def test_a_change_stays_on_its_surface():
+    g = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM).gbuffer
+    up = (g.normal[:, 1:2].abs() > 0.9) & g.hit
+    others = g.hit & ~up
+    assert min(int(up.sum()), int(others.sum())) > 200
+    light, left = spread(up.to(g.depth), torch.ones_like(g.depth), surface(g.depth, g.normal, g.hit, g.camera), 4)
+    assert float(light[up].min()) > 0.95
+    assert float(light[others].max()) < 0.05
+    assert float(left[g.hit].mean()) < 0.05
