@@ -11,10 +11,10 @@ import pytest
 import torch
 
 from gbufrt.commands.ablation import figures as f
-from gbufrt.commands.ablation.bars import table
 from gbufrt.commands.ablation.cache import Cache, digest
 from gbufrt.commands.ablation.measure import Allocations
 from gbufrt.commands.ablation.records import Record
+from gbufrt.commands.ablation.table import table
 from gbufrt.commands.ablation.trivial import constant_per_object
 from gbufrt.commands.charts.drawing import Point, dots, scatter
 

@@ -13,12 +13,12 @@ from court import court
 
 from gbufrt import Pipeline
 from gbufrt.commands.ablation import Plan, ablate, front
-from gbufrt.commands.ablation.bars import table
 from gbufrt.commands.ablation.cache import Cache
 from gbufrt.commands.ablation.front import EFFECTS, Setting
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.report import fronts, write_front
+from gbufrt.commands.ablation.table import table
 from gbufrt.commands.session import Recipe
 from gbufrt.reduction import Reduction
 

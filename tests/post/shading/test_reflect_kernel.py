@@ -105,14 +105,14 @@ def test_kernel_equals_reference_with_other_options(changes: dict[str, float]) -
 
 @pytest.mark.parametrize("compiled", [True, False])
 def test_rays_that_are_not_marched_know_only_their_own_pixel(compiled: bool) -> None:
-    picture, *rest = scene(CAMERAS["perspective"])
+    picture, hierarchy, camera, rays = scene(CAMERAS["perspective"])
     visibility = torch.full_like(picture.depth, 0.3)
     lone = picture._replace(visibility=visibility, hit=torch.ones_like(picture.hit), metallic=None)
     other = visibility.clone()
     other[..., 0, 0] = 1.0
 
     def result(picture: Any) -> Tensor:
-        return reflect(picture, *rest, SHIFTS, **OPTIONS, roughness_cutoff=-1.0, compiled=compiled)
+        return reflect(picture, hierarchy, camera, rays, SHIFTS, **OPTIONS, roughness_cutoff=-1.0, compiled=compiled)
 
     closed, opened = result(lone), result(lone._replace(visibility=other))
     assert torch.equal(closed[..., 1:, 1:], opened[..., 1:, 1:])
