@@ -12,6 +12,7 @@ import voxels
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.commands.ablation.world import caustics as light
 from gbufrt.specular import DIELECTRIC_F0, schlick
 from tracer import Scene, Sun, Waves
 from tracer.frames import render
@@ -52,31 +53,8 @@ def arrived(points: Tensor, normals: Tensor, scene: Scene | None = None, time: f
     return caustics(scene or pool(), points, normals, lit, poses=poses, time=time, eye=EYE)[:, 0]
 
 
-def photons(count: int, bins: int) -> Tensor:
-    """``(bins, 2 bins)`` irradiance on the wall by light tracing: photons fall, are reflected by the waves and land."""
-    g = torch.Generator().manual_seed(3)
-    low, high = torch.tensor([8.0, FRONT]), torch.tensor([40.0, 26.0])
-    places = low + torch.rand(count, 2, generator=g) * (high - low)
-    power = 3.0 * float(TOWARD[1]) * float((high - low).prod()) / count  # of each: the sun's on level ground
-    water = Water.of(WAVES, TIME, EYE)
-    slopes, heights = water.slopes(places), water.height(places) + TOP - WAVES.amplitude
-    normal = F.normalize(torch.stack([-slopes[:, 0], torch.ones(count), -slopes[:, 1]], dim=-1), dim=-1)
-    cosine = normal @ TOWARD
-    way = 2 * cosine[:, None] * normal - TOWARD
-    t = (FRONT - places[:, 1]) / way[:, 2]
-    x, y = places[:, 0] + t * way[:, 0], heights + t * way[:, 1]
-    size = (HIGH[1] - LOW[1]) / bins
-    row, column = ((y - LOW[1]) / size).floor(), ((x - LOW[0]) / size).floor()
-    lands = (t > 0) & (row >= 0) & (row < bins) & (column >= 0) & (column < 2 * bins)
-    place = (row * 2 * bins + column)[lands].long()
-    energy = (power * schlick(cosine, DIELECTRIC_F0))[lands]
-    return torch.zeros(2 * bins * bins).index_add(0, place, energy).view(bins, 2 * bins) / size**2
-
-
 def test_energy_and_structure_are_those_of_light_tracing():
-    bins, fine = 20, 60
-    truth = photons(1_000_000, bins)
-    found = F.avg_pool2d(arrived(*wall(fine)).view(1, 1, fine, 2 * fine), fine // bins)[0, 0]
+    truth, found = light.photons("high sun"), light.arrived(*light.pool("high sun"))
     energy = float(found.mean() / truth.mean())
     both = torch.stack([found.flatten(), truth.flatten()])
     alike = float(torch.corrcoef(both)[0, 1])
