@@ -18,6 +18,7 @@ from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
 TILE = 8  # pixels on a side
+SIDES = 6  # of a cube: which a pixel faces, see `side_of`
 UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
 FEW = 16  # so few lamps are candidates everywhere
 MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
@@ -104,7 +105,7 @@ def extent(surface, known, start, width, tile, side, low, high):
     """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
     least ``known`` of one; left in ``low`` and ``high``, of six numbers each: the ranges of its lit points and normals.
 
-    Of a tile only pixels that face one ``side`` count, see `side_of`; below 0 all do.
+    Of a tile only pixels that face one ``side`` count, see `side_of`.
     """
     points, normals, seen = surface
     nearest, middle, clearest, least = np.inf, -1, 0.0, np.inf
@@ -112,7 +113,7 @@ def extent(surface, known, start, width, tile, side, low, high):
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
             i = start + y * width + x
-            if seen[i] > 0 and (side < 0 or side == side_of(normals, i)):
+            if seen[i] > 0 and side == side_of(normals, i):
                 clearest, least = max(clearest, seen[i]), min(least, known[i])
                 away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
                 if away < nearest:

@@ -18,7 +18,7 @@ from torch import Tensor
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import array, replaced, threads
 from tracer.direct import reference
-from tracer.direct.choice_kernel import FEW, MOST_ALONE, TILE
+from tracer.direct.choice_kernel import FEW, MOST_ALONE, SIDES, TILE
 from tracer.direct.choice_reference import DRAWS
 from tracer.direct.kernel import Sources
 from tracer.direct.list_drivers import candidates_each, list_all, list_each, pack_each
@@ -87,7 +87,7 @@ class Direct(reference.Direct):
             given = *replaced((self._surface, known, dice), array), start, width, FEW
             list_all(self._sources, *given, *map(array, out), threads())
             return lists, counts, out[2:]
-        count = -(-width // TILE) * -(-(pixels // width) // TILE)
+        count = SIDES * -(-width // TILE) * -(-(pixels // width) // TILE)
         candidates, numbers = (lists.new_empty(count, lamps) for _ in range(2))
         upto, most, sent = (known.new_empty(count, *n, dtype=torch.float64) for n in ((lamps,), (lamps,), ()))
         tiles = candidates, numbers, upto, most, counts.new_empty(count, 2), sent

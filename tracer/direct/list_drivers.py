@@ -13,7 +13,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver, scalar
-from tracer.direct.choice_kernel import TILE, draw_rest, extent, find_candidates, importance, list_lamps, side_of
+from tracer.direct.choice_kernel import SIDES, TILE, draw_rest, extent, find_candidates, importance, list_lamps, side_of
 from tracer.direct.kernel import Sources
 from tracer.direct.near_kernel import gather, importances, new_near
 from tracer.traversal.kernel import triple
@@ -55,7 +55,7 @@ def _list_tile(sources, surface, known, dice, start, width, few, out, tile, cand
         for p in range(row * width + tile[2], row * width + tile[3]):
             out[1][p], out[3][p, :] = 0, np.float32(0)
     # what pixels of one tile face differs more than where they lie: together they would bound hardly anything
-    for side in range(6):
+    for side in range(SIDES):
         given = sources, surface, known, start, width, few, tile, side, candidates, others, power, low, high
         found, count, sent = _candidates(*given)
         used, mine = candidates[:found], power[:found]
@@ -85,10 +85,10 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
 
 @scalar
 def candidates_tile(n, table, surface, known, start, width, few, size, candidates, numbers, upto, most, found, sent):
-    """The candidates of one tile: their number and that of the others in ``found``; see `find_candidates`."""
+    """Candidates of a side of a tile: their number and that of the others in ``found``; see `find_candidates`."""
     low, high = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
-    tile, others = _tile(n, width, size // width), (numbers[n], upto[n])
-    given = surface, known, start, width, few, tile, -1, candidates[n], others, most[n], low, high
+    tile, others = _tile(n // SIDES, width, size // width), (numbers[n], upto[n])
+    given = surface, known, start, width, few, tile, n % SIDES, candidates[n], others, most[n], low, high
     found[n, 0], found[n, 1], sent[n] = _candidates(Sources(*table), *given)
 
 
@@ -102,6 +102,7 @@ def list_pixel(p, table, surface, known, dice, start, width, tiles, power, lists
         scale[p, draw] = 0
     if seen[i] > 0:
         n = p // width // TILE * ((width + TILE - 1) // TILE) + p % width // TILE
+        n = n * SIDES + side_of(normals, i)
         used, others, mine = candidates[n, : found[n, 0]], (numbers[n], upto[n]), power[p, : found[n, 0]]
         for k in range(len(used)):
             mine[k] = importance(sources, used[k], triple(points, i, 0), triple(normals, i, 0))

@@ -186,12 +186,12 @@ def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
     width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
     tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen), (np.empty(6), np.empty(6))
     known = np.arange(120, 0, -1).astype(np.float32)
-    assert choice_kernel.extent(surface, known, 0, width, tile, -1, *ranges)[0] == -1
+    assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges)[0] == -1
     least = np.inf
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
         seen[y * width + x] = 1 / (y + 1)
         least = min(least, known[y * width + x])
-        assert choice_kernel.extent(surface, known, 0, width, tile, -1, *ranges) == (y * width + x, seen.max(), least)
+        assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges) == (y * width + x, seen.max(), least)
 
 
 def test_pixels_of_a_tile_that_face_another_side_are_apart():
