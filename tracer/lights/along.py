@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -16,6 +16,7 @@ from tracer.scene.fog import Fog
 CELLS = 256  # of angles, within which all are equally likely
 FLAT = 1e-6  # rise over a lamp's plane, a unit, below which a ray runs along it
 BLOCK = 1 << 17  # rays times lamps at a time
+RARE = 0.02  # share of draws by power alone where rays share weights, by which no lamp has none
 CANDIDATES = 64  # lamps that are weighed for a ray where not all are
 
 
@@ -57,8 +58,13 @@ class LampsAlong:
     turns: Tensor
 
     @staticmethod
-    def of(table: LampTable, segments: Segments, fog: Fog, u: Tensor | None = None) -> LampsAlong:
-        """Weigh all lamps for each ray; with ``u`` ``(N,)`` in [0, 1) where there are many, a few drawn by power."""
+    def of(
+        table: LampTable, segments: Segments, fog: Fog, u: Tensor | None = None, alike: Tensor | None = None
+    ) -> LampsAlong:
+        """Weigh all lamps for each ray; with ``u`` ``(N,)`` in [0, 1) where there are many, a few drawn by power.
+
+        Rays that follow each other with one number in ``alike`` ``(N,)`` share the weights of the first of them.
+        """
         angle = ((torch.arange(CELLS, device=table.power.device) + 0.5) / CELLS - 0.5) * math.pi
         turns = torch.nn.functional.pad((phase(fog, -angle.sin()) * (math.pi / CELLS)).cumsum(0), (1, 0))
         which, power = None, table.power
@@ -67,12 +73,20 @@ class LampsAlong:
             upto = table.power.cumsum(0)
             which = torch.searchsorted(upto, ((u[:, None] + steps) % 1.0) * upto[-1]).clamp_max(len(table) - 1)
             power = torch.full_like(u, 1 / CANDIDATES)[:, None]  # over what they are drawn by
+        rays, group = segments, None
+        if alike is not None and which is None:
+            group, rays = _shared(segments, alike)
         step = max(1, BLOCK // (len(table) if which is None else CANDIDATES))  # rays at a time: they stay in the cache
-        upto = [
-            _weights(table, segments.of(part), fog, turns, None if which is None else which[part], power).cumsum(dim=1)
-            for part in (slice(k, k + step) for k in range(0, len(segments.begin), step))
+        each = [
+            _weights(table, rays.of(part), fog, turns, None if which is None else which[part], power)
+            for part in (slice(k, k + step) for k in range(0, len(rays.begin), step))
         ]
-        return LampsAlong(table=table, segments=segments, upto=torch.cat(upto), which=which, turns=turns)
+        weights = torch.cat(each)
+        if group is not None:
+            weights = weights + weights.sum(1, keepdim=True).clamp_min(1e-20) * (RARE * power / power.sum())
+        upto = weights.cumsum(dim=1)
+        upto = upto if group is None else upto[group]
+        return LampsAlong(table=table, segments=segments, upto=upto, which=which, turns=turns)
 
     def draw(self, u: Tensor) -> Drawn:
         """One place on each ray, from numbers ``(4, N)`` in [0, 1)."""
@@ -96,6 +110,14 @@ class LampsAlong:
         away, solid = rectangle_points(points, table.corner[which], table.edge_u[which], table.edge_v[which], u[2:])
         light = torch.where((own[:, 0] > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
         return Drawn(t=t, points=points, away=away, light=light[:, None] * table.radiance[which])
+
+
+def _shared(ray: Segments, alike: Tensor) -> tuple[Tensor, Segments]:
+    """``(N,)`` the group of each ray, and a ray for each group: its first, as long as all of them."""
+    _, group, count = torch.unique_consecutive(alike, return_inverse=True, return_counts=True)
+    one = ray.of(count.cumsum(0) - count)
+    begin = one.begin.scatter_reduce(0, group, ray.begin, "amin")
+    return group, replace(one, begin=begin, end=one.end.scatter_reduce(0, group, ray.end, "amax"))
 
 
 def _weights(table: LampTable, ray: Segments, fog: Fog, turns: Tensor, which: Tensor | None, power: Tensor) -> Tensor:

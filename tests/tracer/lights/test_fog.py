@@ -37,7 +37,7 @@ def rays(count=64, y=5.0, z=0.5, end=20.0) -> Segments:
 
 
 def light_of(made: tracer.Scene, given: Segments, frames=1):
-    noise = blue_noise(8, len(given.begin) // 8, dims=10).flatten(1)
+    noise = blue_noise(8, len(given.begin) // 8, dims=10)
     none = torch.zeros(0, 4, 4)
     return torch.stack([scattered(made, given, noise, poses=none, index=i) for i in range(frames)]).mean(0)
 
