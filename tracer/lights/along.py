@@ -89,15 +89,18 @@ class LampsAlong:
         return LampsAlong(table=table, segments=segments, upto=upto, which=which, turns=turns)
 
     def draw(self, u: Tensor) -> Drawn:
-        """One place on each ray, from numbers ``(4, N)`` in [0, 1)."""
-        table, total = self.table, self.upto[:, -1:]
-        place = torch.searchsorted(self.upto, u[0, :, None] * total, right=True).clamp_max(self.upto.shape[1] - 1)
+        """S places on each ray, from numbers ``(4, S * N)`` in [0, 1): one on each of the rays, then another..."""
+        table, total, count = self.table, self.upto[:, -1:], len(self.upto)
+        place = torch.searchsorted(self.upto, (u[0].view(-1, count).T * total).contiguous(), right=True)
+        place = place.clamp_max(self.upto.shape[1] - 1)
         own = self.upto.gather(1, place) - torch.where(place > 0, self.upto.gather(1, (place - 1).clamp_min(0)), 0.0)
-        which, often = place, 1.0
+        which, often, share = place, 1.0, (own / total.clamp_min(1e-30)).T.flatten()
         if self.which is not None:
             which = self.which.gather(1, place)
-            often = CANDIDATES * table.power[which[:, 0]]  # Talbot, Cline and Egbert 2005
-        middle, off, low, high = (x[:, 0] for x in _reach(table, self.segments, which))
+            often = CANDIDATES * table.power[which.T.flatten()]  # Talbot, Cline and Egbert 2005
+        which = which.T.flatten()
+        rays = self.segments.of(torch.arange(count, device=u.device).repeat(place.shape[1]))
+        middle, off, low, high = (x[:, 0] for x in _reach(table, rays, which[:, None]))
         first, last = (_turned(self.turns, _angle(t, middle, off)) for t in (low, high))
         turned = first + (last - first) * u[1]
         cell = (torch.searchsorted(self.turns, turned, right=True) - 1).clamp(0, CELLS - 1)
@@ -105,10 +108,10 @@ class LampsAlong:
         angle = ((cell + (turned - self.turns[cell]) / width).clamp(0, CELLS) / CELLS - 0.5) * math.pi
         t = (middle + off * angle.tan()).clamp(low, high)
         chance = width * (CELLS / math.pi) / (last - first).clamp_min(1e-30) * off / (off * off + (t - middle).square())
-        chance = chance * often * own[:, 0] / total[:, 0].clamp_min(1e-30)
-        points, which = self.segments.points(t), which[:, 0]
+        chance = chance * often * share
+        points = rays.points(t)
         away, solid = rectangle_points(points, table.corner[which], table.edge_u[which], table.edge_v[which], u[2:])
-        light = torch.where((own[:, 0] > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
+        light = torch.where((share > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
         return Drawn(t=t, points=points, away=away, light=light[:, None] * table.radiance[which])
 
 

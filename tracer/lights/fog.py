@@ -4,14 +4,14 @@ Places along a ray are drawn in proportion to the light that fog takes there, so
 term's; lamps are drawn apart, see `tracer.lights.along`. Shadow rays are the compiled `tracer.traversal`'s.
 
 Most noise lies in a few pixels: at shafts of light, thin openings and lamps. All take a few steps of each light, and
-those whose neighbours' steps differ most take many more.
+those around which these differ most take many more.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
@@ -39,9 +39,9 @@ class Steps(NamedTuple):
     most: int
 
 
-SUN, SKY, LAMPS = Steps(4, 32), Steps(2, 16), Steps(3, 24)
-UNEVEN = 1 / 8  # share of pixels that take most steps
-NEIGHBOURS = 5  # pixels across
+SUN, SKY, LAMPS = Steps(5, 64), Steps(3, 20), Steps(4, 32)
+UNEVEN = 0.1  # share of pixels that take most steps
+NEIGHBOURS = 7  # pixels across
 SHARED = 4  # pixels both ways that weigh lamps together for their first steps
 GOLDEN = (5**0.5 - 1) / 2
 WIDE = 1 << 15  # rays at a time: bounds memory
@@ -83,14 +83,15 @@ def scattered(
 
     def march(add: Callable[[_March, Tensor, range, Tensor | None], Tensor], steps: Steps, dims: slice) -> Tensor:
         """Mean of the first steps, or of all of them where those around differ most."""
-        found, numbers = torch.zeros_like(light), range(index * steps.most, (index + 1) * steps.most)
+        found, more = torch.zeros_like(light), steps.most - steps.first
         for part in order.split(WIDE):
             rays = _March(scene, fog, segments.of(part), taken[part], poses)
-            found[part] = add(rays, u[dims, part], numbers[: steps.first], blocks[part])
-        for part in _uneven(found.mean(dim=1).view(size), taken.view(size)).split(WIDE):
+            found[part] = add(rays, u[dims, part], range(index * steps.first, (index + 1) * steps.first), blocks[part])
+        uneven = _uneven(found.mean(dim=1).view(size), taken.view(size))
+        for part in uneven.split(WIDE) if len(uneven) else ():
             rays = _March(scene, fog, segments.of(part), taken[part], poses)
-            more = add(rays, u[dims, part], numbers[steps.first :], None)
-            found[part] = torch.lerp(found[part], more, 1 - steps.first / steps.most)
+            rest = add(rays, u[dims, part], range(-(index + 1) * more, -index * more), None)
+            found[part] = torch.lerp(found[part], rest, more / steps.most)
         return found
 
     sun, sky = scene.sun, SkyTable.of(scene)
@@ -140,39 +141,48 @@ class _March:
         toward = F.normalize(noise.new_tensor([sun.direction]), dim=1)
         across, other = tangent_frame(toward)
         sine, light = math.sin(math.radians(sun.angular_radius)), 0.0
-        for u in _points(noise, numbers):
+        for rays, u in self._steps(noise, numbers):
             x, y = disc(u[1:])[:, :, None] * sine
             ways = across * x + other * y + toward * (1 - x * x - y * y).sqrt()
-            light = light + self._seen(self._place(u[0]), ways)
+            light = light + self._sum(rays._seen(rays._place(u[0]), ways))
         share = phase(self.fog, self.segments.directions @ toward[0])
         return light * share[:, None] * noise.new_tensor(sun.irradiance) / len(numbers)
 
     def sky(self, table: SkyTable, noise: Tensor, numbers: range) -> Tensor:
         light = torch.zeros_like(self.segments.origins)
-        for u in _points(noise, numbers):
-            points = self._place(u[0])
-            for ways in (phase_direction(self.fog, self.segments.directions, u[1:]), table.sample(u[1:])[0]):
-                share = phase(self.fog, (ways * self.segments.directions).sum(1))
+        for rays, u in self._steps(noise, numbers):
+            points, onward = rays._place(u[0]), rays.segments.directions
+            for ways in (phase_direction(self.fog, onward, u[1:]), table.sample(u[1:])[0]):
+                share = phase(self.fog, (ways * onward).sum(1))
                 share = share / (share + table.density_of(ways))  # both know peaks of their own
-                light = light + self._seen(points, ways) * sky_along(self.scene, ways) * share[:, None]
+                light = light + self._sum(rays._seen(points, ways) * sky_along(self.scene, ways) * share[:, None])
         return light / len(numbers)
 
     def lamps(self, table: LampTable, noise: Tensor, numbers: range, alike: Tensor | None) -> Tensor:
         light = torch.zeros_like(self.segments.origins)
-        height, rise = self.segments.entry()
         known = LampsAlong.of(table, self.segments, self.fog, alike=alike) if len(table) <= FEW else None
-        for u in _points(noise, numbers):
-            along = known or LampsAlong.of(table, self.segments, self.fog, u[0] * 7919 % 1)
-            drawn = along.draw(u)
+        for rays, u in self._steps(noise, numbers):
+            along = known or LampsAlong.of(table, rays.segments, self.fog, u[0] * 7919 % 1)
+            drawn, (height, rise) = along.draw(u), rays.segments.entry()
             far = drawn.away.norm(dim=1).clamp_min(1e-6)
             ways = drawn.away / far[:, None]
-            depth = self.fog.depth(height, rise, drawn.t - self.segments.begin)
+            depth = self.fog.depth(height, rise, drawn.t - rays.segments.begin)
             depth = depth + self.fog.depth(drawn.points[:, 1], ways[:, 1], far)
-            weight = phase(self.fog, (ways * self.segments.directions).sum(1)) * self.fog.density(drawn.points[:, 1])
-            weight = weight * (-depth).exp() / self.taken
-            seen = self._seen(drawn.points, ways, (far - SHORT).clamp_min(0))
-            light = light + seen * weight[:, None] * drawn.light
+            weight = phase(self.fog, (ways * rays.segments.directions).sum(1)) * self.fog.density(drawn.points[:, 1])
+            weight = weight * (-depth).exp() / rays.taken
+            seen = rays._seen(drawn.points, ways, (far - SHORT).clamp_min(0))
+            light = light + self._sum(seen * weight[:, None] * drawn.light)
         return light / len(numbers)
+
+    def _steps(self, noise: Tensor, numbers: range) -> Iterator[tuple[_March, Tensor]]:
+        """As many steps at a time as there is room for: rays once for each, and their ``(D, S * N)`` in [0, 1)."""
+        points, count = _points(noise, numbers), len(self.taken)
+        for u in points.split(max(1, WIDE // count), dim=1):
+            index = torch.arange(count, device=u.device).repeat(u.shape[1])
+            yield replace(self, segments=self.segments.of(index), taken=self.taken[index]), u.flatten(1)
+
+    def _sum(self, light: Tensor) -> Tensor:
+        return light.view(-1, len(self.taken), light.shape[1]).sum(dim=0)
 
     def _place(self, u: Tensor) -> Tensor:
         """``(N, 3)`` points in proportion to what fog takes there."""
@@ -184,8 +194,8 @@ class _March:
         return transmission(self.scene, points, ways, poses=self.poses, t_max=far)
 
 
-def _points(noise: Tensor, numbers: range) -> list[Tensor]:
-    """For each number of a step ``(D, N)`` in [0, 1): one additive sequence over steps and frames.
+def _points(noise: Tensor, numbers: range) -> Tensor:
+    """``(D, S, N)`` in [0, 1) for S numbers: one additive sequence over steps and frames.
 
     The first number, by which most light differs, goes by the golden ratio, which no other ratio spreads better.
 
@@ -195,5 +205,5 @@ def _points(noise: Tensor, numbers: range) -> list[Tensor]:
     for _ in range(30):
         ratio = (1 + ratio) ** (1 / dims)
     turns = [GOLDEN, *(ratio ** -(d + 1) for d in range(dims - 1))]
-    shifts = (noise.new_tensor([[number * turn % 1] for turn in turns]) for number in numbers)
-    return [((noise + shift) % 1.0).clamp_max(BELOW_ONE) for shift in shifts]
+    shifts = noise.new_tensor([[[number * turn % 1] for number in numbers] for turn in turns])
+    return ((noise[:, None] + shifts) % 1.0).clamp_max(BELOW_ONE)
