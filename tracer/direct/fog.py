@@ -65,7 +65,7 @@ def _with_light(scene: Scene, frame: Frame, begin: Tensor, end: Tensor, poses: T
     (origins, directions), size = frame.gbuffer.camera.rays(), frame.gbuffer.camera.size
     fog, clear, light = scene.fog, [], []
     assert fog is not None
-    noise = blue_noise(*size, dims=DIMS, seed=seed, device=origins.device).flatten(1)
+    noise = blue_noise(*size, dims=DIMS, seed=seed, device=origins.device)
     for b in range(frame.gbuffer.batch):
         rays = _flat(origins[b], directions[b], begin[b, 0], end[b, 0])
         clear.append(passes(fog, rays).view(1, *size))
@@ -86,9 +86,9 @@ def _mirrored(scene: Scene, g: GBuffer, poses: Tensor, index: int) -> Tensor:
     end = torch.where(smooth, torch.where(hits.hit, hits.t, g.camera.far), 0.0)
     found = []
     for b in range(g.batch):
-        noise = blue_noise(*g.camera.size, dims=DIMS, seed=2, device=points.device).flatten(1)
+        noise = blue_noise(*g.camera.size, dims=DIMS, seed=2, device=points.device)
         some = _flat(points[b], ways[b], torch.zeros_like(end[b]), end[b])
-        light = scattered(scene, some, noise, poses=poses[b], index=index)
+        light = scattered(scene, some, noise, poses=poses[b], index=index, coherent=False)
         found.append(torch.cat([light, passes(scene.fog, some)[:, None]], dim=1).T.view(4, *g.camera.size))
     return torch.stack(found)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -16,6 +16,7 @@ from tracer.scene.fog import Fog
 CELLS = 256  # of angles, within which all are equally likely
 FLAT = 1e-6  # rise over a lamp's plane, a unit, below which a ray runs along it
 BLOCK = 1 << 17  # rays times lamps at a time
+RARE = 0.02  # share of draws by power alone where rays share weights, by which no lamp has none
 CANDIDATES = 64  # lamps that are weighed for a ray where not all are
 
 
@@ -57,8 +58,13 @@ class LampsAlong:
     turns: Tensor
 
     @staticmethod
-    def of(table: LampTable, segments: Segments, fog: Fog, u: Tensor | None = None) -> LampsAlong:
-        """Weigh all lamps for each ray; with ``u`` ``(N,)`` in [0, 1) where there are many, a few drawn by power."""
+    def of(
+        table: LampTable, segments: Segments, fog: Fog, u: Tensor | None = None, alike: Tensor | None = None
+    ) -> LampsAlong:
+        """Weigh all lamps for each ray; with ``u`` ``(N,)`` in [0, 1) where there are many, a few drawn by power.
+
+        Rays that follow each other with one number in ``alike`` ``(N,)`` share the weights of the first of them.
+        """
         angle = ((torch.arange(CELLS, device=table.power.device) + 0.5) / CELLS - 0.5) * math.pi
         turns = torch.nn.functional.pad((phase(fog, -angle.sin()) * (math.pi / CELLS)).cumsum(0), (1, 0))
         which, power = None, table.power
@@ -67,23 +73,34 @@ class LampsAlong:
             upto = table.power.cumsum(0)
             which = torch.searchsorted(upto, ((u[:, None] + steps) % 1.0) * upto[-1]).clamp_max(len(table) - 1)
             power = torch.full_like(u, 1 / CANDIDATES)[:, None]  # over what they are drawn by
+        rays, group = segments, None
+        if alike is not None and which is None:
+            group, rays = _shared(segments, alike)
         step = max(1, BLOCK // (len(table) if which is None else CANDIDATES))  # rays at a time: they stay in the cache
-        upto = [
-            _weights(table, segments.of(part), fog, turns, None if which is None else which[part], power).cumsum(dim=1)
-            for part in (slice(k, k + step) for k in range(0, len(segments.begin), step))
+        each = [
+            _weights(table, rays.of(part), fog, turns, None if which is None else which[part], power)
+            for part in (slice(k, k + step) for k in range(0, len(rays.begin), step))
         ]
-        return LampsAlong(table=table, segments=segments, upto=torch.cat(upto), which=which, turns=turns)
+        weights = torch.cat(each)
+        if group is not None:
+            weights = weights + weights.sum(1, keepdim=True).clamp_min(1e-20) * (RARE * power / power.sum())
+        upto = weights.cumsum(dim=1)
+        upto = upto if group is None else upto[group]
+        return LampsAlong(table=table, segments=segments, upto=upto, which=which, turns=turns)
 
     def draw(self, u: Tensor) -> Drawn:
-        """One place on each ray, from numbers ``(4, N)`` in [0, 1)."""
-        table, total = self.table, self.upto[:, -1:]
-        place = torch.searchsorted(self.upto, u[0, :, None] * total, right=True).clamp_max(self.upto.shape[1] - 1)
+        """S places on each ray, from numbers ``(4, S * N)`` in [0, 1): one on each of the rays, then another..."""
+        table, total, count = self.table, self.upto[:, -1:], len(self.upto)
+        place = torch.searchsorted(self.upto, (u[0].view(-1, count).T * total).contiguous(), right=True)
+        place = place.clamp_max(self.upto.shape[1] - 1)
         own = self.upto.gather(1, place) - torch.where(place > 0, self.upto.gather(1, (place - 1).clamp_min(0)), 0.0)
-        which, often = place, 1.0
+        which, often, share = place, 1.0, (own / total.clamp_min(1e-30)).T.flatten()
         if self.which is not None:
             which = self.which.gather(1, place)
-            often = CANDIDATES * table.power[which[:, 0]]  # Talbot, Cline and Egbert 2005
-        middle, off, low, high = (x[:, 0] for x in _reach(table, self.segments, which))
+            often = CANDIDATES * table.power[which.T.flatten()]  # Talbot, Cline and Egbert 2005
+        which = which.T.flatten()
+        rays = self.segments.of(torch.arange(count, device=u.device).repeat(place.shape[1]))
+        middle, off, low, high = (x[:, 0] for x in _reach(table, rays, which[:, None]))
         first, last = (_turned(self.turns, _angle(t, middle, off)) for t in (low, high))
         turned = first + (last - first) * u[1]
         cell = (torch.searchsorted(self.turns, turned, right=True) - 1).clamp(0, CELLS - 1)
@@ -91,11 +108,19 @@ class LampsAlong:
         angle = ((cell + (turned - self.turns[cell]) / width).clamp(0, CELLS) / CELLS - 0.5) * math.pi
         t = (middle + off * angle.tan()).clamp(low, high)
         chance = width * (CELLS / math.pi) / (last - first).clamp_min(1e-30) * off / (off * off + (t - middle).square())
-        chance = chance * often * own[:, 0] / total[:, 0].clamp_min(1e-30)
-        points, which = self.segments.points(t), which[:, 0]
+        chance = chance * often * share
+        points = rays.points(t)
         away, solid = rectangle_points(points, table.corner[which], table.edge_u[which], table.edge_v[which], u[2:])
-        light = torch.where((own[:, 0] > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
+        light = torch.where((share > 0) & (high > low), solid / chance.clamp_min(1e-30), 0.0)
         return Drawn(t=t, points=points, away=away, light=light[:, None] * table.radiance[which])
+
+
+def _shared(ray: Segments, alike: Tensor) -> tuple[Tensor, Segments]:
+    """``(N,)`` the group of each ray, and a ray for each group: its first, as long as all of them."""
+    _, group, count = torch.unique_consecutive(alike, return_inverse=True, return_counts=True)
+    one = ray.of(count.cumsum(0) - count)
+    begin = one.begin.scatter_reduce(0, group, ray.begin, "amin")
+    return group, replace(one, begin=begin, end=one.end.scatter_reduce(0, group, ray.end, "amax"))
 
 
 def _weights(table: LampTable, ray: Segments, fog: Fog, turns: Tensor, which: Tensor | None, power: Tensor) -> Tensor:

@@ -2,12 +2,17 @@
 
 Places along a ray are drawn in proportion to the light that fog takes there, so that the mean over them is the source
 term's; lamps are drawn apart, see `tracer.lights.along`. Shadow rays are the compiled `tracer.traversal`'s.
+
+Most noise lies in a few pixels: at shafts of light, thin openings and lamps. All take a few steps of each light, and
+those around which these differ most take many more.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 import torch.nn.functional as F
@@ -26,14 +31,27 @@ from tracer.scene.fog import Fog
 from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
 
-SUN_STEPS, SKY_STEPS, LAMP_STEPS = 32, 10, 16  # places on a ray through the fog, a frame
+
+class Steps(NamedTuple):
+    """Places on a ray through the fog, a frame: at every pixel, and at most at those that need more."""
+
+    first: int
+    most: int
+
+
+SUN, SKY, LAMPS = Steps(5, 64), Steps(3, 20), Steps(4, 32)
+UNEVEN = 0.1  # share of pixels that take most steps
+NEIGHBOURS = 7  # pixels across
+SHARED = 4  # pixels both ways that weigh lamps together for their first steps
 GOLDEN = (5**0.5 - 1) / 2
 WIDE = 1 << 15  # rays at a time: bounds memory
 FEW = 512  # lamps up to which all are weighed for every ray
 NOTHING = 1e-7  # share of light below which fog is not marched
 
 
-def scattered(scene: Scene, segments: Segments, noise: Tensor, *, poses: Tensor, index: int = 0) -> Tensor:
+def scattered(
+    scene: Scene, segments: Segments, noise: Tensor, *, poses: Tensor, index: int = 0, coherent: bool = True
+) -> Tensor:
     """Mean light that fog scatters toward the eye, over the share of light that it takes.
 
     Times ``1 - passes(...)`` it is what fog adds before a surface. It hardly depends on where the segment ends, so it
@@ -41,32 +59,74 @@ def scattered(scene: Scene, segments: Segments, noise: Tensor, *, poses: Tensor,
 
     Args:
         scene: with fog. Sun and sky reach it undimmed, as they reach surfaces; light of lamps is dimmed on its way.
-        segments: N of them.
-        noise: ``(10, N)`` in [0, 1).
+        segments: of H x W pixels, row by row.
+        noise: ``(10, H, W)`` in [0, 1).
         poses: ``(I, 4, 4)`` of the scene's instances.
         index: frame number: others draw other places, well spread over time.
+        coherent: whether neighbouring rays run side by side.
 
     Returns:
-        ``(N, 3)`` linear radiance; 0 where fog takes nothing.
+        ``(H * W, 3)`` linear radiance; 0 where fog takes nothing.
 
     Source: Kulla and Fajardo 2012 (importance sampling in participating media); Veach and Guibas 1995 for the sky.
     """
     assert scene.fog is not None
+    fog, size, u = scene.fog, noise.shape[1:], noise.flatten(1)
     light = segments.origins.new_zeros(len(segments.begin), 3)
-    taken = 1 - passes(scene.fog, segments)
-    some = (taken > NOTHING).nonzero()[:, 0]
-    if not len(some):
+    taken = 1 - passes(fog, segments)
+    blocks = _blocks(size, SHARED if coherent else 1, taken.device)
+    order = blocks.argsort(stable=True)
+    order = order[taken[order] > NOTHING]
+    if not len(order):
         return light
-    lamps = LampTable.of(lamps_of(scene, poses), (0, 0, 0), (1, 1, 1))
-    for part in some.split(WIDE):
-        march, u = _March(scene, scene.fog, segments.of(part), taken[part], poses), noise[:, part]
-        found = march.sky(u[3:6], index)
-        if scene.sun is not None:
-            found = found + march.sun(scene.sun, u[:3], index)
-        if len(lamps):
-            found = found + march.lamps(lamps, u[6:10], index)
-        light[part] = found * light.new_tensor(scene.fog.albedo)
-    return light
+    table = LampTable.of(lamps_of(scene, poses), (0, 0, 0), (1, 1, 1))
+
+    def march(add: Callable[[_March, Tensor, range, Tensor | None], Tensor], steps: Steps, dims: slice) -> Tensor:
+        """Mean of the first steps, or of all of them where those around differ most."""
+        found, more = torch.zeros_like(light), steps.most - steps.first
+        for part in order.split(WIDE):
+            rays = _March(scene, fog, segments.of(part), taken[part], poses)
+            found[part] = add(rays, u[dims, part], range(index * steps.first, (index + 1) * steps.first), blocks[part])
+        uneven = _uneven(found.mean(dim=1).view(size), taken.view(size))
+        for part in uneven.split(WIDE) if len(uneven) else ():
+            rays = _March(scene, fog, segments.of(part), taken[part], poses)
+            rest = add(rays, u[dims, part], range(-(index + 1) * more, -index * more), None)
+            found[part] = torch.lerp(found[part], rest, more / steps.most)
+        return found
+
+    sun, sky = scene.sun, SkyTable.of(scene)
+    if sun is not None:
+        light += march(lambda rays, u, numbers, _: rays.sun(sun, u, numbers), SUN, slice(0, 3))
+    if sky is not None:
+        light += march(lambda rays, u, numbers, _: rays.sky(sky, u, numbers), SKY, slice(3, 6))
+    if len(table):
+        light += march(lambda rays, u, numbers, alike: rays.lamps(table, u, numbers, alike), LAMPS, slice(6, 10))
+    return light * light.new_tensor(fog.albedo)
+
+
+def _blocks(size: tuple[int, ...], side: int, device: torch.device) -> Tensor:
+    """``(H * W,)`` the number of the square that each pixel lies in."""
+    rows, columns = (torch.arange(n, device=device) // side for n in size)
+    return (rows[:, None] * -(-size[1] // side) + columns).flatten()
+
+
+def _uneven(light: Tensor, taken: Tensor) -> Tensor:
+    """Pixels around which light differs most, by what fog takes at each.
+
+    A pixel's own light has no part in that: were more steps taken where the first saw something, the mean would be off.
+    """
+    reach, each = NEIGHBOURS // 2, torch.stack([torch.ones_like(light), light, light * light])[:, None]
+    around = F.conv2d(each, _ring(light), padding=reach)[:, 0]
+    mean, square = around[1:] / around[0].clamp_min(1)
+    spread = ((square - mean * mean).clamp_min(0).sqrt() * taken).flatten()
+    worst, where = spread.topk(math.ceil(len(spread) * UNEVEN))
+    return where[worst > 0]
+
+
+def _ring(like: Tensor) -> Tensor:
+    ring = like.new_ones(1, 1, NEIGHBOURS, NEIGHBOURS)
+    ring[..., NEIGHBOURS // 2, NEIGHBOURS // 2] = 0
+    return ring
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,47 +137,52 @@ class _March:
     taken: Tensor
     poses: Tensor
 
-    def sun(self, sun: Sun, noise: Tensor, index: int) -> Tensor:
+    def sun(self, sun: Sun, noise: Tensor, numbers: range) -> Tensor:
         toward = F.normalize(noise.new_tensor([sun.direction]), dim=1)
         across, other = tangent_frame(toward)
         sine, light = math.sin(math.radians(sun.angular_radius)), 0.0
-        for u in _points(noise, SUN_STEPS, index):
+        for rays, u in self._steps(noise, numbers):
             x, y = disc(u[1:])[:, :, None] * sine
             ways = across * x + other * y + toward * (1 - x * x - y * y).sqrt()
-            light = light + self._seen(self._place(u[0]), ways)
+            light = light + self._sum(rays._seen(rays._place(u[0]), ways))
         share = phase(self.fog, self.segments.directions @ toward[0])
-        return light * share[:, None] * noise.new_tensor(sun.irradiance) / SUN_STEPS
+        return light * share[:, None] * noise.new_tensor(sun.irradiance) / len(numbers)
 
-    def sky(self, noise: Tensor, index: int) -> Tensor:
+    def sky(self, table: SkyTable, noise: Tensor, numbers: range) -> Tensor:
         light = torch.zeros_like(self.segments.origins)
-        table = SkyTable.of(self.scene)
-        if table is None:
-            return light
-        for u in _points(noise, SKY_STEPS, index):
-            points = self._place(u[0])
-            for ways in (phase_direction(self.fog, self.segments.directions, u[1:]), table.sample(u[1:])[0]):
-                share = phase(self.fog, (ways * self.segments.directions).sum(1))
+        for rays, u in self._steps(noise, numbers):
+            points, onward = rays._place(u[0]), rays.segments.directions
+            for ways in (phase_direction(self.fog, onward, u[1:]), table.sample(u[1:])[0]):
+                share = phase(self.fog, (ways * onward).sum(1))
                 share = share / (share + table.density_of(ways))  # both know peaks of their own
-                light = light + self._seen(points, ways) * sky_along(self.scene, ways) * share[:, None]
-        return light / SKY_STEPS
+                light = light + self._sum(rays._seen(points, ways) * sky_along(self.scene, ways) * share[:, None])
+        return light / len(numbers)
 
-    def lamps(self, table: LampTable, noise: Tensor, index: int) -> Tensor:
+    def lamps(self, table: LampTable, noise: Tensor, numbers: range, alike: Tensor | None) -> Tensor:
         light = torch.zeros_like(self.segments.origins)
-        height, rise = self.segments.entry()
-        points = _points(noise, LAMP_STEPS, index)
-        known = LampsAlong.of(table, self.segments, self.fog) if len(table) <= FEW else None
-        for u in points:
-            along = known or LampsAlong.of(table, self.segments, self.fog, u[0] * 7919 % 1)
-            drawn = along.draw(u)
+        known = LampsAlong.of(table, self.segments, self.fog, alike=alike) if len(table) <= FEW else None
+        for rays, u in self._steps(noise, numbers):
+            along = known or LampsAlong.of(table, rays.segments, self.fog, u[0] * 7919 % 1)
+            drawn, (height, rise) = along.draw(u), rays.segments.entry()
             far = drawn.away.norm(dim=1).clamp_min(1e-6)
             ways = drawn.away / far[:, None]
-            depth = self.fog.depth(height, rise, drawn.t - self.segments.begin)
+            depth = self.fog.depth(height, rise, drawn.t - rays.segments.begin)
             depth = depth + self.fog.depth(drawn.points[:, 1], ways[:, 1], far)
-            weight = phase(self.fog, (ways * self.segments.directions).sum(1)) * self.fog.density(drawn.points[:, 1])
-            weight = weight * (-depth).exp() / self.taken
-            seen = self._seen(drawn.points, ways, (far - SHORT).clamp_min(0))
-            light = light + seen * weight[:, None] * drawn.light
-        return light / LAMP_STEPS
+            weight = phase(self.fog, (ways * rays.segments.directions).sum(1)) * self.fog.density(drawn.points[:, 1])
+            weight = weight * (-depth).exp() / rays.taken
+            seen = rays._seen(drawn.points, ways, (far - SHORT).clamp_min(0))
+            light = light + self._sum(seen * weight[:, None] * drawn.light)
+        return light / len(numbers)
+
+    def _steps(self, noise: Tensor, numbers: range) -> Iterator[tuple[_March, Tensor]]:
+        """As many steps at a time as there is room for: rays once for each, and their ``(D, S * N)`` in [0, 1)."""
+        points, count = _points(noise, numbers), len(self.taken)
+        for u in points.split(max(1, WIDE // count), dim=1):
+            index = torch.arange(count, device=u.device).repeat(u.shape[1])
+            yield replace(self, segments=self.segments.of(index), taken=self.taken[index]), u.flatten(1)
+
+    def _sum(self, light: Tensor) -> Tensor:
+        return light.view(-1, len(self.taken), light.shape[1]).sum(dim=0)
 
     def _place(self, u: Tensor) -> Tensor:
         """``(N, 3)`` points in proportion to what fog takes there."""
@@ -129,8 +194,8 @@ class _March:
         return transmission(self.scene, points, ways, poses=self.poses, t_max=far)
 
 
-def _points(noise: Tensor, steps: int, index: int) -> list[Tensor]:
-    """For each step ``(D, N)`` in [0, 1): one additive sequence over steps and frames.
+def _points(noise: Tensor, numbers: range) -> Tensor:
+    """``(D, S, N)`` in [0, 1) for S numbers: one additive sequence over steps and frames.
 
     The first number, by which most light differs, goes by the golden ratio, which no other ratio spreads better.
 
@@ -140,6 +205,5 @@ def _points(noise: Tensor, steps: int, index: int) -> list[Tensor]:
     for _ in range(30):
         ratio = (1 + ratio) ** (1 / dims)
     turns = [GOLDEN, *(ratio ** -(d + 1) for d in range(dims - 1))]
-    numbers = range(index * steps, (index + 1) * steps)
-    shifts = (noise.new_tensor([[number * turn % 1] for turn in turns]) for number in numbers)
-    return [((noise + shift) % 1.0).clamp_max(BELOW_ONE) for shift in shifts]
+    shifts = noise.new_tensor([[[number * turn % 1] for number in numbers] for turn in turns])
+    return ((noise[:, None] + shifts) % 1.0).clamp_max(BELOW_ONE)

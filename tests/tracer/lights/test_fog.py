@@ -12,7 +12,7 @@ import tracer
 from gbufrt import Camera
 from gbufrt.noise.noise import blue_noise
 from tracer.direct.fog import segments_of
-from tracer.lights.fog import scattered
+from tracer.lights.fog import NEIGHBOURS, _uneven, scattered
 from tracer.lights.segments import Segments, passes, phase
 
 
@@ -37,7 +37,7 @@ def rays(count=64, y=5.0, z=0.5, end=20.0) -> Segments:
 
 
 def light_of(made: tracer.Scene, given: Segments, frames=1):
-    noise = blue_noise(8, len(given.begin) // 8, dims=10).flatten(1)
+    noise = blue_noise(8, len(given.begin) // 8, dims=10)
     none = torch.zeros(0, 4, 4)
     return torch.stack([scattered(made, given, noise, poses=none, index=i) for i in range(frames)]).mean(0)
 
@@ -100,3 +100,35 @@ def test_no_fog_no_light():
 def test_bad_values_are_named(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         tracer.Fog(**{"extinction": 0.1, **wrong})
+
+
+def test_most_steps_are_taken_by_what_lies_around_a_pixel_and_not_by_itself():
+    light, taken = torch.zeros(12, 16), torch.ones(12, 16)
+    light[5, 6], taken[5, 7] = 1.0, 0.0
+    chosen = {(int(k) // 16, int(k) % 16) for k in _uneven(light, taken)}
+    near = {(y, x) for y in range(12) for x in range(16) if max(abs(y - 5), abs(x - 6)) <= NEIGHBOURS // 2}
+    assert chosen
+    assert chosen < near - {(5, 6), (5, 7)}
+    assert not len(_uneven(torch.zeros(12, 16), taken))
+
+
+def shaded(**lamp: bool) -> tuple[tracer.Scene, Segments]:
+    """Rays through the shadow of the voxel, and under the sky."""
+    sun = tracer.Sun(direction=(0.0, 1.0, 0.0), irradiance=(3.0, 3.0, 3.0), angular_radius=0.5)
+    return scene(sun=sun, level=0.3, **lamp), rays(y=-1.0)
+
+
+def test_mean_is_that_of_most_steps_everywhere(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tracer.lights.fog.UNEVEN", 0.2)
+    found = light_of(*shaded(), frames=48)
+    monkeypatch.setattr("tracer.lights.fog.UNEVEN", 1.0)
+    wanted = light_of(*shaded(), frames=16)
+    torch.testing.assert_close(found.mean(0), wanted.mean(0), rtol=0.002, atol=0)
+    torch.testing.assert_close(found, wanted, rtol=0.03, atol=0)
+
+
+def test_steps_at_once_are_steps_one_by_one(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tracer.lights.fog.SHARED", 1)  # a square of pixels may lie in two parts
+    found = light_of(*shaded(lamp=True))
+    monkeypatch.setattr("tracer.lights.fog.WIDE", 16)
+    torch.testing.assert_close(found, light_of(*shaded(lamp=True)), rtol=1e-4, atol=1e-6)

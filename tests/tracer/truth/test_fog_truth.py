@@ -117,6 +117,33 @@ def test_few_of_many_lamps_stand_for_all(monkeypatch: pytest.MonkeyPatch):
     torch.testing.assert_close(torch.stack(some).mean(0), torch.stack(every).mean(0), rtol=0.03, atol=0)
 
 
+def test_lamps_have_a_chance_on_rays_that_share_weights():
+    made = scene(lamps=3, anisotropy=0.0)
+    _, rays = seen(made, (-6.0, 2.5, 2.5), (0.0, 1.5, 2.5), span=1.0)
+    first = torch.arange(len(rays.end)) % 10 == 0  # the first of ten turns away from what the others see
+    away = torch.where(first[:, None], torch.tensor([-1.0, 0.0, 0.0]), rays.directions)
+    rays = replace(rays, directions=away, end=torch.where(first, 2.0, 20.0))
+    table = LampTable.of(lamps_of(made, NONE), (0, 0, 0), (1, 1, 1))
+    assert made.fog is not None
+    own = LampsAlong.of(table, rays, made.fog)
+    shared = LampsAlong.of(table, rays, made.fog, alike=torch.arange(len(rays.end)) // 10)
+    u = torch.rand(4, 2000 * len(rays.end), generator=torch.Generator().manual_seed(1))
+    found, wanted = (along.draw(u).light.mean(0) for along in (shared, own))
+    torch.testing.assert_close(found, wanted, rtol=0.02, atol=0)
+
+
+def test_places_drawn_at_once_are_those_drawn_apart():
+    made = scene(lamps=3)
+    _, rays = seen(made, (-6.0, 2.5, 2.5), (0.0, 1.5, 2.5))
+    table = LampTable.of(lamps_of(made, NONE), (0, 0, 0), (1, 1, 1))
+    assert made.fog is not None
+    along, u = LampsAlong.of(table, rays, made.fog), torch.rand(4, 3 * len(rays.end))
+    found = along.draw(u)
+    each = [along.draw(part) for part in u.split(len(rays.end), dim=1)]
+    torch.testing.assert_close(found.light, torch.cat([one.light for one in each]))
+    torch.testing.assert_close(found.away, torch.cat([one.away for one in each]))
+
+
 def test_what_cannot_be_marched_is_named():
     made = scene()
     gbuffer, _ = seen(made, (-8.0, 6.0, 0.5), (0.0, 6.0, 0.5))
