@@ -19,7 +19,8 @@ from post.shading.ggx import grazing, specular_f0
 
 SMOOTH = 0.15  # perceptual roughness below which a metal shows an image
 METAL = 0.5  # metalness above which the image is all that a surface shows
-FAR = 1000.0  # world units: assumed distance of what is not on screen, farther than most
+FAR = 1000.0  # world units: reach of rays, and depth of the images in a picture in which none of them finds anything
+GRAZING = 1e-3  # least cosine between a mirror's normal and the direction to the eye
 STEPS = 128
 THICKNESS = 0.5  # assumed, world units, where the G-buffer has none
 
@@ -42,9 +43,9 @@ class Image(NamedTuple):
 def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
     """Replace smooth metals by what they reflect, as far as the picture tells.
 
-    One ray a pixel finds it. Where a ray goes behind something, its distance is still known, and the image is taken to
-    face the eye; where it leaves the picture, the image is taken to lie `FAR` behind the mirror. Curved mirrors are
-    treated as their tangent planes.
+    One ray a pixel finds it. Where a ray leaves the picture or goes behind something, the image is taken to lie on a
+    plane parallel to the mirror, as deep behind it as the other images of the picture are on average: neighbours are
+    then of one surface, so that filters may average them. Curved mirrors are treated as their tangent planes.
 
     Args:
         g: of the frame.
@@ -63,7 +64,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
     away = _mirrored(-eye, facing)
     found = _first_hits(g, points, torch.where(mask, away, 0.0))
     column, row = (found.px[:, k].floor() for k in (0, 1))
-    distance = torch.where(found.hit | found.blocked, found.distance.to(points), FAR)
+    distance = _image_distances(found, mask, (eye * facing).sum(1, keepdim=True))
     virtual = points - eye * distance
 
     def shown(channel: Tensor) -> Tensor:
@@ -73,7 +74,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
     for name in ("normal", "normal_geo"):
         if (normal := getattr(g, name)) is not None:
             seen = camera.rotate_to_world(_mirrored(camera.rotate_to_view(shown(normal)), facing))
-            changed[name] = torch.where(found.hit, seen, camera.rotate_to_world(eye))
+            changed[name] = torch.where(found.hit, seen, g.normal)
     if g.object_id is not None:
         changed["object_id"] = torch.where(found.hit, shown(g.object_id), g.object_id)
     previous = g.previous_camera if previous is None else previous
@@ -100,6 +101,19 @@ def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:
     thickness = THICKNESS if g.thickness is None else g.thickness
     hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=thickness)
     return march_rays(hierarchy, origins, directions, g.camera, steps=STEPS, distance=FAR)
+
+
+def _image_distances(found: Hits, mask: Tensor, cosine: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` world units along the ray; those of unknown images lead to the mean depth behind the mirrors.
+
+    Rays that end behind something are not taken to be right one by one, but their mean is.
+    """
+    cosine = cosine.clamp_min(GRAZING)
+    distance = found.distance.to(cosine)
+    known = mask & (found.hit | found.blocked)
+    count = known.sum((1, 2, 3), keepdim=True)
+    mean = torch.where(known, distance * cosine, 0.0).sum((1, 2, 3), keepdim=True) / count.clamp_min(1)
+    return torch.where(found.hit, distance, torch.where(count > 0, mean, FAR) / cosine)
 
 
 def _moved(g: GBuffer, previous: Camera, points: Tensor) -> Tensor:

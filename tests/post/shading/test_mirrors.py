@@ -62,9 +62,28 @@ def test_images_lie_where_the_tracer_finds_what_is_reflected():
     on_screen = image.mask & (length(mirrored(normal, g.normal) - image.gbuffer.normal) < 1e-3)
     assert float(on_screen.sum() / image.mask.sum()) > 0.4
     assert float(length(found - truth)[on_screen].median()) < 0.05
-    away = image.mask & (length(truth) > 0.9 * FAR)
-    assert away.any()
-    assert float((length(found)[away] > 0.9 * FAR).float().mean()) > 0.8  # some pass close behind the wall's edge
+
+
+def test_unknown_images_share_a_plane_at_the_mean_depth_of_the_known():
+    _, g = shown()
+    image = given(mirror_image(g))
+    points = g.camera.to_world(g.points_view())
+    images = g.camera.to_world(image.gbuffer.points_view())
+    depth = ((points - images) * g.normal).sum(1, keepdim=True)
+    unknown = image.mask & (image.gbuffer.normal == g.normal).all(1, keepdim=True)
+    assert 0.1 < float(unknown.sum() / image.mask.sum()) < 0.9
+    on_plane = float(depth[unknown].median())
+    assert float((depth[unknown] - on_plane).abs().max()) < 1e-3 * on_plane
+    known = depth[image.mask & ~unknown]
+    assert float(known.min()) < on_plane < float(known.max())
+    assert abs(on_plane / float(known.mean()) - 1) < 0.5  # rays that end behind something count too
+
+
+def test_a_mirror_of_the_sky_alone_shows_it_far_away():
+    _, g = shown()
+    image = given(mirror_image(g.replace(hit=g.hit & (given(g.metallic) > 0.5))))
+    depth = (g.points_view() - image.gbuffer.points_view()) * g.camera.rotate_to_view(g.normal)
+    assert torch.allclose(depth.sum(1)[image.mask[:, 0]], torch.tensor(FAR), rtol=1e-3)
 
 
 def test_albedo_is_that_of_what_is_reflected():
