@@ -14,7 +14,6 @@ from gbufrt.commands.arguments.checks import DENOISERS, PIPELINES, check_name
 from gbufrt.commands.arguments.options import FileOptions, PassOptions
 from gbufrt.commands.arguments.settings import fitted, parse_settings
 from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, check_device, parse_names
-from gbufrt.commands.memory import giving_back
 from gbufrt.commands.progress import Tick
 from gbufrt.files.color_maps import to_srgb
 from gbufrt.files.exr import best_picture, write_exr
@@ -167,7 +166,7 @@ class Runner:
             tick: called after each run of the pipeline.
             stills: what a camera saw that stood where the frame's stands, before it: in place of the warm-up.
         """
-        with torch.no_grad(), giving_back(self.pipeline):
+        with torch.no_grad():
             before = None
             for still in stills:
                 _, before = self.pipeline(still, before)

@@ -67,7 +67,6 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
     """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file."""
     import torch
 
-    from gbufrt.commands.memory import giving_back
     from gbufrt.commands.profile import around_passes
     from gbufrt.commands.session import Recipe, bare
     from gbufrt.files.exr import read_exr
@@ -91,7 +90,7 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
             totals.append((time.perf_counter() - start) * 1e3)
         return median(totals[1:])
 
-    with torch.no_grad(), giving_back(pipeline):  # as render and post do
+    with torch.no_grad():
         with around_passes(pipeline, now, end):
             alone = total()
         passes = {name: median(times[1:]) for name, times in spent.items()}
