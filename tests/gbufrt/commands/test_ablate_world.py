@@ -127,8 +127,12 @@ def test_upscaled_pictures_beat_interpolated_ones(tmp_path: Path, monkeypatch: p
 def test_lamps_that_go_out_are_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     for name, value in (("SIZE", (9, 12)), ("OUT", 2), ("LATER", 1), ("STEADY", (4, 5)), ("PATHS", 4)):
         monkeypatch.setattr(lights_out, name, value)
+    monkeypatch.setattr(lights_out, "EVEN_LATER", (2,))
     found = world.JUDGES["asvgf"](place(tmp_path, "still"))
-    assert named("asvgf") <= set(found.figures)
+    later = {key for key in named("asvgf") if "asvgf.after" in key}
+    assert named("asvgf") - later <= set(found.figures)
+    assert len(later) == 4
+    assert found.figures["asvgf.after_2_ours"] > 0
     assert found.figures["asvgf.over_denoise_Denoise"] == 1.0
     assert found.figures["asvgf.over_denoise_input"] > 1.0
     scenes = [lights_out.scene_at(fake_load("builtin"), number) for number in (0, 1)]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 SIZE = (72, 128)
 OUT, LATER = 16, 4  # the first frame without lamps, and how many frames later the error is judged
+EVEN_LATER = (7, 10)  # frames after `OUT` whose error is told beside it
 STEADY = (29, 31)  # frames whose error is the steady one
 PATHS = 48  # a pixel, of each half of the truth
 SEEDS = (100, 101)  # of the truth
@@ -50,7 +51,7 @@ def judge(place: Place) -> Outcome:
             with torch.no_grad():
                 done, states[name] = pipeline(before, states[name])  # pyright: ignore[reportArgumentType]
             shown[name] = done.read("radiance") if name == "Denoise" else outgoing(before, done)
-        if number in (OUT + LATER, *STEADY):
+        if number - OUT in (LATER, *EVEN_LATER) or number in STEADY:
             halves = truth(spot, before)
             errors[number] = {name: error(light, halves, judged(before)) for name, light in shown.items()}
             if number == OUT + LATER:
@@ -59,6 +60,8 @@ def judge(place: Place) -> Outcome:
     for name in shown:
         result.figures[f"asvgf.steady_{name}"] = steady[name]
         result.figures[f"asvgf.late_{name}"] = errors[OUT + LATER][name] / steady[name]
+        for after in EVEN_LATER:
+            result.figures[f"asvgf.after_{after}_{name}"] = errors[OUT + after][name] / steady[name]
         result.figures[f"asvgf.over_denoise_{name}"] = steady[name] / steady["Denoise"]
     return result
 

@@ -38,6 +38,11 @@ SECTIONS = (
             "asvgf.late_ours": f"error over the steady one, {lights_out.LATER} frames after",
             "asvgf.late_SVGF": "SVGF's",
             "asvgf.late_Denoise": "Denoise's",
+            **{
+                f"asvgf.after_{after}_{name}": f"{whose}{after} frames after"
+                for after in lights_out.EVEN_LATER
+                for name, whose in (("ours", ""), ("SVGF", "SVGF's, "))
+            },
             "asvgf.over_denoise_ours": "steady error over Denoise's",
             "asvgf.over_denoise_SVGF": "SVGF's over Denoise's",
             "asvgf.steady_ours": "steady error",
