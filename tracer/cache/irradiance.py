@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from tracer.cache.cells import SIDES, cells
+from tracer.cache.changes import Batch, luminance, segments, unchanged
+
 CAPACITY = 1 << 18
-SIDES = (1.0, 4.0)  # world units: a voxel, and what stands in for it where few paths come
-BITS = 19  # of each coordinate of a cell: what lies half a million cells apart shares a key
 KEPT = 0.82  # share of a cell's weight left after a frame: what is eight frames old counts a fifth
 LEAST = 4.0  # samples that a coarse cell must have to be read
 PRIOR = 16.0  # samples that it may add to those of a fine cell
@@ -52,7 +53,9 @@ class IrradianceCache:
         """The cache a frame later.
 
         The mean of a cell counts what it held before by `KEPT` for each frame since, so that a cell which many paths
-        meet forgets in eight frames, and one that none meets keeps what it knew.
+        meet forgets in eight frames, and one that none meets keeps what it knew. Cells whose light is seen to change
+        forget at once, this frame's samples included, because these still hold what the cache told them of other cells;
+        see `unchanged`. Until they have `LEAST` samples again nothing reads them, and paths go on instead.
 
         Args:
             positions: ``(N, 3)`` of the samples, world space, a little above their surfaces.
@@ -71,11 +74,14 @@ class IrradianceCache:
         kept[old], mean[old] = self.weight, self.radiance
         order = torch.argsort(new, stable=True)  # sums in an order of their own: the same in every run
         count = torch.bincount(new, minlength=len(keys))
-        sums = _segments(radiance.repeat(len(SIDES), 1)[order], count)
+        numbers = torch.cat([radiance, luminance(radiance).square()[:, None]], dim=1)
+        sums = segments(numbers.repeat(len(SIDES), 1)[order], count)
         met = count > 0
         earlier = torch.where(met, kept * KEPT ** frames.float(), kept)
+        credible = unchanged(keys, mean, earlier, Batch(count=count, total=sums[:, :3], squares=sums[:, 3]))
+        mean = mean * earlier[:, None] + sums[:, :3]
         weight = earlier + count
-        mean = (mean * earlier[:, None] + sums) / weight.clamp_min(1e-9)[:, None]
+        mean, weight = mean / weight.clamp_min(1e-9)[:, None], weight * credible
         later = replace(self, keys=keys, radiance=mean, weight=weight, age=torch.where(met, 0, frames))
         return later if len(keys) <= self.capacity else later._youngest()
 
@@ -108,21 +114,3 @@ class IrradianceCache:
         return replace(
             self, keys=self.keys[rows], radiance=self.radiance[rows], weight=self.weight[rows], age=self.age[rows]
         )
-
-
-def cells(positions: Tensor, normals: Tensor, side: float, level: int) -> Tensor:
-    """``(N,)`` int64 keys of the cells of a level in which places lie: the face that the normal is nearest to, and the
-    cube."""
-    axis = normals.abs().argmax(dim=1)
-    face = 2 * axis + (normals.gather(1, axis[:, None])[:, 0] > 0)
-    key = face + 6 * level
-    for coordinate in torch.floor(positions.double() / side).long().unbind(dim=1):
-        key = (key << BITS) + (coordinate & ((1 << BITS) - 1))
-    return key
-
-
-def _segments(values: Tensor, count: Tensor) -> Tensor:
-    """``(N, 3)`` sums of as many consecutive rows as ``count`` ``(N,)`` says."""
-    ends = count.cumsum(0)
-    upto = torch.cat([values.new_zeros(1, 3, dtype=torch.float64), values.double().cumsum(0)])
-    return (upto[ends] - upto[ends - count]).to(values.dtype)

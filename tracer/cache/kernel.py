@@ -8,7 +8,8 @@ import numpy as np
 
 from gbufrt.compute.kernel import scalar
 from gbufrt.compute.search import lower_bound
-from tracer.cache.irradiance import BITS, LEAST, PRIOR, SIDES
+from tracer.cache.cells import BITS, SIDES
+from tracer.cache.irradiance import LEAST, PRIOR
 
 MASK = (1 << BITS) - 1
 FINE, COARSE = SIDES
@@ -16,7 +17,7 @@ FINE, COARSE = SIDES
 
 @scalar
 def cell(point, normal, side, level):
-    """See `tracer.cache.irradiance.cells`."""
+    """See `tracer.cache.cells.cells`."""
     x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
     axis = 0 if x >= y and x >= z else 1 if y >= z else 2
     key = 2 * axis + (1 if normal[axis] > 0 else 0) + 6 * level
