@@ -150,28 +150,37 @@ class Runner:
     """Sends frames through a pipeline in order.
 
     A frame that does not follow the one before it starts a new history with `Pipeline.settle`: the passes run over it
-    ``warmup`` times before it counts.
+    ``warmup`` times before it counts, unless `settle` has begun a history for it.
     """
 
     def __init__(self, pipeline: Pipeline, warmup: int) -> None:
         self.pipeline, self.warmup = pipeline, warmup
         self.state: PipelineState | None = None
+        self.settled: PipelineState | None = None
         self.last: tuple[int, Camera] | None = None  # all of a frame would be in memory beside the next
 
-    def __call__(self, frame: Frame, tick: Tick = lambda: None, stills: Iterable[Frame] = ()) -> Frame:
+    def settle(self, stills: Iterable[Frame], tick: Tick = lambda: None) -> None:
+        """Begin the history of the next frame with what a camera saw that stood where the frame's stands, before it.
+
+        Args:
+            stills: in place of the warm-up over the frame itself; where there are none, that stays.
+            tick: called after each run of the pipeline.
+        """
+        with torch.no_grad():
+            for still in stills:
+                _, self.settled = self.pipeline(still, self.settled)
+                tick()
+
+    def __call__(self, frame: Frame, tick: Tick = lambda: None) -> Frame:
         """The frame after all passes.
 
         Args:
             frame: what to run them over.
             tick: called after each run of the pipeline.
-            stills: what a camera saw that stood where the frame's stands, before it: in place of the warm-up.
         """
         with torch.no_grad():
-            before = None
-            for still in stills:
-                _, before = self.pipeline(still, before)
-                tick()
-            if before is not None:
+            if self.settled is not None:
+                before, self.settled = self.settled, None
                 result, self.state = self.pipeline(frame.still(), before)
                 result = result.moving_as(frame)
                 tick()

@@ -65,17 +65,16 @@ class Flight:
         """
         wanted, left = frozenset(shot.wanted), Left()
         for index in shot.frames:
-            noisy = (
-                bool(self.sampling.paths) or self.recipe.fog
-            )  # so that a warm-up over one frame would keep its noise
-            stills = self._stills(index, runner.warmup, device, left) if noisy and index == shot.begin else ()
+            passes = f"passes of frame {index}"
+            if index == shot.begin and (self.sampling.paths or self.recipe.fog):  # a warm-up over one keeps its noise
+                runner.settle(self._stills(index, runner.warmup, device, left, ready), doing(passes))
             if known is not None and index not in wanted and not self.sampling.cached:
-                yield index, runner(known(index), doing(f"reading frame {index} again"), stills)
+                yield index, runner(known(index), doing(f"reading frame {index} again"))
                 continue
-            traced = self._trace(index, device, left)
+            traced = self._trace(index, device, left)  # after the stills, so that it finds the light that they left
             doing(f"tracing frame {index}")()
             ready()
-            yield index, runner(traced, doing(f"passes of frame {index}"), stills)
+            yield index, runner(traced, doing(passes))
 
     def _trace(self, index: int, device: Any, left: Left, *, still: int | None = None) -> Frame:
         from gbufrt.commands.session import precision_of
@@ -84,12 +83,14 @@ class Flight:
         traced = self.job.trace(self.scene, index, device, self.sampling, still=still, left=left)
         return as_stored(traced, precision_of(self.files))
 
-    def _stills(self, index: int, count: int, device: Any, left: Left) -> Iterator[Frame]:
+    def _stills(self, index: int, count: int, device: Any, left: Left, ready: Callable[[], None]) -> Iterator[Frame]:
         """Frames before one, with noise of their own, as if nothing had moved yet."""
         from gbufrt.pipeline import NOISE_PERIOD
 
         for before in range(count, 0, -1):
-            yield self._trace(index, device, left, still=(index - before) % NOISE_PERIOD)
+            still = self._trace(index, device, left, still=(index - before) % NOISE_PERIOD)
+            ready()
+            yield still
 
     def save(self, folder: Path, index: int, frame: Frame) -> None:
         """Write a finished frame's files."""
