@@ -77,7 +77,7 @@ def segments(values: Tensor, count: Tensor) -> Tensor:
 
 
 def luminance(light: Tensor) -> Tensor:
-    """``(N,)`` of ``(N, 3)`` linear radiance."""
+    """``(...)`` of ``(..., 3)`` linear radiance."""
     return light @ light.new_tensor(LUMINANCE)
 
 

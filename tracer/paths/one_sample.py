@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import GBuffer
@@ -187,6 +188,29 @@ def one_a_stratum(hit: Tensor, *, index: int = 0, seed: int = 0) -> Tensor:
     chosen = torch.zeros_like(hit)
     chosen[..., min(row, height - 1) :: STRATUM, min(column, width - 1) :: STRATUM] = True
     return chosen & hit
+
+
+def brightest_a_stratum(hit: Tensor, luminance: Tensor) -> Tensor:
+    """The brightest pixel of every 3x3 square, if any of them hit anything.
+
+    Light that goes out, or that mirrors show in few pixels, is in the brightest samples; others may hold none of it.
+
+    Args:
+        hit: ``(B, 1, H, W)`` bool.
+        luminance: ``(B, 1, H, W)`` of the samples that are chosen from.
+
+    Returns:
+        ``(B, 1, H, W)`` bool.
+
+    Source: Schied, Peters and Dachsbacher 2018 (A-SVGF), 4.1.
+    """
+    height, width = hit.shape[-2:]
+    margin = (0, -width % STRATUM, 0, -height % STRATUM)
+    bright = F.pad(torch.where(hit, luminance.clamp_min(0.0) + 1, 0.0), margin)
+    squares = bright.unflatten(3, (-1, STRATUM)).unflatten(2, (-1, STRATUM)).permute(0, 1, 2, 4, 3, 5)
+    flat = squares.flatten(4)
+    chosen = torch.zeros_like(flat).scatter(4, flat.argmax(dim=4, keepdim=True), 1.0).view(squares.shape)
+    return (chosen.permute(0, 1, 2, 4, 3, 5).reshape(bright.shape)[..., :height, :width] > 0) & hit
 
 
 def _moved(at: Receivers, then: Tensor) -> Receivers:

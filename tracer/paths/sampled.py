@@ -8,9 +8,10 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
+from tracer.cache.changes import luminance
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import lifted
-from tracer.paths.one_sample import one_a_stratum, sample
+from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
 from tracer.scene.scene import Scene
 
 
@@ -20,7 +21,8 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
     Args:
         scene: as it is at the time of ``frame``; sun, sky and materials may differ from frame to frame.
         frame: with a G-buffer of the scene, as `tracer.render` gives it.
-        before: the frame before, with whose index and G-buffer one pixel of every 3x3 is replayed; None at first.
+        before: the frame before, with whose index and G-buffer one pixel of every 3x3 is replayed; None at first. It is
+            the one whose ``diffuse`` and ``specular`` light was brightest, or, where the frame has none, each in turn.
         seed: see `sample_light`, as ``bounces``.
         bounces: see ``seed``.
 
@@ -47,8 +49,8 @@ def sampled_with_cache(
     """As `sampled`, with light that the frames before have left in the world: ``frame, cache = ...(frame, cache)``.
 
     Where a path first hits a surface that the cache knows, it ends there with the light that arrives at that surface
-    by any number of bounces. Paths of the pixels that the next frame replays go on; so do those that meet what the
-    cache does not know. What these and all first surfaces find goes into the cache.
+    by any number of bounces. Paths of the pixels that the next frame replays, each of nine in turn, go on; so do those
+    that meet what the cache does not know. What these and all first surfaces find goes into the cache.
 
     Args:
         scene: see `sampled`, as the rest.
@@ -99,7 +101,7 @@ def _sampled(
     }
     changes |= {"reflection_distance": light.distance, "shadow": light.shadow}
     if before is not None:
-        chosen = one_a_stratum(before.gbuffer.hit, index=before.index, seed=given["seed"])
+        chosen = _replayed(before, given["seed"], cached=cache is not None)
         then = scene.poses([before.time]).to(poses.device)
         moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": before.index}
         again, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **given)
@@ -110,3 +112,13 @@ def _sampled(
         changes["behind"], more = _sampled(scene, frame.behind, last, cache, given)
         samples = torch.cat([samples, more])
     return frame.replace(**changes), samples
+
+
+def _replayed(before: Frame, seed: int, *, cached: bool) -> Tensor:
+    """``(B, 1, H, W)`` bool, the pixels of the frame before that are replayed: those whose paths did not read a cache,
+    or else the brightest."""
+    hit, diffuse, specular = before.gbuffer.hit, before.diffuse, before.specular
+    if cached or diffuse is None or specular is None:
+        return one_a_stratum(hit, index=before.index, seed=seed)
+    light = diffuse * before.read("albedo") + specular
+    return brightest_a_stratum(hit, luminance(light.movedim(1, -1))[:, None])

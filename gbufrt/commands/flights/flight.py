@@ -69,9 +69,9 @@ class Flight:
             if index == shot.begin and (self.sampling.paths or self.recipe.fog):  # a warm-up over one keeps its noise
                 runner.settle(self._stills(index, runner.warmup, device, left, ready), doing(passes))
             if known is not None and index not in wanted and not self.sampling.cached:
-                yield index, runner(known(index), doing(f"reading frame {index} again"))
+                yield index, runner(left.keep(known(index)), doing(f"reading frame {index} again"))
                 continue
-            traced = self._trace(index, device, left)  # after the stills, so that it finds the light that they left
+            traced = left.keep(self._trace(index, device, left))  # after the stills, to find the light that they left
             doing(f"tracing frame {index}")()
             ready()
             yield index, runner(traced, doing(passes))

@@ -11,6 +11,8 @@ from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
+    from torch import Tensor
+
     from gbufrt.commands.flights.sampling import Sampling
     from gbufrt.frame import Frame
     from tracer.cache.irradiance import IrradianceCache
@@ -25,6 +27,17 @@ class Left:
     """What the frames of a shot leave for those after them."""
 
     light: IrradianceCache | None = None
+    samples: tuple[int, list[dict[str, Tensor | None]]] = (-1, [])
+    """Number of the last frame, and the sampled light of each of its layers, as its file holds it."""
+
+    def keep(self, frame: Frame) -> Frame:
+        """The frame, of which the sampled light is kept."""
+        layers, of = [], frame
+        while of is not None:
+            layers.append({"diffuse": of.diffuse, "specular": of.specular})
+            of = of.behind
+        self.samples = frame.index, layers
+        return frame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +171,7 @@ class Job:
             device: where to trace.
             sampling: how.
             still: number of a frame that stands as if it were this one, with noise of its own.
-            left: what the frames before have left, where the sampling says so; this one adds to it.
+            left: what the frames before have left; where the sampling says so, this one adds its light.
         """
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
@@ -192,10 +205,18 @@ class Job:
         last = None
         if still is None and index > 0:  # traced again, so that no frame needs another's files
             last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)
+            if left is not None and left.samples[0] == before:
+                last = with_samples(last, left.samples[1])
         if not sampling.cached or left is None:
             return without_ambient(sampled(there, frame, before=last, bounces=BOUNCES))
         frame, left.light = sampled_with_cache(there, frame, left.light, before=last, bounces=BOUNCES)
         return without_ambient(frame)
+
+
+def with_samples(frame: Frame, layers: list[dict[str, Tensor | None]]) -> Frame:
+    """A frame with its sampled light, by which pixels are chosen to be replayed; and what lies behind with its own."""
+    behind = with_samples(frame.behind, layers[1:]) if frame.behind is not None and layers[1:] else frame.behind
+    return frame.replace(behind=behind, **layers[0])
 
 
 def without_ambient(frame: Frame) -> Frame:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
@@ -58,7 +59,7 @@ def asvgf(
         history: what this function returned for the frame before; None at first.
         replayed: ``(B, 3, H, W)`` light that the frame before's samples bring now, at its pixels; without it nothing
             is taken to change, as in plain SVGF.
-        chosen: ``(B, 1, H, W)``, above 0 where ``replayed`` holds a sample: every third pixel of every third row.
+        chosen: ``(B, 1, H, W)``, above 0 where ``replayed`` holds a sample: at most one pixel of each 3x3 square.
         distance: ``(B, 1, H, W)`` world units to the reflected hit, for specular light: it is also back-projected as
             its virtual image, and roughness keeps mirrors sharp.
         cached: ``(B, 3, H, W)`` as ``light``, with less noise, of surfaces that a cache in the world knows: what pixels
@@ -119,20 +120,26 @@ def temporal_gradient(before: Tensor, replayed: Tensor, chosen: Tensor, gbuffer:
     Source: Schied, Peters and Dachsbacher 2018, 4.2 and 4.3.
     """
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
-    row, column = _first(chosen, 2), _first(chosen, 3)
-    some = (..., slice(row, None, STRATUM), slice(column, None, STRATUM))
-    was, now = luminance(before)[some], luminance(replayed)[some]
-    known = geometry.hit[some] & (chosen[some] > 0)
-    guide = torch.cat([geometry.guide[:, :HIT][some], known.to(was), geometry.guide[:, HIT + 1 :][some]], dim=1)
-    coarse = Surface(guide, geometry.scaled(STRATUM, STRATUM)[some], geometry.perspective)
-    none = torch.zeros_like(was)
+    which = _strata(chosen)
+    there, which = which.amax(dim=2) > 0, which.argmax(dim=2, keepdim=True)
+    was, now, guide = (_of_strata(x, which) for x in (luminance(before), luminance(replayed), geometry.guide))
+    known = there & (guide[:, HIT : HIT + 1] > 0)
+    guide = torch.cat([guide[:, :HIT], known.to(was), guide[:, HIT + 1 :]], dim=1)
+    plane = _of_strata(geometry.scaled(STRATUM, STRATUM), which)
+    coarse, none = Surface(guide, plane, geometry.perspective), torch.zeros_like(was)
     values = torch.where(known, torch.cat([now - was, torch.maximum(now, was), none, none], dim=1), 0.0)
     for iteration in range(GRADIENT_ITERATIONS):
         values = wavelet(
             values, coarse, none, step=2**iteration, phi_color=1.0, phi_depth=1 / STRATUM, phi_normal=GRADIENT_NORMAL
         )
     share = (values[:, :1].abs() / values[:, 1:2].clamp_min(1e-9)).clamp_max(1.0)
-    return upsample(share, geometry, stride=STRATUM, offset=(row, column))
+    row, column = (min(STRATUM // 2, side - 1) for side in gbuffer.depth.shape[2:])
+    rows, columns = (len(range(o, n, STRATUM)) for o, n in zip((row, column), gbuffer.depth.shape[2:], strict=True))
+    moved = geometry.guide.clone()  # a square's sample stands in its middle, as what it is a sample of
+    moved[..., row::STRATUM, column::STRATUM] = guide[..., :rows, :columns]
+    share = share[..., :rows, :columns].contiguous()
+    found = upsample(share, replace(geometry, guide=moved), stride=STRATUM, offset=(row, column))
+    return torch.where(gbuffer.hit, found, 0.0)
 
 
 def forgetting(history: History, change: Tensor) -> History:
@@ -157,10 +164,17 @@ def _new(gbuffer: GBuffer, history: History | None) -> Tensor:
     return torch.where(found.valid, FADING * found.image, 1.0)
 
 
-def _first(chosen: Tensor, dim: int) -> int:
-    """First row or column with a chosen pixel, modulo the stratum."""
-    lines = (chosen > 0).transpose(0, dim).flatten(1).any(dim=1)
-    return int(lines.to(torch.uint8).argmax()) % STRATUM
+def _strata(picture: Tensor) -> Tensor:
+    """``(B, C, 9, h, w)`` the pixels of each 3x3 square of a picture, 0 beyond its border."""
+    below, right = (-side % STRATUM for side in picture.shape[2:])
+    squares = F.pad(picture, (0, right, 0, below)).unflatten(3, (-1, STRATUM)).unflatten(2, (-1, STRATUM))
+    return squares.permute(0, 1, 3, 5, 2, 4).flatten(2, 3)
+
+
+def _of_strata(picture: Tensor, which: Tensor) -> Tensor:
+    """``(B, C, h, w)`` one pixel of each 3x3 square, by number, ``(B, 1, 1, h, w)``."""
+    squares = _strata(picture)
+    return squares.gather(2, which.expand(-1, squares.shape[1], -1, -1, -1))[:, :, 0].contiguous()
 
 
 def _filtered(

@@ -29,6 +29,8 @@ def fake_samples(scene: Scene, frame: Frame, *, before: Frame | None, bounces: i
     if before is None:
         return lit
     assert before.index == frame.index - 1
+    stored = light(before).half().float()
+    assert torch.equal(before.read("diffuse"), stored), "pixels are chosen by what the file holds"
     assert torch.equal(before.read("depth"), fake_unlit(scene, before.gbuffer.camera, index=0).read("depth"))
     chosen = torch.zeros_like(frame.gbuffer.depth)
     chosen[..., 1::3, 1::3] = 1.0

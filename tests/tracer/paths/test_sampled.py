@@ -16,8 +16,8 @@ from gbufrt.frame import Frame
 from post.shading.composite_op import specular_albedo
 from tracer.frames import render, unlit
 from tracer.gbuffers import gbuffer
-from tracer.paths.one_sample import one_a_stratum, sample_light
-from tracer.paths.sampled import sampled
+from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample_light
+from tracer.paths.sampled import sampled, sampled_with_cache
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
@@ -124,6 +124,32 @@ def test_one_pixel_of_every_square_is_chosen_and_each_once_in_nine_frames(size):
     if min(size) >= 9:
         assert int(chosen.sum(dim=0).amax()) == 1
     assert not bool(one_a_stratum(~everywhere).any())
+
+
+@pytest.mark.parametrize("size", [(9, 12), (10, 13), (1, 2)])
+def test_the_brightest_pixel_of_every_square_is_chosen(size):
+    light = torch.rand(2, 1, *size, generator=torch.Generator().manual_seed(4))
+    hit = torch.rand(2, 1, *size, generator=torch.Generator().manual_seed(5)) < 0.7
+    chosen = brightest_a_stratum(hit, light)
+    for picture in range(2):
+        for row in range(0, size[0], 3):
+            for column in range(0, size[1], 3):
+                square = picture, 0, slice(row, row + 3), slice(column, column + 3)
+                seen = torch.where(hit[square], light[square], -1.0)
+                assert torch.equal(chosen[square], (seen == seen.max()) & hit[square])
+    assert int(brightest_a_stratum(hit, 0 * light).sum()) <= math.ceil(size[0] / 3) * math.ceil(size[1] / 3) * 2
+
+
+def test_the_brightest_samples_of_the_frame_before_are_replayed():
+    scene = room()
+    before = sampled(scene, frame(scene, 4))
+    chosen = sampled(scene, frame(scene, 5), before=before).read("replayed") > 0
+    light = (before.read("diffuse") * before.read("albedo") + before.read("specular")).sum(1, keepdim=True)
+    assert float(light[chosen].mean()) > 1.5 * float(light[before.gbuffer.hit].mean())
+    in_turn = one_a_stratum(before.gbuffer.hit, index=4)
+    assert torch.equal(sampled(scene, frame(scene, 5), before=frame(scene, 4)).read("replayed") > 0, in_turn)
+    after, _ = sampled_with_cache(scene, frame(scene, 5), before=before)
+    assert torch.equal(after.read("replayed") > 0, in_turn), "the others may have read the cache"
 
 
 def test_samples_of_a_scene_that_stays_are_the_same_again():

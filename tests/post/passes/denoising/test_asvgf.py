@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import Frame, Pipeline
 from post import ASVGF, asvgf
 from post.passes.denoising.asvgf import FADING, forgetting, temporal_gradient
-from tracer.paths.one_sample import one_a_stratum
+from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum
 
 SIZE = (36, 48)
 COLOR = torch.tensor([0.9, 0.5, 0.2]).view(1, 3, 1, 1)
@@ -65,6 +65,20 @@ def test_changes_stay_on_their_own_surface():
     assert float(change[inner(f.gbuffer.hit & ~floor)].mean()) < 0.01  # few have no replayed pixel of their own near
     assert bool(inner(floor).any())
     assert bool(inner(f.gbuffer.hit & ~floor).any())
+
+
+def test_replayed_samples_may_lie_anywhere_in_their_squares():
+    """Of samples that only some pixels have, the brightest tell what becomes of them; and each on its own surface."""
+    plain, generator = frame(even()), torch.Generator().manual_seed(2)
+    floor, hit = upward(plain), plain.gbuffer.hit
+    before = even() * (torch.rand(1, 1, *SIZE, generator=generator) < 0.2)
+    after = torch.where(floor, 0.0, before)
+    chosen = brightest_a_stratum(hit, before[:, :1])
+    again = torch.where(chosen, after, 0.0)
+    change = temporal_gradient(before, again, chosen.float(), plain.gbuffer)
+    assert float(change[inner(floor)].mean()) > 0.999
+    assert float(change[inner(hit & ~floor)].mean()) < 0.01
+    assert not bool(change[~hit].any())
 
 
 def test_noise_of_replayed_samples_cancels():
