@@ -5,7 +5,7 @@ from tracer.cache.irradiance import IrradianceCache
 from tracer.formats.vox.scene_graph import load_vox_scene, read_vox
 from tracer.frames import render
 from tracer.gbuffers import gbuffer
-from tracer.paths.one_sample import SampledLight, one_a_stratum, sample_light
+from tracer.paths.one_sample import SampledLight, brightest_a_stratum, one_a_stratum, sample_light
 from tracer.paths.sampled import sampled, sampled_with_cache
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.fog import Fog
@@ -71,6 +71,7 @@ __all__ = [
     "World",
     "ambient_occlusion",
     "at_hour",
+    "brightest_a_stratum",
     "dispatch",
     "focus_distance",
     "fog_truth",
