@@ -49,10 +49,12 @@ def _arriving(sources, number, point, normal, shown):
 def weight(way, normal, radius, mean):
     """What a lamp may send to a point for each unit that it sees of area times height, along the way to its centre."""
     square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
-    distance = max(math.sqrt(square), 1e-6)
-    cosine = (way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]) / distance
-    cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
-    return cosine / (distance * max(square, radius * radius / 4)) * mean
+    distance, limited = max(math.sqrt(square), 1e-6), max(square, radius * radius / 4)
+    falloff = 1 / (distance * limited)
+    inverse = falloff * limited  # of the distance: one division in place of three
+    cosine = (way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]) * inverse
+    cosine = max(cosine, max(cosine + min(radius * inverse, 1.0), 0.0) / 4)
+    return cosine * falloff * mean
 
 
 @inlined
@@ -205,12 +207,14 @@ def draw_rest(candidates, power, rest, others, count, die, draws, chosen, scale)
     numbers, upto = others
     total = rest + (upto[count - 1] if count > 0 else 0.0)
     draw, reached, last = 0, 0.0, -1
+    place = die / draws * total if die < draws else np.inf  # of the next draw
     for k in range(len(candidates)):
         if power[k] > 0:
             reached, last = reached + power[k], k
-            while die + draw < draws and (die + draw) / draws * total < reached:
+            while place < reached:
                 chosen[draw], scale[draw] = candidates[k], total / (power[k] * draws)
                 draw += 1
+                place = (die + draw) / draws * total if die + draw < draws else np.inf
     while die + draw < draws and count > 0:
         k = min(_first_above(upto, count, (die + draw) / draws * total - rest), count - 1)
         chosen[draw], scale[draw] = numbers[k], total / ((upto[k] - (upto[k - 1] if k > 0 else 0.0)) * draws)
