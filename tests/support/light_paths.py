@@ -78,13 +78,14 @@ def under_water(device: str | torch.device) -> dict[str, Tensor]:
 
 
 def direct(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """Light of sun and lamps where all lamps are candidates; and, in bands, where each tile leaves some out."""
+    """Light of sun and lamps where all lamps are candidates; and, in bands, where each tile leaves some out, and pixels
+    share lists."""
     scene, size = voxels.polished_scene(1).to(device), (10, 13)
     g = gbuffer(scene, Camera.look_at((14, 16, 19), (0, 2, 0), size=size).to(device), time=0.3)
     given: dict[str, Any] = {"poses": scene.poses([0.3]).to(device), "samples": 8}
     seen = torch.linspace(0.2, 1.0, size[1], device=device).expand_as(g.depth)
     found = {"direct light": light(scene, g, **given)[0]}
-    with patch.object(drivers, "FEW", 0), patch.object(drivers, "BAND", 1):
+    with patch.multiple(drivers, FEW=0, MANY=0, BAND=1):
         found["direct light of tiles"] = light(scene, g, seen=seen, **given)[0]
     return {name: value.cpu() for name, value in found.items()}
 

@@ -11,8 +11,8 @@ import math
 
 import numpy as np
 
-from gbufrt.compute.kernel import inlined, scalar
-from tracer.direct.choice_reference import DRAWS, DRAWS_PER_SHARE, FAINT, SHARE_ALONE, SHARE_FINE, SHARE_FULL
+from gbufrt.compute.kernel import contracted, inlined, scalar
+from tracer.direct.choice_reference import DRAWS, DRAWS_PER_SHARE, FAINT, RAISE, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
@@ -21,38 +21,40 @@ TILE = 8  # pixels on a side
 SIDES = 6  # of a cube: which a pixel faces, see `side_of`
 UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
 FEW = 16  # so few lamps are candidates everywhere
+MANY = 32  # from so many candidates on pixels share a list, up to
+BLOCK = 4  # on a side, if they lie in a ball
+CLOSE = 0.5  # of at most so much of the distance to any candidate,
+FLAT = 1e-3  # their normals differ by no more than this,
+EVEN = 2.0  # and what is known by no more than this factor
 MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 """So many lamps at most give a pixel more than the share that earns rays of their own; one more by rounding."""
 
 
 @scalar
-def importance(sources, number, point, normal):
-    """See `tracer.direct.choice_reference`."""
-    rectangles, first = sources.rectangles, sources.first
+def importance(sources, number, point, normal, reach):
+    """See `tracer.direct.choice_reference`; with a ``reach``, zero only where no point within it gets light."""
+    rectangles, lamps, first = sources.rectangles, sources.lamps, sources.first
     shown = 0.0
     for k in range(first[number], first[number + 1]):
-        shown += max(dot(triple(rectangles, k, FACING), point) - rectangles[k, OFFSET], 0.0)
-    return _arriving(sources, number, point, normal, shown)
-
-
-@scalar
-def _arriving(sources, number, point, normal, shown):
-    """What a lamp may send to a point that sees so much of its area times the distance over its plane."""
-    lamps = sources.lamps
+        facing = triple(rectangles, k, FACING)
+        area = math.sqrt(dot(facing, facing)) if reach > 0 else 0.0
+        shown += max(dot(facing, point) - rectangles[k, OFFSET] + area * reach, 0.0)
     if shown <= 0:
         return 0.0
     way = along(triple(lamps, number, CENTER), point, -1.0)
-    return shown * weight(way, normal, lamps[number, RADIUS], lamps[number, MEAN])
+    return shown * weight(way, normal, lamps[number, RADIUS] + reach, lamps[number, MEAN])
 
 
 @inlined
 def weight(way, normal, radius, mean):
     """What a lamp may send to a point for each unit that it sees of area times height, along the way to its centre."""
     square = way[0] * way[0] + way[1] * way[1] + way[2] * way[2]
-    distance = max(math.sqrt(square), 1e-6)
-    cosine = (way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]) / distance
-    cosine = max(cosine, max(cosine + min(radius / distance, 1.0), 0.0) / 4)
-    return cosine / (distance * max(square, radius * radius / 4)) * mean
+    distance, limited = max(math.sqrt(square), 1e-6), max(square, radius * radius / 4)
+    falloff = 1 / (distance * limited)
+    inverse = falloff * limited  # of the distance: one division in place of three
+    cosine = (way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]) * inverse
+    cosine = max(cosine, max(cosine + min(radius * inverse, 1.0), 0.0) / 4)
+    return cosine * falloff * mean
 
 
 @inlined
@@ -69,7 +71,7 @@ def _most_weight(way, reach, low, high, radius, mean):
     return cosine / (distance * max(distance * distance, radius * radius / 4)) * mean
 
 
-@scalar
+@contracted
 def weigh(sources, point, normal, center, reach, low, high, here, most):
     """For each lamp, into ``here``, its `importance` at a point, of many rectangles at most; and into ``most`` the most
     that it is within ``reach`` of a ``center``, for normals between ``low`` and ``high``.
@@ -103,25 +105,25 @@ def side_of(normals, i):
 @scalar
 def extent(surface, known, start, width, tile, side, low, high):
     """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
-    least ``known`` of one; left in ``low`` and ``high``, of six numbers each: the ranges of its lit points and normals.
+    least and greatest ``known``; left in ``low`` and ``high``, six numbers each: the ranges of lit points and normals.
 
     Of a tile only pixels that face one ``side`` count, see `side_of`.
     """
     points, normals, seen = surface
-    nearest, middle, clearest, least = np.inf, -1, 0.0, np.inf
+    nearest, middle, clearest, least, greatest = np.inf, -1, 0.0, np.inf, 0.0
     low[:], high[:] = np.inf, -np.inf
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
             i = start + y * width + x
             if seen[i] > 0 and side == side_of(normals, i):
-                clearest, least = max(clearest, seen[i]), min(least, known[i])
+                clearest, least, greatest = max(clearest, seen[i]), min(least, known[i]), max(greatest, known[i])
                 away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
                 if away < nearest:
                     nearest, middle = away, i
                 for k in range(3):
                     low[k], high[k] = min(low[k], points[i, k]), max(high[k], points[i, k])
                     low[3 + k], high[3 + k] = min(low[3 + k], normals[i, k]), max(high[3 + k], normals[i, k])
-    return middle, clearest, least
+    return middle, clearest, least, greatest
 
 
 @scalar
@@ -159,28 +161,55 @@ def find_candidates(sources, few, point, normal, known, clearest, low, high, can
     return found, count, sent
 
 
-@scalar
-def list_lamps(candidates, known, seen, sent, power, marked):
-    """List the candidates worth rays of their own; leave in ``power``, which is their importance, that of the rest.
+@inlined
+def _draws(share):
+    """How many lamps are drawn in the mean for a share of the light."""
+    return min(max(DRAWS_PER_SHARE * share, min(max(FAINT * share, 1e-6), 1.0)), DRAWS)
 
-    A lamp for which ``marked`` has no room stays in the rest. Returned: the length of the list, the sum of ``power``,
-    and how many of the rest are drawn in the mean.
+
+@inlined
+def _alone(power, total, sent, rays, marked):
+    """Number of the lamps that get rays of their own, where at most so many ``rays`` are sent; their places come first
+    in ``marked``."""
+    count, whole, least, inverse = 0, sent, SHARE_ALONE * total, 1 / max(total, 1e-30)
+    for k in range(len(power)):
+        whole += power[k]
+        if power[k] > least and count < len(marked):
+            marked[count] = k
+            count += 1
+    while True:
+        kept, rest = 0, whole
+        for j in range(count):
+            if power[marked[j]] > least:
+                marked[kept] = marked[j]
+                kept, rest = kept + 1, rest - power[marked[j]]
+        count = kept
+        if count + _draws(rest * inverse) <= rays:
+            return count
+        least *= RAISE
+
+
+@scalar
+def list_lamps(candidates, known, seen, sent, power, rays, marked):
+    """List the candidates worth rays of their own; ``power``, their importance, becomes its running sum over the rest.
+
+    A lamp for which ``marked`` has no room stays in the rest, and so do the faintest where more than so many ``rays``
+    were due. Returned: the length of the list, and how many of the rest are drawn in the mean.
     """
     total = known + sent
     for k in range(len(candidates)):
         total += power[k]
     total /= seen
-    count, rest = 0, 0.0
+    count, rest, j = _alone(power, total, sent, rays, marked), 0.0, 0
     for k in range(len(candidates)):
-        if power[k] > SHARE_ALONE * total and count < len(marked):
+        if j < count and marked[j] == k:
             level = 1 + (1 if power[k] > SHARE_FINE * total else 0) + (1 if power[k] > SHARE_FULL * total else 0)
-            marked[count] = 4 * candidates[k] + level
-            count += 1
-            power[k] = 0.0
-        rest += power[k]
-    share = (rest + sent) / max(total, 1e-30)
-    draws = min(max(DRAWS_PER_SHARE * share, min(max(FAINT * share, 1e-6), 1.0)), DRAWS)
-    return count, rest, draws
+            marked[j] = 4 * candidates[k] + level
+            j += 1
+        else:
+            rest += power[k]
+        power[k] = rest
+    return count, _draws((rest + sent) / max(total, 1e-30))
 
 
 @scalar
@@ -197,23 +226,21 @@ def _first_above(values, count, value):
 
 
 @scalar
-def draw_rest(candidates, power, rest, others, count, die, draws, chosen, scale):
+def draw_rest(candidates, power, others, count, die, draws, chosen, scale):
     """Draw lamps of the rest: candidates by importance, others by weight; ``scale`` is the inverse of how often.
 
-    There are ``draws`` in the mean: each is a step further along the sum of the weights, from a first place by ``die``.
+    ``power`` is as `list_lamps` leaves it. There are ``draws`` in the mean: each is a step further along the sum of the
+    weights, from a first place by ``die``.
     """
-    numbers, upto = others
-    total = rest + (upto[count - 1] if count > 0 else 0.0)
-    draw, reached, last = 0, 0.0, -1
-    for k in range(len(candidates)):
-        if power[k] > 0:
-            reached, last = reached + power[k], k
-            while die + draw < draws and (die + draw) / draws * total < reached:
-                chosen[draw], scale[draw] = candidates[k], total / (power[k] * draws)
-                draw += 1
-    while die + draw < draws and count > 0:
-        k = min(_first_above(upto, count, (die + draw) / draws * total - rest), count - 1)
-        chosen[draw], scale[draw] = numbers[k], total / ((upto[k] - (upto[k - 1] if k > 0 else 0.0)) * draws)
+    rest = power[len(candidates) - 1] if len(candidates) > 0 else 0.0
+    total, draw = rest + (others[1][count - 1] if count > 0 else 0.0), 0
+    while die + draw < draws and total > 0:
+        place = min((die + draw) / draws, 1 - 1e-12) * total  # rounding must not lead past the end
+        if place < rest:
+            numbers, upto, k = candidates, power, _first_above(power, len(candidates), place)
+        else:
+            numbers, upto = others
+            k = min(_first_above(upto, count, place - rest), count - 1)
+        size = upto[k] - (upto[k - 1] if k > 0 else 0.0)
+        chosen[draw], scale[draw] = numbers[k], total / (size * draws)
         draw += 1
-    if die + draw < draws and last >= 0:  # rounded up to the end
-        chosen[draw], scale[draw] = candidates[last], total / (power[last] * draws)

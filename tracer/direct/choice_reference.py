@@ -13,14 +13,15 @@ from tracer.lights.form_factor import dot
 from tracer.lights.shadows import Surface
 
 CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
-SHARE_ALONE = 1 / 96  # lamps that may give a pixel at most this share of its light are drawn
+SHARE_ALONE = 1 / 96  # lamps that may give a pixel at most this share of its light are drawn;
+RAYS, RAISE = 12, 1.25  # where more rays than 12 for each sample were due, the share is raised, step by step
 DRAWS, DRAWS_PER_SHARE = 8, 40  # one ray for each 40th of the light that these give, at most eight,
 FAINT = 192  # and at least one in 192 pixels for each 192nd of it, up to one in each
 SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets a sixteenth of the samples,
 SHARE_FULL = 1 / 16  # and one that may give at most this a quarter
 
 
-def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor]:
     """Which lamps matter where.
 
     Args:
@@ -28,6 +29,7 @@ def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor) -> tupl
         surface: N pixels of a picture.
         known: ``(N,)`` irradiance from elsewhere.
         dice: ``(N,)`` in [0, 1).
+        samples: most rays to a lamp, as in `tracer.direct.lighting.light`.
 
     Returns:
         ``(L, N)`` uint8, how much each lamp matters, see `tracer.lights.shadows.FIRST`; and the numbers ``(D, N)``
@@ -43,11 +45,9 @@ def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor) -> tupl
         points, normals = surface.points[:, part], surface.normals[:, part]
         power = torch.stack([importance(lamps, lamp, faces[lamp], points, normals) for lamp in range(len(lamps))])
         total = (known[part] + power.sum(dim=0)) / seen[part]
-        levels[:, part] = sum((power > s * total).byte() for s in (SHARE_ALONE, SHARE_FINE, SHARE_FULL))
-        rest = torch.where(power > SHARE_ALONE * total, 0.0, power)
+        rest, draws = _rest(power, total, samples)
+        levels[:, part] = (power > rest) * (1 + sum((power > s * total).byte() for s in (SHARE_FINE, SHARE_FULL)))
         upto = rest.cumsum(dim=0)
-        share = upto[-1] / total.clamp_min(1e-30)
-        draws = (FAINT * share).clamp(1e-6, 1).maximum(DRAWS_PER_SHARE * share).clamp_max(DRAWS)
         for draw in range(DRAWS):
             die = (dice[part] + draw) / draws
             which = (die.clamp_max(1) * upto[-1] >= upto).sum(dim=0).clamp_max(len(lamps) - 1)
@@ -56,6 +56,19 @@ def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor) -> tupl
             drawn = (mine > 0) & (die < 1)
             scale[draw, part] = torch.where(drawn, upto[-1] / mine.clamp_min(1e-30) / draws, 0.0)
     return levels, chosen, scale
+
+
+def _rest(power: Tensor, total: Tensor, samples: int) -> tuple[Tensor, Tensor]:
+    """What lamps ``(L, n)`` that are drawn send, 0 for the others; and how many ``(n,)`` are drawn in the mean."""
+    alone = SHARE_ALONE * torch.ones_like(total)
+    while True:
+        rest = torch.where(power > alone * total, 0.0, power)
+        share = rest.sum(dim=0) / total.clamp_min(1e-30)
+        draws = (FAINT * share).clamp(1e-6, 1).maximum(DRAWS_PER_SHARE * share).clamp_max(DRAWS)
+        many = (power > rest).sum(dim=0) + draws > RAYS * samples
+        if not bool(many.any()):
+            return rest, draws
+        alone = torch.where(many, alone * RAISE, alone)
 
 
 def faces_of(lamps: Lamps, lamp: int) -> list[tuple[list[float], float]]:

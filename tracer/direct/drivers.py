@@ -18,8 +18,8 @@ from torch import Tensor
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import array, replaced, threads
 from tracer.direct import reference
-from tracer.direct.choice_kernel import FEW, MOST_ALONE, SIDES, TILE
-from tracer.direct.choice_reference import DRAWS
+from tracer.direct.choice_kernel import FEW, MANY, MOST_ALONE, SIDES, TILE
+from tracer.direct.choice_reference import DRAWS, RAYS
 from tracer.direct.kernel import Sources
 from tracer.direct.list_drivers import candidates_each, list_all, list_each, pack_each
 from tracer.direct.pixel_kernel import LEVEL
@@ -48,7 +48,7 @@ class Direct(reference.Direct):
         if len(self.lamps):
             known, dice = self._known(arrived), noise[2].flatten()
             for start, rows, pixels in self._bands(max(self._longest, self._room)):
-                lists, counts, rest = self.lists(known, dice, start, pixels)
+                lists, counts, rest = self.lists(known, dice, start, pixels, samples)
                 offsets = F.pad(counts.cumsum(0), (1, 0))
                 marked = lists.new_empty(lists.numel() if self._on_gpu else int(offsets[-1]))
                 pack_each(pixels, lists, offsets, marked)
@@ -66,7 +66,7 @@ class Direct(reference.Direct):
             first, last = max(top - REACH, 0), min(top + tall + REACH, height)
             yield first * width, (top - first, min(top + tall, height) - first), (last - first) * width
 
-    def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int) -> tuple[Tensor, Tensor, Any]:
+    def lists(self, known: Tensor, dice: Tensor, start: int, pixels: int, samples: int) -> tuple[Tensor, Tensor, Any]:
         """Which lamps matter to ``pixels`` pixels P from ``start`` on.
 
         Args:
@@ -74,6 +74,7 @@ class Direct(reference.Direct):
             dice: ``(N,)``, see ``known``.
             start: first pixel.
             pixels: how many.
+            samples: most rays to a lamp.
 
         Returns:
             ``(P, M)`` int32, lists as in `tracer.direct.pixel_kernel`; their lengths ``(P,)`` int64; the numbers
@@ -84,7 +85,7 @@ class Direct(reference.Direct):
         counts, chosen = known.new_empty(pixels, dtype=torch.int64), lists.new_zeros(pixels, DRAWS)
         out = lists, counts, chosen, known.new_empty(chosen.shape)
         if not self._on_gpu:
-            given = *replaced((self._surface, known, dice), array), start, width, FEW
+            given = *replaced((self._surface, known, dice), array), start, width, FEW, MANY, RAYS * samples
             list_all(self._sources, *given, *map(array, out), threads())
             return lists, counts, out[2:]
         count = SIDES * -(-width // TILE) * -(-(pixels // width) // TILE)
@@ -93,7 +94,8 @@ class Direct(reference.Direct):
         tiles = candidates, numbers, upto, most, counts.new_empty(count, 2), sent
         candidates_each(count, self._tables, self._surface, known, start, width, FEW, pixels, *tiles)
         power = upto.new_empty(pixels, lamps)
-        list_each(pixels, self._tables, self._surface, known, dice, start, width, tiles, power, *out)
+        given = self._tables, self._surface, known, dice, start, width, MANY, RAYS * samples
+        list_each(pixels, *given, tiles, power, *out)
         return lists, counts, out[2:]
 
     def _sample(

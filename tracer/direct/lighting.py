@@ -47,8 +47,9 @@ def light(
 
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
     off: those that may give a pixel at most 1/96 of the light it could get are represented by up to eight of them,
-    drawn in proportion, those below 1/32 get a sixteenth of the samples, and those below 1/16 a quarter. A share of the
-    sky's light counts to what a pixel could get, as much of it as reaches all but the deepest caves, and so does what a
+    drawn in proportion, those below 1/32 get a sixteenth of the samples, and those below 1/16 a quarter. Where more
+    than twelve first rays a pixel were due for each of ``samples``, greater lamps are drawn too. A share of the sky's
+    light counts to what a pixel could get, as much of it as reaches all but the deepest caves, and so does what a
     surface emits.
 
     Args:

@@ -5,6 +5,7 @@ A GPU finds the candidates of all tiles first, see `tracer.direct.choice_kernel`
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba.cuda
@@ -13,9 +14,23 @@ from numba import prange
 
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import driver, scalar
-from tracer.direct.choice_kernel import SIDES, TILE, draw_rest, extent, find_candidates, importance, list_lamps, side_of
-from tracer.direct.kernel import Sources
-from tracer.direct.near_kernel import gather, importances, new_near
+from tracer.direct.choice_kernel import (
+    BLOCK,
+    CLOSE,
+    EVEN,
+    FLAT,
+    SIDES,
+    TILE,
+    draw_rest,
+    extent,
+    find_candidates,
+    importance,
+    list_lamps,
+    side_of,
+)
+from tracer.direct.kernel import CENTER, Sources
+from tracer.direct.near_kernel import closest, gather, importances, new_near
+from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
 cuda: Any = numba.cuda
@@ -32,7 +47,7 @@ def _tile(n, width, height):
 @scalar
 def _candidates(sources, surface, known, start, width, few, tile, side, candidates, others, most, low, high):
     """What `find_candidates` returns for a tile, and leaves in ``candidates`` and ``others``."""
-    i, clearest, least = extent(surface, known, start, width, tile, side, low, high)
+    i, clearest, least, _ = extent(surface, known, start, width, tile, side, low, high)
     if i < 0:
         return 0, 0, 0.0
     point, normal = triple(surface[0], i, 0), triple(surface[1], i, 0)
@@ -40,16 +55,86 @@ def _candidates(sources, surface, known, start, width, few, tile, side, candidat
 
 
 @scalar
-def _choose(i, p, known, seen, dice, candidates, power, others, count, sent, out):
-    """List and draw for pixel ``i``, the ``p``-th of its band; ``power`` is the importance of the candidates there."""
-    lists, counts, chosen, scale = out
-    counts[p], rest, draws = list_lamps(candidates, known[i], seen[i], sent, power, lists[p])
-    draw_rest(candidates, power, rest, others, count, dice[i], draws, chosen[p], scale[p])
+def _area(y, x, side, within):
+    """The square of pixels, of so many on a ``side``, that begins at a row and column, cut by another."""
+    return y, min(y + side, within[1]), x, min(x + side, within[3])
 
 
 @scalar
-def _list_tile(sources, surface, known, dice, start, width, few, out, tile, candidates, others, scratch):
-    points, normals, seen = surface
+def _ball(low, high):
+    """Centre, normal and radius of what `extent` leaves in ``low`` and ``high``."""
+    center = (low[0] + high[0]) / 2, (low[1] + high[1]) / 2, (low[2] + high[2]) / 2
+    normal = (low[3] + high[3]) / 2, (low[4] + high[4]) / 2, (low[5] + high[5]) / 2
+    corner = high[0] - center[0], high[1] - center[1], high[2] - center[2]
+    return center, normal, math.sqrt(dot(corner, corner))
+
+
+@scalar
+def _alike(low, high, least, greatest):
+    """Whether pixels face one way, and about as much light is known of all."""
+    return max(high[3] - low[3], high[4] - low[4], high[5] - low[5]) <= FLAT and greatest <= EVEN * least
+
+
+@scalar
+def _list_at(near, place, known, seen, given, rays, row):
+    """What `list_lamps` returns at a place: a point, a normal, and the reach of the pixels there."""
+    used, _, sent, power = given
+    importances(near, place[0], place[1], place[2], power)
+    return list_lamps(used, known, seen, sent, power, rays, row)
+
+
+@scalar
+def _list_area(sources, surface, known, dice, start, width, rays, out, area, side, near, others, given, low, high):
+    """List and draw for the pixels of an ``area`` that face one side, or return False where they are too far apart."""
+    (lists, counts, chosen, scale), (used, count, _, power) = out, given
+    i, clearest, least, greatest = extent(surface, known, start, width, area, side, low, high)
+    if i < 0:
+        return True
+    place = _ball(low, high)
+    if not _alike(low, high, least, greatest) or place[2] > CLOSE * closest(near, place[0], len(used)):
+        return False
+    row = lists[i - start]
+    length, draws = _list_at(near, place, least, clearest, given, rays, row)
+    for y in range(area[0], area[1]):
+        for p in range(y * width + area[2], y * width + area[3]):
+            if surface[2][start + p] > 0 and side == side_of(surface[1], start + p):
+                counts[p] = length
+                for k in range(length):
+                    lists[p, k] = row[k]
+                draw_rest(used, power, others, count, dice[start + p], draws, chosen[p], scale[p])
+    return True
+
+
+@scalar
+def _list_pixels(sources, surface, known, dice, start, width, rays, out, area, side, near, others, given, low, high):
+    """List and draw for the pixels of an ``area`` that face one side, each for itself."""
+    (lists, counts, chosen, scale), (used, count, _, power) = out, given
+    for y in range(area[0], area[1]):
+        for p in range(y * width + area[2], y * width + area[3]):
+            i = start + p
+            if surface[2][i] > 0 and side == side_of(surface[1], i):
+                place = triple(surface[0], i, 0), triple(surface[1], i, 0), 0.0
+                counts[p], draws = _list_at(near, place, known[i], surface[2][i], given, rays, lists[p])
+                draw_rest(used, power, others, count, dice[i], draws, chosen[p], scale[p])
+
+
+@scalar
+def _list_side(sources, surface, known, dice, start, width, rays, out, tile, side, near, others, given, low, high):
+    """List and draw for the pixels of a tile that face one side, by squares whose pixels lie close together."""
+    at, by = (sources, surface, known, dice, start, width, rays, out), (side, near, others, given, low, high)
+    for y in range(tile[0], tile[1], BLOCK):
+        for x in range(tile[2], tile[3], BLOCK):
+            block = _area(y, x, BLOCK, tile)
+            if not _list_area(*at, block, *by):
+                for v in range(block[0], block[1], 2):
+                    for u in range(block[2], block[3], 2):
+                        pair = _area(v, u, 2, block)
+                        if not _list_area(*at, pair, *by):
+                            _list_pixels(*at, pair, *by)
+
+
+@scalar
+def _list_tile(sources, surface, known, dice, start, width, few, many, rays, out, tile, candidates, others, scratch):
     power, near, low, high = scratch
     for row in range(tile[0], tile[1]):
         for p in range(row * width + tile[2], row * width + tile[3]):
@@ -58,19 +143,19 @@ def _list_tile(sources, surface, known, dice, start, width, few, out, tile, cand
     for side in range(SIDES):
         given = sources, surface, known, start, width, few, tile, side, candidates, others, power, low, high
         found, count, sent = _candidates(*given)
-        used, mine = candidates[:found], power[:found]
         if found + count > 0:
+            used = candidates[:found]
             gather(near, sources, used, low, high)
-            for row in range(tile[0], tile[1]):
-                for p in range(row * width + tile[2], row * width + tile[3]):
-                    i = start + p
-                    if seen[i] > 0 and side == side_of(normals, i):
-                        importances(near, triple(points, i, 0), triple(normals, i, 0), mine)
-                        _choose(i, p, known, seen, dice, used, mine, others, count, sent, out)
+            at = sources, surface, known, dice, start, width, rays, out, tile, side
+            by = near, others, (used, count, sent, power[:found]), low, high
+            if found > many:
+                _list_side(*at, *by)
+            else:
+                _list_pixels(*at, *by)
 
 
 @driver
-def list_all(sources, surface, known, dice, start, width, few, lists, counts, chosen, scale, lanes):
+def list_all(sources, surface, known, dice, start, width, few, many, rays, lists, counts, chosen, scale, lanes):
     lamps, height = len(sources.lamps), len(counts) // width
     tiles = ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
     for lane in prange(lanes):
@@ -78,7 +163,7 @@ def list_all(sources, surface, known, dice, start, width, few, lists, counts, ch
         power, upto, near = np.empty(lamps), np.empty(lamps), new_near(sources)
         low, high = np.empty(6), np.empty(6)
         for n in range(lane, tiles, lanes):
-            given = sources, surface, known, dice, start, width, few, (lists, counts, chosen, scale)
+            given = sources, surface, known, dice, start, width, few, many, rays, (lists, counts, chosen, scale)
             others, scratch = (numbers, upto), (power, near, low, high)
             _list_tile(*given, _tile(n, width, height), candidates, others, scratch)
 
@@ -93,21 +178,41 @@ def candidates_tile(n, table, surface, known, start, width, few, size, candidate
 
 
 @scalar
-def list_pixel(p, table, surface, known, dice, start, width, tiles, power, lists, counts, chosen, scale):
+def _closest(sources, numbers, point):
+    """As `tracer.direct.near_kernel.closest`."""
+    least = np.inf
+    for k in range(len(numbers)):
+        way = along(triple(sources.lamps, numbers[k], CENTER), point, -1.0)
+        least = min(least, dot(way, way))
+    return math.sqrt(least)
+
+
+@scalar
+def list_pixel(p, table, surface, known, dice, start, width, many, rays, tiles, power, lists, counts, chosen, scale):
     """As `list_all`, one pixel; ``tiles`` is what `candidates_tile` found."""
     candidates, numbers, upto, _, found, sent = tiles
-    (points, normals, seen), sources, i = surface, Sources(*table), start + p
+    sources, i = Sources(*table), start + p
+    low, high = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
     counts[p] = 0
     for draw in range(scale.shape[1]):
         scale[p, draw] = 0
-    if seen[i] > 0:
-        n = p // width // TILE * ((width + TILE - 1) // TILE) + p % width // TILE
-        n = n * SIDES + side_of(normals, i)
-        used, others, mine = candidates[n, : found[n, 0]], (numbers[n], upto[n]), power[p, : found[n, 0]]
+    if surface[2][i] > 0:
+        y, x, side = p // width, p % width, side_of(surface[1], i)
+        n = (y // TILE * ((width + TILE - 1) // TILE) + x // TILE) * SIDES + side
+        used, mine = candidates[n, : found[n, 0]], power[p, : found[n, 0]]
+        square, tile = BLOCK if len(used) > many else 1, _tile(n // SIDES, width, len(counts) // width)
+        while True:
+            area = _area(y // square * square, x // square * square, square, tile)
+            _, clearest, least, greatest = extent(surface, known, start, width, area, side, low, high)
+            point, normal, reach = _ball(low, high)
+            alike = square == 1 or _alike(low, high, least, greatest)
+            if alike and (square == 1 or reach <= CLOSE * _closest(sources, used, point)):
+                break
+            square //= 2
         for k in range(len(used)):
-            mine[k] = importance(sources, used[k], triple(points, i, 0), triple(normals, i, 0))
-        out = lists, counts, chosen, scale
-        _choose(i, p, known, seen, dice, used, mine, others, found[n, 1], sent[n], out)
+            mine[k] = importance(sources, used[k], point, normal, reach)
+        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, lists[p])
+        draw_rest(used, mine, (numbers[n], upto[n]), found[n, 1], dice[i], draws, chosen[p], scale[p])
 
 
 candidates_each, list_each = Each(candidates_tile), Each(list_pixel)

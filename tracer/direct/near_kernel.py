@@ -6,6 +6,7 @@ several lamps in one instruction.
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 
 import numpy as np
@@ -13,11 +14,12 @@ import numpy as np
 from gbufrt.compute.kernel import allocating, scalar
 from tracer.direct.choice_kernel import weight
 from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
+from tracer.sampling.scatter_kernel import dot
 from tracer.traversal.kernel import triple
 
-Near = namedtuple("Near", "x y z offset height first lamps")
-"""Scratch of one thread: facing and offset of each rectangle, and how high a point is above it; where those of each
-lamp begin; and the lamps, one in each column, with rows as the columns of `tracer.direct.kernel.Sources.lamps`."""
+Near = namedtuple("Near", "x y z offset area height first lamps")
+"""Scratch of one thread: facing, offset and area of each rectangle, and how high a point is above it; where those of
+each lamp begin; and the lamps, one in each column, with rows as the columns of `tracer.direct.kernel.Sources.lamps`."""
 
 
 @allocating
@@ -25,7 +27,7 @@ def new_near(sources):
     """Scratch memory of one thread."""
     faces, lamps = len(sources.rectangles), len(sources.lamps)
     return Near(
-        np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces),
+        np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces),
         np.zeros(lamps + 1, np.int64),
         np.empty((MEAN + 1, lamps)),
     )  # fmt: skip
@@ -45,17 +47,28 @@ def gather(near, sources, candidates, low, high):
                 most += max(facing[axis] * low[axis], facing[axis] * high[axis])
             if most > offset:
                 near.x[count], near.y[count], near.z[count] = facing
-                near.offset[count] = offset
+                near.offset[count], near.area[count] = offset, math.sqrt(dot(facing, facing))
                 count += 1
         near.first[k + 1] = count
 
 
 @scalar
-def importances(near, point, normal, power):
+def closest(near, point, count):
+    """Distance to the nearest centre of the first ``count`` lamps."""
+    least = np.inf
+    for k in range(count):
+        x, y, z = near.lamps[0, k] - point[0], near.lamps[1, k] - point[1], near.lamps[2, k] - point[2]
+        least = min(least, x * x + y * y + z * z)
+    return math.sqrt(least)
+
+
+@scalar
+def importances(near, point, normal, reach, power):
     """`tracer.direct.choice_kernel.importance` of each lamp, into ``power``."""
     x, y, z, offset, height, lamps = near.x, near.y, near.z, near.offset, near.height, near.lamps
     for r in range(near.first[len(power)]):
-        height[r] = max(x[r] * point[0] + y[r] * point[1] + z[r] * point[2] - offset[r], 0.0)
+        above = x[r] * point[0] + y[r] * point[1] + z[r] * point[2] - offset[r]
+        height[r] = max(above + near.area[r] * reach, 0.0)
     for k in range(len(power)):
         shown = 0.0
         for r in range(near.first[k], near.first[k + 1]):
@@ -63,4 +76,4 @@ def importances(near, point, normal, power):
         power[k] = shown
     for k in range(len(power)):
         way = lamps[0, k] - point[0], lamps[1, k] - point[1], lamps[2, k] - point[2]
-        power[k] *= weight(way, normal, lamps[RADIUS, k], lamps[MEAN, k])
+        power[k] *= weight(way, normal, lamps[RADIUS, k] + reach, lamps[MEAN, k])

@@ -79,7 +79,7 @@ class Direct:
     def _lamp_light(self, noise: Tensor, samples: int, known: Tensor) -> Tensor:
         """``(3, H, W)`` irradiance from lamps, where ``known`` ``(3, H, W)`` comes from elsewhere."""
         size, radiance = self.surface.size, self.lamps.radiance
-        levels, chosen, scale = self.choices(self._known(known), noise[2].flatten())
+        levels, chosen, scale = self.choices(self._known(known), noise[2].flatten(), samples)
         arrived, given = torch.zeros_like(known), {"seen": self._seen}
         for lamp, level in enumerate(levels.view(-1, *size)):
             coming = arriving(self.lamp(lamp), level, noise[:2], samples=samples, start=samples * lamp, **given)
@@ -129,9 +129,9 @@ class Direct:
         tables = _planes(self.lamps)
         return self._shadow_rays(self._rectangles(lambda pixels: [t[:, :, numbers[pixels]] for t in tables]))
 
-    def choices(self, known: Tensor, dice: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def choices(self, known: Tensor, dice: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor]:
         """See `tracer.direct.choice_reference.choices`."""
-        return choices(self.lamps, self.surface, known, dice)
+        return choices(self.lamps, self.surface, known, dice, samples)
 
     def _rectangles(self, rectangles: Rectangles) -> Source:
         """Importance sampling: rectangles by their unblocked irradiance, points on each uniformly."""

@@ -29,15 +29,14 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
     monkeypatch.setattr(choice_kernel, "SHARE_ALONE", 1 / 128)
     sources = few_faces()
     point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
-    number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward) > 0)
-    sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward)
-    sent, row = choice_kernel.importance(sources, number, point, toward), np.full(128, -1, np.int32)
+    number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward, 0.0) > 0)
+    sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward, 0.0)
+    sent, row = choice_kernel.importance(sources, number, point, toward, 0.0), np.full(128, -1, np.int32)
 
     def listed(room: np.ndarray) -> tuple[int, float]:
         power = np.full(128, sent)
-        count, rest, _ = choice_kernel.list_lamps(np.full(128, number, np.int32), 0.0, 1.0, 0.0, power, room)
-        assert rest == power.sum()
-        return count, rest
+        count, _ = choice_kernel.list_lamps(np.full(128, number, np.int32), 0.0, 1.0, 0.0, power, np.inf, room)
+        return count, power[-1]
 
     assert listed(row)[0] == 128, "rounding has to matter for what follows"
     count, rest = listed(row[:127])
@@ -45,16 +44,47 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
     assert rest == sent > 0, "it may still be drawn"
 
 
+def test_where_many_rays_were_due_only_the_greatest_lamps_are_listed():
+    power = np.random.default_rng(1).permutation(1.1 ** np.arange(40.0))
+    listed = dict[int, set[int]]()
+    for rays in (12, 20, 1000):
+        row, rest = np.empty(95, np.int32), power.copy()
+        count, draws = choice_kernel.list_lamps(np.arange(40, dtype=np.int32), 0.0, 1.0, 0.0, rest, rays, row)
+        assert count + draws <= rays
+        listed[rays] = {int(entry) >> 2 for entry in row[:count]}
+        assert listed[rays] == set(power.argsort()[40 - count :].tolist())
+        mine = np.isin(np.arange(40), list(listed[rays]))
+        np.testing.assert_allclose(rest, np.where(mine, 0, power).cumsum())
+    assert 0 < len(listed[12]) < len(listed[20]) < len(listed[1000])
+
+
+def test_with_a_reach_no_lamp_is_left_out_that_a_point_within_it_gets():
+    sources, g, kept = few_faces(), torch.Generator().manual_seed(8), 0
+    for _ in range(60):
+        center, reach = (torch.rand(3, generator=g) * 24 - 12).double(), 0.2 + 3 * float(torch.rand((), generator=g))
+        normal = tuple(F.normalize(torch.randn(3, generator=g), dim=0).double().tolist())
+        around = center + reach * F.normalize(torch.randn(12, 3, generator=g), dim=1).double()
+        for number in range(len(sources.lamps)):
+            at = [
+                choice_kernel.importance(sources, number, p, normal, 0.0) for p in (center.tolist(), *around.tolist())
+            ]
+            whole = choice_kernel.importance(sources, number, center.tolist(), normal, reach)
+            assert whole > 0 or max(at) == 0
+            kept += at[0] == 0 < max(at)
+    assert kept > 50, "the centre alone would leave lamps out"
+
+
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
     width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
     tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen), (np.empty(6), np.empty(6))
     known = np.arange(120, 0, -1).astype(np.float32)
     assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges)[0] == -1
-    least = np.inf
+    least, greatest = np.inf, 0.0
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
         seen[y * width + x] = 1 / (y + 1)
-        least = min(least, known[y * width + x])
-        assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges) == (y * width + x, seen.max(), least)
+        least, greatest = min(least, known[y * width + x]), max(greatest, known[y * width + x])
+        wanted = y * width + x, seen.max(), least, greatest
+        assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges) == wanted
 
 
 def test_pixels_of_a_tile_that_face_another_side_are_apart():
@@ -65,9 +95,11 @@ def test_pixels_of_a_tile_that_face_another_side_are_apart():
     low, high = np.empty(6), np.empty(6)
     for side in range(6):
         mine = np.flatnonzero(sides == side)
-        middle, _, least = choice_kernel.extent((points, normals, seen), known, 0, 8, (0, 8, 0, 8), side, low, high)
+        middle, _, least, greatest = choice_kernel.extent(
+            (points, normals, seen), known, 0, 8, (0, 8, 0, 8), side, low, high
+        )
         assert middle in mine
-        assert least == mine[0]
+        assert (least, greatest) == (mine[0], mine[-1])
         np.testing.assert_array_equal(low, np.concatenate([points[mine].min(0), normals[mine].min(0)]))
         np.testing.assert_array_equal(high, np.concatenate([points[mine].max(0), normals[mine].max(0)]))
         assert {choice_kernel.side_of(normals, i) for i in mine} == {side}
@@ -109,7 +141,7 @@ def test_no_lamp_sends_more_than_its_bound(crowded: bool):
         bounds = weighed(sources, (center, (0.0, 1.0, 0.0)), (center, reach, low, high))[1]
         for number, most in enumerate(bounds.tolist()):
             sent = [
-                choice_kernel.importance(sources, number, tuple(center + offset), tuple(normal))
+                choice_kernel.importance(sources, number, tuple(center + offset), tuple(normal), 0.0)
                 for offset, normal in zip(offsets, facing.tolist(), strict=True)
             ]
             assert max(sent) <= most * (1 + 1e-9)
@@ -127,7 +159,9 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
             way = F.normalize(torch.randn(3, generator=g), dim=0).double()
             point, normal = tuple((far * way).tolist()), tuple((-way).tolist())
             roughly, most = weighed(sources, (point, normal), (point, 0.0, normal, normal))
-            sent = [choice_kernel.importance(sources, number, point, normal) for number in range(len(sources.lamps))]
+            sent = [
+                choice_kernel.importance(sources, number, point, normal, 0.0) for number in range(len(sources.lamps))
+            ]
             assert (least * np.array(sent) <= roughly).all()
             assert (roughly <= np.array(sent) * (1 + 1e-9)).all()
             assert (sent <= most * (1 + 1e-9)).all()
@@ -143,7 +177,7 @@ def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
     tile = 1.0, low, high, candidates, others, np.empty(lamps)
     found, count, sent = choice_kernel.find_candidates(sources, 0, point, away, bright, *tile)
     assert (found, sent) == (0, 0.0)
-    reached = [n for n in range(lamps) if choice_kernel.importance(sources, n, point, (0.0, -1.0, 0.0)) > 0]
+    reached = [n for n in range(lamps) if choice_kernel.importance(sources, n, point, (0.0, -1.0, 0.0), 0.0) > 0]
     assert len(reached) > 4
     assert set(reached) <= set(others[0][:count].tolist())
     assert (np.diff(others[1][:count], prepend=0.0) > 0).all()

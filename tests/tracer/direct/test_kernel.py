@@ -27,8 +27,9 @@ TIME = 0.3
 
 @pytest.fixture(autouse=True)
 def every_lamp_is_a_candidate(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Then both forms draw the same lamps."""
+    """Then both forms draw the same lamps; and no pixels share a list."""
     monkeypatch.setattr(drivers, "FEW", 1 << 20)
+    monkeypatch.setattr(drivers, "MANY", 1 << 20)
 
 
 def lamps_over_ground() -> Scene:
@@ -106,17 +107,18 @@ def test_a_soft_sun_alone_casts_the_same_penumbrae():
     assert ((soft - hard).abs() > 0.1).float().mean() > 0.02
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_the_same_lamps_matter(seed: int):
+@pytest.mark.parametrize(("seed", "samples"), [(1, 16), (2, 16), (2, 1)])
+def test_the_same_lamps_matter(seed: int, samples: int):
     plain, compiled = forms(polished_scene(seed))
     dice, known = torch.rand(2, plain.surface.lit.numel(), generator=torch.Generator().manual_seed(seed))
-    want, which, ratio = plain.choices(known * 0.1, dice)
-    lists, counts, (chosen, scale) = (t for t in compiled.lists(known * 0.1, dice, 0, plain.surface.lit.numel()))
+    want, which, ratio = plain.choices(known * 0.1, dice, samples)
+    lists, counts, (chosen, scale) = compiled.lists(known * 0.1, dice, 0, plain.surface.lit.numel(), samples)
     levels = torch.zeros_like(want)
     for pixel, count in enumerate(counts.tolist()):
         for entry in lists[pixel, :count].tolist():
             levels[entry >> LEVEL, pixel] = entry & ALL
     assert (levels != want).float().mean() < 1e-3
+    assert ((want > 0).sum(0).max() > 12) == (samples > 1)
     assert set(want.unique().tolist()) == {0, FIRST, QUARTER, ALL}
     drawn = ratio > 0
     assert int(drawn.sum()) > 50
@@ -135,9 +137,9 @@ def test_draws_give_in_the_mean_what_all_of_the_rest_would(known: float):
     for form in (plain, compiled):
         rows = {name: getattr(form.surface, name)[:, 1000:1001].repeat(1, count) for name in ("points", "normals")}
         surface = Surface(**rows, lit=torch.ones(count, dtype=torch.bool), size=(32, 32))
-        levels, chosen, scale = replace(plain, surface=surface).choices(torch.full((count,), known), dice)
+        levels, chosen, scale = replace(plain, surface=surface).choices(torch.full((count,), known), dice, 1)
         if form is compiled:
-            drawn = replace(compiled, surface=surface).lists(torch.full((count,), known), dice, 0, count)[2]
+            drawn = replace(compiled, surface=surface).lists(torch.full((count,), known), dice, 0, count, 1)[2]
             chosen, scale = (x.T for x in drawn)
         faces = [choice_reference.faces_of(form.lamps, lamp) for lamp in range(len(form.lamps))]
         at = rows["points"][:, :1], rows["normals"][:, :1]
@@ -169,11 +171,11 @@ def test_lamps_that_a_tile_leaves_out_are_drawn_without_bias(monkeypatch: pytest
 
     def pictures(few: int) -> torch.Tensor:
         monkeypatch.setattr(drivers, "FEW", few)
+        monkeypatch.setattr(drivers, "MANY", few)
         return torch.stack([compiled.arriving(blue_noise(*SIZE, index=i, dims=3, seed=5), 4) for i in range(32)])
 
     looked_at, left_out = pictures(1 << 20), pictures(0)
-    rest = compiled.lists(*everything, 0, len(everything[0]))[2][1]
-    assert (rest > 0).sum() > 2000
+    assert (compiled.lists(*everything, 0, len(everything[0]), 4)[2][1] > 0).sum() > 2000
     assert left_out.mean().item() == pytest.approx(looked_at.mean().item(), rel=2e-3)
     noise = (looked_at.var(0) + left_out.var(0)).sqrt() / math.sqrt(32)
     off = (left_out.mean(0) - looked_at.mean(0)).abs() > 5 * noise + 1e-2 * looked_at.mean(0)

@@ -25,13 +25,20 @@ def test_lamps_side_by_side_send_what_each_of_them_does(share: float):
     for _ in range(12):
         candidates = torch.randperm(len(sources.lamps), generator=g)[: len(sources.lamps) // 2].int().numpy()
         center, power = (torch.rand(3, generator=g) - 0.5) * torch.tensor([16, 8, 16]), np.empty(len(candidates))
-        near_kernel.gather(near, sources, candidates, (center - 1).tolist(), (center + 1).tolist())
+        near_kernel.gather(near, sources, candidates, (center - 1.5).tolist(), (center + 1.5).tolist())
         dropped += sum(int(sources.first[n + 1] - sources.first[n]) for n in candidates) - near.first[len(candidates)]
         for point in (center + torch.rand(4, 3, generator=g) * 2 - 1).double().tolist():
             normal = tuple(F.normalize(torch.randn(3, generator=g), dim=0).double().tolist())
-            near_kernel.importances(near, tuple(point), normal, power)
-            alone = [choice_kernel.importance(sources, number, tuple(point), normal) for number in candidates]
-            np.testing.assert_allclose(power, alone, rtol=1e-12, atol=1e-12)
+            for reach in (0.5, 0.0):
+                near_kernel.importances(near, tuple(point), normal, reach, power)
+                alone = [
+                    choice_kernel.importance(sources, number, tuple(point), normal, reach) for number in candidates
+                ]
+                np.testing.assert_allclose(power, alone, rtol=1e-12, atol=1e-12)
+            ways = sources.lamps[candidates, :3] - np.array(point)
+            assert near_kernel.closest(near, tuple(point), len(candidates)) == pytest.approx(
+                (ways**2).sum(1).min() ** 0.5
+            )
             dark += alone.count(0.0)
     assert dropped > 100, "rectangles that face no point of the tile"
     assert dark > 10
