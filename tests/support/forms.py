@@ -16,7 +16,8 @@ from post.display.op import tone_curve
 from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
-from post.history.op import accumulate, anti_alias, read_history
+from post.history.op import accumulate, anti_alias
+from post.history.read import read_history
 from post.lens.op import reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field

@@ -20,8 +20,9 @@ from post.history.antilag import pooled, sample_variance, typical_variance
 from post.history.changes import follow_changes
 from post.history.constants import YOUNG
 from post.history.fireflies import cut_outliers, taken
-from post.history.op import accumulate, read_history
+from post.history.op import accumulate
 from post.history.planes import together
+from post.history.read import read_history
 from post.history.reproject import geometry_of, history_for, motion_of
 from post.passes.denoising.atrous import atrous
 
