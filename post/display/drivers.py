@@ -32,16 +32,35 @@ agx_each = Each(agx_pixel)
 
 @driver
 def encode_rows(out, image, threads):
-    batch, _, height, _ = image.shape
+    batch, _, height, width = image.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
-            encode_row(out[row // height], image[row // height], row % height)
+            encode_row(out[row // height], image[row // height], row % height, 0, width)
+
+
+@scalar
+def encode_pixel(i, out, image):
+    b, y, x = pixel_of(i, image.shape[2], image.shape[3])
+    encode_row(out[b], image[b], y, x, x + 1)
+
+
+encode_each = Each(encode_pixel)
 
 
 @driver
 def vignette_rows(out, image, strength, inner, outer, threads):
-    batch, _, height, _ = image.shape
+    batch, _, height, width = image.shape
     for thread in prange(threads):
         circles = np.float32(strength), np.float32(inner), np.float32(outer - inner)
         for row in range(thread, batch * height, threads):
-            vignette_row(out[row // height], image[row // height], row % height, *circles)
+            vignette_row(out[row // height], image[row // height], row % height, 0, width, *circles)
+
+
+@scalar
+def vignette_pixel(i, out, image, strength, inner, outer):
+    b, y, x = pixel_of(i, image.shape[2], image.shape[3])
+    circles = np.float32(strength), np.float32(inner), np.float32(outer - inner)
+    vignette_row(out[b], image[b], y, x, x + 1, *circles)
+
+
+vignette_each = Each(vignette_pixel)

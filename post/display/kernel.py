@@ -6,6 +6,8 @@ approximations that become vector instructions.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from gbufrt.compute.approximations import exp2, log2
@@ -73,10 +75,10 @@ def agx_row(out, color, y, first, end, exposure, contrast, saturation, inset, ou
 
 
 @scalar
-def encode_row(out, image, y):
-    """A row of `post.display.reference.encode_reference`."""
+def encode_row(out, image, y, first, end):
+    """Pixels ``first`` to ``end`` of a row of `post.display.reference.encode_reference`."""
     for c in range(out.shape[0]):
-        row, given = out[c, y], image[c, y]
+        row, given = out[c, y, first:end], image[c, y, first:end]
         for x in range(row.shape[0]):
             value = min(max(given[x], ZERO), ONE)
             curved = SRGB_SCALE * exp2(SRGB_POWER * log2(max(value, SRGB_KNEE))) - SRGB_OFFSET
@@ -84,15 +86,15 @@ def encode_row(out, image, y):
 
 
 @scalar
-def vignette_row(out, image, y, strength, inner, span):
+def vignette_row(out, image, y, first, end, strength, inner, span):
     """A row of `post.display.reference.vignette_reference`; ``span`` is from the inner circle to the outer."""
     height, width = np.float32(image.shape[1]), np.float32(image.shape[2])
     down, middle = np.float32(y) + HALF - HALF * height, HALF * width
-    diagonal = np.sqrt(middle * middle + HALF * height * HALF * height)
+    diagonal = math.sqrt(middle * middle + HALF * height * HALF * height)
     for c in range(out.shape[0]):
-        row, given = out[c, y], image[c, y]
+        row, given = out[c, y, first:end], image[c, y, first:end]
         for x in range(row.shape[0]):
-            across = np.float32(x) + HALF - middle
-            distance = np.sqrt(across * across + down * down) / diagonal
+            across = np.float32(first + x) + HALF - middle
+            distance = math.sqrt(across * across + down * down) / diagonal
             t = min(max((distance - inner) / span, ZERO), ONE)
             row[x] = given[x] * (ONE - strength * t * t * (THREE - TWO * t))

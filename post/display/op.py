@@ -1,4 +1,4 @@
-"""What a display is given, as torch operators: kernels on the CPU, for AgX on CUDA too, torch references elsewhere."""
+"""What a display is given, as torch operators: kernels on the CPU and on CUDA, torch references elsewhere."""
 
 from __future__ import annotations
 
@@ -65,10 +65,13 @@ def tone_curve(
 def encoded_cpu(image: Tensor) -> Tensor:
     """See `encoded`."""
     from gbufrt.compute.kernel import array, threads
-    from post.display.drivers import encode_rows
+    from post.display.drivers import encode_each, encode_rows
 
     out = torch.empty_like(image, memory_format=torch.contiguous_format)
-    encode_rows(array(out), array(image), threads())
+    if form_of(image, cuda=True) is Form.CUDA:
+        encode_each(out[:, 0].numel(), out, image)
+    else:
+        encode_rows(array(out), array(image), threads())
     return out
 
 
@@ -87,17 +90,21 @@ def encoded(image: Tensor, *, compiled: bool | None = None) -> Tensor:
     Returns:
         ``(B, C, H, W)`` in [0, 1].
     """
-    return encoded_cpu(image) if form_of(image, compiled=compiled) is Form.CPU else encode_reference(image)
+    form = form_of(image, compiled=compiled, cuda=True)
+    return encode_reference(image) if form is Form.REFERENCE else encoded_cpu(image)
 
 
 @torch.library.custom_op("gbufrt::vignette", mutates_args=())
 def vignette_cpu(image: Tensor, strength: float, inner: float, outer: float) -> Tensor:
     """See `darkened`."""
     from gbufrt.compute.kernel import array, threads
-    from post.display.drivers import vignette_rows
+    from post.display.drivers import vignette_each, vignette_rows
 
     out = torch.empty_like(image, memory_format=torch.contiguous_format)
-    vignette_rows(array(out), array(image), strength, inner, outer, threads())
+    if form_of(image, cuda=True) is Form.CUDA:
+        vignette_each(out[:, 0].numel(), out, image, strength, inner, outer)
+    else:
+        vignette_rows(array(out), array(image), strength, inner, outer, threads())
     return out
 
 
@@ -120,6 +127,6 @@ def darkened(image: Tensor, strength: float, inner: float, outer: float, *, comp
         As ``image``.
     """
     given = (image, strength, inner, outer)
-    if form_of(*given, compiled=compiled) is not Form.CPU:
+    if form_of(*given, compiled=compiled, cuda=True) is Form.REFERENCE:
         return vignette_reference(*given)
     return vignette_cpu(image, *map(float, given[1:]))

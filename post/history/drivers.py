@@ -10,7 +10,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.history.correspondence_kernel import Channels, actual_row, expected_row, lens_at, shift_row
+from post.history.correspondence_kernel import EXPECTED, Channels, expected_row, lens_at, past_of, shift_row
 from post.history.read_kernel import read_row
 from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
 
@@ -18,65 +18,56 @@ cuda: Any = numba.cuda
 
 
 @driver
-def correspondence_rows(
-    now, before, shift, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind,
-    length, lenses, poses, parallel, threads,
+def read_rows(
+    out, image, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind, length,
+    lenses, poses, parallel, plane, cosine, search, sharp, threads,
 ):  # fmt: skip
-    """See `post.history.correspondence.correspondence_cpu`."""
-    batch, height, width = depth.shape
-    for thread in prange(threads):
-        for row in range(thread, batch * height, threads):
-            b, y = row // height, row % height
-            lens, was_lens = lens_at(lenses[b, 0]), lens_at(lenses[b, 1])
-            seen = Channels(depth[b], normal[b], hit[b], kind[b])
-            was = Channels(was_depth[b], was_normal[b], was_hit[b], was_kind[b])
-            expected_row(now[b], seen, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y, 0, width)
-            actual_row(before[b], was, length[b], was_lens, poses[b], parallel, y, 0, width)
-            shift_row(shift[b], look[b], y, 0, width)
-
-
-@scalar
-def correspondence_pixel(
-    i, now, before, shift, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind,
-    length, lenses, poses, parallel,
-):  # fmt: skip
-    """As `correspondence_rows`, one pixel."""
-    b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
-    lens, was_lens = lens_at(lenses[b, 0]), lens_at(lenses[b, 1])
-    seen = Channels(depth[b], normal[b], hit[b], kind[b])
-    was = Channels(was_depth[b], was_normal[b], was_hit[b], was_kind[b])
-    expected_row(now[b], seen, motion[b], motion_z[b], lens, was_lens, poses[b], parallel, y, x, x + 1)
-    actual_row(before[b], was, length[b], was_lens, poses[b], parallel, y, x, x + 1)
-    shift_row(shift[b], look[b], y, x, x + 1)
-
-
-correspondence_each = Each(correspondence_pixel)
-
-
-@driver
-def read_rows(out, image, now, before, shift, plane, normal, search, sharp, threads):
-    """See `post.history.op.read_history_cpu`."""
+    """See `post.history.read.read_history_cpu`."""
     batch, _, height, width = image.shape
     for thread in prange(threads):
         columns, lines = np.empty(width, np.int32), np.empty(width, np.int32)
         places, rows = np.empty((4, width), np.int64), np.empty((9, width), np.float32)
+        now, shift = np.empty((EXPECTED, width), np.float32), np.empty((2, width), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            given = (out[b], image[b], now[b], before[b], shift[b], np.float32(plane), np.float32(normal))
-            read_row(*given, search, sharp, columns, lines, places, rows, y, 0, width)
+            seen, moved = Channels(depth[b], normal[b], hit[b], kind[b]), (motion[b], motion_z[b], look[b])
+            was = was_depth[b], was_normal[b], was_hit[b], was_kind[b], length[b]
+            past = past_of(*was, lens_at(lenses[b, 1]), parallel)
+            views = lens_at(lenses[b, 0]), poses[b]
+            options = np.float32(plane), np.float32(cosine), search, sharp
+            scratch = columns, lines, places, rows, now, shift
+            _read(out[b], image[b], seen, moved, past, views, options, scratch, y, 0, width)
 
 
 @scalar
-def read_pixel(i, out, image, now, before, shift, plane, normal, search, sharp):
+def read_pixel(
+    i, out, image, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind, length,
+    lenses, poses, parallel, plane, cosine, search, sharp,
+):  # fmt: skip
     """As `read_rows`, one pixel."""
     b, y, x = pixel_of(i, image.shape[2], image.shape[3])
     columns, lines = cuda.local.array(1, np.int32), cuda.local.array(1, np.int32)
     places, rows = cuda.local.array((4, 1), np.int64), cuda.local.array((9, 1), np.float32)
-    given = (out[b], image[b], now[b], before[b], shift[b], np.float32(plane), np.float32(normal))
-    read_row(*given, search, sharp, columns, lines, places, rows, y, x, x + 1)
+    now, shift = cuda.local.array((EXPECTED, 1), np.float32), cuda.local.array((2, 1), np.float32)
+    seen, moved = Channels(depth[b], normal[b], hit[b], kind[b]), (motion[b], motion_z[b], look[b])
+    was = was_depth[b], was_normal[b], was_hit[b], was_kind[b], length[b]
+    past = past_of(*was, lens_at(lenses[b, 1]), parallel)
+    views, options = (lens_at(lenses[b, 0]), poses[b]), (np.float32(plane), np.float32(cosine), search, sharp)
+    _read(out[b], image[b], seen, moved, past, views, options, (columns, lines, places, rows, now, shift), y, x, x + 1)
 
 
 read_each = Each(read_pixel)
+
+
+@scalar
+def _read(out, image, seen, moved, past, views, options, scratch, y, first, end):
+    """Pixels ``first`` to ``end`` of a row."""
+    columns, lines, places, rows, now, shift = scratch
+    motion, motion_z, look = moved
+    (lens, pose), (plane, cosine, search, sharp) = views, options
+    expected_row(now, seen, motion, motion_z, lens, past.lens, pose, past.parallel, y, first, end)
+    shift_row(shift, look, y, first, end)
+    read_row(out, image, now, past, shift, plane, cosine, search, sharp, columns, lines, places, rows, y, first, end)
 
 
 @driver

@@ -2,65 +2,15 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import torch
 from torch import Tensor
 
-from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
 from post.filters.fits import fits_cuda
 from post.history.antilag import accumulate_reference
 from post.history.constants import WINDOW
-from post.history.correspondence import correspondence
-from post.history.reproject import find_taps
 from post.history.taa_reference import anti_alias_reference, longest
-
-
-class Reading(NamedTuple):
-    """A picture of the previous frame, read at this frame's pixels."""
-
-    image: Tensor
-    """``(B, C, H, W)``; zero where not valid."""
-    support: Tensor
-    """``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface."""
-    valid: Tensor
-    """``(B, 1, H, W)`` bool: whether there is any history."""
-
-
-@torch.library.custom_op("gbufrt::read_history", mutates_args=())
-def read_history_cpu(
-    image: Tensor, now: Tensor, before: Tensor, shift: Tensor, plane: float, normal: float, search: bool, sharp: bool
-) -> Tensor:
-    """``(B, C + 2, H, W)``: the picture, the support, and 1 where it is valid.
-
-    Args:
-        image: ``(B, C, H, W)``.
-        now: as `correspondence_reference` gives it, as ``before`` and ``shift``.
-        before: see ``now``.
-        shift: see ``now``.
-        plane: ``plane_tolerance`` of `read_history`.
-        normal: ``normal_tolerance``.
-        search: see `read_history`.
-        sharp: see `read_history`.
-    """
-    from gbufrt.compute.kernel import array, threads
-    from post.history.drivers import read_each, read_rows
-
-    batch, channels, height, width = image.shape
-    out = image.new_empty(batch, channels + 2, height, width)
-    pictures, options = (out, image, now, before, shift), (plane, normal, search, sharp)
-    if form_of(image, cuda=True) is Form.CUDA:
-        read_each(batch * height * width, *pictures, *options)
-    else:
-        read_rows(*map(array, pictures), *options, threads())
-    return out
-
-
-@read_history_cpu.register_fake
-def _(image, now, before, shift, plane, normal, search, sharp):
-    return image.new_empty(image.shape[0], image.shape[1] + 2, *image.shape[2:])
 
 
 @torch.library.custom_op("gbufrt::accumulate", mutates_args=())
@@ -124,57 +74,6 @@ def anti_alias_cpu(
 def _(color, weights, depth, motion, before, age, blend, gamma):
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
     return out, torch.empty_like(out), torch.empty_like(age, memory_format=torch.contiguous_format)
-
-
-def read_history(
-    gbuffer: GBuffer,
-    previous: GBuffer,
-    image: Tensor,
-    *,
-    length: Tensor | None = None,
-    motion: Tensor | None = None,
-    plane_tolerance: float = 2.0,
-    normal_tolerance: float = 0.9,
-    search: bool = True,
-    sharp: bool = False,
-    compiled: bool | None = None,
-) -> Reading:
-    """Read a picture of the previous frame where this frame's surfaces were.
-
-    Each of the four pixels around the reprojected position counts only if it shows the same surface: the same hit
-    flag and object, a similar normal, and a point within ``plane_tolerance`` of the surface's tangent plane at that
-    time. Where none does, the 3x3 pixels around are searched for the nearest that does. Sky matches sky.
-
-    History lives on the pixel grid without jitter: a still camera fetches each pixel from itself, jittered or not.
-
-    Args:
-        gbuffer: of this frame.
-        previous: of the frame before, with its own camera.
-        image: ``(B, C, H, W)`` of the frame before.
-        length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero are not used.
-        motion: see `correspondence_reference`.
-        plane_tolerance: allowed distance from the plane, in pixel footprints.
-        normal_tolerance: smallest allowed cosine between normals.
-        search: whether to search the neighbours of failures.
-        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer taps that do not show it
-            give their share to the nearest of the four. A history that moves every frame keeps its detail.
-        compiled: see `gbufrt.compute.dispatch.form_of`.
-
-    Returns:
-        `Reading`.
-
-    Raises:
-        ValueError: the frames differ in batch or size.
-
-    Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
-    """
-    now, before, shift = correspondence(gbuffer, previous, length, motion, compiled=compiled)
-    options = (plane_tolerance, normal_tolerance, search, sharp)
-    if form_of(image, shift, now.detach(), before.detach(), compiled=compiled, cuda=True) is not Form.REFERENCE:
-        found = read_history_cpu(image, now, before, shift, *options)
-        return Reading(found[:, :-2], found[:, -2:-1], found[:, -1:] > 0)
-    taps = find_taps(now, before, shift, *options)
-    return Reading(taps.fetch(image), taps.support, taps.valid)
 
 
 def accumulate(

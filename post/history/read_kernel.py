@@ -11,26 +11,31 @@ import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
+from post.history.correspondence_kernel import FOOTPRINT, HIT, OBJECT, POINT, WORLD, point_of
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 KEPT, WHOLE, FARTHEST = np.float32(constants.KEPT), np.float32(constants.WHOLE), np.float32(constants.FARTHEST)
-HIT, OBJECT, POINT, FOOTPRINT = 3, 4, 5, 8
 
 
 @scalar
-def _same(now, before, y, x, row, column, plane, normal):
-    """Whether a pixel of the previous frame shows the surface that this pixel expects."""
-    if row < 0 or column < 0 or row >= before.shape[1] or column >= before.shape[2]:
+def _same(now, past, x, row, column, plane, normal):
+    """Whether a pixel of the previous frame shows the surface that pixel ``x`` of the row expects."""
+    if row < 0 or column < 0 or row >= past.height or column >= past.width:
         return False
-    if before[HIT, row, column] != now[HIT, y, x] or before[OBJECT, row, column] != now[OBJECT, y, x]:
+    place, hit = row * past.width + column, now[HIT, x] > ZERO
+    if past.hit[place] != hit or (past.length.shape[0] > 0 and not past.length[place] > ZERO):
         return False
-    if now[HIT, y, x] == ZERO:
+    if past.kind.shape[0] > 0 and np.float32(past.kind[place]) != now[OBJECT, x]:
+        return False
+    if not hit:
         return True
-    distance, cosine = ZERO, ZERO
+    across, down, away = point_of(past, place, row, column)
+    distance = now[0, x] * (across - now[POINT, x]) + now[1, x] * (down - now[POINT + 1, x])
+    distance += now[2, x] * (away - now[POINT + 2, x])
+    cosine = ZERO
     for c in range(3):
-        distance += now[c, y, x] * (before[POINT + c, row, column] - now[POINT + c, y, x])
-        cosine += now[c, y, x] * before[c, row, column]
-    return abs(distance) <= plane * now[FOOTPRINT, y, x] and cosine >= normal
+        cosine += now[WORLD + c, x] * past.normal[c, place]
+    return abs(distance) <= plane * now[FOOTPRINT, x] and cosine >= normal
 
 
 @inlined
@@ -53,24 +58,24 @@ def _spline(f, which):
 
 
 @scalar
-def _add_sharp(out, image, now, before, y, x, top, left, fy, fx, plane, normal):
+def _add_sharp(out, image, now, past, y, first, x, top, left, fy, fx, plane, normal):
     """Read sixteen taps; outer ones that are not on the surface give their share to the nearest of the four.
 
     The result is held between the least and the greatest tap read, because negative weights may ring.
     """
     channels, used = image.shape[0], 0
     for c in range(channels):
-        out[c, y, x] = ZERO
+        out[c, y, first + x] = ZERO
     for j in range(4):
         for i in range(4):
             weight, row, column = _spline(fy, j) * _spline(fx, i), j - 1, i - 1
             if weight == ZERO:
                 continue
             inner = 0 <= row <= 1 and 0 <= column <= 1
-            if not inner and not _same(now, before, y, x, top + row, left + column, plane, normal):
+            if not inner and not _same(now, past, x, top + row, left + column, plane, normal):
                 row, column = min(max(row, 0), 1), min(max(column, 0), 1)
             for c in range(channels):
-                out[c, y, x] += weight * _tap(image, c, top + row, left + column)
+                out[c, y, first + x] += weight * _tap(image, c, top + row, left + column)
             used |= 1 << (4 * (row + 1) + column + 1)
     for c in range(channels):
         low, high = np.float32(np.inf), np.float32(-np.inf)
@@ -78,11 +83,11 @@ def _add_sharp(out, image, now, before, y, x, top, left, fy, fx, plane, normal):
             if used & (1 << k):
                 value = _tap(image, c, top + k // 4 - 1, left + k % 4 - 1)
                 low, high = min(low, value), max(high, value)
-        out[c, y, x] = min(max(out[c, y, x], low), high)
+        out[c, y, first + x] = min(max(out[c, y, first + x], low), high)
 
 
 @scalar
-def _nearest(now, before, y, x, row_at, column_at, plane, normal):
+def _nearest(now, past, x, row_at, column_at, plane, normal):
     """The nearest of the 3x3 pixels that shows the surface: whether there is one, its row and column."""
     near_row, near_column = math.floor(row_at + HALF), math.floor(column_at + HALF)
     found, best, best_row, best_column = False, np.float32(np.inf), np.int64(0), np.int64(0)
@@ -91,7 +96,7 @@ def _nearest(now, before, y, x, row_at, column_at, plane, normal):
             row, column = np.int64(near_row) + dy, np.int64(near_column) + dx
             across, down = np.float32(column) - column_at, np.float32(row) - row_at
             distance = across * across + down * down
-            if distance < best and _same(now, before, y, x, row, column, plane, normal):
+            if distance < best and _same(now, past, x, row, column, plane, normal):
                 found, best, best_row, best_column = True, distance, row, column
     return found, best_row, best_column
 
@@ -119,29 +124,42 @@ def _any(weights):
 
 
 @scalar
-def _keep_same(weights, places, distance, cosine, now, before, columns, lines, dx, dy, plane, normal, y, first, end):
+def _keep_same(weights, places, distance, cosine, now, past, columns, lines, dx, dy, plane, normal):
     """Set to zero the shares of a tap that shows another surface; leave its place in the picture. See `_same`."""
-    channels, height, width = before.shape
-    there = before.reshape(channels, height * width)
-    hit, kind, hit_there, kind_there = now[HIT, y, first:end], now[OBJECT, y, first:end], there[HIT], there[OBJECT]
-    for x in range(weights.shape[0]):
+    hit, kind, count = now[HIT], now[OBJECT], weights.shape[0]
+    for x in range(count):
         column, line = columns[x] + dx, lines[x] + dy
-        inside = (column >= 0) & (column < width) & (line >= 0) & (line < height)
-        places[x] = line * width + column if inside else 0
+        inside = (column >= 0) & (column < past.width) & (line >= 0) & (line < past.height)
+        places[x] = line * past.width + column if inside else 0
         weights[x] = weights[x] if inside else ZERO
-    for x in range(weights.shape[0]):
-        alike = (hit_there[places[x]] == hit[x]) & (kind_there[places[x]] == kind[x])
-        weights[x] = weights[x] if alike else ZERO
-        distance[x], cosine[x] = ZERO, ZERO
+    for x in range(count):
+        weights[x] = weights[x] if past.hit[places[x]] == (hit[x] > ZERO) else ZERO
+    if past.length.shape[0] > 0:
+        for x in range(count):
+            weights[x] = weights[x] if past.length[places[x]] > ZERO else ZERO
+    if past.kind.shape[0] > 0:
+        for x in range(count):
+            weights[x] = weights[x] if np.float32(past.kind[places[x]]) == kind[x] else ZERO
+    _distances(distance, now, past, places, columns, lines, dx, dy)
+    cosine[:] = ZERO
     for c in range(3):
-        n, p, n_there, p_there = now[c, y, first:end], now[POINT + c, y, first:end], there[c], there[POINT + c]
-        for x in range(weights.shape[0]):
-            distance[x] += n[x] * (p_there[places[x]] - p[x])
-            cosine[x] += n[x] * n_there[places[x]]
-    footprint = now[FOOTPRINT, y, first:end]
-    for x in range(weights.shape[0]):
+        n, there = now[WORLD + c], past.normal[c]
+        for x in range(count):
+            cosine[x] += n[x] * there[places[x]]
+    footprint = now[FOOTPRINT]
+    for x in range(count):
         same = (abs(distance[x]) <= plane * footprint[x]) & (cosine[x] >= normal)
         weights[x] = weights[x] if same | (hit[x] == ZERO) else ZERO
+
+
+@inlined
+def _distances(distance, now, past, places, columns, lines, dx, dy):
+    """How far each tap lies from the plane of the pixel that reads it."""
+    n_x, n_y, n_z = now[0], now[1], now[2]
+    p_x, p_y, p_z = now[POINT], now[POINT + 1], now[POINT + 2]
+    for x in range(distance.shape[0]):
+        across, down, away = point_of(past, places[x], lines[x] + dy, columns[x] + dx)
+        distance[x] = n_x[x] * (across - p_x[x]) + n_y[x] * (down - p_y[x]) + n_z[x] * (away - p_z[x])
 
 
 @scalar
@@ -156,19 +174,19 @@ def _add_taps(out, image, weights, places, y, first, end):
 
 
 @scalar
-def read_row(out, image, now, before, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end):
+def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end):
     """Read a history: its channels, then the support of the footprint, then 1 if there is any history.
 
     Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
     """
     channels, count = image.shape[0], end - first
     weights, fine, distance, cosine, total = rows[:4], rows[4:6], rows[6], rows[7], rows[8]
-    _footprints(columns, lines, fine, weights, shift[0, y, first:end], shift[1, y, first:end], y, first)
+    _footprints(columns, lines, fine, weights, shift[0], shift[1], y, first)
     total[:] = ZERO
     for k in range(4):
         if _any(weights[k]):
             row, tap = (columns, lines, k % 2, k // 2), (weights[k], places[k], distance, cosine)
-            _keep_same(*tap, now, before, *row, plane, normal, y, first, end)
+            _keep_same(*tap, now, past, *row, plane, normal)
             for x in range(count):
                 total[x] += weights[k, x]
     support, valid = out[channels, y, first:end], out[channels + 1, y, first:end]
@@ -186,11 +204,11 @@ def read_row(out, image, now, before, shift, plane, normal, search, sharp, colum
         fx, fy = fine[0, x], fine[1, x]
         if search and valid[x] == ZERO:
             column, line = np.float32(columns[x]) + fx, np.float32(lines[x]) + fy
-            found, near_row, near = _nearest(now, before, y, first + x, line, column, plane, normal)
+            found, near_row, near = _nearest(now, past, x, line, column, plane, normal)
             if found:
                 valid[x] = ONE
                 for c in range(channels):
                     out[c, y, first + x] = image[c, near_row, near]
         elif sharp and total[x] > WHOLE and (fx > ZERO or fy > ZERO):
             top, left = np.int64(lines[x]), np.int64(columns[x])
-            _add_sharp(out, image, now, before, y, first + x, top, left, fy, fx, plane, normal)
+            _add_sharp(out, image, now, past, y, first, x, top, left, fy, fx, plane, normal)

@@ -24,6 +24,7 @@ from post.lens.shutter_kernel import (
     time_row,
     weigh_row,
 )
+from post.lens.similar_kernel import similar_pixel
 from post.lens.spread_kernel import Window
 from post.lens.tile_kernel import tile
 
@@ -85,6 +86,7 @@ def reconstruct_pixel(
 
 
 reconstruct_each = Each(reconstruct_pixel)
+similar_each = Each(similar_pixel)
 
 
 @scalar

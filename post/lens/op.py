@@ -14,7 +14,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import resident
 from post.lens.constants import EDGE, FINEST, MOST_CHANNELS, MOST_LAYERS
 from post.lens.reference import bright_level, layers_reference, signed
-from post.lens.shutter_reference import reconstruct_reference
+from post.lens.shutter_reference import reconstruct_reference, similar_reference
 
 
 class Tables(NamedTuple):
@@ -137,6 +137,33 @@ def reconstruct(
     if form_of(*planes, softness, compiled=compiled, cuda=fits) is Form.REFERENCE:
         return reconstruct_reference(*planes, opening, samples, softness)
     return reconstruct_cpu(*planes, opening, samples, float(softness))
+
+
+@torch.library.custom_op("gbufrt::blur_alike", mutates_args=())
+def similar_cpu(color: Tensor, path: Tensor, noise: Tensor, opening: float, samples: int) -> Tensor:
+    """``(B, C, H, W)``. See `blur_alike`."""
+    from post.lens.drivers import similar_each
+
+    out = torch.empty_like(color, memory_format=torch.contiguous_format)
+    similar_each(out[:, 0].numel(), out, color, path, noise, opening, samples)
+    return out
+
+
+@similar_cpu.register_fake
+def _(color, path, noise, opening, samples):
+    return torch.empty_like(color, memory_format=torch.contiguous_format)
+
+
+def blur_alike(
+    color: Tensor, path: Tensor, noise: Tensor, *, opening: float, samples: int, compiled: bool | None = None
+) -> Tensor:
+    """Blur along each pixel's own path over what moves alike: the ``similarity`` weights of `post.motion_blur`.
+
+    Arguments and result are those of `reconstruct`.
+    """
+    if form_of(color, path, noise, compiled=compiled, cuda=True) is Form.REFERENCE:
+        return similar_reference(color, path, noise, opening, samples)
+    return similar_cpu(color, path, noise, opening, samples)
 
 
 def layer_radii(largest: float, step: float) -> list[float]:

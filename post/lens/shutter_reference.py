@@ -1,4 +1,4 @@
-"""An open shutter in torch: the definition of `post.lens.op.reconstruct`, with its gradients."""
+"""An open shutter in torch: the definitions of `post.lens.op.reconstruct` and `blur_alike`, with their gradients."""
 
 from __future__ import annotations
 
@@ -29,6 +29,19 @@ def reconstruct_reference(
         total, weight = total + visible, weight + share
     moves = dominant.detach().square().sum(1, keepdim=True) > STILL**2
     return torch.where(moves, total / weight, color)
+
+
+def similar_reference(color: Tensor, path: Tensor, noise: Tensor, opening: float, samples: int) -> Tensor:
+    """``(B, C, H, W)``. Arguments and result are those of `post.lens.op.blur_alike`."""
+    px = pixel_centers(color)
+    total, weight = color, torch.ones_like(color[:, :1])
+    for time in moments(noise, opening, samples):
+        at = px - path * time
+        there = sample(path, at, mode="nearest")
+        alike = (there * path).sum(1, keepdim=True) / path.square().sum(1, keepdim=True).clamp_min(1e-12)
+        alike = alike.clamp(0, 1) * inside(at, (color.shape[-2], color.shape[-1]))
+        total, weight = total + alike * sample(color, at), weight + alike
+    return total / weight
 
 
 def moments(noise: Tensor, opening: float, samples: int) -> list[Tensor]:

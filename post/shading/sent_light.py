@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt import Frame
 from gbufrt.compute.resident import waits
-from post.history.op import read_history
+from post.history.read import read_history
 from post.sweep.bitmask import bitmask_ao
 
 SKY_DIRECTIONS = 1  # slices for the sky visibility of senders: gathering averages their noise

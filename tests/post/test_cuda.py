@@ -23,7 +23,7 @@ def check(found: dict[str, torch.Tensor]) -> None:
 
 def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> None:
     found, ran = answers_of(SCRIPT, tmp_path / "answers.pt")
-    light = {"sweep", "padded", "bodies", "agx", "upsampled", "correspondence", "read", "tone", "alias", "luma"}
+    light = {"sweep", "padded", "bodies", "agx", "encode", "vignette", "upsampled", "read", "tone", "alias", "luma"}
     light |= {
         "down",
         "across",
@@ -39,7 +39,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "stairs",
         "layer",
     }
-    assert ran == {"march", "reflect", "reconstruct_pixel", *(f"{name}_pixel" for name in light)}
+    assert ran == {"march", "reflect", "reconstruct_pixel", "similar_pixel", *(f"{name}_pixel" for name in light)}
     check(found)
 
 

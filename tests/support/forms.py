@@ -12,12 +12,13 @@ from simulated import save
 from torch import Tensor
 
 from gbufrt import Frame
-from post.display.op import tone_curve
+from post.display.op import darkened, encoded, tone_curve
 from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.surfaces import surface
-from post.history.op import accumulate, anti_alias, read_history
-from post.lens.op import reconstruct
+from post.history.op import accumulate, anti_alias
+from post.history.read import read_history
+from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
 from post.passes.lens.upscale import upscale
@@ -78,6 +79,8 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
     return {
         "aliased": torch.cat(aliased, dim=1),
         "toned": tone_curve(light, light.new_full((), 2.0), "agx", 1.2, 1.2, 4.0),
+        "encoded": encoded(light / 3),
+        "darkened": darkened(light, 0.5, 0.2, 0.8),
         "smooth": smooth_stairs(light.clamp(0, 1), subpixel=0.75, edge_threshold=0.06, dark_threshold=0.02),
         "upsampled": upsample(light[..., 1::2, 1::2], geometry, offset=(1, 1)),
         "back": bodies(g.depth, g.hit, g.depth + 0.3),
@@ -132,6 +135,7 @@ def of_lens(frame: Frame) -> dict[str, Tensor]:
     shutter: dict[str, Any] = {"opening": -0.5, "samples": 3, "softness": 0.05}
     return {
         "layers": depth_of_field(lamp, g.depth, g.camera, **lens),
+        "alike": blur_alike(light, path, moment, opening=-0.5, samples=3),
         "blurred": reconstruct(light, g.depth, path, path.roll(2, 3), moment, **shutter),
     }
 

@@ -17,7 +17,7 @@ from post.filters.op import wavelet
 from post.filters.signals import REC709, luminance
 from post.filters.surfaces import surface
 from post.history.antilag import grain_of, tolerated
-from post.history.op import read_history
+from post.history.read import read_history
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal

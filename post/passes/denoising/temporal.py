@@ -16,13 +16,15 @@ from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
-from post.history.antilag import pooled, sample_variance, typical_variance
+from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes
 from post.history.constants import YOUNG
 from post.history.fireflies import cut_outliers, taken
-from post.history.op import accumulate, read_history
+from post.history.op import accumulate
 from post.history.planes import together
+from post.history.read import read_history
 from post.history.reproject import geometry_of, history_for, motion_of
+from post.history.virtual import agreeing_motion, misfit, virtual_motion
 from post.passes.denoising.atrous import atrous
 
 STORED = ("signal", "fast", "moments", "share")
@@ -85,7 +87,7 @@ def temporal(
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal
-    before, noise, new = torch.zeros_like(signal[:, :1]), None, dict[str, Tensor]()
+    before, noise = torch.zeros_like(signal[:, :1]), None
     if history is not None and history.gbuffer is not None:
         state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp, names)
     if excess:
@@ -94,8 +96,7 @@ def temporal(
         signal = cut_outliers(signal, geometry, state, noise, lead, firefly)
     if state is None or history is None or history.gbuffer is None:
         light, length = luminance(signal, lead), torch.ones_like(signal[:, :1])
-        moments = torch.cat([light, light * light], dim=1)
-        new |= {"signal": signal, "fast": signal[:, :lead], "moments": moments, "share": length}
+        state = torch.cat([signal, signal[:, :lead], light, light * light, length, length], dim=1)
     else:
         if excess:
             before, state = state[:, -2:-1], torch.cat([state[:, :-2], state[:, -1:]], dim=1)
@@ -105,8 +106,8 @@ def temporal(
             signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
             clamp = firefly = 0.0
         state, signal = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
-        *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
-        new |= zip(STORED, parts, strict=True)
+    *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)  # side by side, see `together`
+    new = dict[str, Tensor](zip(STORED, parts, strict=True))
     if excess:
         new["excess"] = before + (taken(given, signal, lead) - before) / length
     return _finish(signal, new, length, gbuffer, geometry, feedback, lead)
@@ -133,6 +134,9 @@ def _fetch(
     options: dict[str, Any] = {"length": history.length}
     if sharp:
         options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
+    elif distance is not None:  # all channels are read once: two readings of them were most of a frame's memory
+        motion = agreeing_motion(everything[:, :lead], signal[:, :lead], gbuffer, before, history.length, distance)
+        return read_history(gbuffer, before, everything, motion=motion, **options).image
     found = read_history(gbuffer, before, everything, **options)
     state = found.image
     if sharp:
@@ -141,24 +145,12 @@ def _fetch(
         beside = torch.cat([beside[:, :-1], beside[:, -1:].clamp_max(BORROWED)], dim=1)
         state = torch.where(state[:, -1:] < beside[:, -1:], beside, state)
     if distance is not None:
-        reflected = read_history(gbuffer, before, everything, motion=_virtual(gbuffer, before, distance), **options)
+        virtual = virtual_motion(gbuffer, before, distance)
+        reflected = read_history(gbuffer, before, everything, motion=virtual, **options)
         missing = ~reflected.valid | (distance <= 0)
-        agrees = _misfit(reflected.image, signal, lead) < _misfit(state, signal, lead)
+        agrees = misfit(reflected.image, signal, lead) < misfit(state, signal, lead)
         state = torch.where(~missing & (agrees | (state[:, -1:] <= 0)), reflected.image, state)
     return state
-
-
-def _virtual(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
-    """Motion of the virtual image, which lies as far behind the surface as the reflected hit lies in front of it."""
-    camera = gbuffer.camera
-    points = gbuffer.points_view()
-    image = points - camera.to_eye(points) * distance
-    was = before.camera.project(before.camera.to_view(camera.to_world(image)))
-    return was - camera.pixel_centers(dtype=points.dtype)
-
-
-def _misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
-    return pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
 
 
 def _finish(

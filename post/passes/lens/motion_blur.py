@@ -13,10 +13,8 @@ from gbufrt.compute.resident import number, waits
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
-from gbufrt.sampling import inside, pixel_centers, sample
 from post.lens.constants import STILL
-from post.lens.op import reconstruct
-from post.lens.shutter_reference import moments
+from post.lens.op import blur_alike, reconstruct
 
 Position = Literal["center", "trailing"]
 Weights = Literal["reconstruction", "similarity"]
@@ -80,7 +78,7 @@ def motion_blur(
         return color
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
     if weights == "similarity":
-        return _similarity(color, path, moments(noise[0], opening, samples))
+        return blur_alike(color, path, noise[0], opening=opening, samples=samples)
     dominant = _dominant(_longest(tiles, 3, 1, 1), tile, noise[1:])
     return reconstruct(color, depth, path, dominant, noise[0], opening=opening, samples=samples, softness=softness)
 
@@ -100,24 +98,6 @@ def _longest(path: Tensor, size: int, stride: int, padding: int) -> Tensor:
     square = path.detach().square().sum(1, keepdim=True)
     _, where = F.max_pool2d(square, size, stride, padding, ceil_mode=True, return_indices=True)
     return path.flatten(2).gather(2, where.flatten(2).expand(-1, 2, -1)).view(*path.shape[:2], *where.shape[2:])
-
-
-def _similarity(color: Tensor, path: Tensor, times: list[Tensor]) -> Tensor:
-    px = pixel_centers(color)
-    total, weight = color, torch.ones_like(color[:, :1])
-    for time in times:
-        total, weight = _similar_moment(color, px, path, time, total, weight)
-    return total / weight
-
-
-def _similar_moment(
-    color: Tensor, px: Tensor, path: Tensor, time: Tensor, total: Tensor, weight: Tensor
-) -> tuple[Tensor, Tensor]:
-    at = px - path * time
-    there = sample(path, at, mode="nearest")
-    alike = (there * path).sum(1, keepdim=True) / path.square().sum(1, keepdim=True).clamp_min(1e-12)
-    alike = alike.clamp(0, 1) * inside(at, (color.shape[-2], color.shape[-1]))
-    return total + alike * sample(color, at), weight + alike
 
 
 def _limited(path: Tensor, longest: float) -> Tensor:

@@ -8,9 +8,8 @@ import torch
 from torch import Tensor
 
 from post.filters.surfaces import surface
-from post.history.correspondence import correspondence, correspondence_cpu
-from post.history.op import accumulate, accumulate_cpu, read_history, read_history_cpu
-from post.history.reproject import correspondence_reference
+from post.history.op import accumulate, accumulate_cpu
+from post.history.read import read_history, read_history_cpu
 
 SIZE = (45, 61)
 FORMS = (True, False)
@@ -50,10 +49,9 @@ def test_read_history_far_outside_and_without_motion() -> None:
     assert not want.valid[..., :20].any()
 
 
-@pytest.mark.parametrize("case", ["perspective", "orthographic", "jittered", "nothing but depth", "another view"])
+@pytest.mark.parametrize("case", ["jittered", "nothing but depth", "another view"])
 def test_what_is_looked_for(case: str) -> None:
-    orthographic = case == "orthographic"
-    camera, before = (boxes.camera(SIZE, dx=dx, orthographic=orthographic) for dx in (0.35, 0.0))
+    camera, before = (boxes.camera(SIZE, dx=dx) for dx in (0.35, 0.0))
     if case == "jittered":
         camera, before = camera.with_jitter((0.3, -0.4)), before.with_jitter((-0.2, 0.1))
     now, then = boxes.frame(camera, previous=before).gbuffer, boxes.frame(before).gbuffer
@@ -61,10 +59,12 @@ def test_what_is_looked_for(case: str) -> None:
     now = now.replace(**bare) if case == "nothing but depth" else now
     length = (noise(1) > 0.1).float() if case == "another view" else None
     motion = 9 * noise(2).round(decimals=1) - 4 if case == "another view" else None
-    got, want = (correspondence(now, then, length, motion, compiled=form) for form in FORMS)
-    for a, b in zip(got, want, strict=True):
-        torch.testing.assert_close(a, b, rtol=2e-5, atol=2e-5)
-    assert bool((want[1][:, 3] < 0).any()) == (case == "another view"), "where there is no history nothing matches"
+    given = {"length": length, "motion": motion, "plane_tolerance": 1.0}
+    got, want = (read_history(now, then, noise(3), **given, compiled=form) for form in FORMS)
+    torch.testing.assert_close(got.image, want.image, rtol=1e-5, atol=5e-6)
+    torch.testing.assert_close(got.support, want.support, rtol=1e-5, atol=2e-6)
+    assert torch.equal(got.valid, want.valid)
+    assert 0.2 < float(want.valid.float().mean()) < 1.0
 
 
 def state_of(lead: int, signal: Tensor) -> Tensor:
@@ -107,10 +107,9 @@ def test_gradients_take_the_reference() -> None:
 def test_operators_are_registered_properly() -> None:
     g, checks = boxes.frame(boxes.camera(SIZE)).gbuffer, ("test_schema", "test_faketensor")
     geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), noise(4)
-    look = correspondence_reference(g, g)
-    torch.library.opcheck(read_history_cpu, (signal, *look, 2.0, 0.9, True, False), test_utils=checks)
-    one, none, lenses = noise(1), torch.empty(1, 1, 0, 0), torch.ones(1, 2, 6)
-    look = ([one, noise(3), g.hit, none, noise(2), one, noise(2)], [one, noise(3), g.hit, none], none, lenses)
-    torch.library.opcheck(correspondence_cpu, (*look, torch.eye(3)[None], False), test_utils=checks)
+    one, none, lenses = noise(1), torch.empty(1, 1, 0, 0, dtype=torch.int32), torch.ones(1, 2, 6)
+    look = ([one, noise(3), g.hit, none, noise(2), one, noise(2)], [one, noise(3), g.hit, none, one], lenses)
+    options = (torch.eye(3)[None], False, 2.0, 0.9, True, False)
+    torch.library.opcheck(read_history_cpu, (signal, *look, *options), test_utils=checks)
     given = (signal, state_of(3, signal), noise(1), geometry.guide, geometry.plane, True, 3, 2.0, 6.0)
     torch.library.opcheck(accumulate_cpu, given, test_utils=checks)

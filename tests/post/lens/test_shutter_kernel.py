@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.lens.op import reconstruct, reconstruct_cpu
+from post.lens.op import blur_alike, reconstruct, reconstruct_cpu, similar_cpu
 from post.passes.lens.motion_blur import motion_blur
 
 OPENINGS = {"center": -0.5, "trailing": 0.0}
@@ -114,3 +114,18 @@ def test_the_pass_takes_the_kernel_and_gradients_the_reference(position: Any) ->
 def test_operator_is_registered_properly() -> None:
     given = (*scene().values(), -0.5, 3, 0.02)
     torch.library.opcheck(reconstruct_cpu, given, test_utils=("test_schema", "test_faketensor"))
+
+
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+@pytest.mark.parametrize(("size", "channels"), [((31, 17), 3), ((40, 300), 1), ((1, 1), 3), ((1, 9), 5)], ids=str)
+def test_similarity_forms_agree(size: tuple[int, int], channels: int, opening: float) -> None:
+    given = scene(size, channels, still=True)
+    planes, settings = (given["color"], given["path"], given["noise"]), {"opening": opening, "samples": 5}
+    got, want = (blur_alike(*planes, **settings, compiled=form) for form in (True, False))
+    assert_close(got, want)
+    if min(size) > 9:
+        stays = (given["path"] == 0).all(1, keepdim=True).expand_as(got)
+        assert 0.1 < float(stays.float().mean()) < 0.9
+        assert torch.equal(got[stays], given["color"][stays]), "moving things do not spill over static ones"
+        assert float((want - given["color"])[~stays].abs().mean()) > 0.1
+    torch.library.opcheck(similar_cpu, (*planes, opening, 5), test_utils=("test_schema", "test_faketensor"))

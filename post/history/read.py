@@ -1,0 +1,136 @@
+"""Histories read where this frame's surfaces were, as a torch operator: kernels on the CPU and on CUDA, else the torch
+reference."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from gbufrt import GBuffer
+from gbufrt.compute.dispatch import Form, form_of
+from post.history.reproject import check_alike, correspondence_reference, find_taps, motion_of
+
+
+class Reading(NamedTuple):
+    """A picture of the previous frame, read at this frame's pixels."""
+
+    image: Tensor
+    """``(B, C, H, W)``; zero where not valid."""
+    support: Tensor
+    """``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface."""
+    valid: Tensor
+    """``(B, 1, H, W)`` bool: whether there is any history."""
+
+
+@torch.library.custom_op("gbufrt::read_history", mutates_args=())
+def read_history_cpu(
+    image: Tensor, now: list[Tensor], before: list[Tensor], lenses: Tensor, poses: Tensor, parallel: bool,
+    plane: float, normal: float, search: bool, sharp: bool,
+) -> Tensor:  # fmt: skip
+    """``(B, C + 2, H, W)``: the picture, the support, and 1 where it is valid.
+
+    Args:
+        image: ``(B, C, H, W)``.
+        now: depth, normal, hit, object id, motion, its change of z, and where to look, ``(B, C, H, W)``; an id that is
+            not there has no rows.
+        before: depth, normal, hit and object id of the frame before, and the history's length, which may have no rows.
+        lenses: ``(B, 2, 6)``, see `Camera.lens`: of this frame and the one before.
+        poses: ``(B, 3, 3)``: rotation to the view of the frame before.
+        parallel: whether its camera is orthographic.
+        plane: ``plane_tolerance`` of `read_history`.
+        normal: ``normal_tolerance``.
+        search: see `read_history`.
+        sharp: see `read_history`.
+    """
+    from gbufrt.compute.kernel import array, threads
+    from post.history.drivers import read_each, read_rows
+
+    batch, channels, height, width = image.shape
+    out = image.new_empty(batch, channels + 2, height, width)
+    given = [t if t.shape[1] > 1 else t[:, 0] for t in (*now, *before)]
+    pictures, options = (out, image, *given, lenses, poses), (parallel, plane, normal, search, sharp)
+    if form_of(image, cuda=True) is Form.CUDA:
+        read_each(batch * height * width, *pictures, *options)
+    else:
+        read_rows(*map(array, pictures), *options, threads())
+    return out
+
+
+@read_history_cpu.register_fake
+def _(image, now, before, lenses, poses, parallel, plane, normal, search, sharp):
+    return image.new_empty(image.shape[0], image.shape[1] + 2, *image.shape[2:])
+
+
+def read_history(
+    gbuffer: GBuffer,
+    previous: GBuffer,
+    image: Tensor,
+    *,
+    length: Tensor | None = None,
+    motion: Tensor | None = None,
+    plane_tolerance: float = 2.0,
+    normal_tolerance: float = 0.9,
+    search: bool = True,
+    sharp: bool = False,
+    compiled: bool | None = None,
+) -> Reading:
+    """Read a picture of the previous frame where this frame's surfaces were.
+
+    Each of the four pixels around the reprojected position counts only if it shows the same surface: the same hit
+    flag and object, a similar normal, and a point within ``plane_tolerance`` of the surface's tangent plane at that
+    time. Where none does, the 3x3 pixels around are searched for the nearest that does. Sky matches sky.
+
+    History lives on the pixel grid without jitter: a still camera fetches each pixel from itself, jittered or not.
+
+    Args:
+        gbuffer: of this frame.
+        previous: of the frame before, with its own camera.
+        image: ``(B, C, H, W)`` of the frame before.
+        length: ``(B, 1, H, W)`` history length of the frame before; pixels of length zero are not used.
+        motion: see `correspondence_reference`.
+        plane_tolerance: allowed distance from the plane, in pixel footprints.
+        normal_tolerance: smallest allowed cosine between normals.
+        search: whether to search the neighbours of failures.
+        sharp: read with Catmull-Rom weights where all four pixels show the surface; outer taps that do not show it
+            give their share to the nearest of the four. A history that moves every frame keeps its detail.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        `Reading`.
+
+    Raises:
+        ValueError: the frames differ in batch or size.
+
+    Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
+    """
+    check_alike(gbuffer, previous)
+    options = (plane_tolerance, normal_tolerance, search, sharp)
+    moved, moved_z = motion_of(gbuffer, previous.camera)
+    pose, lens, was = previous.camera.view_from_world[:, :3, :3], gbuffer.camera.lens, previous.camera.lens
+    normals = [g.normal if g.normal_geo is None else g.normal_geo for g in (gbuffer, previous)]
+    geometry = (moved_z, gbuffer.depth, previous.depth, *normals, pose, lens, was)
+    steps = [t.detach().to(moved) for t in geometry]  # what counts is a step in them: no gradient to keep
+    if form_of(image, length, moved, motion, *steps, compiled=compiled, cuda=True) is Form.REFERENCE:
+        taps = find_taps(*correspondence_reference(gbuffer, previous, length, motion), *options)
+        return Reading(taps.fetch(image), taps.support, taps.valid)
+    now, then = _ids(gbuffer, previous)
+    found = read_history_cpu(
+        image,
+        [gbuffer.depth, normals[0], gbuffer.hit, now, moved, moved_z, moved if motion is None else motion],
+        [previous.depth, normals[1], previous.hit, then, image[:, :1, :0, :0] if length is None else length],
+        torch.stack([lens, was], dim=1).to(moved),
+        pose.to(moved),
+        previous.camera.orthographic,
+        *options,
+    )
+    return Reading(found[:, :-2], found[:, -2:-1], found[:, -1:] > 0)
+
+
+def _ids(gbuffer: GBuffer, previous: GBuffer) -> list[Tensor]:
+    """Object ids of two frames, empty unless both have them."""
+    ids = gbuffer.object_id, previous.object_id
+    if ids[0] is None or ids[1] is None:
+        return [gbuffer.hit.new_empty(gbuffer.batch, 1, 0, 0, dtype=torch.int32)] * 2
+    return [t.to(torch.int32) for t in ids if t is not None]

@@ -1,0 +1,50 @@
+"""Motion of what mirrors show: the virtual image moves unlike the surface that holds it."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import GBuffer
+from post.history.antilag import pooled
+from post.history.read import read_history
+from post.history.reproject import motion_of
+
+
+def agreeing_motion(
+    image: Tensor, signal: Tensor, gbuffer: GBuffer, before: GBuffer, length: Tensor, distance: Tensor
+) -> Tensor:
+    """Motion of each surface, or of its virtual image, by whichever history agrees better with the signal.
+
+    Args:
+        image: ``(B, C, H, W)`` of the frame before.
+        signal: of this frame, as ``image``.
+        gbuffer: of this frame.
+        before: of the frame before.
+        length: ``(B, 1, H, W)`` history length of the frame before.
+        distance: ``(B, 1, H, W)`` world units to the reflected hit, 0 where the surface holds no image.
+
+    Returns:
+        ``(B, 2, H, W)`` pixels, previous minus current.
+    """
+    motion, virtual = motion_of(gbuffer, before.camera)[0], virtual_motion(gbuffer, before, distance)
+    lead = image.shape[1]
+    found = read_history(gbuffer, before, image, length=length)
+    apart, lost = misfit(found.image, signal, lead), ~found.valid
+    found = read_history(gbuffer, before, image, length=length, motion=virtual)
+    agrees = lost | (misfit(found.image, signal, lead) < apart)
+    return torch.where(found.valid & (distance > 0) & agrees, virtual, motion)
+
+
+def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
+    """Motion of the virtual image, which lies as far behind the surface as the reflected hit lies in front of it."""
+    camera = gbuffer.camera
+    points = gbuffer.points_view()
+    image = points - camera.to_eye(points) * distance
+    was = before.camera.project(before.camera.to_view(camera.to_world(image)))
+    return was - camera.pixel_centers(dtype=points.dtype)
+
+
+def misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
+    """``(B, 1, H, W)``: by how much the first ``lead`` channels differ around each pixel."""
+    return pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
