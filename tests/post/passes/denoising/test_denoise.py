@@ -18,6 +18,7 @@ from post.history.antilag import into_shadow
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
 from post.passes.denoising.denoise import _filled
+from post.shading.composite_op import specular_albedo
 from post.shading.mirrors import mirror_image
 from tracer.gbuffers import gbuffer
 
@@ -107,6 +108,19 @@ def test_mirrors_keep_what_they_show_while_the_camera_moves():
             out, states[name] = denoise(light * noise, given, states[name])
             errors[name] = float((out - light)[image.mask.expand_as(light)].square().mean().sqrt())
     assert errors["mirrors"] < 0.75 * errors["plain"]
+
+
+def test_polished_tiles_share_their_light_whatever_their_albedo():
+    frame = painted(boxes.frame(boxes.camera(SIZE)))
+    g, generator = frame.gbuffer, torch.Generator().manual_seed(11)
+    tiles = torch.where(frame.read("albedo") > 0.5, 0.8, 0.02)
+    g = g.replace(albedo=tiles, emission=None, roughness=torch.full_like(g.depth, 0.1))
+    share = specular_albedo(g)
+    light = torch.where(g.hit, share + (1 - share) * tiles, 0.7)
+    noisy = light * torch.empty(g.depth.shape).exponential_(generator=generator)
+    every, diffuse = (denoise(noisy, g, specular=specular)[0] for specular in (True, False))
+    error = [float((x - light)[g.hit.expand_as(light)].square().mean().sqrt()) for x in (every, diffuse)]
+    assert error[0] < 0.8 * error[1]
 
 
 def test_a_pixel_left_alone_in_a_mirror_takes_the_light_around_it():
