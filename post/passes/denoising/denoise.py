@@ -22,7 +22,7 @@ from post.shading.mirrors import mirror_image
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
-TOLERANCE = 30.0  # share by which wavelets are told more variance than there is: their fits keep gradients
+TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
