@@ -215,7 +215,7 @@ def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
     return torch.where(hit, grain, 0.0)
 
 
-def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor) -> Tensor:
+def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor, *, least: float = 0.0) -> Tensor:
     """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
 
     Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
@@ -226,9 +226,11 @@ def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor) -> T
         grain: see `grain_of`.
         length: ``(B, 1, H, W)`` frames in the mean.
         hit: ``(B, 1, H, W)`` bool.
+        least: share of the variance by which it is exaggerated everywhere: for wavelets whose light a regression fits,
+            which may average over more noise before they lose gradients.
 
     Returns:
         ``(B, 1, H, W)``, nowhere below ``variance``.
     """
-    unsure = UNSURE / length.clamp_min(1.0)
+    unsure = (UNSURE / length.clamp_min(1.0)).clamp_min(least)
     return variance * (1 + torch.where(hit, torch.maximum(grain, unsure), 0.0))

@@ -15,6 +15,7 @@ from gbufrt import Frame
 from post.display.op import darkened, encoded, tone_curve
 from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
+from post.filters.regression import fitted, with_places
 from post.filters.surfaces import surface
 from post.history.op import accumulate, anti_alias
 from post.history.read import read_history
@@ -103,6 +104,8 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
         torch.cat([values, grain[:, 4:] / 9], dim=1), geometry, 0.05 * grain[:, 4:], step=2, phi_color=1.0,
         phi_depth=1.0, phi_normal=128.0,
     )  # fmt: skip
+    planes = torch.cat([with_places(light), values[:, 3:], grain[:, 4:] / 9], dim=1)  # as many as a GPU's thread holds
+    wide = wavelet(planes, geometry, 0 * grain[:, :1], step=1, phi_color=1.0, phi_depth=1.0, phi_normal=128.0)
     fast, age = values[:, :3] * (0.8 + 0.4 * grain[:, 1:4]), torch.floor(9 * grain[:, :1])
     state = torch.cat(
         [values * (0.6 + grain[:, 1:]), fast, fast[:, :1], fast[:, :1] ** 2 + 0.01, 1 / (1 + age), age], 1
@@ -118,6 +121,7 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
         "limits": torch.cat([reach, tolerance], dim=1),
         "bilateral": joint_bilateral(values, geometry, reach, tolerance, radius=2, **edge),
         "wavelet": smooth,
+        "fit": fitted(wide[:, :-2], wide[:, -1:]),
     }
 
 

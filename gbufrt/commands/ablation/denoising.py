@@ -27,10 +27,10 @@ SIGMA_GUIDE, SIGMA_SPACE = 0.1, 4.0
 
 
 def denoiser() -> Pipeline:
-    """What a user calls on noisy light, here in ``gi``."""
+    """What a user calls on noisy light."""
     from post import Denoise
 
-    return Pipeline(given={"gi"}, denoise=Denoise(signal="gi"))
+    return Pipeline(given={"radiance"}, denoise=Denoise(signal="radiance"))
 
 
 def denoise(place: Place, _: Pipeline) -> Outcome:
@@ -52,7 +52,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
         exposure = f.exposure_of(truth, source.gbuffer.hit)
         wanted = f.display(truth, exposure)
         answers = f.displayed(halves, exposure)
-        lights = {"ours": found.frames[number].read("gi"), "input": source.read("gi"), **rivals(source)}
+        lights = {"ours": found.frames[number].read("radiance"), "input": source.read("radiance"), **rivals(source)}
         shown = {name: f.display(light, exposure) for name, light in lights.items()}
         scores = {name: f.psnr_over(picture, answers, mask) for name, picture in shown.items()}
         result.figures.update({f"denoise.{which}_{name}": score for name, score in scores.items()})
@@ -72,7 +72,7 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
 
 
 def noisy(place: Place, number: int) -> Frame:
-    """A frame with all light path-traced into ``gi`` at one sample a pixel, and the layer behind water and glass."""
+    """A frame with ``radiance`` path-traced at one sample a pixel, and the layer behind water and glass."""
     from tracer.gbuffers import layers
 
     now, before = place.at(number), place.at(number - 1)
@@ -81,7 +81,7 @@ def noisy(place: Place, number: int) -> Frame:
     )
     light = place.picture({**SHARP, "seed": number}, time=now, samples=1)
     beyond = None if behind is None else Frame(gbuffer=behind, index=number, time=now)
-    return Frame(gbuffer=g, index=number, time=now, radiance=light, gi=light, behind=beyond)
+    return Frame(gbuffer=g, index=number, time=now, radiance=light, behind=beyond)
 
 
 def rivals(frame: Frame) -> dict[str, Tensor]:
@@ -90,7 +90,7 @@ def rivals(frame: Frame) -> dict[str, Tensor]:
     from post.passes.denoising.denoise import visible_layer
 
     g, albedo, *_ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
-    light, low = frame.read("gi"), albedo.clamp_min(MIN_ALBEDO)
+    light, low = frame.read("radiance"), albedo.clamp_min(MIN_ALBEDO)
     smooth = joint_bilateral(torch.where(g.hit, light / low, light), g, kernel=KERNEL)  # with the albedo divided out
     found = {"kornia": torch.where(g.hit, smooth * low, light)}
     if has_oidn():

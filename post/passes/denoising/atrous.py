@@ -8,6 +8,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import spatial_moments, wavelet
+from post.filters.regression import fitted, with_places
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 
@@ -30,6 +31,7 @@ def atrous(
     roughness: Tensor | None = None,
     confidence: Tensor | None = None,
     lead: int | None = None,
+    linear: bool = False,
 ) -> tuple[Tensor, Tensor]:
     """Denoise by repeated 5x5 B-spline kernels with holes, each twice as wide as the one before.
 
@@ -53,6 +55,8 @@ def atrous(
         roughness: ``(B, 1, H, W)`` for reflections: mirrors stay sharp, different roughnesses do not mix.
         confidence: ``(B, 1, H, W)`` in [0, 1] for reflections: blur more where it is low.
         lead: how many of the first channels make the luminance; all by default.
+        linear: fit a plane to the signal instead of taking its mean: gradients of light survive where surfaces end, at
+            the price of more noise there. See `post.filters.regression`.
 
     Returns:
         The signal ``(B, C, H, W)`` and the variance that is left in it ``(B, 1, H, W)``.
@@ -69,13 +73,16 @@ def atrous(
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
     light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
     reach = _reach(depth, roughness, confidence)
-    values = torch.cat([signal, light, variance], dim=1)
+    values = torch.cat([with_places(signal) if linear else signal, light, variance], dim=1)
     for iteration in range(iterations):
         values = wavelet(
             values, geometry, reach, step=2**iteration,
             phi_color=phi_color * growth**iteration, phi_depth=phi_depth, phi_normal=phi_normal,
         )  # fmt: skip
-    return values[:, :-2], values[:, -1:].clone()  # a view that is kept would keep all channels
+    smooth, left = values[:, :-2], values[:, -1:].clone()  # a view that is kept would keep all channels
+    if linear:
+        smooth = torch.where(hit, fitted(smooth, left, lead), signal)
+    return smooth, left
 
 
 def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:

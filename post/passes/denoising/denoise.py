@@ -22,6 +22,7 @@ from post.shading.mirrors import mirror_image
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
+TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
@@ -40,17 +41,20 @@ def denoise(
     iterations: int = 4,
     phi_color: float = 0.3,
     shadows: bool = True,
+    specular: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
 
-    Emission is set aside and albedo divided out; the rest is accumulated over time with a sharp history, filtered by
-    wavelets as its variance requires, and recombined. Where a surface transmits, what lies ``behind`` is the guide: it
-    gives edges and albedo, and history follows it or the reflected image, whichever agrees better. In smooth metals the
-    guide is what they reflect, as far as it is on screen.
+    Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
+    over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, and recombined.
+    Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
+    the reflected image, whichever agrees better. In smooth metals the guide is what they reflect, as far as it is on
+    screen.
 
     Args:
         light: ``(B, 3, H, W)`` outgoing linear radiance of all light, emission included or not.
-        gbuffer: of this frame; ``albedo``, ``emission`` and ``motion`` are used where present.
+        gbuffer: of this frame; ``albedo``, ``roughness``, ``metallic``, ``emission`` and ``motion`` are used where
+            present.
         history: what this function returned for the frame before; None at first.
         behind: of what lies straight behind the first transmissive surface.
         blend: largest share of history, see `temporal`.
@@ -61,6 +65,7 @@ def denoise(
         iterations: see `atrous`.
         phi_color: see `atrous`, for the first kernel and little noise; it grows with the noise's share of the light.
         shadows: keep penumbrae by this frame's own samples.
+        specular: the light holds what dielectrics reflect by their surface, not the diffuse share alone.
 
     Returns:
         The light ``(B, 3, H, W)``, pixels that hit nothing as they were, and the history for the next frame.
@@ -68,12 +73,13 @@ def denoise(
     Raises:
         ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
 
-    Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); the handling of penumbrae and mirrors is our own.
+    Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); Bitterli et al. 2016 (fits); the handling of
+    penumbrae and mirrors is our own.
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
-    shown, divisor, emission, mirrors = _in_mirrors(gbuffer, visible_layer(gbuffer, behind), before)
+    shown, divisor, emission, mirrors = _in_mirrors(gbuffer, visible_layer(gbuffer, behind, specular=specular), before)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -93,7 +99,7 @@ def denoise(
     smooth, _ = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
         iterations=iterations, phi_color=phi_color, growth=GROWTH,
-        variance=tolerated(variance, grain, length, shown.hit),
+        variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
     if shadows:
@@ -119,26 +125,31 @@ class Shown(NamedTuple):
     """``(B, 1, H, W)`` bool: where the surface is seen in a mirror; None where there is no mirror."""
 
 
-def visible_layer(g: GBuffer, behind: GBuffer | None) -> Shown:
+def visible_layer(g: GBuffer, behind: GBuffer | None, *, specular: bool = False) -> Shown:
     """What each pixel shows, mirrors being surfaces as others.
 
     Args:
         g: of the frame.
         behind: of what lies straight behind the first transmissive surface; used where that surface is clear enough.
+        specular: add the specular albedo of dielectrics to theirs, if roughness is known: most light of polished dark
+            stone comes by it, and divided by albedo alone that light would not compare with that of pale stone.
     """
     one, none = torch.ones_like(g.normal), torch.zeros_like(g.normal)
-    albedo = one if g.albedo is None else g.albedo
+    albedo = diffuse = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
     shown = g
+    if specular and g.roughness is not None:
+        share = specular_albedo(g) * (1 if g.metallic is None else 1 - g.metallic)
+        albedo = share + (1 - share) * albedo
     if behind is not None and g.transmittance is not None:
-        specular = specular_albedo(g)
+        reflected = specular_albedo(g)
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
         far_emission = none if behind.emission is None else behind.emission
         through = g.transmittance * far_albedo
         clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
-        albedo = torch.where(clear, specular + (1 - specular) * (own * albedo + through), albedo)
-        emission = torch.where(clear, emission + (1 - specular) * g.transmittance * far_emission, emission)
+        albedo = torch.where(clear, reflected + (1 - reflected) * (own * diffuse + through), albedo)
+        emission = torch.where(clear, emission + (1 - reflected) * g.transmittance * far_emission, emission)
         shown = _merged(clear, behind, g)
     return Shown(shown, _divisor(g.hit, albedo), emission)
 
@@ -186,7 +197,7 @@ def _image_distance(g: GBuffer) -> Tensor | None:
 
 
 class Denoise(TemporalPass):
-    """Denoise a signal of path-traced light. See `denoise`.
+    """Denoise a signal of path-traced light. See `denoise`; ``gi`` is taken to be diffuse alone, others all light.
 
     Uses ``frame.behind`` where present, and writes ``<signal>_history``, the number of frames in each pixel's mean.
 
@@ -220,7 +231,7 @@ class Denoise(TemporalPass):
         self.optional = frozenset(
             {
                 *("motion", "motion_z", "normal_geo", "object_id"),
-                *("albedo", "roughness", "emission", "opacity", "transmittance", "behind"),
+                *("albedo", "roughness", "metallic", "emission", "opacity", "transmittance", "behind"),
             }
         )
         self.writes = frozenset({signal, f"{signal}_history"})
@@ -231,5 +242,6 @@ class Denoise(TemporalPass):
             behind=None if frame.behind is None else frame.behind.gbuffer,
             blend=self.blend, clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response,
             iterations=self.iterations, phi_color=self.phi_color, shadows=self.shadows,
+            specular=self.signal != "gi",
         )  # fmt: skip
         return frame.write(self.signal, light).write(f"{self.signal}_history", state.length), state

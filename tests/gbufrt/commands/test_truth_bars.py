@@ -100,7 +100,7 @@ def test_denoiser(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     found = denoising.denoise(spot, me1("high")).figures
     assert found["denoise.least_over_kornia"] > 0
     assert found["denoise.last_over_kornia"] > LATER
-    blind = Pipeline(given={"gi"}, denoise=Denoise(signal="gi", blend=0.0, iterations=1))
+    blind = Pipeline(given={"radiance"}, denoise=Denoise(signal="radiance", blend=0.0, iterations=1))
     monkeypatch.setattr(denoising, "denoiser", lambda: blind)
     assert denoising.denoise(spot, me1("high")).figures["denoise.last_over_kornia"] < LATER
 

@@ -18,6 +18,7 @@ from post.history.antilag import into_shadow
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
 from post.passes.denoising.denoise import _filled
+from post.shading.composite_op import specular_albedo
 from post.shading.mirrors import mirror_image
 from tracer.gbuffers import gbuffer
 
@@ -109,6 +110,19 @@ def test_mirrors_keep_what_they_show_while_the_camera_moves():
     assert errors["mirrors"] < 0.75 * errors["plain"]
 
 
+def test_polished_tiles_share_their_light_whatever_their_albedo():
+    frame = painted(boxes.frame(boxes.camera(SIZE)))
+    g, generator = frame.gbuffer, torch.Generator().manual_seed(11)
+    tiles = torch.where(frame.read("albedo") > 0.5, 0.8, 0.02)
+    g = g.replace(albedo=tiles, emission=None, roughness=torch.full_like(g.depth, 0.1))
+    share = specular_albedo(g)
+    light = torch.where(g.hit, share + (1 - share) * tiles, 0.7)
+    noisy = light * torch.empty(g.depth.shape).exponential_(generator=generator)
+    every, diffuse = (denoise(noisy, g, specular=specular)[0] for specular in (True, False))
+    error = [float((x - light)[g.hit.expand_as(light)].square().mean().sqrt()) for x in (every, diffuse)]
+    assert error[0] < 0.8 * error[1]
+
+
 def test_a_pixel_left_alone_in_a_mirror_takes_the_light_around_it():
     frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
     g, light = frame.gbuffer, torch.ones_like(frame.gbuffer.normal)
@@ -177,7 +191,7 @@ def test_module_equals_function():
     state, history = None, None
     for _ in range(3):
         out, state = Denoise()(frame, state)
-        light, history = denoise(frame.read("gi"), frame.gbuffer, history)
+        light, history = denoise(frame.read("gi"), frame.gbuffer, history, specular=False)
     assert torch.equal(light, out.read("gi"))
 
 
