@@ -18,7 +18,6 @@ from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
-from gbufrt.files.guard import MAX_PIXELS
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
@@ -36,7 +35,6 @@ def read_gbuffer(
     previous_camera: Camera | None = None,
     fov: float | None = None,
     index: int = 0,
-    max_pixels: int = MAX_PIXELS,
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
@@ -55,7 +53,6 @@ def read_gbuffer(
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
             are estimated from depth, because those of the file lie in a world that is not known.
         index: of the frame.
-        max_pixels: the largest picture to accept.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -70,8 +67,8 @@ def read_gbuffer(
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
     files = [Path(path)] if isinstance(path, str | Path) else list(path)
     path = files[0]
-    layers = Layers(path, shot_parts(files, max_pixels=max_pixels))
-    chosen = load_profile(detect(files, max_pixels=max_pixels).name if profile == "auto" else profile)
+    layers = Layers(path, shot_parts(files))
+    chosen = load_profile(detect(files).name if profile == "auto" else profile)
     named = Named(layers, chosen)
     if camera is None and fov is None and (camera := carried_camera(layers.header, chosen, layers.size)) is None:
         raise ValueError(f"{path} {NO_CAMERA}")
