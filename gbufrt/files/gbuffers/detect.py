@@ -13,6 +13,7 @@ from gbufrt.files.gbuffers.sequence import shot_parts
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
+PLAIN = 0.5  # of the certainty of others, that of plain names, which any program may write
 
 
 @dataclass(frozen=True)
@@ -62,4 +63,5 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     share = found / len(names_of)
     if marks:
         return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
-    return Detection(name, round((BY_HEADER + BY_NAMES) * share * 0.9, 2), tuple(reasons))
+    sure = PLAIN if name == "generic" else 0.9
+    return Detection(name, round((BY_HEADER + BY_NAMES) * share * sure, 2), tuple(reasons))

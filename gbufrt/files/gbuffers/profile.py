@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini")
+SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "generic")
 CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
 """What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
-    "depth_kind": ("planar", "ray", "device", "reciprocal"),
-    "normal_space": ("world", "opengl", "opencv"),
+    "depth_kind": ("planar", "ray", "device", "reciprocal", "auto"),
+    "normal_space": ("world", "opengl", "opencv", "auto"),
     "motion_unit": ("pixels", "uv"),
     "motion_target": ("previous", "next"),
     "albedo_space": ("linear", "srgb"),
@@ -34,14 +34,15 @@ class Profile:
     layer: str = ""
     """What stands before the names, such as a view layer; by default that of the first depth."""
     up: str = "y"
-    """Which world axis points up: y, z, or auto: the one with which normals agree with depth better."""
+    """Which world axis points up: y, z, or auto: the one with which normals agree with depth best."""
     handed: str = "right"
     """right, or left: then the world is mirrored in its y axis (z up) or its z axis (y up)."""
     depth_scale: float = 1.0
     """Factor on depth as the file has it: -1 where it counts down, 0.01 for centimetres, which then holds for the
     camera in the file too."""
     depth_kind: str = "planar"
-    """planar z, the length of the ray, device depth between near and far, or 1 / z."""
+    """planar z, the length of the ray, device depth between near and far, 1 / z (reciprocal), or auto: the one of
+    planar, ray and reciprocal by which what is flat is flattest."""
     near: float = 0.1
     """Planar depth of the near plane, for device depth."""
     far: float = 1000.0
@@ -51,7 +52,8 @@ class Profile:
     sky: float = float("inf")
     """What depth holds where nothing was hit."""
     normal_space: str = "world"
-    """world, opengl (x right, y up, z to the viewer) or opencv (x right, y down, z forward)."""
+    """world, opengl (x right, y up, z to the viewer), opencv (x right, y down, z forward), or auto: the one by
+    which normals agree with depth best."""
     normal_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Factors on x, y and z of normals, before their axes are converted."""
     normal_encoded: bool | str = False

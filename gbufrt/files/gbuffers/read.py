@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,6 +19,7 @@ from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
+from gbufrt.files.gbuffers.settle import settled
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
@@ -29,7 +31,7 @@ NO_CAMERA = "carries no camera; give one, or a field of view for a camera that s
 
 def read_gbuffer(
     path: str | Path | Sequence[Path],
-    profile: str | Path = "auto",
+    profile: str | Path | Profile = "auto",
     *,
     camera: Camera | None = None,
     previous_camera: Camera | None = None,
@@ -45,7 +47,7 @@ def read_gbuffer(
 
     Args:
         path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.
-        profile: ``auto``, the name of a shipped one, or a TOML file with the fields of `Profile`.
+        profile: ``auto``, the name of a shipped one, a TOML file with the fields of `Profile`, or one.
         camera: the camera, in a world with y up; by default the one that the file carries. Its ``far`` is raised where
             the file reaches farther.
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
@@ -68,9 +70,10 @@ def read_gbuffer(
     files = [Path(path)] if isinstance(path, str | Path) else list(path)
     path = files[0]
     layers = Layers(path, shot_parts(files))
-    chosen = load_profile(detect(files).name if profile == "auto" else profile)
-    named = Named(layers, chosen)
-    if camera is None and fov is None and (camera := carried_camera(layers.header, chosen, layers.size)) is None:
+    if not isinstance(profile, Profile):
+        profile = load_profile(detect(files).name if profile == "auto" else profile)
+    named = Named(layers, profile)
+    if camera is None and fov is None and (camera := carried_camera(layers.header, profile, layers.size)) is None:
         raise ValueError(f"{path} {NO_CAMERA}")
     if layers.views:
         warnings.warn(f"{path} holds the views {', '.join(layers.views)}; took {layers.views[0]}", stacklevel=2)
@@ -84,16 +87,17 @@ def read_gbuffer(
 
 
 def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int) -> Frame:
-    profile, path = named.profile, named.layers.path
-    raw = named.layers.stack(named.keys("depth"))
+    path, raw = named.layers.path, named.layers.stack(named.keys("depth"))
     size = (raw.shape[-2], raw.shape[-1])
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
+    view = camera if camera is not None else still_camera(fov, size, named.layers.header.get("pixelAspectRatio", 1.0))
+    named = settled(named, view, posed=camera is not None)
+    profile = named.profile
     hit = hit_of(raw, profile)
     if not bool(hit.any()):
         warnings.warn(f"{path} {nothing_hit(raw, profile, named.keys('depth')[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)
-    view = camera if camera is not None else _still(fov, far)
     depth = torch.where(hit, planar(far, profile, view), 0.0)
     if (farthest := float(depth.max())) >= view.far:
         view = replace(view, far=2 * farthest)
@@ -145,11 +149,12 @@ def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:
     return named.layers.stack(keys, size) if keys else None
 
 
-def _still(fov: float, distance: Tensor) -> Camera:
-    """A camera at the origin that sees as far as the file reaches."""
-    far = max(1000.0, 2 * float(distance.max()))
-    size = (distance.shape[-2], distance.shape[-1])
-    return Camera.look_at((0, 0, 0), (0, 0, -1), size=size, fov_y=fov, far=far)
+def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
+    """A camera at the origin, for a picture of ``(H, W)`` whose pixels are ``pixel_aspect`` times as wide as high."""
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), size=size, fov_y=fov)
+    intrinsics = camera.intrinsics.clone()
+    intrinsics[:, 0, 0] /= pixel_aspect if 0 < pixel_aspect < math.inf else 1.0
+    return replace(camera, intrinsics=intrinsics)
 
 
 def _motion(
@@ -187,7 +192,7 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
     normal, there = view.normals_from_depth(depth), torch.zeros_like(hit)
     raw = _channel(named, "normal", view.size) if posed else None
     if raw is not None:
-        given, there = world_normals(raw, named.profile, view, normal)
+        given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)
