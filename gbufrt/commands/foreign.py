@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -46,12 +46,14 @@ class Source:
         profile: ``auto``, a shipped profile, or a TOML file.
         cameras: of the frames; None with ``fov``, or where the files carry theirs.
         fov: vertical field of view in degrees of a camera that stands still.
+        whole: see `read_gbuffer`.
     """
 
     shots: list[Shot]
     profile: str
     cameras: Cameras | None
     fov: float | None
+    whole: bool = False
     _told: set[str] = field(default_factory=set)
     _profiles: dict[str, Profile] = field(default_factory=dict)
 
@@ -73,14 +75,19 @@ class Source:
         return Source(shots=shots_of(paths), profile=profile, cameras=cameras, fov=fov)
 
     @staticmethod
-    def of(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
+    def of(
+        paths: list[Path], profile: str, camera: Path | None, fov: float | None, passes: Collection[str] = ()
+    ) -> Source:
         """Files in order; says what they are taken for.
+
+        Where ``passes`` are chosen and none of them makes light, they work on the finished picture, if there is one.
 
         Raises:
             ValueError: see `named`; a file fits no profile, numbers run backwards, or there is no camera.
             FileNotFoundError: see `named`.
         """
-        source = Source.named(paths, profile, camera, fov)
+        whole = bool(passes) and not {*passes} & {*LIT}
+        source = replace(Source.named(paths, profile, camera, fov), whole=whole)
         numbers = [shot.number for shot in source.shots]
         if numbers != sorted(numbers) or any(source.are_frames(shot) for shot in source.shots):
             raise ValueError("frame numbers in the files' names must count up; give the files in order")
@@ -160,7 +167,7 @@ class Source:
                 known["previous_camera"] = self.cameras.at(number - 1, size)
         elif follows and before is not None:
             known["previous_camera"] = before.gbuffer.camera
-        frame = read_gbuffer(shot.files, self._profile(shot), index=number, **known)
+        frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)
         profile = self._keep(shot, frame.gbuffer.camera)
         if follows and self.fov is not None:
             g = frame.gbuffer

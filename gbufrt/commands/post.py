@@ -80,12 +80,13 @@ def post(
         from gbufrt.commands.foreign import Source, pipeline_for
         from gbufrt.commands.session import Recipe
 
-        origin = Source.of(paths, source, camera, fov)
+        wanted = parse_names(passes)
+        origin = Source.of(paths, source, camera, fov, wanted)
         paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
         frames = origin.frames()
         first = next(frames)
-        pipeline, frames = pipeline_for(first, recipe, parse_names(passes)), chain([first], frames)
+        pipeline, frames = pipeline_for(first, recipe, wanted), chain([first], frames)
         if "denoise" in pipeline.stages:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     runner = Runner(pipeline, recipe.warmup)

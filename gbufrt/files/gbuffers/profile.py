@@ -73,6 +73,8 @@ class Profile:
     """linear, or srgb: encoded for display."""
     direct: tuple[tuple[str, ...], ...] = ()
     """Products of layers whose sum is the direct light with emission and sky."""
+    emitted: tuple[str, ...] = ()
+    """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
     finished: tuple[str, ...] = ()
     """Layers with all light in them, bounces included; the empty name is the picture without a layer."""
 
@@ -169,7 +171,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
         lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
         lambda v: tuple(map(tuple, v)),
     ),
-    **dict.fromkeys(("finished", "shaded"), ("a list of names", _is_names, tuple)),
+    **dict.fromkeys(("finished", "shaded", "emitted"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     "reversed": ("true or false", lambda v: isinstance(v, bool), bool),

@@ -37,11 +37,13 @@ def read_gbuffer(
     previous_camera: Camera | None = None,
     fov: float | None = None,
     index: int = 0,
+    whole: bool = False,
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
-    file has the finished picture alone, that becomes ``composite``, so that light is not added twice. A warning says
+    file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
+    twice. A warning says
     which passes of the direct light are missing. Where the file has no normal, the one of the depth is taken, and the
     extra signal ``normal_estimated`` is 1.
 
@@ -55,6 +57,7 @@ def read_gbuffer(
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
             are estimated from depth, because those of the file lie in a world that is not known.
         index: of the frame.
+        whole: take the finished picture where the file has passes of direct light too, for what adds no light to it.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -83,10 +86,10 @@ def read_gbuffer(
             "for another",
             stacklevel=2,
         )
-    return _frame(named, camera, previous_camera, fov or 0.0, index)
+    return _frame(named, camera, previous_camera, fov or 0.0, index, whole)
 
 
-def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int) -> Frame:
+def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int, whole: bool) -> Frame:
     path, raw = named.layers.path, named.layers.stack(named.keys("depth"))
     size = (raw.shape[-2], raw.shape[-1])
     if camera is not None and (camera.size, camera.batch) != (size, 1):
@@ -112,7 +115,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         ]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
-    radiance, finished = _light(named, size)
+    radiance, finished = _light(named, size, whole)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -124,7 +127,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
         roughness=None if roughness is None else torch.where(hit, roughness.clamp(0, 1), 1.0),
         metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
-        emission=None if emission is None or radiance is None else torch.where(hit, emission, 0.0),
+        emission=None if emission is None else torch.where(hit, emission, 0.0),
     )
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
     return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished, extra=extra)
@@ -172,9 +175,9 @@ def _motion(
     return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
 
 
-def _light(named: Named, size: tuple[int, int]) -> tuple[Tensor | None, Tensor | None]:
+def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None]:
     """Direct light, or else the finished picture."""
-    light = named.light()
+    light = named.light(whole=whole)
     if light.lacking:
         warnings.warn(
             f"{named.layers.path} lacks {', '.join(light.lacking)}: its direct light is without that part; render the "
