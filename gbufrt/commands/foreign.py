@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,11 @@ from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.profile import SHIPPED, load_profile
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
 from gbufrt.files.gbuffers.sequence import Shot, shot_parts, shots_of
+from gbufrt.files.gbuffers.settle import found_settings, settled
 from gbufrt.frame import Frame
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
@@ -44,13 +46,16 @@ class Source:
         profile: ``auto``, a shipped profile, or a TOML file.
         cameras: of the frames; None with ``fov``, or where the files carry theirs.
         fov: vertical field of view in degrees of a camera that stands still.
+        whole: see `read_gbuffer`.
     """
 
     shots: list[Shot]
     profile: str
     cameras: Cameras | None
     fov: float | None
+    whole: bool = False
     _told: set[str] = field(default_factory=set)
+    _profiles: dict[str, Profile] = field(default_factory=dict)
 
     @staticmethod
     def named(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
@@ -70,14 +75,19 @@ class Source:
         return Source(shots=shots_of(paths), profile=profile, cameras=cameras, fov=fov)
 
     @staticmethod
-    def of(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
+    def of(
+        paths: list[Path], profile: str, camera: Path | None, fov: float | None, passes: Collection[str] = ()
+    ) -> Source:
         """Files in order; says what they are taken for.
+
+        Where ``passes`` are chosen and none of them makes light, they work on the finished picture, if there is one.
 
         Raises:
             ValueError: see `named`; a file fits no profile, numbers run backwards, or there is no camera.
             FileNotFoundError: see `named`.
         """
-        source = Source.named(paths, profile, camera, fov)
+        whole = bool(passes) and not {*passes} & {*LIT}
+        source = replace(Source.named(paths, profile, camera, fov), whole=whole)
         numbers = [shot.number for shot in source.shots]
         if numbers != sorted(numbers) or any(source.are_frames(shot) for shot in source.shots):
             raise ValueError("frame numbers in the files' names must count up; give the files in order")
@@ -157,12 +167,27 @@ class Source:
                 known["previous_camera"] = self.cameras.at(number - 1, size)
         elif follows and before is not None:
             known["previous_camera"] = before.gbuffer.camera
-        profile = self.profile_of(shot)
-        frame = read_gbuffer(shot.files, profile, index=number, **known)
+        frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)
+        profile = self._keep(shot, frame.gbuffer.camera)
         if follows and self.fov is not None:
             g = frame.gbuffer
             frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
-        return frame, disagreements(frame, before if follows else None, load_profile(profile).depth_kind)
+        return frame, disagreements(frame, before if follows else None, profile.depth_kind)
+
+    def _profile(self, shot: Shot) -> Profile:
+        """The profile of a shot, as the first frame that it fits has settled it."""
+        name = self.profile_of(shot)
+        return self._profiles.get(name) or load_profile(name)
+
+    def _keep(self, shot: Shot, camera: Camera) -> Profile:
+        """Let all frames have the settings that the pixels of the first one tell; says what they are."""
+        name, profile = self.profile_of(shot), self._profile(shot)
+        if name not in self._profiles:
+            named = Named(Layers(shot.files[0], shot_parts(shot.files)), profile)
+            self._profiles[name] = settled(named, camera, posed=self.fov is None).profile
+            if found := found_settings(profile, self._profiles[name]):
+                self.tell(f"{shot}: by its pixels {found}")
+        return self._profiles[name]
 
 
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:

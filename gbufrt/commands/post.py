@@ -48,8 +48,8 @@ def post(
     Args:
         files: EXR files in order, such as shot.####.exr or shot.%04d.exr, or folders of them.
         out: Folder to write to; made where it is missing.
-        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, or a profile of your own in
-            TOML. [default: gbufrt, or auto where it was another]
+        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, generic, or a profile of
+            your own in TOML. [default: gbufrt, or auto where it was another]
         camera: Of other renderers: the cameras, in TOML. [default: those that the files carry]
         fov: Of other renderers, in place of --camera: vertical field of view in degrees of a camera that stands still.
         passes: Of other renderers: passes to run, such as ao,gi,dof,motion_blur,denoise; by default all that fit.
@@ -80,12 +80,13 @@ def post(
         from gbufrt.commands.foreign import Source, pipeline_for
         from gbufrt.commands.session import Recipe
 
-        origin = Source.of(paths, source, camera, fov)
+        wanted = parse_names(passes)
+        origin = Source.of(paths, source, camera, fov, wanted)
         paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
         frames = origin.frames()
         first = next(frames)
-        pipeline, frames = pipeline_for(first, recipe, parse_names(passes)), chain([first], frames)
+        pipeline, frames = pipeline_for(first, recipe, wanted), chain([first], frames)
         if "denoise" in pipeline.stages:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     runner = Runner(pipeline, recipe.warmup)

@@ -22,7 +22,7 @@ import OpenEXR
 import torch
 from torch import Tensor
 
-from gbufrt.files.guard import MAX_PIXELS, Part, read_parts, silence
+from gbufrt.files.guard import Part, read_parts, silence
 from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute
 from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, layer_of, planes_of
 from gbufrt.files.output import atomic
@@ -103,19 +103,18 @@ def write_exr(
         OpenEXR.File(written).write(str(temporary))
 
 
-def read_exr(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Frame:
+def read_exr(path: str | Path) -> Frame:
     """Read a frame that `write_exr` wrote, as a batch of one on the CPU.
 
     Args:
         path: the file.
-        max_pixels: the largest picture to accept.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: not an OpenEXR file, damaged, of absurd size, without gbufrt's attribute, or without what every
             frame has.
     """
-    parts = {part.name: part for part in read_parts(path, max_pixels=max_pixels)}
+    parts = {part.name: part for part in read_parts(path)}
     head = read_attribute(path, parts.values())
     layers = head.get("layers")
     if isinstance(layers, dict) and not layers.keys() >= set(REQUIRED):
@@ -129,9 +128,9 @@ def read_exr(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> Frame:
         raise ValueError(f"{path} is damaged: {_reason(error)}") from error
 
 
-def read_notes(path: str | Path, *, max_pixels: int = MAX_PIXELS) -> dict[str, Any]:
+def read_notes(path: str | Path) -> dict[str, Any]:
     """The ``notes`` of a file that `write_exr` wrote, without reading its pixels; raises as `read_exr`."""
-    notes = read_attribute(path, read_parts(path, max_pixels=max_pixels, header_only=True)).get("notes", {})
+    notes = read_attribute(path, read_parts(path, header_only=True)).get("notes", {})
     if not isinstance(notes, dict):
         raise ValueError(f"{path} is damaged: its notes must be a JSON object")
     return notes

@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 import OpenEXR
 
-MAX_PIXELS = 1 << 26  # 8192 x 8192
 MAX_GB = 4.0  # that a file may decode to, unless GBUFRT_MAX_GB says otherwise
 MAX_RATIO = 1100  # deflate compresses by at most 1032 to 1
 SLACK = 1 << 20  # bytes that even the smallest file may decode to
@@ -52,22 +51,21 @@ class Part:
         return self.display[2:]
 
 
-def read_parts(path: str | Path, *, max_pixels: int = MAX_PIXELS, header_only: bool = False) -> list[Part]:
+def read_parts(path: str | Path, *, header_only: bool = False) -> list[Part]:
     """Every part of an OpenEXR file.
 
     Args:
         path: the file.
-        max_pixels: the largest data window to accept.
         header_only: read no pixels.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is not an OpenEXR file, or damaged, or asks for absurdly much memory.
+        ValueError: it is not an OpenEXR file, or damaged, or claims more memory than `most_bytes` allows.
     """
     path = Path(path)
     _check_file(path)
     heads = [_part(path, part) for part in _open(path, header_only=True)]
-    _check_limits(path, heads, max_pixels)
+    _check_limits(path, heads)
     if header_only:
         return heads
     parts = [_part(path, part) for part in _open(path, header_only=False)]
@@ -123,7 +121,7 @@ def _part(path: Path, part: Any) -> Part:
         raise ValueError(f"{path} is damaged: its header lacks a channel list or data window") from error
 
 
-def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
+def _check_limits(path: Path, parts: list[Part]) -> None:
     if not parts:
         raise ValueError(f"{path} is damaged: it has no parts")
     decoded = filled = 0
@@ -131,14 +129,10 @@ def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
         height, width = part.size
         if height < 1 or width < 1:
             raise ValueError(f"{path} is damaged: part {part.name!r} has a data window of {width}x{height} pixels")
-        if height * width > max_pixels:
-            raise ValueError(
-                f"{path} claims {width}x{height} pixels, more than the limit of {max_pixels}; raise max_pixels if true"
-            )
         if part.header.get("type") in (OpenEXR.deepscanline, OpenEXR.deeptile):
             raise ValueError(f"{path} holds deep pixels, which gbufrt does not read; flatten it first")
         decoded += height * width * 4 * len(part.names)
-        filled += _window_pixels(path, part, max_pixels) * 4 * len(part.names)
+        filled += _window_pixels(path, part) * 4 * len(part.names)
     size = path.stat().st_size
     if decoded > MAX_RATIO * size + SLACK:
         raise ValueError(f"{path} is damaged: {size} bytes cannot hold the {decoded} that its header claims")
@@ -149,7 +143,7 @@ def _check_limits(path: Path, parts: list[Part], max_pixels: int) -> None:
         )
 
 
-def _window_pixels(path: Path, part: Part, max_pixels: int) -> int:
+def _window_pixels(path: Path, part: Part) -> int:
     """How many pixels the whole picture has; a crop is filled up to it."""
     try:
         height, width = part.whole
@@ -157,11 +151,6 @@ def _window_pixels(path: Path, part: Part, max_pixels: int) -> int:
         raise ValueError(f"{path} is damaged: its display window cannot be read") from error
     if height < 1 or width < 1:
         raise ValueError(f"{path} is damaged: its display window is {width}x{height} pixels")
-    if height * width > max_pixels:
-        raise ValueError(
-            f"{path} claims a picture of {width}x{height} pixels, more than the limit of {max_pixels}; raise "
-            "max_pixels if true"
-        )
     return height * width
 
 

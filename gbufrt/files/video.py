@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from gbufrt.files.guard import MAX_PIXELS
 from gbufrt.files.output import atomic
+from gbufrt.files.png import MAX_PIXELS
 
 BT709 = 1  # of colour space, primaries and transfer alike, in ISO/IEC 23091-2
 LIMITED = 1  # range: black 16, white 235
@@ -42,14 +42,13 @@ def check_video(path: Path) -> None:
         raise ValueError("video needs PyAV: pip install 'gbufrt[video]'")
 
 
-def write_video(path: str | Path, pictures: Sequence[Path], *, fps: float = 24.0, max_pixels: int = MAX_PIXELS) -> None:
+def write_video(path: str | Path, pictures: Sequence[Path], *, fps: float = 24.0) -> None:
     """Encode pictures, whole or not at all. An odd row or column is doubled at the border, as codecs want even sizes.
 
     Args:
         path: the video; its ending chooses the codec.
         pictures: sRGB-encoded PNG files of one size, in order, of 8 or 16 bits.
         fps: frames a second.
-        max_pixels: the largest picture to accept.
 
     Raises:
         FileNotFoundError: a picture is missing.
@@ -57,7 +56,7 @@ def write_video(path: str | Path, pictures: Sequence[Path], *, fps: float = 24.0
     """
     path = Path(path)
     check_video(path)
-    width, height = _common_size(pictures, max_pixels)
+    width, height = _common_size(pictures)
     import av
 
     codec, rate = CODECS[path.suffix.lower()], Fraction(fps).limit_denominator(1001)
@@ -74,7 +73,7 @@ def write_video(path: str | Path, pictures: Sequence[Path], *, fps: float = 24.0
         container.mux(stream.encode())
 
 
-def _common_size(pictures: Sequence[Path], max_pixels: int) -> tuple[int, int]:
+def _common_size(pictures: Sequence[Path]) -> tuple[int, int]:
     """Width and height of all pictures, from their headers."""
     if not pictures:
         raise ValueError("a video needs pictures, got none; give PNG files")
@@ -87,8 +86,8 @@ def _common_size(pictures: Sequence[Path], max_pixels: int) -> tuple[int, int]:
                 found = opened.size
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
             raise ValueError(f"{picture} is no PNG, or damaged; make it again") from error
-        if found[0] * found[1] > max_pixels:
-            raise ValueError(f"{picture} has {found[0]}x{found[1]} pixels, more than the limit of {max_pixels}")
+        if found[0] * found[1] > MAX_PIXELS:
+            raise ValueError(f"{picture} has {found[0]}x{found[1]} pixels, more than the limit of {MAX_PIXELS}")
         size = size or found
         if found != size:
             raise ValueError(

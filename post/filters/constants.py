@@ -9,7 +9,7 @@ MIN_MEAN = 1e-4  # keeps relative measures finite in the dark
 NARROWEST = 0.4  # of sigma, where there is no noise
 MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
-COARSE_POWER = 32.0  # of the cosine between normals, where neighbours are only told apart or averaged
+COARSE_POWER = 8.0  # of the cosine between normals, where neighbours are only told apart or averaged
 
 LUMA = (0.299, 0.587, 0.114)  # Rec. 601, of encoded colour
 STRIDES = (1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 4.0, 8.0)  # pixels a search step: fine near the pixel, then coarse

@@ -47,16 +47,17 @@ def follow_changes(
     surface, few = replace(geometry, guide=guide), age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
     floor = NOTICED * luminance(fast, lead).abs() + 1e-6
 
-    def change(difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
+    def change(light: Tensor, difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
         difference, variance = spread(difference, noise * frames, surface, AREA)
         allowed = STRICTER * clamp * variance.clamp_min(0.0).add(1e-12).sqrt() + floor
         explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
-        return known * difference * (1 - explained), explained
+        shift = known * difference * (1 - explained)
+        return torch.maximum(shift, -light.clamp_min(0.0)), explained  # the dark beside a highlight that has moved on
 
-    shift, _ = change(sample[:, :lead] - fast, 1 + 1 / few)
+    shift, _ = change(fast, sample[:, :lead] - fast, 1 + 1 / few)
     fast, light = fast + shift, luminance(shift, lead)
     moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
-    shift, explained = change(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
+    shift, explained = change(old[:, :lead], fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
     old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
     younger = torch.where(age > 1, 1 + (age - 1) * explained, age)
     return sample, torch.cat([old, fast, moments, share * age / younger.clamp_min(1e-6), younger], dim=1)

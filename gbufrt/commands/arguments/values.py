@@ -55,9 +55,9 @@ def parse_size(text: str) -> tuple[int, int]:
     """``WxH`` as ``(H, W)``.
 
     Raises:
-        ValueError: not two whole numbers of at least 1, or a picture larger than an EXR file may be read back.
+        ValueError: not two whole numbers of at least 1, or a larger picture than gbufrt makes.
     """
-    from gbufrt.files.guard import MAX_PIXELS
+    from gbufrt.files.png import MAX_PIXELS
 
     width, _, height = text.lower().partition("x")
     sides = [int(n) for n in (width, height) if n.isascii() and n.isdecimal() and len(n) < 9]

@@ -45,11 +45,8 @@ def planar(distance: Tensor, profile: Profile, camera: Camera) -> Tensor:
     return distance / length(camera.unproject(torch.ones_like(distance)))
 
 
-def world_normals(raw: Tensor, profile: Profile, camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
-    """``(B, 3, H, W)`` unit normals in our world, and where the file holds one.
-
-    ``like`` are normals estimated from depth, which tell the axis that points up where the profile leaves it open.
-    """
+def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor, Tensor]:
+    """``(B, 3, H, W)`` unit normals in our world, and where the file holds one."""
     encoded = profile.normal_encoded
     if encoded == "auto":
         encoded = bool((raw >= 0).all()) and _off_unit(2 * raw - 1) < _off_unit(raw)
@@ -63,8 +60,7 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera, like: Tensor) -
         unit = camera.rotate_to_world(unit)
     else:
         mirror = -1.0 if profile.handed == "left" else 1.0
-        ways = {"z": torch.stack([x, z, -mirror * y], 1), "y": torch.stack([x, y, mirror * z], 1)}
-        unit = ways.get(profile.up, max(ways.values(), key=lambda way: float((way * like).abs().sum())))
+        unit = torch.stack([x, z, -mirror * y] if profile.up == "z" else [x, y, mirror * z], 1)
     return unit, size > UNIT
 
 

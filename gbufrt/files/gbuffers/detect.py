@@ -10,10 +10,10 @@ from typing import Any
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
-from gbufrt.files.guard import MAX_PIXELS
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
+PLAIN = 0.5  # of the certainty of others, that of plain names, which any program may write
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Detection:
     reasons: tuple[str, ...]
 
 
-def detect(path: str | Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS) -> Detection:
+def detect(path: str | Path | Sequence[Path]) -> Detection:
     """The shipped profile that fits a file, or those of a frame's passes, best; reads headers only.
 
     Raises:
@@ -34,7 +34,7 @@ def detect(path: str | Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS) -
     """
     files = [Path(path)] if isinstance(path, str | Path) else list(path)
     path = files[0]
-    parts = shot_parts(files, max_pixels=max_pixels, header_only=True)
+    parts = shot_parts(files, header_only=True)
     layers = Layers(path, parts)
     weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
     best = max(weighed, key=lambda detection: detection.certainty)
@@ -63,4 +63,5 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     share = found / len(names_of)
     if marks:
         return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
-    return Detection(name, round((BY_HEADER + BY_NAMES) * share * 0.9, 2), tuple(reasons))
+    sure = PLAIN if name == "generic" else 0.9
+    return Detection(name, round((BY_HEADER + BY_NAMES) * share * sure, 2), tuple(reasons))

@@ -48,14 +48,20 @@ class Named:
         """The file's channels that make one of `CHANNELS`; none where it lacks it."""
         return self.layers.find(self.profile.channels.get(channel, ()), CHANNELS[channel], self.layer)
 
-    def light(self) -> Light:
-        """The file's channels that hold light."""
-        products, lacking = [], []
+    def light(self, *, whole: bool = False) -> Light:
+        """The file's channels that hold light. Emission and sky alone are no direct light where all light is there.
+
+        ``whole``: take the picture with all its light, where it is there, rather than direct light.
+        """
+        products, lacking, lit = [], [], False
         for names in self.profile.direct:
             factors = {name: self.layers.find((name,), 3, self.layer) for name in names}
             if all(factors.values()):
                 products.append(list(factors.values()))
+                lit = lit or not {*names} <= {*self.profile.emitted}
             elif any(factors.values()):
                 lacking += [name for name, keys in factors.items() if not keys]
         finished = self.layers.find(self.profile.finished, 3, self.layer)
+        if finished and (whole or not lit):
+            products = []
         return Light(products=products, lacking=lacking if products else [], finished=finished)

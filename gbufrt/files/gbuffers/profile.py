@@ -8,14 +8,14 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini")
+SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "generic")
 CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
 """What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
-    "depth_kind": ("planar", "ray", "device", "reciprocal"),
-    "normal_space": ("world", "opengl", "opencv"),
+    "depth_kind": ("planar", "ray", "device", "reciprocal", "auto"),
+    "normal_space": ("world", "opengl", "opencv", "auto"),
     "motion_unit": ("pixels", "uv"),
     "motion_target": ("previous", "next"),
     "albedo_space": ("linear", "srgb"),
@@ -34,14 +34,15 @@ class Profile:
     layer: str = ""
     """What stands before the names, such as a view layer; by default that of the first depth."""
     up: str = "y"
-    """Which world axis points up: y, z, or auto: the one with which normals agree with depth better."""
+    """Which world axis points up: y, z, or auto: the one with which normals agree with depth best."""
     handed: str = "right"
     """right, or left: then the world is mirrored in its y axis (z up) or its z axis (y up)."""
     depth_scale: float = 1.0
     """Factor on depth as the file has it: -1 where it counts down, 0.01 for centimetres, which then holds for the
     camera in the file too."""
     depth_kind: str = "planar"
-    """planar z, the length of the ray, device depth between near and far, or 1 / z."""
+    """planar z, the length of the ray, device depth between near and far, 1 / z (reciprocal), or auto: the one of
+    planar, ray and reciprocal by which what is flat is flattest."""
     near: float = 0.1
     """Planar depth of the near plane, for device depth."""
     far: float = 1000.0
@@ -51,7 +52,8 @@ class Profile:
     sky: float = float("inf")
     """What depth holds where nothing was hit."""
     normal_space: str = "world"
-    """world, opengl (x right, y up, z to the viewer) or opencv (x right, y down, z forward)."""
+    """world, opengl (x right, y up, z to the viewer), opencv (x right, y down, z forward), or auto: the one by
+    which normals agree with depth best."""
     normal_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Factors on x, y and z of normals, before their axes are converted."""
     normal_encoded: bool | str = False
@@ -71,6 +73,8 @@ class Profile:
     """linear, or srgb: encoded for display."""
     direct: tuple[tuple[str, ...], ...] = ()
     """Products of layers whose sum is the direct light with emission and sky."""
+    emitted: tuple[str, ...] = ()
+    """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
     finished: tuple[str, ...] = ()
     """Layers with all light in them, bounces included; the empty name is the picture without a layer."""
 
@@ -167,7 +171,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
         lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
         lambda v: tuple(map(tuple, v)),
     ),
-    **dict.fromkeys(("finished", "shaded"), ("a list of names", _is_names, tuple)),
+    **dict.fromkeys(("finished", "shaded", "emitted"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     "reversed": ("true or false", lambda v: isinstance(v, bool), bool),

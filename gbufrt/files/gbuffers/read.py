@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,7 +19,7 @@ from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
-from gbufrt.files.guard import MAX_PIXELS
+from gbufrt.files.gbuffers.settle import settled
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
@@ -30,24 +31,25 @@ NO_CAMERA = "carries no camera; give one, or a field of view for a camera that s
 
 def read_gbuffer(
     path: str | Path | Sequence[Path],
-    profile: str | Path = "auto",
+    profile: str | Path | Profile = "auto",
     *,
     camera: Camera | None = None,
     previous_camera: Camera | None = None,
     fov: float | None = None,
     index: int = 0,
-    max_pixels: int = MAX_PIXELS,
+    whole: bool = False,
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
-    file has the finished picture alone, that becomes ``composite``, so that light is not added twice. A warning says
+    file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
+    twice. A warning says
     which passes of the direct light are missing. Where the file has no normal, the one of the depth is taken, and the
     extra signal ``normal_estimated`` is 1.
 
     Args:
         path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.
-        profile: ``auto``, the name of a shipped one, or a TOML file with the fields of `Profile`.
+        profile: ``auto``, the name of a shipped one, a TOML file with the fields of `Profile`, or one.
         camera: the camera, in a world with y up; by default the one that the file carries. Its ``far`` is raised where
             the file reaches farther.
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
@@ -55,7 +57,7 @@ def read_gbuffer(
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
             are estimated from depth, because those of the file lie in a world that is not known.
         index: of the frame.
-        max_pixels: the largest picture to accept.
+        whole: take the finished picture where the file has passes of direct light too, for what adds no light to it.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -70,10 +72,11 @@ def read_gbuffer(
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
     files = [Path(path)] if isinstance(path, str | Path) else list(path)
     path = files[0]
-    layers = Layers(path, shot_parts(files, max_pixels=max_pixels))
-    chosen = load_profile(detect(files, max_pixels=max_pixels).name if profile == "auto" else profile)
-    named = Named(layers, chosen)
-    if camera is None and fov is None and (camera := carried_camera(layers.header, chosen, layers.size)) is None:
+    layers = Layers(path, shot_parts(files))
+    if not isinstance(profile, Profile):
+        profile = load_profile(detect(files).name if profile == "auto" else profile)
+    named = Named(layers, profile)
+    if camera is None and fov is None and (camera := carried_camera(layers.header, profile, layers.size)) is None:
         raise ValueError(f"{path} {NO_CAMERA}")
     if layers.views:
         warnings.warn(f"{path} holds the views {', '.join(layers.views)}; took {layers.views[0]}", stacklevel=2)
@@ -83,20 +86,21 @@ def read_gbuffer(
             "for another",
             stacklevel=2,
         )
-    return _frame(named, camera, previous_camera, fov or 0.0, index)
+    return _frame(named, camera, previous_camera, fov or 0.0, index, whole)
 
 
-def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int) -> Frame:
-    profile, path = named.profile, named.layers.path
-    raw = named.layers.stack(named.keys("depth"))
+def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int, whole: bool) -> Frame:
+    path, raw = named.layers.path, named.layers.stack(named.keys("depth"))
     size = (raw.shape[-2], raw.shape[-1])
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
+    view = camera if camera is not None else still_camera(fov, size, named.layers.header.get("pixelAspectRatio", 1.0))
+    named = settled(named, view, posed=camera is not None)
+    profile = named.profile
     hit = hit_of(raw, profile)
     if not bool(hit.any()):
         warnings.warn(f"{path} {nothing_hit(raw, profile, named.keys('depth')[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)
-    view = camera if camera is not None else _still(fov, far)
     depth = torch.where(hit, planar(far, profile, view), 0.0)
     if (farthest := float(depth.max())) >= view.far:
         view = replace(view, far=2 * farthest)
@@ -111,7 +115,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         ]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
-    radiance, finished = _light(named, size)
+    radiance, finished = _light(named, size, whole)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -123,7 +127,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         albedo=None if albedo is None else torch.where(hit, linear(albedo, profile), 0.0),
         roughness=None if roughness is None else torch.where(hit, roughness.clamp(0, 1), 1.0),
         metallic=None if metallic is None else torch.where(hit, metallic.clamp(0, 1), 0.0),
-        emission=None if emission is None or radiance is None else torch.where(hit, emission, 0.0),
+        emission=None if emission is None else torch.where(hit, emission, 0.0),
     )
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
     return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished, extra=extra)
@@ -148,11 +152,12 @@ def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:
     return named.layers.stack(keys, size) if keys else None
 
 
-def _still(fov: float, distance: Tensor) -> Camera:
-    """A camera at the origin that sees as far as the file reaches."""
-    far = max(1000.0, 2 * float(distance.max()))
-    size = (distance.shape[-2], distance.shape[-1])
-    return Camera.look_at((0, 0, 0), (0, 0, -1), size=size, fov_y=fov, far=far)
+def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
+    """A camera at the origin, for a picture of ``(H, W)`` whose pixels are ``pixel_aspect`` times as wide as high."""
+    camera = Camera.look_at((0, 0, 0), (0, 0, -1), size=size, fov_y=fov)
+    intrinsics = camera.intrinsics.clone()
+    intrinsics[:, 0, 0] /= pixel_aspect if 0 < pixel_aspect < math.inf else 1.0
+    return replace(camera, intrinsics=intrinsics)
 
 
 def _motion(
@@ -170,9 +175,9 @@ def _motion(
     return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
 
 
-def _light(named: Named, size: tuple[int, int]) -> tuple[Tensor | None, Tensor | None]:
+def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None]:
     """Direct light, or else the finished picture."""
-    light = named.light()
+    light = named.light(whole=whole)
     if light.lacking:
         warnings.warn(
             f"{named.layers.path} lacks {', '.join(light.lacking)}: its direct light is without that part; render the "
@@ -190,7 +195,7 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
     normal, there = view.normals_from_depth(depth), torch.zeros_like(hit)
     raw = _channel(named, "normal", view.size) if posed else None
     if raw is not None:
-        given, there = world_normals(raw, named.profile, view, normal)
+        given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gbufrt.files.guard import MAX_PIXELS, Part, read_parts
+from gbufrt.files.guard import Part, read_parts
 
 PATTERN = re.compile(r"#+|%0?\d*d")
 
@@ -41,7 +41,7 @@ def shots_of(paths: Sequence[Path]) -> list[Shot]:
     return [Shot(tuple(files), number, _name(files)) for number, files in found.items()]
 
 
-def shot_parts(files: Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS, header_only: bool = False) -> list[Part]:
+def shot_parts(files: Path | Sequence[Path], *, header_only: bool = False) -> list[Part]:
     """The parts of all files of a frame; those of several files carry the names of their passes.
 
     Raises:
@@ -50,7 +50,7 @@ def shot_parts(files: Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS, he
     """
     files = [files] if isinstance(files, Path) else list(files)
     if len(files) == 1:
-        return read_parts(files[0], max_pixels=max_pixels, header_only=header_only)
+        return read_parts(files[0], header_only=header_only)
     names = [_pass(file) for file in files]
     for name, file in zip(names, files, strict=True):
         if names.count(name) > 1:
@@ -58,7 +58,7 @@ def shot_parts(files: Path | Sequence[Path], *, max_pixels: int = MAX_PIXELS, he
     return [
         replace(part, name=".".join(filter(None, (name, part.name))))
         for name, file in zip(names, files, strict=True)
-        for part in read_parts(file, max_pixels=max_pixels, header_only=header_only)
+        for part in read_parts(file, header_only=header_only)
     ]
 
 

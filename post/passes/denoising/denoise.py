@@ -17,6 +17,7 @@ from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
 from post.shading.composite_op import specular_albedo
+from post.shading.glossy import frames_lasting
 from post.shading.mirrors import mirror_image
 
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
@@ -24,6 +25,7 @@ MIRRORS = 0.1  # specular albedo above which the reflected image is back-project
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
+PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces without neighbours, less blurs metals
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
 
@@ -40,7 +42,7 @@ def denoise(
     motion_response: float = 0.0,
     iterations: int = 4,
     phi_color: float = 0.3,
-    shadows: bool = True,
+    shadows: bool = False,
     specular: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
@@ -64,7 +66,8 @@ def denoise(
         motion_response: see `temporal`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for the first kernel and little noise; it grows with the noise's share of the light.
-        shadows: keep penumbrae by this frame's own samples.
+        shadows: keep penumbrae by this frame's own samples, for light in which every sample holds all direct light.
+            Elsewhere a dark sample proves no shadow.
         specular: the light holds what dielectrics reflect by their surface, not the diffuse share alone.
 
     Returns:
@@ -93,12 +96,13 @@ def denoise(
         sharp=True,
         distance=_image_distance(gbuffer),
         excess=True,
+        longest=None if before is None else frames_lasting(gbuffer, before),
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)
     smooth, _ = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
-        iterations=iterations, phi_color=phi_color, growth=GROWTH,
+        iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL,
         variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
@@ -216,7 +220,7 @@ class Denoise(TemporalPass):
         motion_response: float = 0.0,
         iterations: int = 4,
         phi_color: float = 0.3,
-        shadows: bool = True,
+        shadows: bool = False,
     ) -> None:
         super().__init__()
         self.signal = signal

@@ -46,6 +46,7 @@ def temporal(
     distance: Tensor | None = None,
     lead: int | None = None,
     excess: bool = False,
+    longest: Tensor | None = None,
 ) -> tuple[Tensor, History]:
     """Average a signal over time along the motion of surfaces.
 
@@ -72,6 +73,7 @@ def temporal(
         lead: how many of the first channels the tests use; all by default.
         excess: cut samples by `post.history.fireflies.cut_outliers` first, accumulate what all cuts take, and follow
             changes of light over a wide area: see `post.history.changes.follow_changes`.
+        longest: ``(B, 1, H, W)`` the most frames that each mean may hold; by default ``blend`` alone limits them.
 
     Returns:
         The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
@@ -101,11 +103,12 @@ def temporal(
         if excess:
             before, state = state[:, -2:-1], torch.cat([state[:, :-2], state[:, -1:]], dim=1)
         motion, _ = motion_of(gbuffer, history.gbuffer.camera)
-        longest = 1 / (1 + motion_response * norm(motion)) / max(1 - blend, 1e-9)
+        most = 1 / (1 + motion_response * norm(motion)) / max(1 - blend, 1e-9)
+        most = most if longest is None else torch.minimum(most, longest)
         if noise is not None and clamp > 0:
             signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
             clamp = firefly = 0.0
-        state, signal = accumulate(signal, state, longest, geometry, lead=lead, clamp=clamp, firefly=firefly)
+        state, signal = accumulate(signal, state, most, geometry, lead=lead, clamp=clamp, firefly=firefly)
     *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)  # side by side, see `together`
     new = dict[str, Tensor](zip(STORED, parts, strict=True))
     if excess:

@@ -162,7 +162,7 @@ def test_a_still_is_denoised_by_one_run(tmp_path: Path) -> None:
     assert (
         run("post", path, "--from", "auto", "--fov", "50", "--preset", "low", "--passes", "denoise", "--out", out) == 0
     )
-    assert float(read_exr(out / "noisy_0001.exr").extra["radiance_history"].max()) == 1.0
+    assert float(read_exr(out / "noisy_0001.exr").extra["color_history"].max()) == 1.0
 
 
 @pytest.mark.parametrize(

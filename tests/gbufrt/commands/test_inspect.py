@@ -95,7 +95,7 @@ def test_frames_that_count_on_test_each_other(tmp_path: Path, capfd) -> None:
 def test_what_fits_no_profile_is_still_shown(tmp_path: Path, capfd) -> None:
     path = foreign_exr.write(tmp_path / "photo.exr", {"RGB": GREY, "extra.Q": GREY[..., 0]})
     text = told(capfd, path, "--out", tmp_path / "out")
-    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke, houdini): none finds its depth" in text
+    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke, houdini, generic): none finds its depth" in text
     assert Image.open(tmp_path / "out" / "photo_sheet.png").width > 2 * 320
 
 

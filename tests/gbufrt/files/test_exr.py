@@ -183,15 +183,13 @@ def test_absurd_sizes_allocate_nothing(tmp_path: Path, stored: bytes):
     assert window in stored
     path = tmp_path / "a.exr"
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for x, y, message in ((99999, 99999, "limit of"), (7999, 7999, "cannot hold|damaged"), (-5, 3, "damaged")):
+    for x, y, message in ((99999, 99999, "cannot hold"), (7999, 7999, "cannot hold|damaged"), (-5, 3, "damaged")):
         path.write_bytes(stored.replace(window, np.array([0, 0, x, y], dtype="<i4").tobytes()))
         with pytest.raises(ValueError, match=message):
             read_exr(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 64 << 10  # kilobytes
     path.write_bytes(stored)
-    with pytest.raises(ValueError, match="12x7 pixels, more than the limit of 83"):
-        read_exr(path, max_pixels=83)
-    assert len(read_parts(path, max_pixels=16 * 32)) == 5
+    assert len(read_parts(path)) == 5
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

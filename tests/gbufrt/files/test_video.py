@@ -66,7 +66,7 @@ def test_odd_sizes_keep_the_picture(tmp_path: Path):
         assert shown_at(frame, row, column) == pytest.approx(levels[min(row, 20), min(column, 30)], abs=3)
 
 
-def test_what_is_wrong_is_told_and_nothing_is_left(tmp_path: Path):
+def test_what_is_wrong_is_told_and_nothing_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     paths = flat_frames(tmp_path)
     data = paths[3].read_bytes()
     Image.new("RGB", (10, 10)).save(tmp_path / "small.png")
@@ -87,6 +87,7 @@ def test_what_is_wrong_is_told_and_nothing_is_left(tmp_path: Path):
         write_video(tmp_path / "a.avi", paths)
     with pytest.raises(ValueError, match="needs pictures, got none"):
         write_video(tmp_path / "a.mp4", [])
+    monkeypatch.setattr("gbufrt.files.video.MAX_PIXELS", 100)
     with pytest.raises(ValueError, match="more than the limit of 100"):
-        write_video(tmp_path / "a.mp4", paths, max_pixels=100)
+        write_video(tmp_path / "a.mp4", paths)
     assert sorted(tmp_path.iterdir()) == before

@@ -51,3 +51,16 @@ def test_a_change_stays_on_its_surface():
     assert float(light[up].min()) > 0.95
     assert float(light[others].max()) < 0.05
     assert float(left[g.hit].mean()) < 0.05
+
+
+def test_what_is_dark_beside_a_highlight_that_has_moved_on_stays_light():
+    """The mean change of the surface is far more than a dark pixel holds; it would become negative."""
+    bright = torch.ones_like(G.depth)
+    bright[..., ::4, ::4] = 60.0
+    before = state(torch.full_like(bright, 0.1))
+    before[:, :3] = bright
+    dark = torch.full_like(G.normal, 0.1)
+    _, after = follow_changes(dark, before, 0.01 * bright, GEOMETRY, lead=3, clamp=1.5, firefly=0.0)
+    hit = G.hit.expand_as(G.normal)
+    assert float((after[:, :3] - bright)[hit].mean()) < -1.0
+    assert float(after[:, :6].min()) >= 0.0

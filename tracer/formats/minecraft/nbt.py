@@ -3,34 +3,15 @@
 from __future__ import annotations
 
 import struct
-import zlib
 from pathlib import Path
 from typing import Any, TypeVar, final
 
-MAX_BYTES = 1 << 23  # of a chunk, decompressed; real ones have some 100 kB
+from tracer.formats.minecraft.compression import GZIP, inflate
+
 MAX_READS = 1 << 19  # a value takes one to three, a real chunk some 10,000: bounds time, and memory of nbtlib's objects
-GZIP = b"\x1f\x8b"
 
 T = TypeVar("T")
 Tags = dict[str, Any]
-
-
-def inflate(data: bytes, *, limit: int = MAX_BYTES) -> bytes:
-    """Decompress zlib or gzip data; which of them it is, its first bytes say.
-
-    Raises:
-        ValueError: damaged, truncated, or more than ``limit`` bytes come out.
-    """
-    machine = zlib.decompressobj(zlib.MAX_WBITS | (16 if data[:2] == GZIP else 0))
-    try:
-        out = machine.decompress(data, limit + 1)
-    except zlib.error as error:
-        raise ValueError(f"compressed data is damaged ({error})") from None
-    if len(out) > limit:
-        raise ValueError(f"it decompresses to more than the {limit} bytes allowed")
-    if not machine.eof:
-        raise ValueError("compressed data is truncated")
-    return out
 
 
 def read_nbt(path: Path, *, limit: int) -> Tags:

@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from tracer.formats.minecraft.nbt import Tags, inflate, parse_nbt
+from tracer.formats.minecraft.compression import inflate, unpack_lz4
+from tracer.formats.minecraft.nbt import Tags, parse_nbt
 
 SECTOR = 4096
 SIDE = 32  # chunks along a region
 EXTERNAL = 128  # the chunk has a file of its own, because it is larger than 255 sectors
 MAX_EXTERNAL = 1 << 23
 NAME = re.compile(r"r\.(-?\d{1,7})\.(-?\d{1,7})\.mca", re.IGNORECASE)
+
+COMPRESSIONS = {1: inflate, 2: inflate, 3: bytes, 4: unpack_lz4}  # by the number before a chunk's data
 
 Place = tuple[int, int]
 
@@ -62,7 +65,7 @@ class Region:
         """The NBT of a chunk that is there.
 
         Raises:
-            ValueError: it is damaged, truncated, too large, or compressed in a way that is not read.
+            ValueError: it is damaged, truncated, too large, or compressed in a way that is not read; or lz4 is missing.
         """
         with self.path.open("rb") as file:
             file.seek(self.sectors[place] * SECTOR)
@@ -78,10 +81,10 @@ class Region:
         kind = head[4]
         if kind & EXTERNAL:
             data = self._external(place)
-        if (kind := kind & ~EXTERNAL) not in (1, 2, 3):
-            remedy = "; for LZ4 set region-file-compression=deflate and let the game save it again" if kind == 4 else ""
-            raise ValueError(f"compression must be 1, 2 or 3 (gzip, zlib, none), got {kind}{remedy}")
-        return parse_nbt(data if kind == 3 else inflate(data))
+        unpack = COMPRESSIONS.get(kind & ~EXTERNAL)
+        if unpack is None:
+            raise ValueError(f"compression must be 1 to 4 (gzip, zlib, none, LZ4), got {kind & ~EXTERNAL}")
+        return parse_nbt(unpack(data))
 
     def _external(self, place: Place) -> bytes:
         path = self.path.with_name(f"c.{place[0]}.{place[1]}.mcc")

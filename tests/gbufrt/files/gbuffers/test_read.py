@@ -13,6 +13,7 @@ import pytest
 import torch
 
 from gbufrt.camera import Camera
+from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.guard import read_parts
@@ -135,6 +136,29 @@ def test_the_pass_of_direct_light_that_is_missing_is_named(tmp_path: Path) -> No
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         read_gbuffer(whole, fov=40)
+
+
+def test_emission_alone_is_no_direct_light_beside_the_finished_picture(tmp_path: Path) -> None:
+    layers = {f"V.{n}.{c}": v for n, v in (("Combined", 2.0), ("Emit", 0.25)) for c in "RGB"}
+    for more in ({}, {f"V.DiffCol.{c}": 0.5 for c in "RGB"}):
+        frame = read_gbuffer(_write(tmp_path / "a.exr", {"V.Depth.Z": 5.0, **layers, **more}), fov=40)
+        assert frame.radiance is None
+        assert frame.composite is not None
+        assert torch.all(frame.composite == 2.0)
+        assert frame.gbuffer.emission is not None
+
+
+def test_the_finished_picture_is_taken_where_it_is_asked_for(tmp_path: Path) -> None:
+    light = {f"V.{n}.{c}": v for n, v in (("DiffDir", 3.0), ("DiffCol", 0.5), ("Combined", 2.0)) for c in "RGB"}
+    path = _write(tmp_path / "a.exr", {"V.Depth.Z": 5.0, **light})
+    lit, whole = (read_gbuffer(path, fov=40, whole=whole) for whole in (False, True))
+    assert lit.composite is None
+    assert whole.radiance is None
+    assert whole.composite is not None
+    assert torch.all(whole.composite == 2.0)
+    for passes, same in ((["denoise"], whole), (["ao", "denoise"], lit), ([], lit)):
+        (frame,) = Source.of([path], "auto", None, 40.0, passes).frames()
+        assert (frame.radiance is None) == (same.radiance is None), passes
 
 
 def test_where_the_file_has_no_normal_it_is_estimated_and_flagged(tmp_path: Path) -> None:

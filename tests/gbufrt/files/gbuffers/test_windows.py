@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from foreign_exr import CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.camera import Camera
@@ -108,3 +109,10 @@ def test_luminance_with_chroma_at_half_size_is_refused(tmp_path: Path) -> None:
     path.write_bytes(data)
     with pytest.raises(ValueError, match="has subsampled channels, which gbufrt does not read; save it as RGB"):
         read_gbuffer(path, fov=40)
+
+
+def test_wide_pixels_are_seen_under_wider_angles(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.exr", LAYERS, {"pixelAspectRatio": 2.0})  # pyright: ignore[reportArgumentType]
+    wide, square = (read_gbuffer(p, fov=50).gbuffer.camera for p in (path, write(tmp_path / "b.exr", LAYERS)))
+    corner = [camera.unproject(torch.ones(1, 1, *SIZE))[0, :, 0, 0] for camera in (wide, square)]
+    assert torch.allclose(corner[0], corner[1] * torch.tensor([2.0, 1.0, 1.0]))

@@ -15,13 +15,16 @@ import numpy as np
 import pytest
 
 pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
+pytest.importorskip("lz4", reason="needs gbufrt[worlds]")
 
+import lz4.block
 import torch
 from nbtlib import Byte, ByteArray, Compound, Double, File, Int, List
 from region_writer import VERSIONS, chunk, nbt_bytes, pack, section, write_region
 
 import tracer
-from tracer.formats.minecraft.nbt import MAX_BYTES, parse_nbt
+from tracer.formats.minecraft.compression import MAX_BYTES
+from tracer.formats.minecraft.nbt import parse_nbt
 from tracer.formats.minecraft.save import Selection, read_minecraft
 from tracer.formats.minecraft.sections import sections, unpack
 
@@ -132,6 +135,29 @@ def packed_tags(tags: dict[str, Any]) -> bytes:
     return b"\x02" + zlib.compress(nbt_bytes(File(tags)))
 
 
+def lz4_stream(data: bytes, size: int = 1 << 16) -> bytes:
+    """As lz4-java writes it: blocks of some size, the first stored as it is, and an empty one last."""
+    out = b""
+    for at in range(0, len(data), size):
+        plain = data[at : at + size]
+        packed = lz4.block.compress(plain, store_size=False) if at else plain
+        out += b"LZ4Block" + struct.pack("<BiiI", 0x26 if at else 0x16, len(packed), len(plain), 0) + packed
+    return out + b"LZ4Block" + struct.pack("<BiiI", 0x16, 0, 0, 0)
+
+
+def test_lz4_reads_as_zlib(tmp_path: Path):
+    tags = chunk("1.21", 0, 0, [section("1.21", 0, np.random.default_rng(0).integers(0, 19, (16, 16, 16)), STATES)])
+    names = []
+    for folder, data in {
+        "zlib": b"\x02" + zlib.compress(nbt_bytes(tags)),
+        "lz4": b"\x04" + lz4_stream(nbt_bytes(tags), 512),
+    }.items():
+        world = read_minecraft(write_region(tmp_path / folder / "r.0.0.mca", {(0, 0): data})).world
+        names.append(names_at(world, (0, 0, 0)))
+    assert len(set(names[0])) == 19
+    assert (names[0] == names[1]).all()
+
+
 @cache
 def damaged_chunks() -> dict[str, bytes]:
     whole = nbt_bytes(chunk("1.21", 0, 0, [section("1.21", 0, np.ones((16, 16, 16), int), STATES)]))
@@ -148,7 +174,9 @@ def damaged_chunks() -> dict[str, bytes]:
         "but 8589934584 more": b"\x02" + zlib.compress(b"\x0a\0\0\x0c\0\1a\x3f\xff\xff\xff\0"),
         "NBT is damaged": b"\x02" + zlib.compress(b"\x0a\0\0\x63\0\1a"),
         "compression must be": b"\x05" + packed[1:],
-        "set region-file-compression=deflate": b"\x04" + packed[1:],
+        "no head of an LZ4 block": b"\x04" + packed[1:] + bytes(21),
+        "data is truncated": b"\x04" + lz4_stream(whole)[:-40],
+        "than the 8388608 bytes": b"\x04" + lz4_stream(bytes(1 << 24)),
         "holds entities": packed_tags({"DataVersion": Int(3955), "Entities": List[Compound]([])}),
         "or points of interest, no blocks": packed_tags({"DataVersion": Int(3955), "Sections": Compound({})}),
         "DataVersion must be int": packed_tags({"DataVersion": List[Int]([1, 2])}),

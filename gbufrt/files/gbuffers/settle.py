@@ -1,0 +1,92 @@
+"""Settings that a profile leaves to the pixels: the kind of depth, and the space of normals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.files.gbuffers.convert import distances, hit_of, planar, world_normals
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import Profile
+
+KINDS = ("planar", "ray", "reciprocal")
+FLATTEST = 0.25  # share of the pixels that are taken to lie on planes
+BEND = 2e-6  # relative second difference of 1 / z below which a bend is rounding
+FLATTER = 0.1  # of the bend of planar depth, which another kind must stay below: curved surfaces bend by every kind
+STEPS = 32  # of second differences across the picture: those of neighbours are too small in large pictures
+AUTO = "auto"
+
+
+def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
+    """The same layers under a profile in which what was ``auto`` is as the pixels have it.
+
+    Of all readings of depth and normals that are open, those are taken whose normals are most parallel. Without
+    normals, or without the pose that they need, theirs stay open, and the kind of depth is that by which planes are
+    flat.
+
+    Args:
+        named: channels of a file under the names of a profile.
+        camera: of the picture.
+        posed: whether the camera's pose is known.
+    """
+    profile, keys = named.profile, named.keys("normal")
+    if AUTO not in (profile.depth_kind, profile.normal_space, profile.up):
+        return named
+    kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
+    depth = named.layers.stack(named.keys("depth"))
+    if keys and posed:
+        normal = named.layers.stack(keys, camera.size)
+        read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]
+        return Named(named.layers, max(read, key=lambda reading: _fit(reading, depth, normal, camera)))
+    kind = kinds[0] if len(kinds) == 1 else _flattest(profile, depth, camera)
+    return Named(named.layers, replace(profile, depth_kind=kind))
+
+
+def found_settings(before: Profile, after: Profile) -> str:
+    """What `settled` has found, as a line of a profile; empty where nothing was open."""
+    keys = [key for key in ("depth_kind", "normal_space", "up") if getattr(before, key) != getattr(after, key)]
+    return ", ".join(f'{key} = "{getattr(after, key)}"' for key in keys)
+
+
+def _ways(profile: Profile) -> list[tuple[str, str]]:
+    """Spaces and upward axes that a profile allows."""
+    spaces = ("world", "opengl", "opencv") if profile.normal_space == AUTO else (profile.normal_space,)
+    ups = ("y", "z") if profile.up == AUTO else (profile.up,)
+    return [(space, up) for space in spaces for up in (ups if space == "world" else ups[:1])]
+
+
+def _depth(profile: Profile, raw: Tensor, camera: Camera) -> tuple[Tensor, Tensor]:
+    """Planar depth, and where something was hit."""
+    hit = hit_of(raw, profile)
+    return planar(torch.where(hit, distances(raw, profile), 1.0), profile, camera), hit
+
+
+def _fit(profile: Profile, raw: Tensor, normal: Tensor, camera: Camera) -> float:
+    """How parallel normals are to those of the depth: the mean cosine, whatever side they face."""
+    depth, hit = _depth(profile, raw, camera)
+    like = camera.normals_from_depth(torch.where(hit, depth, camera.far))
+    read, there = world_normals(normal, profile, camera)
+    both = hit & there
+    return float((read * like).sum(1, keepdim=True).abs()[both].mean()) if bool(both.any()) else 0.0
+
+
+def _flattest(profile: Profile, raw: Tensor, camera: Camera) -> str:
+    """On a plane 1 / z is linear over the picture. Planar depth, unless by another kind planes are far flatter."""
+    bends = {kind: _bend(replace(profile, depth_kind=kind), raw, camera) for kind in KINDS}
+    best = min(bends, key=lambda kind: bends[kind])
+    return best if bends[KINDS[0]] > BEND and bends[best] < FLATTER * bends[KINDS[0]] else KINDS[0]
+
+
+def _bend(profile: Profile, raw: Tensor, camera: Camera) -> float:
+    """Relative second difference of 1 / z where the picture is flattest."""
+    z, inside = _depth(profile, raw, camera)
+    value, step = z.double() if camera.orthographic else 1 / z.double(), max(min(camera.size) // STEPS, 1)
+    for dim in (2, 3):
+        inside = inside & inside.roll(step, dim) & inside.roll(-step, dim)
+    bends = [(value.roll(step, dim) - 2 * value + value.roll(-step, dim)).abs() / value for dim in (2, 3)]
+    middle = (..., slice(step, -step), slice(step, -step))
+    found = torch.maximum(*bends)[middle][inside[middle]]
+    return float(found.sort().values[int(FLATTEST * found.numel())]) if found.numel() else 0.0

@@ -1,0 +1,34 @@
+"""Glossy metals: how long what they show stays the same while the eye moves."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt import Camera, GBuffer
+from post.shading.mirrors import METAL, SMOOTH
+
+LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
+LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
+
+
+def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
+    """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
+
+    A highlight stays where it is on a surface as long as the eye turns round it by less than the lobe is wide. Further
+    frames show light that is no longer there. Smooth metals are left to `post.shading.mirrors`.
+
+    Args:
+        g: of the frame.
+        previous: camera of the frame before.
+
+    Returns:
+        ``(B, 1, H, W)``, infinite where nothing limits it; None where there are no metals.
+    """
+    if g.roughness is None or g.metallic is None:
+        return None
+    points = g.camera.to_world(g.points_view())
+    now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
+    turned = torch.linalg.vector_norm(now - was, dim=1, keepdim=True)  # radians, as it is small
+    frames = (LASTING * g.roughness.square() / turned.clamp_min(1e-9)).clamp_min(LEAST)
+    return torch.where(g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH), frames, torch.inf)

@@ -1,0 +1,76 @@
+"""Files of unknown origin with plain names: the pixels tell the kind of depth and the space of normals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign_exr import CAMERA, SIZE, truth, write
+
+from gbufrt.commands.foreign import Source
+from gbufrt.files import read_gbuffer
+from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import load_profile
+from gbufrt.files.gbuffers.settle import found_settings, settled
+from gbufrt.files.guard import read_parts
+
+T = truth()
+SKY = ~T["hit"]
+X, Y, Z = (T["normal"][..., i] for i in range(3))
+VIEW = T["normal"] @ CAMERA.world_from_view[0, :3, :3].double().numpy()
+DEPTHS = {"planar": T["planar"], "ray": T["ray"], "reciprocal": 1 / T["planar"]}
+NORMALS = {
+    ("world", "y"): T["normal"],
+    ("world", "z"): np.stack([X, -Z, Y], -1),
+    ("opengl", "y"): VIEW * (1, -1, -1),
+    ("opencv", "y"): VIEW,
+}
+
+
+def plain(kind: str, way: tuple[str, str], *, coded: bool) -> dict[str, np.ndarray]:
+    """Layers of plain names; the sky holds 0, as far as the kind of depth has no number for it."""
+    normal = np.where(SKY[..., None], 0.0, NORMALS[way])
+    return {"depth.Y": np.where(SKY, 0, DEPTHS[kind]), "normal.RGB": (normal + 1) / 2 if coded else normal}
+
+
+@pytest.mark.parametrize("coded", [False, True])
+@pytest.mark.parametrize("way", NORMALS)
+@pytest.mark.parametrize("kind", DEPTHS)
+def test_settings_are_found(tmp_path: Path, kind: str, way: tuple[str, str], coded: bool):
+    path = write(tmp_path / "a.exr", plain(kind, way, coded=coded))
+    assert detect(path).name == "generic"
+    named = Named(Layers(path, read_parts(path)), load_profile("generic"))
+    found = settled(named, CAMERA).profile
+    assert (found.depth_kind, found.normal_space, found.up) == (kind, *way)
+    assert found_settings(named.profile, found) == f'depth_kind = "{kind}", normal_space = "{way[0]}", up = "{way[1]}"'
+    g = read_gbuffer(path, camera=CAMERA).gbuffer
+    assert (g.hit[0, 0].numpy() == T["hit"]).all()
+    for read, true in ((g.depth, T["planar"][..., None]), (g.normal, T["normal"])):
+        assert np.abs(read[0].permute(1, 2, 0).numpy() - true)[T["hit"]].max() < 2e-3
+
+
+def test_curved_surfaces_are_taken_to_be_planar_depth(tmp_path: Path):
+    """Nothing flat: no kind is far flatter than another."""
+    y, x = np.indices(SIZE) / 8
+    path = write(tmp_path / "a.exr", {"depth.Y": 3 + np.sin(x) * np.cos(y)})
+    assert (
+        settled(Named(Layers(path, read_parts(path)), load_profile("generic")), CAMERA).profile.depth_kind == "planar"
+    )
+
+
+def test_one_setting_serves_a_sequence(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """A second frame that shows nothing flat is read as the first one is."""
+    first = write(
+        tmp_path / "a_0001.exr", plain("ray", ("opengl", "y"), coded=False) | {"beauty.RGB": T["normal"] ** 2}
+    )
+    bumpy = plain("ray", ("opengl", "y"), coded=False) | {"depth.Y": T["ray"] * (1 + 0.1 * np.sin(np.indices(SIZE)[0]))}
+    write(tmp_path / "a_0002.exr", bumpy | {"beauty.RGB": T["normal"] ** 2})
+    source = Source.named([first, tmp_path / "a_0002.exr"], "auto", None, 50.0)
+    second = [source.read(shot)[0] for shot in source.shots][1].gbuffer
+    planar = read_gbuffer(tmp_path / "a_0002.exr", fov=50.0).gbuffer
+    assert bool((second.depth[second.hit] < 0.999 * planar.depth[second.hit]).any())
+    told = capsys.readouterr().err
+    assert told.count('by its pixels depth_kind = "ray"\n') == 1

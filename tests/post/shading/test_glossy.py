@@ -1,0 +1,83 @@
+"""Histories of glossy metals are as short as their highlights wander."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+import torch
+
+from gbufrt import Camera, Frame, GBuffer, Pipeline
+from post import Denoise
+from post.shading.glossy import LASTING, LEAST, frames_lasting
+
+SIZE = (48, 64)
+RADIUS, DISTANCE = 1.0, 3.0
+TURN = math.radians(1.0)  # of the eye round the ball, a frame
+
+
+def ball(frame: int, roughness: float = 0.2, metallic: float = 1.0) -> GBuffer:
+    """A ball of metal at the origin, seen by an eye that circles it."""
+    places = [(DISTANCE * math.sin(TURN * n), 0, DISTANCE * math.cos(TURN * n)) for n in (frame, frame - 1)]
+    at = [Camera.look_at(place, (0, 0, 0), size=SIZE, fov_y=50) for place in places]
+    origins, directions = (ray.permute(0, 3, 1, 2) for ray in at[0].rays())
+    along = -(origins * directions).sum(1, keepdim=True)
+    half = RADIUS**2 - (origins + along * directions).square().sum(1, keepdim=True)
+    hit = half > 0
+    points = origins + (along - half.clamp_min(0).sqrt()) * directions
+    depth = torch.where(hit, at[0].to_view(points)[:, 2:], at[0].far)
+    motion, motion_z = at[0].static_motion(at[1], depth, hit)
+    one = torch.ones_like(depth)
+    return GBuffer(
+        camera=at[0], previous_camera=at[1], depth=depth, hit=hit, normal=torch.where(hit, points / RADIUS, 0.0),
+        motion=motion, motion_z=motion_z, albedo=one.expand(-1, 3, -1, -1), roughness=roughness * one,
+        metallic=metallic * one,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.5])
+def test_a_history_lasts_while_the_eye_turns_by_the_lobe(roughness: float):
+    g = ball(1, roughness)
+    assert g.previous_camera is not None
+    frames = frames_lasting(g, g.previous_camera)
+    assert frames is not None
+    middle = frames[..., SIZE[0] // 2, SIZE[1] // 2]
+    seen = DISTANCE / (DISTANCE - RADIUS) * TURN  # about the middle of the ball; its front is nearer
+    assert float(middle) == pytest.approx(max(LASTING * roughness**2 / seen, LEAST), rel=0.05)
+    assert bool(torch.isinf(frames[~g.hit]).all())
+    still = frames_lasting(g, g.camera)
+    assert still is not None
+    assert float(still.min()) > 1e6
+
+
+def test_what_is_matt_or_a_mirror_is_not_limited():
+    for roughness, metallic in ((0.2, 0.0), (0.05, 1.0)):
+        g = ball(1, roughness, metallic)
+        assert g.previous_camera is not None
+        frames = frames_lasting(g, g.previous_camera)
+        assert frames is not None
+        assert bool(torch.isinf(frames).all())
+    assert frames_lasting(ball(1).replace(metallic=None), ball(1).camera) is None
+
+
+def highlight(g: GBuffer) -> torch.Tensor:
+    """What a ball of metal shows of a lamp: bright where the reflected ray points to it."""
+    eye = g.camera.rotate_to_world(g.camera.to_eye(g.points_view()))
+    away = 2 * (eye * g.normal).sum(1, keepdim=True) * g.normal - eye
+    toward = torch.tensor([0.35, 0.3, 0.9]).view(1, 3, 1, 1)
+    lobe = torch.exp(40 * ((away * toward / toward.norm()).sum(1, keepdim=True) - 1))
+    return torch.where(g.hit, 0.1 + 8 * lobe, 0.0).expand(-1, 3, -1, -1)
+
+
+def test_a_highlight_does_not_lag_behind_the_eye():
+    generator = torch.Generator().manual_seed(3)
+    frames = []
+    for n in range(16):
+        g = ball(n)
+        noise = 0.75 + 0.5 * torch.rand(g.depth.shape, generator=generator)
+        frames.append(Frame(gbuffer=g, radiance=highlight(g) * noise, index=n))
+    *_, last = Pipeline(denoise=Denoise(signal="radiance")).stream(frames)
+    light, true = last.read("radiance"), highlight(last.gbuffer)
+    error = float((light - true)[last.gbuffer.hit.expand_as(true)].square().mean().sqrt())
+    assert float(light.min()) >= 0.0
+    assert error < 0.2  # 0.34 with histories of the usual length
