@@ -13,9 +13,7 @@ from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, 
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
-SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
-NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 
 
 def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
@@ -155,43 +153,6 @@ def accumulate_reference(
         length,
     ]
     return torch.cat(new, dim=1), sample
-
-
-def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor | None = None) -> Tensor:
-    """Darken the mean where this frame's sample is far below it, but not below the neighbours' darkest mean.
-
-    History blurs penumbrae, and disoccluded pixels borrow light from their neighbours. A bright sample proves little,
-    since noise has a long bright tail. But a path to a lit surface hardly ever brings less than its direct light, so a
-    sample far below the mean shows that the light is occluded.
-
-    Args:
-        mean: ``(B, 3, H, W)`` accumulated light without albedo.
-        sample: as ``mean``, this frame's.
-        geometry: of this frame; neighbours are those of the 3x3 pixels around that lie on the same surface.
-        sure: ``(B, 1, H, W)`` in [0, 1]: how far to follow the sample; 1 by default.
-
-    Returns:
-        ``(B, 3, H, W)``.
-    """
-    light, own = luminance(mean), luminance(sample)
-    darkest = light
-    for view, same in zip(windows(padded(light, 1), 1), alike(geometry).split(1, dim=1), strict=True):
-        darkest = torch.where(same, torch.minimum(darkest, view), darkest)
-    missing = 1 - own / light.clamp_min(1e-6)
-    blocked = ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
-    blocked = blocked if sure is None else blocked * sure
-    darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
-    return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)
-
-
-def trusted(grain: Tensor, length: Tensor) -> Tensor:
-    """How far one sample tells light from shadow, ``(B, 1, H, W)`` in [0, 1]: little where samples are often dark.
-
-    Args:
-        grain: see `grain_of`.
-        length: ``(B, 1, H, W)`` frames in the mean.
-    """
-    return 1 / (1 + (grain * length / SPECKLED) ** 3)
 
 
 def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:

@@ -21,9 +21,9 @@ def cell(point, normal, side, level):
     x, y, z = abs(normal[0]), abs(normal[1]), abs(normal[2])
     axis = 0 if x >= y and x >= z else 1 if y >= z else 2
     key = 2 * axis + (1 if normal[axis] > 0 else 0) + 6 * level
-    key = (key << BITS) + (math.floor(point[0] / side) & MASK)
-    key = (key << BITS) + (math.floor(point[1] / side) & MASK)
-    return (key << BITS) + (math.floor(point[2] / side) & MASK)
+    key = (key << BITS) + (np.int64(math.floor(point[0] / side)) & MASK)
+    key = (key << BITS) + (np.int64(math.floor(point[1] / side)) & MASK)
+    return (key << BITS) + (np.int64(math.floor(point[2] / side)) & MASK)
 
 
 @scalar

@@ -11,7 +11,7 @@ from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
 from post.filters.signals import MIN_ALBEDO
 from post.filters.surfaces import surface
-from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
+from post.history.antilag import alike, grain_of, pooled, tolerated
 from post.history.fireflies import given_back
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
@@ -42,7 +42,6 @@ def denoise(
     motion_response: float = 0.0,
     iterations: int = 4,
     phi_color: float = 0.3,
-    shadows: bool = False,
     specular: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
@@ -66,8 +65,6 @@ def denoise(
         motion_response: see `temporal`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for the first kernel and little noise; it grows with the noise's share of the light.
-        shadows: keep penumbrae by this frame's own samples, for light in which every sample holds all direct light.
-            Elsewhere a dark sample proves no shadow.
         specular: the light holds what dielectrics reflect by their surface, not the diffuse share alone.
 
     Returns:
@@ -77,7 +74,7 @@ def denoise(
         ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
 
     Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); Bitterli et al. 2016 (fits); the handling of
-    penumbrae and mirrors is our own.
+    mirrors is our own.
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
@@ -106,10 +103,6 @@ def denoise(
         variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
-    if shadows:
-        sure = trusted(grain, length)
-        sure = sure if mirrors is None else torch.where(mirrors, 1.0, sure)  # histories of images lag
-        smooth = into_shadow(smooth, noisy, geometry, sure)
     smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
     if mirrors is not None:
@@ -220,7 +213,6 @@ class Denoise(TemporalPass):
         motion_response: float = 0.0,
         iterations: int = 4,
         phi_color: float = 0.3,
-        shadows: bool = False,
     ) -> None:
         super().__init__()
         self.signal = signal
@@ -230,7 +222,6 @@ class Denoise(TemporalPass):
         self.motion_response = motion_response
         self.iterations = iterations
         self.phi_color = phi_color
-        self.shadows = shadows
         self.reads = frozenset({"depth", "normal", "hit", signal})
         self.optional = frozenset(
             {
@@ -245,7 +236,7 @@ class Denoise(TemporalPass):
             frame.read(self.signal), frame.gbuffer, history_for(state, frame.cut),
             behind=None if frame.behind is None else frame.behind.gbuffer,
             blend=self.blend, clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response,
-            iterations=self.iterations, phi_color=self.phi_color, shadows=self.shadows,
+            iterations=self.iterations, phi_color=self.phi_color,
             specular=self.signal != "gi",
         )  # fmt: skip
         return frame.write(self.signal, light).write(f"{self.signal}_history", state.length), state
