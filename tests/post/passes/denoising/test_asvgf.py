@@ -9,7 +9,8 @@ from torch import Tensor
 
 from gbufrt import Frame, Pipeline
 from post import ASVGF, asvgf
-from post.passes.denoising.asvgf import FADING, forgetting, temporal_gradient
+from post.passes.denoising.asvgf import FADING
+from post.upsampling.gradient import forgetting, temporal_gradient
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum
 
 SIZE = (36, 48)
