@@ -12,10 +12,9 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from torch import Tensor
 
-from gbufrt.files.output import atomic
+from gbufrt.files.output import MAX_PIXELS, atomic
 
 LEVEL = 4  # of deflate
-MAX_PIXELS = 1 << 26  # 8192 x 8192, of a picture
 PERCEPTUAL = b"\0"  # the rendering intent in the sRGB chunk
 
 

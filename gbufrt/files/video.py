@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from gbufrt.files.output import atomic
-from gbufrt.files.png import MAX_PIXELS
+from gbufrt.files.output import MAX_PIXELS, atomic
 
 BT709 = 1  # of colour space, primaries and transfer alike, in ISO/IEC 23091-2
 LIMITED = 1  # range: black 16, white 235

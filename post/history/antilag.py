@@ -13,7 +13,10 @@ from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, 
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
+SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
+NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
+FEW, MANY = 0.25, 0.5  # share of dark samples around from which on they are a shadow's, at first in part
 
 
 def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
@@ -153,6 +156,47 @@ def accumulate_reference(
         length,
     ]
     return torch.cat(new, dim=1), sample
+
+
+def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor) -> Tensor:
+    """Darken the mean where this frame's samples are far below it, but not below the neighbours' darkest mean.
+
+    History blurs penumbrae and lags behind shadows that move, and disoccluded pixels borrow light from their
+    neighbours. A bright sample proves little, since noise has a long bright tail. But a path to a lit surface hardly
+    ever brings less than its direct light where each path has all of that; so dark samples side by side show that the
+    light is occluded. Where light is sampled in part, dark samples lie among bright ones, and prove nothing.
+
+    Args:
+        mean: ``(B, 3, H, W)`` accumulated light without albedo.
+        sample: as ``mean``, this frame's.
+        geometry: of this frame; neighbours are those of the 3x3 pixels around that lie on the same surface.
+        sure: ``(B, 1, H, W)`` in [0, 1]: how far to follow the samples.
+
+    Returns:
+        ``(B, 3, H, W)``.
+    """
+    light, own = luminance(mean), luminance(sample)
+    missing = 1 - own / light.clamp_min(1e-6)
+    dark = (missing > BLOCKED).to(light.dtype)
+    darkest, around, count = light, -dark, -torch.ones_like(dark)  # without the pixel itself
+    views = windows(padded(torch.cat([light, dark], dim=1), 1), 1)
+    for view, same in zip(views, alike(geometry).split(1, dim=1), strict=True):
+        darkest = torch.where(same, torch.minimum(darkest, view[:, :1]), darkest)
+        around, count = around + view[:, 1:] * same, count + same
+    together = ((around / count.clamp_min(1.0) - FEW) / (MANY - FEW)).clamp(0.0, 1.0)
+    blocked = sure * together * ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
+    darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
+    return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)
+
+
+def trusted(grain: Tensor, length: Tensor) -> Tensor:
+    """How far one sample tells light from shadow, ``(B, 1, H, W)`` in [0, 1]: little where samples are often dark.
+
+    Args:
+        grain: see `grain_of`.
+        length: ``(B, 1, H, W)`` frames in the mean.
+    """
+    return 1 / (1 + (grain * length / SPECKLED) ** 3)
 
 
 def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:

@@ -8,13 +8,12 @@ from torch import Tensor
 from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import luminance
-from post.history.antilag import grain_of
+from post.history.antilag import grain_of, trusted
 from post.history.changes import spread
 from post.history.constants import YOUNG
 
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
 AROUND = 0.5  # of the standard deviations allowed above history: those allowed above the surroundings
-SPECKLED = 120.0  # grain of single samples at which outliers are cut by half: a third of the light is noise
 MOST = 20.0  # times the light that is kept: more than this is lost
 WIDE = 5  # wavelets over which light is given back: they reach 62 pixels to each side
 
@@ -52,7 +51,7 @@ def cut_outliers(
         own = luminance(state[:, : signal.shape[1]], lead) + firefly * noise.add(1e-12).sqrt()
         limit = torch.where(state[:, -1:] >= YOUNG, torch.maximum(limit, own), limit)
     scale = torch.where((light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
-    calm = 1 / (1 + (grain_of(signal[:, :lead], variance, geometry.hit) / SPECKLED) ** 3)
+    calm = trusted(grain_of(signal[:, :lead], variance, geometry.hit), torch.ones_like(light))
     scale = 1 - (1 - calm) * (1 - scale)
     return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
 

@@ -57,7 +57,7 @@ def parse_size(text: str) -> tuple[int, int]:
     Raises:
         ValueError: not two whole numbers of at least 1, or a larger picture than gbufrt makes.
     """
-    from gbufrt.files.png import MAX_PIXELS
+    from gbufrt.files.output import MAX_PIXELS
 
     width, _, height = text.lower().partition("x")
     sides = [int(n) for n in (width, height) if n.isascii() and n.isdecimal() and len(n) < 9]

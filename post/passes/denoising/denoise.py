@@ -11,7 +11,7 @@ from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
 from post.filters.signals import MIN_ALBEDO
 from post.filters.surfaces import surface
-from post.history.antilag import alike, grain_of, pooled, tolerated
+from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
@@ -74,7 +74,7 @@ def denoise(
         ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
 
     Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); Bitterli et al. 2016 (fits); the handling of
-    mirrors is our own.
+    penumbrae and mirrors is our own.
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
@@ -103,6 +103,7 @@ def denoise(
         variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
+    smooth = into_shadow(smooth, noisy, geometry, trusted(grain, length))
     smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
     if mirrors is not None:
