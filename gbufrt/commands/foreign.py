@@ -182,12 +182,12 @@ class Source:
     def _keep(self, shot: Shot, camera: Camera) -> Profile:
         """Let all frames have the settings that the pixels of the first one tell; says what they are."""
         name, profile = self.profile_of(shot), self._profile(shot)
-        if name not in self._profiles:
+        if name not in self._profiles and profile.is_open:
             named = Named(Layers(shot.files[0], shot_parts(shot.files)), profile)
             self._profiles[name] = settled(named, camera, posed=self.fov is None).profile
             if found := found_settings(profile, self._profiles[name]):
                 self.tell(f"{shot}: by its pixels {found}")
-        return self._profiles[name]
+        return self._profiles.setdefault(name, profile)
 
 
 def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:

@@ -12,8 +12,8 @@ import numpy as np
 
 from gbufrt.compute.approximations import exp2, log2
 from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.luminance import REC709
 from post.display import constants
-from post.filters.signals import REC709
 
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(constants.TINY)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt.compute.resident import resident
 from gbufrt.directions import length
+from gbufrt.luminance import luminance
 from gbufrt.sampling import pixel_centers
 from post.display.constants import (
     ACES_INPUT,
@@ -24,7 +25,6 @@ from post.display.constants import (
     NEUTRAL_START,
     TINY,
 )
-from post.filters.signals import luminance
 
 Operator = Literal["agx", "aces", "pbr_neutral", "reinhard", "linear"]
 

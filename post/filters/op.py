@@ -6,11 +6,11 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
 from post.filters.fits import fits_cuda, squarings
 from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
-from post.filters.signals import luminance
 
 
 @torch.library.custom_op("gbufrt::moments", mutates_args=())

@@ -10,7 +10,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from post.filters.signals import luminance
+from gbufrt.luminance import luminance
 
 PIXELS = 16.0  # to a unit of place: squares of places then stay exact enough in float32 for pictures of any usual size
 PLACES = 5  # planes of places and of their products

@@ -12,7 +12,6 @@ from gbufrt import SIGNALS, Frame
 from gbufrt.directions import length as length_of
 
 UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
-REC709 = (0.2126, 0.7152, 0.0722)
 MIN_ALBEDO = 1e-2  # below this, dividing by albedo would amplify noise more than it removes detail
 
 
@@ -35,14 +34,6 @@ def signal_names(signal: str | Iterable[str]) -> tuple[str, ...]:
     if not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(f"signal must be a name or several such as ('ao', 'bent_normal'), got {signal!r}")
     return ("reflection", "reflection_confidence") if names == ("reflection",) else names
-
-
-def luminance(signal: Tensor, lead: int | None = None) -> Tensor:
-    """``(B, 1, H, W)``: Rec. 709 luminance where the first ``lead`` channels are RGB, else the first channel."""
-    if (lead or signal.shape[1]) < 3:
-        return signal[:, :1]
-    red, green, blue = REC709
-    return red * signal[:, 0:1] + green * signal[:, 1:2] + blue * signal[:, 2:3]
 
 
 def wants_albedo(names: tuple[str, ...], demodulate: bool | None) -> bool:

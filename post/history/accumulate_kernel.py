@@ -12,9 +12,9 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.luminance import REC709
 from post.filters.constants import HIT
 from post.filters.kernel import edge_weights, tap_at
-from post.filters.signals import REC709
 from post.history import constants
 from post.history.constants import POOL
 

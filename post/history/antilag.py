@@ -6,9 +6,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.edges import Surface, edge_weight, offsets, padded, windows
-from post.filters.signals import luminance
 from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, SAME, YOUNG
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
@@ -16,7 +16,7 @@ GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels a
 SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
-FEW, MANY = 0.25, 0.5  # share of dark samples around from which on they are a shadow's, at first in part
+FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
 
 
 def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:

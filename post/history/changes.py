@@ -11,10 +11,10 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.edges import Surface
 from post.filters.op import wavelet
-from post.filters.signals import luminance
 from post.history.antilag import without_fireflies
 from post.history.constants import FAST_BLEND
 

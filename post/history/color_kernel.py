@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gbufrt.compute.kernel import inlined
-from post.filters.signals import REC709
+from gbufrt.luminance import REC709
 
 QUARTER, HALF = np.float32(0.25), np.float32(0.5)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from gbufrt.luminance import luminance
 from post.filters.edges import Surface
 from post.filters.op import spatial_moments
-from post.filters.signals import luminance
 from post.history.antilag import grain_of, trusted
 from post.history.changes import spread
 from post.history.constants import YOUNG

@@ -6,9 +6,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.filters.edges import offsets, padded, windows
-from post.filters.signals import luminance
 from post.history.catmull_rom import catmull_rom
 from post.history.constants import BRIGHTEST, WINDOW
 

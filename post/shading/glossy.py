@@ -12,6 +12,13 @@ LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while 
 LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
 
 
+def glossy_metals(g: GBuffer) -> Tensor | None:
+    """``(B, 1, H, W)`` bool: metals that show highlights, not images; None where the G-buffer does not tell."""
+    if g.roughness is None or g.metallic is None:
+        return None
+    return g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH)
+
+
 def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
     """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
 
@@ -23,12 +30,13 @@ def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
         previous: camera of the frame before.
 
     Returns:
-        ``(B, 1, H, W)``, infinite where nothing limits it; None where there are no metals.
+        ``(B, 1, H, W)``, infinite where nothing limits it; None where the G-buffer does not tell.
     """
-    if g.roughness is None or g.metallic is None:
+    metals = glossy_metals(g)
+    if metals is None or g.roughness is None:
         return None
     points = g.camera.to_world(g.points_view())
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
     turned = torch.linalg.vector_norm(now - was, dim=1, keepdim=True)  # radians, as it is small
     frames = (LASTING * g.roughness.square() / turned.clamp_min(1e-9)).clamp_min(LEAST)
-    return torch.where(g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH), frames, torch.inf)
+    return torch.where(metals, frames, torch.inf)

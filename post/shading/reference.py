@@ -10,8 +10,8 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.environment import lookup_environment
+from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
-from post.filters.signals import luminance
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
 from post.shading.constants import BORDER, FIREFLY, GUESSED, HIDDEN_SHARE

@@ -11,8 +11,8 @@ import numpy as np
 
 from gbufrt.compute.approximations import HALF_TURN, atan2
 from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.luminance import REC709
 from gbufrt.specular import MIRROR_ROUGHNESS
-from post.filters.signals import REC709
 from post.march.constants import BLOCKED, HIT, LEFT, SPENT
 from post.march.kernel import Ending, trace
 from post.shading import constants

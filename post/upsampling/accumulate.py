@@ -10,8 +10,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.directions import length
+from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
-from post.filters.signals import luminance
 from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
 from post.upsampling.constants import BOX, COVERED, DECAY, FIRST, LEAST, MATURE, PARTING

@@ -9,10 +9,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import GBuffer, History
+from gbufrt.luminance import luminance
 from post.filters.constants import HIT
 from post.filters.edges import Surface
 from post.filters.op import wavelet
-from post.filters.signals import luminance
 from post.filters.surfaces import surface
 from post.upsampling.op import upsample
 

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
-from post.filters.signals import luminance
 from post.history.constants import BRIGHTEST
 from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight
 from post.upsampling.constants import BETWEEN, SLOW, STEADY, WIDER

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from gbufrt.luminance import luminance
 from tracer.cache.cells import COARSE, FINE, around, level_of
 
 REGION = 16  # world units: side of the cubes whose cells are tested together
@@ -14,7 +15,6 @@ DEVIATIONS = 3.0  # of the noise, below which a difference is no change
 NOTICED = 0.1  # of the light: smaller changes are left to what cells forget by themselves
 LEAST = 8  # samples below which their spread is unknown
 POWER = 4  # of how far a change goes beyond noise, by which cells forget
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec. 709
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,8 +52,8 @@ def unchanged(keys: Tensor, mean: Tensor, weight: Tensor, batch: Batch) -> Tenso
         beyond.
     """
     rows = (level_of(keys) == COARSE).nonzero()[:, 0]
-    n, held = batch.count[rows].float(), luminance(mean[rows])
-    total, squares = luminance(batch.total[rows]), batch.squares[rows]
+    n, held = batch.count[rows].float(), luminance(mean[rows])[:, 0]
+    total, squares = luminance(batch.total[rows])[:, 0], batch.squares[rows]
     tested = (weight[rows] > 0) & (n > 0)
     unsure = n + n * n / weight[rows].clamp_min(1e-9)
     difference, spread = total - n * held, (squares - 2 * held * total + n * held * held).clamp_min(0.0)
@@ -74,11 +74,6 @@ def segments(values: Tensor, count: Tensor) -> Tensor:
     ends = count.cumsum(0)
     upto = torch.cat([values.new_zeros(1, values.shape[1], dtype=torch.float64), values.double().cumsum(0)])
     return (upto[ends] - upto[ends - count]).to(values.dtype)
-
-
-def luminance(light: Tensor) -> Tensor:
-    """``(...)`` of ``(..., 3)`` linear radiance."""
-    return light @ light.new_tensor(LUMINANCE)
 
 
 def _credible(columns: Tensor) -> Tensor:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from gbufrt.luminance import luminance
 from tracer.cache.cells import SIDES, cells
-from tracer.cache.changes import Batch, luminance, segments, unchanged
+from tracer.cache.changes import Batch, segments, unchanged
 
 CAPACITY = 1 << 18
 KEPT = 0.82  # share of a cell's weight left after a frame: what is eight frames old counts a fifth
@@ -74,7 +75,7 @@ class IrradianceCache:
         kept[old], mean[old] = self.weight, self.radiance
         order = torch.argsort(new, stable=True)  # sums in an order of their own: the same in every run
         count = torch.bincount(new, minlength=len(keys))
-        numbers = torch.cat([radiance, luminance(radiance).square()[:, None]], dim=1)
+        numbers = torch.cat([radiance, luminance(radiance).square()], dim=1)
         sums = segments(numbers.repeat(len(SIDES), 1)[order], count)
         met = count > 0
         earlier = torch.where(met, kept * KEPT ** frames.float(), kept)

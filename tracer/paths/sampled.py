@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
-from tracer.cache.changes import luminance
+from gbufrt.luminance import luminance
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import lifted
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
@@ -120,5 +120,4 @@ def _replayed(before: Frame, seed: int, *, cached: bool) -> Tensor:
     hit, diffuse, specular = before.gbuffer.hit, before.diffuse, before.specular
     if cached or diffuse is None or specular is None:
         return one_a_stratum(hit, index=before.index, seed=seed)
-    light = diffuse * before.read("albedo") + specular
-    return brightest_a_stratum(hit, luminance(light.movedim(1, -1))[:, None])
+    return brightest_a_stratum(hit, luminance(diffuse * before.read("albedo") + specular))

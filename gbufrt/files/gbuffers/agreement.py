@@ -16,6 +16,8 @@ CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they 
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
 BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
+STEPS = 32  # of second differences across the picture: those of neighbours are too small in large pictures
+FLATTEST = 0.25  # share of the pixels that are taken to lie on planes
 MOVES = 0.5  # pixels of motion apart from the cameras' own
 RECIPROCAL = '"reciprocal" or "device"'
 
@@ -90,16 +92,16 @@ def _depth_line(g: GBuffer, kind: str) -> str:
     if int(inside.sum()) < FEW:
         return ""
     now = _agreeing(g, g.camera, g.depth, g.normal, inside)
-    bend = _bend(g.depth, inside, orthographic=g.camera.orthographic)
+    bend = bend_of(g.depth, inside, orthographic=g.camera.orthographic)
     readings = depth_readings(g, kind)
-    bends = {text: _bend(depth, inside, orthographic=g.camera.orthographic) for text, depth in readings.items()}
+    bends = {text: bend_of(depth, inside, orthographic=g.camera.orthographic) for text, depth in readings.items()}
     best = min(bends, key=lambda text: bends[text])
     if bend <= BEND or bends[best] >= NEARER * bend:
         return ""
     told, fits = f"depth_kind = {best} fits better", _agreeing(g, g.camera, readings[best], g.normal, inside)
     if fits > now + BETTER:
         return f"{told}: normals agree with depth at {fits:.0%} of the pixels instead of {now:.0%}"
-    return f"{told}: planes bend by {bends[best]:.2g} a pixel instead of {bend:.2g}"
+    return f"{told}: planes bend by {bends[best]:.2g} a step instead of {bend:.2g}"
 
 
 def _normal_line(g: GBuffer) -> str:
@@ -150,10 +152,24 @@ def _motion_line(now: float, fits: dict[str, float], what: str) -> str:
     return f"{best} fits better: motion agrees with {what} at {fits[best]:.0%} of the pixels instead of {now:.0%}"
 
 
-def _bend(depth: Tensor, inside: Tensor, *, orthographic: bool) -> float:
-    value = depth.double() if orthographic else 1 / depth.double()
-    bends = [(value.roll(1, dim) - 2 * value + value.roll(-1, dim)).abs() / value for dim in (2, 3)]
-    return float(torch.maximum(*bends)[inside].median())
+def bend_of(depth: Tensor, inside: Tensor, *, orthographic: bool) -> float:
+    """Relative second difference of 1 / z where the picture is flattest; of z in orthographic ones.
+
+    Args:
+        depth: ``(B, 1, H, W)`` taken to be planar, world units.
+        inside: ``(B, 1, H, W)`` bool: pixels that count, where those a step beside them do too.
+        orthographic: whether the camera is.
+
+    Returns:
+        The bend, 0 where nothing is left to tell it by.
+    """
+    value, step = depth.double() if orthographic else 1 / depth.double(), max(min(depth.shape[-2:]) // STEPS, 1)
+    for dim in (2, 3):
+        inside = inside & inside.roll(step, dim) & inside.roll(-step, dim)
+    bends = [(value.roll(step, dim) - 2 * value + value.roll(-step, dim)).abs() / value for dim in (2, 3)]
+    middle = (..., slice(step, -step), slice(step, -step))
+    found = torch.maximum(*bends)[middle][inside[middle]]
+    return float(found.sort().values[int(FLATTEST * found.numel())]) if found.numel() else 0.0
 
 
 def _agreeing(g: GBuffer, camera: Camera, depth: Tensor, normal: Tensor, inside: Tensor) -> float:

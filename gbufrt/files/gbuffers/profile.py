@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "generic")
+AUTO = "auto"  # a setting that is left to the pixels
 CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
 """What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
 CHOICES = {
@@ -77,6 +78,11 @@ class Profile:
     """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
     finished: tuple[str, ...] = ()
     """Layers with all light in them, bounces included; the empty name is the picture without a layer."""
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it leaves the kind of depth or the space of normals to the pixels; see `settle.settled`."""
+        return AUTO in (self.depth_kind, self.normal_space, self.up)
 
 
 def load_profile(name: str | Path) -> Profile:

@@ -43,9 +43,8 @@ def read_gbuffer(
 
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
     file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
-    twice. A warning says
-    which passes of the direct light are missing. Where the file has no normal, the one of the depth is taken, and the
-    extra signal ``normal_estimated`` is 1.
+    twice. A warning says which passes of the direct light are missing. Where the file has no normal, the one of the
+    depth is taken, and the extra signal ``normal_estimated`` is 1.
 
     Args:
         path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.

@@ -8,16 +8,13 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.files.gbuffers.agreement import BEND, bend_of
 from gbufrt.files.gbuffers.convert import distances, hit_of, planar, world_normals
 from gbufrt.files.gbuffers.named import Named
-from gbufrt.files.gbuffers.profile import Profile
+from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 KINDS = ("planar", "ray", "reciprocal")
-FLATTEST = 0.25  # share of the pixels that are taken to lie on planes
-BEND = 2e-6  # relative second difference of 1 / z below which a bend is rounding
 FLATTER = 0.1  # of the bend of planar depth, which another kind must stay below: curved surfaces bend by every kind
-STEPS = 32  # of second differences across the picture: those of neighbours are too small in large pictures
-AUTO = "auto"
 
 
 def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
@@ -33,7 +30,7 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
         posed: whether the camera's pose is known.
     """
     profile, keys = named.profile, named.keys("normal")
-    if AUTO not in (profile.depth_kind, profile.normal_space, profile.up):
+    if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
     depth = named.layers.stack(named.keys("depth"))
@@ -75,18 +72,9 @@ def _fit(profile: Profile, raw: Tensor, normal: Tensor, camera: Camera) -> float
 
 def _flattest(profile: Profile, raw: Tensor, camera: Camera) -> str:
     """On a plane 1 / z is linear over the picture. Planar depth, unless by another kind planes are far flatter."""
-    bends = {kind: _bend(replace(profile, depth_kind=kind), raw, camera) for kind in KINDS}
+    bends = dict[str, float]()
+    for kind in KINDS:
+        depth, hit = _depth(replace(profile, depth_kind=kind), raw, camera)
+        bends[kind] = bend_of(depth, hit, orthographic=camera.orthographic)
     best = min(bends, key=lambda kind: bends[kind])
     return best if bends[KINDS[0]] > BEND and bends[best] < FLATTER * bends[KINDS[0]] else KINDS[0]
-
-
-def _bend(profile: Profile, raw: Tensor, camera: Camera) -> float:
-    """Relative second difference of 1 / z where the picture is flattest."""
-    z, inside = _depth(profile, raw, camera)
-    value, step = z.double() if camera.orthographic else 1 / z.double(), max(min(camera.size) // STEPS, 1)
-    for dim in (2, 3):
-        inside = inside & inside.roll(step, dim) & inside.roll(-step, dim)
-    bends = [(value.roll(step, dim) - 2 * value + value.roll(-step, dim)).abs() / value for dim in (2, 3)]
-    middle = (..., slice(step, -step), slice(step, -step))
-    found = torch.maximum(*bends)[middle][inside[middle]]
-    return float(found.sort().values[int(FLATTEST * found.numel())]) if found.numel() else 0.0

@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.luminance import REC709, luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
-from post.filters.signals import REC709, luminance
 from post.history.antilag import grain_of, tolerated
 from post.history.read import read_history
 from post.history.reproject import history_for

@@ -17,7 +17,7 @@ from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
 from post.shading.composite_op import specular_albedo
-from post.shading.glossy import frames_lasting
+from post.shading.glossy import frames_lasting, glossy_metals
 from post.shading.mirrors import mirror_image
 
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
@@ -103,7 +103,9 @@ def denoise(
         variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
-    smooth = into_shadow(smooth, noisy, geometry, trusted(grain, length))
+    sure, metals = trusted(grain, length), glossy_metals(gbuffer)
+    sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
+    smooth = into_shadow(smooth, noisy, geometry, sure)
     smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
     if mirrors is not None:

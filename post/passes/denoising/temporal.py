@@ -10,11 +10,12 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.compute.resident import waits
 from gbufrt.directions import length as norm
+from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.edges import Surface
 from post.filters.op import spatial_moments
-from post.filters.signals import luminance, signal_names, stack, unstack, wants_albedo
+from post.filters.signals import signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes

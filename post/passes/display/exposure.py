@@ -9,8 +9,8 @@ from torch import Tensor
 
 from gbufrt import Frame, History, TemporalPass
 from gbufrt.compute.resident import number
+from gbufrt.luminance import luminance
 from gbufrt.mending import finite
-from post.filters.signals import luminance
 
 BINS = 256
 DARKEST, BRIGHTEST = -24.0, 24.0  # log2 of luminance that the histogram tells apart

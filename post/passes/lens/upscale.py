@@ -7,8 +7,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.luminance import luminance
 from gbufrt.mending import finite
-from post.filters.signals import luminance
 from post.history.reproject import geometry_of, history_for, motion_of
 from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import light_around, same_light, thin_features

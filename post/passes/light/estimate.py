@@ -10,8 +10,8 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.directions import length
+from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
-from post.filters.signals import luminance
 from post.sweep.chords import thickness_from_depth
 
 TINY = 1e-12

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
-from post import Denoise
+from post import Denoise, denoise
 from post.shading.glossy import LASTING, LEAST, frames_lasting
 
 SIZE = (48, 64)
@@ -81,3 +81,18 @@ def test_a_highlight_does_not_lag_behind_the_eye():
     error = float((light - true)[last.gbuffer.hit.expand_as(true)].square().mean().sqrt())
     assert float(light.min()) >= 0.0
     assert error < 0.2  # 0.34 with histories of the usual length
+
+
+def test_dark_samples_of_a_lobe_are_no_shadow():
+    """Side by side they would be one on what is matt, as dark as the darkest mean around."""
+    lit = (torch.arange(SIZE[1]) / 12).expand(1, 3, *SIZE)
+    dark = lit.clone()
+    dark[..., 22:26, 30:34] = 0.05
+    left = {}
+    for metallic in (0.0, 1.0):
+        g, history = ball(1, 0.3, metallic), None
+        still = g.replace(previous_camera=g.camera, motion=torch.zeros_like(g.normal[:, :2]))
+        for light in (*[lit] * 8, dark):
+            clean, history = denoise(torch.where(g.hit, light, 0.0), still, history)
+        left[metallic] = float(clean[..., 23:25, 31:33].mean())
+    assert left[0.0] < left[1.0] - 0.015
