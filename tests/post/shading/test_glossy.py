@@ -90,7 +90,7 @@ def test_dark_samples_of_a_lobe_are_no_shadow():
     dark[..., 22:26, 30:34] = 0.05
     left = {}
     for metallic in (0.0, 1.0):
-        g, history = ball(1, 0.3, metallic), None
+        g, history, clean = ball(1, 0.3, metallic), None, lit
         still = g.replace(previous_camera=g.camera, motion=torch.zeros_like(g.normal[:, :2]))
         for light in (*[lit] * 8, dark):
             clean, history = denoise(torch.where(g.hit, light, 0.0), still, history)
