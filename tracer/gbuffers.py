@@ -70,16 +70,16 @@ def layers(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
     )
     second = rises = None
+    given = {"poses": rays.poses, "t_max": rays.far}
     if bool((scene.materials.opacity[1:] < 1).any()):
         second = trace(
             scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
         )
     if second is not None and scene.waves is not None:
         moments = {"times": rays.times, "before": rays.times_before, "eyes": camera.position}
-        first, second, rises = on_waves(scene, rays.origins, rays.directions, first, second, **moments)
+        first, second, rises = on_waves(scene, rays.origins, rays.directions, first, second, **given, **moments)
     through = None
     if second is not None:
-        given = {"poses": rays.poses, "t_max": rays.far}
         second, through = through_panes(scene, rays.origins, rays.directions, second, **given)
     air = None if scene.haze is None else haze_before(scene, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)

@@ -7,17 +7,21 @@ goes on to where it meets the height field.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
-from tracer.scene.scene import Scene
+from gbufrt.tree import map_tensors
+from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import facing
-from tracer.traversal.rays import Hits
+from tracer.traversal.rays import Hits, trace
 from tracer.weather.reference import meet
 from tracer.weather.water import TOP, Water
+
+MOST = 8  # materials of water that a ray crosses over one wave
 
 
 def on_waves(
@@ -27,14 +31,17 @@ def on_waves(
     first: Hits,
     second: Hits,
     *,
+    poses: Tensor,
+    t_max: Tensor,
     eyes: Tensor,
     times: list[float],
     before: list[float],
 ) -> tuple[Hits, Hits, Tensor]:
     """What rays of a camera hit where water has waves.
 
-    Rays that enter water by its top go on to the wave, and have its normal there. Where they come to something else
-    first, the bank at the water's edge, they have that as first hit, and nothing behind it.
+    Rays that enter water by its top go on to the wave, and have its normal there; on the way they may cross into water
+    of another material, such as that of another biome. Where they come to something else first, the bank at the water's
+    edge, they have that as first hit, and nothing behind it.
 
     Args:
         scene: with ``waves``.
@@ -42,6 +49,8 @@ def on_waves(
         directions: likewise, unit length.
         first: their first hits, on still water.
         second: what lies behind those.
+        poses: ``(B, I, 4, 4)`` of the instances.
+        t_max: ``(B, H, W)`` where the rays end.
         eyes: ``(B, 3)`` of the cameras.
         times: B, seconds.
         before: of the frame before.
@@ -53,23 +62,51 @@ def on_waves(
     assert scene.waves is not None
     top = scene.materials.water[first.material.long()] & first.hit & ~first.back_face
     top = top & (first.face == TOP) & (first.instance == 0)
-    t, normal, rises = first.t.clone(), first.normal.clone(), torch.zeros_like(first.t)
-    dry = torch.zeros_like(first.hit)
+    rises, dry = torch.zeros_like(first.t), torch.zeros_like(first.hit)
+    first, second = (map_tensors(torch.clone, hits) for hits in (first, second))
     for b in range(len(origins)):
-        here = top[b].nonzero(as_tuple=True)
+        here = (b, *top[b].nonzero(as_tuple=True))
         water = Water.of(scene.waves, times[b], eyes[b])
-        origin, direction = origins[b][here], directions[b][here]
-        met = _meet(water, origin, direction, first.t[b][here], second.t[b][here])
+        origin, direction = rays = origins[here], directions[here]
+        on, behind = (map_tensors(lambda x, at=here: x[at], hits) for hits in (first, second))
+        met = _met(scene, water, rays, on, behind, poses=poses[b], t_max=t_max[here])
+        dry[here] = met >= behind.t
         places = (origin + direction * met[:, None])[:, [0, 2]]
         slopes = water.slopes(places)
-        up = torch.stack([-slopes[:, 0], torch.ones_like(met), -slopes[:, 1]], dim=-1)
-        t[b][here], dry[b][here] = met, met >= second.t[b][here]
-        normal[b][here] = facing(F.normalize(up, dim=-1), first.normal[b][here], direction)
+        up = F.normalize(torch.stack([-slopes[:, 0], torch.ones_like(met), -slopes[:, 1]], dim=-1), dim=-1)
+        _put(first, here, replace(on, t=met, normal=facing(up, on.normal, direction)))
+        _put(second, here, behind)
         if times[b] != before[b]:
             earlier = Water.of(scene.waves, before[b], eyes[b])
-            rises[b][here] = earlier.height(places) - water.height(places)
-    wet = replace(first, t=t, normal=normal)
-    return _chosen(dry, second, wet), _without(second, dry), torch.where(dry, 0.0, rises)
+            rises[here] = earlier.height(places) - water.height(places)
+    return _chosen(dry, second, first), _without(second, dry), torch.where(dry, 0.0, rises)
+
+
+def _met(
+    scene: Scene, water: Water, rays: tuple[Tensor, Tensor], on: Hits, behind: Hits, *, poses: Tensor, t_max: Tensor
+) -> Tensor:
+    """``(n,)`` where rays meet the wave, or what bounds the water.
+
+    Where that is water again, it takes the place of the first in ``on``, and what bounds it that of ``behind``.
+    """
+    met = _meet(water, *rays, on.t, behind.t)
+    for _ in range(MOST):
+        again = (met >= behind.t) & behind.hit & ~behind.back_face & scene.materials.water[behind.material.long()]
+        rows = again.nonzero(as_tuple=True)
+        if not len(rows[0]):
+            break
+        entered, way = map_tensors(lambda x, at=rows: x[at], behind), (rays[0][rows], rays[1][rows])
+        for name in ("material", "cell", "local"):
+            getattr(on, name)[rows] = getattr(entered, name)
+        beyond = trace(scene, *way, poses=poses, mask=MASK_PRIMARY, t_max=t_max[rows], beyond=entered)
+        _put(behind, rows, beyond)
+        met[rows] = _meet(water, *way, on.t[rows], beyond.t)
+    return met
+
+
+def _put(hits: Hits, rows: tuple[Any, ...], values: Hits) -> None:
+    for name in Hits.__dataclass_fields__:
+        getattr(hits, name)[rows] = getattr(values, name)
 
 
 def _meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor) -> Tensor:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from tracer.scene.grids import BRICK
 from tracer.scene.scene import Instance, Scene, Sky, Sun, View
 from tracer.scene.world import World
+from tracer.worlds.sea import in_open_sea
 from tracer.worlds.views import loop, round_trip, still
 
 Floats = NDArray[np.float64]
@@ -38,26 +40,45 @@ class _Map:
         kind: ``(X, Z)`` its material.
         x0: of the first column.
         z0: of the first column.
+        beyond: height and material where the map ends.
     """
 
     top: Floats
     kind: NDArray[np.int64]
     x0: int
     z0: int
+    beyond: tuple[float, int] = (-math.inf, 0)
 
     def at(self, x: Floats, z: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Height and material at places; -inf and 0 beyond the map."""
+        """Height and material at places."""
         i, j = np.floor(x).astype(np.int64) - self.x0, np.floor(z).astype(np.int64) - self.z0
         inside = (i >= 0) & (j >= 0) & (i < self.top.shape[0]) & (j < self.top.shape[1])
         i, j = np.where(inside, i, 0), np.where(inside, j, 0)
-        return np.where(inside, self.top[i, j], -np.inf), np.where(inside, self.kind[i, j], 0)
+        height, kind = self.beyond
+        return np.where(inside, self.top[i, j], height), np.where(inside, self.kind[i, j], kind)
+
+    def shore(self, water: NDArray[np.bool_]) -> NDArray[np.int64] | None:
+        """``(N, 2)`` the columns of bricks where the land ends, if it does so in water of one height everywhere.
+
+        Args:
+            water: which materials are.
+        """
+        land = np.isfinite(self.top)
+        near = np.pad(land, 1)
+        ends = land & ~(near[:-2, 1:-1] & near[2:, 1:-1] & near[1:-1, :-2] & near[1:-1, 2:])
+        if not water[self.kind[ends]].all() or len(np.unique(self.top[ends])) != 1:
+            return None
+        x, z = np.nonzero(ends)
+        bricks = np.unique(np.stack([x, z], axis=1) // BRICK, axis=0)
+        whole = land.reshape(len(land) // BRICK, BRICK, -1, BRICK).all(axis=(1, 3))
+        return bricks if whole[tuple(bricks.T)].all() else None
 
 
 def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     """A scene of a piece of land under the sky.
 
     Args:
-        world: the land, which goes on where the file ends as empty space.
+        world: the land. Where the file ends it goes on as empty space, or as the sea if there is water all round it.
         instances: what else there is.
 
     Returns:
@@ -67,6 +88,10 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     ground = _map_of(world)
     for instance in instances:
         _raise(ground, instance)
+    shore = ground.shore(world.materials.water.cpu().numpy())
+    if shore is not None:
+        level, water = (float(a[tuple(BRICK * shore[0])]) for a in (ground.top, ground.kind))
+        ground, world = replace(ground, beyond=(level, int(water))), in_open_sea(world, torch.from_numpy(shore), level)
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
     return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=views)
 

@@ -15,7 +15,9 @@ from gbufrt import Camera, GBuffer
 from tracer import Scene, Waves
 from tracer.frames import render
 from tracer.gbuffers import layers
+from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Sun
+from tracer.scene.world import World
 from tracer.weather import drivers, reference
 from tracer.weather.water import OCTAVES, Water
 
@@ -97,6 +99,24 @@ def test_where_the_bank_comes_before_the_wave_it_is_seen_with_nothing_behind():
     assert bool((first.normal[0, 1][bank] == 0).all())  # its sides
     assert not bool(second.hit[0, 0][bank].any())
     assert bool(second.hit[0, 0][waved(first)].all())
+
+
+def test_waves_cross_from_the_water_of_one_biome_into_that_of_another():
+    swamp = Material(name="water of a swamp", opacity=0.5, tint=(0.4, 0.8, 0.9))
+    table = MaterialTable.joined([voxels.TABLE, MaterialTable.of([swamp])], [*voxels.TABLE.names, swamp.name])
+    one, two = lake(), len(voxels.TABLE)
+    cells = torch.stack(torch.meshgrid(*(torch.arange(n) for n in (48, 8, 48)), indexing="ij"), dim=-1)
+    dense = one.world.at(cells)
+    dense[(dense == voxels.WATER) & ((cells[..., 0] // 3 + cells[..., 2] // 3) % 2 == 0)] = two
+    mixed = replace(one, world=World.from_dense(dense, table))
+    (first, second), (wanted, behind) = seen(scene=mixed), seen(scene=one)
+    assert first.material_id is not None
+    assert int((first.material_id == two).sum()) > 100
+    assert float((first.depth - wanted.depth).abs().max()) < 1e-4
+    assert float((first.normal - wanted.normal).abs().max()) < 1e-4
+    assert float((second.depth - behind.depth).abs().max()) > 1.0  # where the first water ends, another begins behind
+    places = points_of(first)[..., [0, 2]].floor().long()[first.material_id[0, 0] == two]
+    assert float(((places // 3).sum(1) % 2 == 0).float().mean()) > 0.98
 
 
 def test_the_kernel_meets_what_its_reference_meets():
