@@ -88,6 +88,28 @@ def test_a_tower_is_not_looked_at_from_under_its_wall():
     assert looks_free(found, "landscape", 0.0, near=14.0) > 0.3
 
 
+def island(*, gap: bool = False) -> World:
+    """Three by three chunks of sea, 20 deep, less one at a corner; a hill of earth, and one block of land at an end."""
+    table = MaterialTable.of([Material(name="earth"), Material(name="water plains", opacity=0.5)])
+    cells = np.indices((48, 40, 48))
+    x, y, z = cells
+    earth = (y < 4) | ((x - 24) ** 2 + (z - 24) ** 2 < (34 - y) ** 2 / 4) & (y < 34) | (gap & (x == 0) & (z == 20))
+    kept = (earth | (y < 24)) & ~((x < 16) & (z < 16))
+    return world_of_cells(cells[:, kept].T, np.where(earth, 1, 2)[kept].astype(np.int16), table)
+
+
+def test_land_in_the_sea_goes_on_as_sea():
+    world = island()
+    found = landscape(world).world
+    inside = torch.stack(torch.meshgrid(torch.arange(16, 48), *[torch.arange(48)] * 2, indexing="ij"), dim=-1)
+    assert torch.equal(found.at(inside), world.at(inside))
+    for place in ((8, 8), (-700, 300), (24, 1000)):
+        column = [int(found.at(torch.tensor([place[0], y, place[1]]))) for y in (3, 4, 23, 24)]
+        assert column == [1, 2, 2, 0]
+    looks_free(landscape(world), "landscape", 0.0, near=5.0)
+    assert landscape(island(gap=True)).world.bounds() == world.bounds()
+
+
 def test_a_single_voxel_has_views():
     table = MaterialTable.of([Material(name="stone")])
     found = landscape(world_of_cells(np.array([[5, -3, 7]]), np.array([1], np.int16), table))

@@ -6,13 +6,12 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from tracer.scene.grids import BRICK
 from tracer.scene.scene import Instance, Scene, Sky, Sun, View
 from tracer.scene.world import World
-from tracer.worlds.sea import in_open_sea
+from tracer.worlds.sea import in_open_sea, shore_of
 from tracer.worlds.views import loop, round_trip, still
 
 Floats = NDArray[np.float64]
@@ -57,22 +56,6 @@ class _Map:
         height, kind = self.beyond
         return np.where(inside, self.top[i, j], height), np.where(inside, self.kind[i, j], kind)
 
-    def shore(self, water: NDArray[np.bool_]) -> NDArray[np.int64] | None:
-        """``(N, 2)`` the columns of bricks where the land ends, if it does so in water of one height everywhere.
-
-        Args:
-            water: which materials are.
-        """
-        land = np.isfinite(self.top)
-        near = np.pad(land, 1)
-        ends = land & ~(near[:-2, 1:-1] & near[2:, 1:-1] & near[1:-1, :-2] & near[1:-1, 2:])
-        if not water[self.kind[ends]].all() or len(np.unique(self.top[ends])) != 1:
-            return None
-        x, z = np.nonzero(ends)
-        bricks = np.unique(np.stack([x, z], axis=1) // BRICK, axis=0)
-        whole = land.reshape(len(land) // BRICK, BRICK, -1, BRICK).all(axis=(1, 3))
-        return bricks if whole[tuple(bricks.T)].all() else None
-
 
 def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     """A scene of a piece of land under the sky.
@@ -88,10 +71,9 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     ground = _map_of(world)
     for instance in instances:
         _raise(ground, instance)
-    shore = ground.shore(world.materials.water.cpu().numpy())
+    shore = shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())
     if shore is not None:
-        level, water = (float(a[tuple(BRICK * shore[0])]) for a in (ground.top, ground.kind))
-        ground, world = replace(ground, beyond=(level, int(water))), in_open_sea(world, torch.from_numpy(shore), level)
+        ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
     return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=views)
 
