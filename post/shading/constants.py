@@ -7,3 +7,4 @@ HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden one,
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
 GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 FULL_SHARE = 0.125  # of the light: surfaces that reflect this much or more take all samples
+GLOSSY = 0.5  # perceptual roughness from which one direction tells nothing of what a dielectric mirrors in a mirror

@@ -14,7 +14,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
-from post.shading.constants import BORDER, FIREFLY, GUESSED, HIDDEN_SHARE
+from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE
 from post.shading.ggx import grazing
 from post.shading.lobes import (
     Lobe,
@@ -103,7 +103,8 @@ def _followed(
 
     A ray that hits a metal goes on as from a smooth mirror, from the point of the pixel that it hit; from a side that
     the camera does not see, whose normal is unknown, along the pixel's normal. After the last bounce it is not marched:
-    it brings the sky as far as the metal's own openness leaves it.
+    it brings the sky as far as the metal's own openness leaves it. Of what a smooth dielectric mirrors there, such as
+    water, the sky is all that is taken.
     """
     g, points, facing = picture, surface.points, camera.rotate_to_view(picture.normal)
     flat, at = g.normal if g.normal_geo is None else g.normal_geo, pixel_centers(g.depth)
@@ -124,15 +125,20 @@ def _followed(
             break
         column, row = hits.px[:, 0].floor(), hits.px[:, 1].floor()
         other, f0 = gather(facing, column, row), gather(g.f0, column, row)
-        share = (confidence + HIDDEN_SHARE * hits.blocked) * gather(g.metallic, column, row)
+        seen, metal = confidence + HIDDEN_SHARE * hits.blocked, gather(g.metallic, column, row)
         cosine = -dot(way, other)
-        goes, faces = share > 0, cosine > 0
-        edge = grazing(torch.where(faces, cosine, 1.0))
-        carried = torch.where(goes, carried * share * (f0 * (1 - edge) + edge), 0.0)
-        way = torch.where(goes, torch.where(faces, unit(way + 2 * cosine * other), other), 0.0)
+        edge, goes = grazing(cosine.abs()), seen * metal > 0
+        way = torch.where(cosine > 0, unit(way + 2 * cosine * other), other)
         start, at = gather(points, column, row), torch.stack([column, row], dim=1) + 0.5
         open_here = None if g.visibility is None else gather(g.visibility, column, row)
         bent = None if g.bent_normal is None else gather(g.bent_normal, column, row)
+        mirrored = carried * seen * (f0 * (1 - edge) + edge)
+        if g.environment is not None:
+            gloss = (1 - metal) * (1 - gather(g.roughness, column, row) / GLOSSY).clamp_min(0.0)
+            above = camera.rotate_to_world(way)
+            sky = lookup_environment(g.environment, above) * _open_share(open_here, bent, above)
+            total = total + torch.where(seen * gloss > 0, mirrored * gloss * sky, 0.0)
+        carried, way = torch.where(goes, mirrored * metal, 0.0), torch.where(goes, way, 0.0)
     return total, *firsts[0]
 
 
@@ -167,20 +173,29 @@ def _sky_share(
     The ray takes the visibility of the surface it was last in front of, or 1 if that was the sky itself: its end is as
     open as that surface, whatever surrounds its origin. Only a ray that leaves the picture over nothing more open than
     its origin, or is hidden from its beginning, tells no more than the origin does. Then the open part of the origin's
-    hemisphere is taken for a cone around the bent normal: cosine-weighted visibility v leaves open a half angle whose
-    sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    hemisphere is taken for a cone around the bent normal, see `_open_share`.
     """
+    share = _open_share(visibility, bent, world)
     if everywhere is None or visibility is None:
-        return torch.ones_like(hits.distance)
-    share = visibility
-    if bent is not None:
-        edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
-        soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
-        ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
-        share = ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
+        return share
     last = gather(torch.where(hit, everywhere, 1.0), hits.px[:, 0].floor(), hits.px[:, 1].floor())
     went = ((hits.px - at).abs() > 0.5).any(1, keepdim=True)
     return torch.where(hits.spent & went | (last > visibility), last, share)
+
+
+def _open_share(visibility: Tensor | None, bent: Tensor | None, world: Tensor) -> Tensor:
+    """Visibility of the sky along directions, as far as the openness of a surface tells.
+
+    Cosine-weighted visibility v leaves open a half angle whose sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    """
+    if visibility is None:
+        return torch.ones_like(world[:, :1])
+    if bent is None:
+        return visibility
+    edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
+    soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
+    ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
+    return ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
 
 
 def _incoming(

