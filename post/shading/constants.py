@@ -8,3 +8,4 @@ FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one
 GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 FULL_SHARE = 0.125  # of the light: surfaces that reflect this much or more take all samples
 GLOSSY = 0.5  # perceptual roughness from which one direction tells nothing of what a dielectric mirrors in a mirror
+NEXT = 1.25  # pixels within which a ray that goes behind something is not yet known to: neighbours are one surface

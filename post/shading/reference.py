@@ -14,7 +14,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
-from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE
+from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT
 from post.shading.ggx import grazing
 from post.shading.lobes import (
     Lobe,
@@ -115,7 +115,8 @@ def _followed(
         flown = (flies * trust > 0) & (bounce < bounces)
         hits = march_rays(hierarchy, start, way * flown, camera, steps=steps, distance=distance)
         hits = attach_hits(hits, g.depth, flat, start, way * flown, camera)
-        hits = hits._replace(px=torch.where(flown, hits.px, at))
+        begins = ~flown | hits.blocked & ((hits.px - at).abs() < NEXT).all(1, keepdim=True)
+        hits = hits._replace(px=torch.where(begins, at, hits.px), blocked=hits.blocked & ~begins)
         confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
         world = camera.rotate_to_world(way)
         sky = flies * ~hits.blocked * _sky_share(world, hits, g.hit, g.visibility, open_here, bent, at)

@@ -20,7 +20,7 @@ ZERO, HALF, ONE, TWO, STEEP = np.float32(0), np.float32(0.5), np.float32(1), np.
 SMOOTH, SMOOTHEST, DARK = np.float32(MIRROR_ROUGHNESS), np.float32(1e-3), np.float32(1e-9)
 FIREFLY, GUESSED = np.float32(constants.FIREFLY), np.float32(constants.GUESSED)
 HIDDEN_SHARE, RED, GREEN, BLUE = np.float32(constants.HIDDEN_SHARE), *(np.float32(share) for share in REC709)
-FULL_SHARE, GLOSSY = np.float32(constants.FULL_SHARE), np.float32(constants.GLOSSY)
+FULL_SHARE, GLOSSY, NEXT = (np.float32(x) for x in (constants.FULL_SHARE, constants.GLOSSY, constants.NEXT))
 
 
 @inlined
@@ -120,13 +120,16 @@ def reflect(
         light, carried, start, way, row, column = (ZERO, ZERO, ZERO), (ONE, ONE, ONE), point, ray.direction, y, x
         first, sure = Ending(ZERO, ZERO, ZERO, ZERO, LEFT), ZERO
         for bounce in range(bounces + 1):
-            end = Ending(np.float32(column) + HALF, np.float32(row) + HALF, ZERO, ZERO, LEFT)
+            here = Ending(np.float32(column) + HALF, np.float32(row) + HALF, ZERO, ZERO, LEFT)
+            end = here
             if bounce < bounces and trust > ZERO:
                 end = trace(planes[b], pyramid[b], table, optics, start, way, near, orthographic, distance, steps)
+                if end.status == BLOCKED and max(abs(end.x - here.x), abs(end.y - here.y)) < NEXT:
+                    end = here
             confidence = trust * end.agreement * border_fade(lit[b], end, border) if end.status == HIT else ZERO
             world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else facing
-            here = sky[b if sky.shape[0] > 1 else 0]
-            sent = incoming(lit[b], here, end, confidence, column, row, toward, has_bent, world)
+            open_sky = sky[b if sky.shape[0] > 1 else 0]
+            sent = incoming(lit[b], open_sky, end, confidence, column, row, toward, has_bent, world)
             light = _more(light, carried, sent)
             if bounce == 0:
                 first, sure = end, confidence
@@ -146,7 +149,7 @@ def reflect(
                 world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else other
                 open_here = lit[b, row, column, 3]
                 part = gloss * (ONE - metal) * (open_share(open_here, toward, world) if has_bent else open_here)
-                light = _more(light, carried, scaled(sky_light(here, world), part))
+                light = _more(light, carried, scaled(sky_light(open_sky, world), part))
             if not metal > ZERO:
                 break
             carried = scaled(carried, metal)
