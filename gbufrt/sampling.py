@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from itertools import product
 from typing import Literal
 
 import torch
@@ -78,3 +81,26 @@ def inside(px: Tensor, size: tuple[int, int]) -> Tensor:
     """``(B, 1, h, w)`` bool: whether positions ``(B, 2, h, w)`` in pixels lie in a picture of ``size`` ``(H, W)``."""
     x, y = px[:, 0:1], px[:, 1:2]
     return (x >= 0) & (x < size[1]) & (y >= 0) & (y < size[0])
+
+
+def sample_table(table: Tensor, places: Sequence[Tensor]) -> Tensor:
+    """Read a table of any number of dimensions between its entries; places outside read the border.
+
+    Args:
+        table: ``(N1, ..., Nk, C)``, at least two entries along each dimension.
+        places: along each of the k dimensions, ``(...)``, where 0 is the first entry and 1 the last.
+
+    Returns:
+        ``(..., C)``; differentiable in both.
+    """
+    ends, shares = [], []
+    for place, count in zip(places, table.shape[:-1], strict=True):
+        at = place.clamp(0.0, 1.0) * (count - 1)
+        first = at.detach().long().clamp_max(count - 2)
+        ends.append((first, first + 1))
+        shares.append((1 - (at - first), at - first))
+    parts = []
+    for corner in product((0, 1), repeat=len(places)):
+        share = math.prod((s[k] for s, k in zip(shares, corner, strict=True)), start=torch.ones_like(places[0]))
+        parts.append(share[..., None] * table[tuple(e[k] for e, k in zip(ends, corner, strict=True))])
+    return torch.stack(parts).sum(0)

@@ -9,8 +9,10 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.atmosphere.medium import Atmosphere
+from gbufrt.atmosphere.rays import marched
+from gbufrt.atmosphere.scattering import tables_of
 from gbufrt.atmosphere.sky import unit_direction
-from gbufrt.atmosphere.tables import DTYPE, marched, tables_of
+from gbufrt.atmosphere.tables import DTYPE
 from gbufrt.sampling import sample_volume
 
 GRID = (18, 32)  # directions of a picture: the light of air changes slowly between them
@@ -52,14 +54,10 @@ def air_before(
     farthest = distance.detach().amax(dim=(2, 3)).to(DTYPE).clamp_min(1e-9)
     farthest = farthest.log2().ceil().exp2()  # (B, 1): a power of two, so that slices stay where they are over frames
     stop, start = farthest[..., None].expand_as(up), torch.full_like(up, height)  # under the ground, as on it
-    nothing = [
-        torch.zeros(*up.shape, 3, dtype=DTYPE, device=up.device),
-        torch.ones(*up.shape, 3, dtype=DTYPE, device=up.device),
-    ]
-    slices = [torch.cat(nothing, dim=-1)]
-    for light, clear in marched(tables, start, up, sun[1].expand_as(up), between, stop, SLICES):
-        slices.append(torch.cat([light, clear], dim=-1))
-    volume = torch.stack(slices, dim=1).permute(0, 4, 1, 2, 3).to(distance.dtype)  # (B, 6, SLICES + 1, h, w)
+    light, clear = marched(tables, start, up, sun[1].expand_as(up), between, stop, SLICES, slices=SLICES)
+    slices = torch.cat([light, clear], dim=-1)
+    nothing = torch.cat([torch.zeros_like(light[..., :1, :]), torch.ones_like(light[..., :1, :])], dim=-1)
+    volume = torch.cat([nothing, slices], dim=-2).permute(0, 4, 3, 1, 2).to(distance.dtype)  # (B, 6, SLICES + 1, h, w)
     reach = (distance[:, 0] / farthest[..., None].to(distance.dtype)).clamp_min(1e-12).sqrt().clamp(max=1.0)
     rows, columns = (torch.linspace(0, 1, n, dtype=distance.dtype, device=distance.device) for n in distance.shape[2:])
     y, x = torch.meshgrid(rows, columns, indexing="ij")

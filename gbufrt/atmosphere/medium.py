@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from functools import cache
 
 import torch
 from torch import Tensor
@@ -62,6 +61,13 @@ class Atmosphere:
             if getattr(self, name) > 1:
                 raise ValueError(f"{name} must lie in 0..1, got {getattr(self, name)}")
 
+    def numbers(self) -> tuple[float, ...]:
+        """As `gbufrt.atmosphere.kernel` names them."""
+        return (
+            self.radius, self.thickness, *self.rayleigh, self.rayleigh_height, self.mie, self.mie_absorption,
+            self.mie_height, self.mie_asymmetry, *self.ozone, self.ozone_height, self.ozone_width,
+        )  # fmt: skip
+
     def scattering(self, height: Tensor) -> tuple[Tensor, Tensor]:
         """``(..., 3)`` of molecules and ``(..., 1)`` of aerosols, per kilometre, at heights ``(...)``."""
         height = height[..., None]
@@ -111,12 +117,3 @@ def mie_phase(cosine: Tensor, asymmetry: float) -> Tensor:
     g = asymmetry
     shape = (1 + cosine * cosine) / (1 + g * g - 2 * g * cosine) ** 1.5
     return 3 / (8 * math.pi) * (1 - g * g) / (2 + g * g) * shape
-
-
-@cache
-def mie_moments(asymmetry: float) -> tuple[float, float]:
-    """Shares of first and second moments of light from all sides that scattering by aerosols keeps."""
-    cosine = torch.linspace(-1, 1, 20001, dtype=torch.float64)
-    phase = 2 * math.pi * mie_phase(cosine, asymmetry)
-    first, second = (torch.trapezoid(phase * moment, cosine) for moment in (cosine, 1.5 * cosine * cosine - 0.5))
-    return float(first), float(second)

@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 
 from gbufrt.atmosphere.medium import Atmosphere
-from gbufrt.atmosphere.tables import DTYPE, gathered, tables_of
+from gbufrt.atmosphere.rays import gathered
+from gbufrt.atmosphere.scattering import tables_of
+from gbufrt.atmosphere.tables import DTYPE
 
 AROUND = 96  # columns from the sun's azimuth to the opposite one: the sky is the same on both sides of it
 

@@ -10,12 +10,16 @@ import pytest
 import torch
 
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
-from gbufrt.atmosphere.medium import mie_moments
-from gbufrt.atmosphere.tables import Tables
+from gbufrt.atmosphere.medium import mie_phase, rayleigh_phase
+from gbufrt.atmosphere.rays import gathered, marched
+from gbufrt.atmosphere.scales import rise_at
+from gbufrt.atmosphere.scattering import AGAIN, CPU, WAYS, Sides, tables_of
+from gbufrt.atmosphere.tables import DTYPE, Tables
 from gbufrt.environment import environment_directions
 
 EARTH = Atmosphere()
 SIZE = (64, 128)
+LINE = torch.linspace(-1, 1, 20001, dtype=DTYPE)  # cosines
 
 
 def toward(elevation: float, azimuth: float = 0.0) -> tuple[float, float, float]:
@@ -61,23 +65,35 @@ def test_the_sky_is_alike_on_both_sides_of_the_sun_wherever_it_stands():
     assert abs(brightest - 96) <= 1, "+x lies a quarter of the width right of the middle"
 
 
-def test_light_from_one_side_is_scattered_as_phases_say():
-    """Up to second moments; a phase function's own are those of the light that it sends from a single direction."""
-    cosine = torch.linspace(-1, 1, 4001, dtype=torch.float64)
-    phase = 3 / 4 * (1 + cosine * cosine) / 2  # of molecules, integrated over azimuth
-    assert torch.trapezoid(phase, cosine) == pytest.approx(1.0, abs=1e-6)
-    second = float(torch.trapezoid(phase * (1.5 * cosine * cosine - 0.5), cosine))
-    assert mie_moments(0.0) == pytest.approx((0.0, second), abs=1e-6)
-    forward = mie_moments(0.8)
-    assert forward[0] > forward[1] > 0.4
-    light = torch.tensor([1.0, 3.0, 0.0, 5.0, 0.0, 0.0], dtype=torch.float64)  # moments of light from the zenith
-    moments = light.repeat_interleave(3).view(1, 18, 1, 1).expand(1, 18, 2, 2)
-    tables = Tables(EARTH, torch.ones(1, 3, 2, 2), moments)
-    up, sun = torch.tensor([1.0, -1.0], dtype=torch.float64), torch.tensor([0.5, 0.5], dtype=torch.float64)
-    molecules, aerosols = tables.scattered_again(torch.ones_like(up), sun, up, up * sun)
-    assert molecules[:, 0].tolist() == pytest.approx([1 + 5 * second] * 2, abs=1e-6)
-    along, back = 1 + 3 * forward[0] + 5 * forward[1], max(1 - 3 * forward[0] + 5 * forward[1], 0.0)
-    assert aerosols[:, 2].tolist() == pytest.approx([along, back], abs=1e-6)
+def test_light_from_all_sides_is_scattered_as_phases_say():
+    """What a phase function does to harmonics of light is known: it keeps a share of each order.
+
+    The poles are left out: round them light is gathered from wide cells.
+    """
+    sides = Sides(EARTH, CPU)
+    up, out = sides.up.repeat_interleave(WAYS[1]), rise_at(torch.linspace(0, 1, AGAIN[2], dtype=DTYPE))
+    kept = lambda phase, harmonic: 2 * math.pi * torch.trapezoid(phase * harmonic, LINE)
+    phases = rayleigh_phase(LINE), mie_phase(LINE, EARTH.mie_asymmetry)
+    for harmonic in (torch.ones_like, lambda x: x, lambda x: 1.5 * x * x - 0.5):
+        for phase, share in zip(sides.phase, (kept(p, harmonic(LINE)) for p in phases), strict=True):
+            sent = (phase @ harmonic(up)).view(AGAIN[2:])[1:-1]
+            assert torch.allclose(sent, (share * harmonic(out[1:-1]))[:, None].expand_as(sent), atol=0.01)
+
+
+def test_the_kernel_gathers_what_its_reference_gathers():
+    tables = tables_of(EARTH)
+    up, sun, turn = torch.rand(3, 500, dtype=DTYPE, generator=torch.Generator().manual_seed(0)) * 2 - 1
+    height = torch.linspace(0, 1, 500, dtype=DTYPE) ** 3 * EARTH.thickness
+    between = up * sun + ((1 - up * up) * (1 - sun * sun)).sqrt() * turn
+    for air in (tables, Tables(EARTH, tables.transmittance)):
+        ours, reference = (gathered(air, height, up, sun, between, steps=9, compiled=c) for c in (True, False))
+        for got, want in zip(ours, reference, strict=True):
+            assert torch.allclose(got, want, rtol=1e-4, atol=1e-10)
+    stop = torch.full_like(up, 20.0).minimum(EARTH.ends(height, up)[0])
+    parts = [marched(tables, height, up, sun, between, stop, 6, slices=4, compiled=c) for c in (True, False)]
+    for got, want in zip(*parts, strict=True):
+        assert got.shape == (500, 4, 3)
+        assert torch.allclose(got, want, rtol=1e-4, atol=1e-10)
 
 
 def test_no_air_no_light():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from gbufrt.sampling import gather, inside, sample, shifted
+from gbufrt.sampling import gather, inside, sample, sample_table, shifted
 
 
 @pytest.fixture
@@ -56,3 +56,15 @@ def test_shifted_is_a_tap(ramp):
 def test_inside():
     px = at((0.0, 0.0), (6.99, 4.99), (7.0, 1.0), (3.0, -0.1))
     assert inside(px, (5, 7)).flatten().tolist() == [True, True, False, False]
+
+
+def test_tables_of_any_dimension_are_linear_between_entries():
+    steps = [torch.arange(n, dtype=torch.float64) for n in (3, 4, 5)]
+    x, y, z = torch.meshgrid(*steps, indexing="ij")
+    table = torch.stack([x * y, z], dim=-1)
+    places = torch.rand(3, 6, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    a, b, c = places * torch.tensor([[2.0], [3.0], [4.0]], dtype=torch.float64)
+    torch.testing.assert_close(sample_table(table, list(places)), torch.stack([a * b, c], dim=-1))
+    assert sample_table(table, [torch.tensor([-1.0]), torch.tensor([2.0]), torch.tensor([9.0])]).tolist() == [
+        [0.0, 4.0]
+    ]

@@ -39,7 +39,14 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "stairs",
         "layer",
     }
-    assert ran == {"march", "reflect", "reconstruct_pixel", "similar_pixel", *(f"{name}_pixel" for name in light)}
+    assert ran == {
+        "march",
+        "reflect",
+        "through_air",
+        "reconstruct_pixel",
+        "similar_pixel",
+        *(f"{name}_pixel" for name in light),
+    }
     check(found)
 
 

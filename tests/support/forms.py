@@ -12,6 +12,9 @@ from simulated import save
 from torch import Tensor
 
 from gbufrt import Frame
+from gbufrt.atmosphere import Atmosphere
+from gbufrt.atmosphere.rays import marched
+from gbufrt.atmosphere.tables import DTYPE, Tables
 from post.display.op import darkened, encoded, tone_curve
 from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
@@ -65,6 +68,7 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
             **of_filters(frame),
             **of_lens(frame),
             **of_upscale(device),
+            **of_air(device),
         }.items()
     }
 
@@ -155,6 +159,16 @@ def of_upscale(device: str) -> dict[str, Tensor]:
     assert history is not None
     signals = history.signals["toned"], history.signals["planes"], history.length
     return {"upscaled": light, "upscaled history": torch.cat(signals, dim=1)}
+
+
+def of_air(device: str) -> dict[str, Tensor]:
+    """Light and transmittance along rays through air whose tables hold few entries, of chance."""
+    chance = torch.Generator().manual_seed(3)
+    sizes = (4, 5, 3), (3, 4, 5, 3, 6), (4, *SIZE)
+    clear, again, rays = (torch.rand(size, dtype=DTYPE, generator=chance).to(device) for size in sizes)
+    up, sun, between, height = rays
+    found = marched(Tables(Atmosphere(), clear, again), height, up, sun, between, 50 * height, 5, slices=3)
+    return {"air": torch.cat(found, dim=-1).flatten(2).permute(2, 0, 1)[None].float()}
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ from torch import Tensor
 
 from gbufrt.atmosphere import Atmosphere
 
+COLUMNS = (256, 512)  # heights, directions: the air on the way to the sun
+
 
 def sky_truth(
     atmosphere: Atmosphere,
@@ -36,9 +38,14 @@ def sky_truth(
     Returns:
         ``(N, 3)`` float32.
 
+    Each ray of a path adds all light that it scatters once more from the sun, marched through a table of how much air
+    lies between a place and the sun. Where a path is scattered is drawn by optical depth or by distance, so that paths
+    climb above the shadow of the ground.
+
     Source: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th ed., 14.1 (the equation of transfer).
     """
     from gbufrt.compute.each import Each
+    from tracer.truth.air_kernel import fill
     from tracer.truth.atmosphere_kernel import gather
 
     air = atmosphere
@@ -47,5 +54,7 @@ def sky_truth(
     numbers += [air.mie_height, air.mie_asymmetry, *air.ozone, air.ozone_height, air.ozone_width, air.ground_albedo]
     numbers += (toward / toward.norm()).tolist()
     out, table = torch.empty(3 * len(ways)), torch.tensor(numbers, dtype=torch.float64)
-    Each(gather)(len(out), out, ways.double().contiguous(), table, height, first, bounces, paths, seed)
+    columns = torch.empty(*COLUMNS, 3, dtype=torch.float64)
+    Each(fill)(COLUMNS[0] * COLUMNS[1], columns, table)
+    Each(gather)(len(out), out, ways.double().contiguous(), table, columns, height, first, bounces, paths, seed)
     return out.view(-1, 3)

@@ -9,7 +9,9 @@ import torch.nn.functional as F
 
 from gbufrt import Camera
 from gbufrt.atmosphere import Atmosphere, air_before
-from gbufrt.atmosphere.tables import DTYPE, gathered, tables_of
+from gbufrt.atmosphere.rays import gathered
+from gbufrt.atmosphere.scattering import tables_of
+from gbufrt.atmosphere.tables import DTYPE
 from post.passes.light.aerial_perspective import AerialPerspective, aerial_perspective
 
 SUN = (0.3, 0.5, -0.8)
