@@ -25,8 +25,9 @@ class Frame:
     """
 
     gbuffer: GBuffer
-    index: int = 0
-    """Frame number: with ``seed``, the only source of noise."""
+    index: int | Tensor = 0
+    """Frame number: with ``seed``, the only source of noise. A 0-dim integer tensor on the device of the rest is read
+    by no host, so that a CUDA graph captured with it makes new noise whenever it holds another number."""
     time: float = 0.0
     """Seconds."""
     cut: Tensor | None = None
@@ -83,6 +84,8 @@ class Frame:
         for name in self.extra:
             if name in SIGNALS or name in CHANNELS:
                 raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
+        if isinstance(self.index, Tensor) and (self.index.ndim or self.index.dtype not in (torch.int32, torch.int64)):
+            raise ValueError(f"index must be an int or () int64, got {tuple(self.index.shape)} {self.index.dtype}")
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
             raise ValueError(f"cut must be ({camera.batch},) bool, got {tuple(self.cut.shape)} {self.cut.dtype}")
 

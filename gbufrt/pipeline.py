@@ -223,7 +223,8 @@ def _names(stage: Stage) -> frozenset[str]:
 
 
 def _warn_if_repeated(frame: Frame, previous: Frame | None) -> None:
-    again = previous is not None and previous.index == frame.index
+    before = None if previous is None else previous.index
+    again = isinstance(before, int) and isinstance(frame.index, int) and before == frame.index
     if again and not (frame.cut is not None and bool(frame.cut.all())):
         warnings.warn(
             f"frame index {frame.index} repeats, and with it the noise, so that nothing converges: count the index up, "

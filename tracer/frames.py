@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer
+from gbufrt.compute.resident import sent
 from tracer.direct.fog import foggy
 from tracer.direct.lighting import light
 from tracer.gbuffers import layers, seconds
@@ -44,7 +45,7 @@ def render(
     """
     first, second = layers(scene, camera, previous_camera=previous_camera, time=time, previous_time=previous_time)
     times = seconds(time, camera.batch)
-    poses = scene.poses(times).to(camera.device)
+    poses = sent(scene.poses(times), camera.position)
     picture = environment(scene).to(camera.device)
     picture = picture.expand(camera.batch, *picture.shape[1:])
 

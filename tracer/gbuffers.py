@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
+from gbufrt.compute.resident import places, sent, waits
 from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, haze_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
@@ -71,7 +72,7 @@ def layers(
     )
     second = rises = None
     given = {"poses": rays.poses, "t_max": rays.far}
-    if bool((scene.materials.opacity[1:] < 1).any()):
+    if scene.materials.transmissive:
         second = trace(
             scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
         )
@@ -124,7 +125,7 @@ def _primary_rays(
     far = camera.far / along
     times = seconds(time, camera.batch)
     before = times if previous_time is None else seconds(previous_time, camera.batch, "previous_time")
-    poses = scene.poses(times).to(camera.device)
+    poses = sent(scene.poses(times), origins)
     return _PrimaryRays(
         camera=camera,
         previous=camera if previous is None else previous,
@@ -135,7 +136,7 @@ def _primary_rays(
         poses=poses,
         times=times,
         times_before=before,
-        poses_before=poses if before == times else scene.poses(before).to(camera.device),
+        poses_before=poses if before == times else sent(scene.poses(before), origins),
     )
 
 
@@ -203,14 +204,14 @@ def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor, rises: 
     """Motion and motion_z: of a static world, on instances of the same point of the model, and of water that rises."""
     camera, previous = rays.camera, rays.previous
     motion, motion_z = camera.static_motion(previous, depth, hits.hit[:, None])
-    if rises is not None and bool(rises.any()):
+    if rises is not None and (waits(rises) or bool(rises.any())):
         points = camera.to_world(camera.unproject(depth.double()))
         points[:, 1] += rises
         motion, motion_z = _moved(rays, depth, points, (rises != 0)[:, None], motion, motion_z)
-    if not scene.instances or not bool((hits.instance > 0).any()):
-        return motion, motion_z
     moves = hits.instance > 0
-    batch, *_ = where = moves.nonzero(as_tuple=True)
+    if not scene.instances or not (waits(moves) or bool(moves.any())):
+        return motion, motion_z
+    batch, *_ = where = places(moves)
     chosen = scene.world_from_model(rays.poses_before.double())[batch, hits.instance[where].long() - 1]
     points = depth.new_zeros(*moves.shape, 3, dtype=torch.float64)
     points[where] = (chosen[:, :3, :3] @ hits.local[where].double()[..., None])[..., 0] + chosen[:, :3, 3]

@@ -8,6 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import places, resident
 from gbufrt.tree import map_tensors
 from tracer.scene.scene import Scene
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
@@ -51,10 +52,10 @@ def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, 
         poses: ``(I, 4, 4)`` of the instances, or ``(B, I, 4, 4)`` for hits ``(B, ...)``.
     """
     table, which = scene.materials, hits.material.long()
-    scales = hits.t.new_tensor([1.0, *(i.scale for i in scene.instances)])[hits.instance.long()]
+    scales = resident((1.0, *(i.scale for i in scene.instances)), hits.t)[hits.instance.long()]
     pixels = pixels_per_unit * (hits.normal * directions).sum(-1).abs().clamp_min(1e-3).sqrt()
     strays, wide = table.variation[which], pixels * scales
-    shows = (hits.hit & (strays > 0) & (wide > FADED)).nonzero(as_tuple=True)
+    shows = places(hits.hit & (strays > 0) & (wide > FADED))  # beside these nothing varies
     tone = torch.ones_like(strays)
     tone[shows] += strays[shows] * variation(map_tensors(lambda x: x[shows], hits), hits.instance[shows], wide[shows])
     plain = Look(
@@ -67,8 +68,10 @@ def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, 
     if table.textures is None:
         return plain
     faces = table.textures.faces[which, hits.face.long()].long()
-    here = (hits.hit & (faces[..., 1] > 0)).nonzero(as_tuple=True)
+    textured = hits.hit & (faces[..., 1] > 0)
+    here = places(textured)
     first, side = faces[here].unbind(dim=-1)
+    first, side = torch.where(textured[here], first, 0), side.clamp_min(1)  # of what has no texture: any that there is
     rows = table.textures.texels[first + _texel(hits.uv(scales)[here], side, pixels[here])]
     columns = {
         "albedo": rows[:, COLOR : COLOR + 3],
@@ -77,7 +80,13 @@ def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, 
         "emission": rows[:, GLOW : GLOW + 3],
         "normal": _turned(rows[:, TILT : TILT + 2], hits, directions[here], here, poses),
     }
-    return replace(plain, **{name: getattr(plain, name).index_put(here, c) for name, c in columns.items()})
+    return replace(plain, **{name: _put(getattr(plain, name), here, textured, c) for name, c in columns.items()})
+
+
+def _put(values: Tensor, here: tuple[Tensor, ...], mask: Tensor, new: Tensor) -> Tensor:
+    """Values ``(...)`` or ``(..., C)`` with ``new`` ones where a mask is set, ``here`` its `places`."""
+    set_ = mask[here] if new.ndim == 1 else mask[here][:, None]
+    return values.index_put(here, torch.where(set_, new, values[here]))
 
 
 def _texel(uv: Tensor, side: Tensor, pixels: Tensor) -> Tensor:

@@ -190,7 +190,7 @@ class Runner:
                 tick()
             else:
                 result, self.state = self.pipeline.settle(frame, self.warmup + 1, tick=tick)
-        self.last = frame.index, frame.gbuffer.camera
+        self.last = int(frame.index), frame.gbuffer.camera
         return result
 
     def runs(self, frames: int) -> int:

@@ -59,6 +59,26 @@ def numbers(values: Sequence[Sequence[float]], like: Tensor) -> Tensor:
     return torch.stack([torch.stack([number(value, like) for value in row]) for row in values])
 
 
+def sent(tensor: Tensor, like: Tensor) -> Tensor:
+    """A tensor of the host on the device of another one. A GPU copies it from page-locked memory when its turn comes,
+    while the host goes on."""
+    if tensor.device == like.device or not like.is_cuda:
+        return tensor.to(like.device)
+    return tensor.pin_memory().to(like.device, non_blocking=True)
+
+
+def places(mask: Tensor) -> tuple[Tensor, ...]:
+    """Indices of what is set in a mask, as ``mask.nonzero(as_tuple=True)``; where the host would wait for their number,
+    those of all else come after them."""
+    if not waits(mask):
+        return mask.nonzero(as_tuple=True)
+    order, along = mask.flatten().byte().argsort(descending=True, stable=True), list[Tensor]()
+    for size in reversed(mask.shape):
+        along.insert(0, order % size)
+        order = order // size
+    return tuple(along)
+
+
 def waits(tensor: Tensor) -> bool:
     """Whether the host would wait to read a number of a tensor: shortcuts that depend on one are not worth that."""
     return tensor.device.type != "cpu"

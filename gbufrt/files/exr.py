@@ -76,7 +76,7 @@ def write_exr(
         if value not in known:
             raise ValueError(f"{name} must be {' or '.join(known)}, got {value!r}")
     place = element or 0
-    frame = map_tensors(lambda t: t[place : place + 1].detach().cpu(), frame.replace(previous=None))
+    frame = map_tensors(lambda t: (t[place : place + 1] if t.ndim else t).detach().cpu(), frame.replace(previous=None))
     picture = best_picture(frame)
     height, width = picture.shape[-2:]
     packed = Packed(precision, compression, frozenset(only), (height, width))

@@ -22,7 +22,13 @@ PLASTIC = 1.32471795724474602596  # root of x^3 = x + 1: the two-dimensional gol
 
 
 def blue_noise(
-    height: int, width: int, *, index: int = 0, dims: int = 1, seed: int = 0, device: torch.device | str | None = None
+    height: int,
+    width: int,
+    *,
+    index: int | Tensor = 0,
+    dims: int = 1,
+    seed: int = 0,
+    device: torch.device | str | None = None,
 ) -> Tensor:
     """Blue noise over the picture, low-discrepancy over time.
 
@@ -32,7 +38,8 @@ def blue_noise(
     Args:
         height: H in pixels.
         width: W in pixels.
-        index: frame number.
+        index: frame number; on a device it may be a 0-dim integer tensor there, so that a captured CUDA graph makes
+            other noise when it is replayed with another number in it.
         dims: how many independent numbers a pixel needs.
         seed: each seed gives another noise.
         device: where to put it.
@@ -43,7 +50,8 @@ def blue_noise(
     Source: Ulichney 1993 (void and cluster); Wolfe et al. 2022 on golden-ratio animation.
     """
     tile = resident_on(torch.device(device or "cpu"), _tile, torch.float32)
-    now = (tile + (index % SLICES) * GOLDEN) % 1.0
+    number = index.double() if isinstance(index, Tensor) else index  # rounds once, as Python's floats do
+    now = (tile + number % SLICES * GOLDEN) % 1.0
     planes = []
     for dim in range(dims):
         step = dim + 1 + 101 * seed
@@ -53,7 +61,7 @@ def blue_noise(
 
 
 def hilbert_r2(
-    height: int, width: int, *, index: int = 0, seed: int = 0, device: torch.device | str | None = None
+    height: int, width: int, *, index: int | Tensor = 0, seed: int = 0, device: torch.device | str | None = None
 ) -> Tensor:
     """Two numbers a pixel: the R2 sequence at the pixel's place along a 64x64 Hilbert curve, advanced by the frame.
 
@@ -71,12 +79,18 @@ def hilbert_r2(
 
 
 def pixel_hash(
-    height: int, width: int, *, index: int = 0, dims: int = 1, seed: int = 0, device: torch.device | str | None = None
+    height: int,
+    width: int,
+    *,
+    index: int | Tensor = 0,
+    dims: int = 1,
+    seed: int = 0,
+    device: torch.device | str | None = None,
 ) -> Tensor:
     """White noise: ``(dims, H, W)`` float32 in [0, 1), by the PCG hash (Jarzynski and Olano 2020)."""
     grid = torch.arange(height * width, device=device or "cpu", dtype=torch.int64).view(1, height, width)
     dim = torch.arange(dims, device=grid.device, dtype=torch.int64).view(-1, 1, 1)
-    return _pcg(grid + _pcg(dim + _pcg(torch.full_like(dim, index) + (seed << 16)))).float() / 2.0**24
+    return _pcg(grid + _pcg(dim + _pcg(torch.zeros_like(dim) + index + (seed << 16)))).float() / 2.0**24
 
 
 def radical_inverse(base: int, number: int) -> float:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import torch
 from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
-from gbufrt.compute.resident import numbers
 from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
 
@@ -94,7 +91,7 @@ def reflect(
     hierarchy: Hierarchy,
     camera: Camera,
     noise: Tensor,
-    shifts: Sequence[tuple[float, float]],
+    shifts: Tensor,
     *,
     steps: int,
     distance: float,
@@ -111,7 +108,7 @@ def reflect(
         hierarchy: of its depth.
         camera: of the picture.
         noise: ``(2, H, W)`` in [0, 1).
-        shifts: of the noise, for each ray of a pixel; a pixel that takes fewer rays takes the first ones.
+        shifts: ``(samples, 2)`` of the noise, for each ray of a pixel; one that takes fewer rays takes the first ones.
         steps: see `post.ssr`, as the rest.
         distance: how far rays go, world units.
         bounces: see `post.ssr`.
@@ -159,7 +156,7 @@ def reflect(
         none if bent_normal is None else _full(bent_normal, 3, depth),
         brightest(light, picture.hit).flatten(),
         noise,
-        numbers(shifts, noise),
+        shifts,
         int(bounces),
         int(steps),
         float(distance),

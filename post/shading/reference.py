@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import torch
@@ -54,7 +53,7 @@ def reflect_reference(
     hierarchy: Hierarchy,
     camera: Camera,
     noise: Tensor,
-    shifts: Sequence[tuple[float, float]],
+    shifts: Tensor,
     *,
     steps: int,
     distance: float,
@@ -72,7 +71,7 @@ def reflect_reference(
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
     for i, shift in enumerate(shifts):
         taken = (surface.hit & (i < rays)).to(depth)
-        u = ((noise + noise.new_tensor(shift)[:, None, None]) % 1.0)[None]
+        u = ((noise + shift[:, None, None]) % 1.0)[None]
         lobe = LOBES[method](surface, u, taken)
         reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
         reach = {"bounces": bounces, "steps": steps, "distance": distance}

@@ -34,7 +34,7 @@ def bitmask_ao(
     scales: int = 1,
     hidden: float = 0.15,
     soft: bool | None = None,
-    index: int = 0,
+    index: int | Tensor = 0,
     seed: int = 0,
     compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor]:

@@ -9,13 +9,14 @@ import torch
 from gpu_stand_in import GPU, gpu
 from torch import Tensor
 
-from gbufrt.compute.resident import number, numbers, resident
+from gbufrt.compute.resident import number, numbers, places, resident, sent
 from gbufrt.specimen import specimen
 from post import me1
 
 
-@pytest.mark.parametrize("preset", ["low", "high"])
-def test_a_steady_frame(preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("preset", "captured"), [("low", False), ("high", True)])
+def test_a_steady_frame(preset: str, captured: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In frames that a graph may capture, their number lies on the GPU."""
     pipeline, frame = me1(preset), specimen()
     with torch.no_grad():
         _, first = pipeline(frame)
@@ -23,11 +24,12 @@ def test_a_steady_frame(preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
         want, _ = pipeline(frame.replace(index=2), second)
     with gpu(monkeypatch) as seen:
         there = frame.to(GPU)
-        _, second = pipeline(there.replace(index=1), first.to(GPU))  # constants are copied
+        index = torch.arange(4, device=GPU).unbind() if captured else range(4)
+        _, second = pipeline(there.replace(index=index[1]), first.to(GPU))  # constants are copied
         seen.clear()
-        result, third = pipeline(there.replace(index=2), second)
+        result, third = pipeline(there.replace(index=index[2]), second)
         waits, launches = dict(seen.waits), list(seen.launches)
-        dark = there.replace(index=3).write("radiance", there.read("radiance").flip(3) * 0.1)
+        dark = there.replace(index=index[3]).write("radiance", there.read("radiance").flip(3) * 0.1)
         found = result.read("image").cpu()
         seen.clear()
         pipeline(dark, third)
@@ -35,6 +37,16 @@ def test_a_steady_frame(preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
     assert waits == {}
     assert not changed, "a frame launches the same whatever it shows, as a CUDA graph does"
     assert (found - want.read("image")).abs().mean() < 1e-3, "what a GPU does unasked changes nothing"
+
+
+@pytest.mark.parametrize("preset", ["low", "high"])
+def test_a_number_in_a_tensor_makes_the_same_frame(preset: str) -> None:
+    pipeline, frame = me1(preset), specimen()
+    with torch.no_grad():
+        _, state = pipeline(frame)
+        want, other, found = (pipeline(frame.replace(index=i), state)[0] for i in (7, 8, torch.tensor(7)))
+    assert all(torch.equal(found.read(name), want.read(name)) for name in want.present)
+    assert not torch.equal(other.read("composite"), want.read("composite"))
 
 
 WAITING: dict[str, Callable[[Tensor], object]] = {
@@ -48,11 +60,14 @@ WAITING: dict[str, Callable[[Tensor], object]] = {
     "a mask": lambda x: x[x > 0],
     "an inverse": lambda x: torch.linalg.inv(x[:, :2]),
     "indices of the host": lambda x: x[:, [0, 1]],
+    "a copy of page-locked memory, waited for": lambda x: torch.ones(2).pin_memory().to(x.device),
 }
 NOT_WAITING: dict[str, Callable[[Tensor], object]] = {
     "made there": lambda x: torch.zeros_like(x) + torch.arange(3, device=x.device),
     "chosen there": lambda x: torch.where(x > 0, x, 0.0).masked_fill(x > 1, 0.0),
     "indexed there": lambda x: x[torch.arange(2, device=x.device)],
+    "a mask's places": lambda x: x.index_put(places(x > 0), x.new_zeros(())),
+    "sent": lambda x: sent(torch.ones(2), x) + 1,
     "kept": lambda x: (resident((1.0, 2.0), x), resident((1.0, 2.0), x)),
     "filled in": lambda x: (number(3.0, x), numbers(((1.0, 2.0), (3.0, 4.0)), x)),
 }

@@ -3,8 +3,8 @@
 Inside `gpu`, ``tensor.to(GPU)`` and all that is made with ``device=GPU`` is an `OnGpu`, which computes with a tensor of
 the CPU. Control flow is thus that of real numbers, CUDA forms run wherever gbufrt has one, and what makes the host wait
 is counted: numbers that are read, shapes that depend on numbers, and copies from one memory to the other, which wait
-because the host's memory is pageable. Operators of gbufrt run twice: as on a GPU, but with launches that do nothing, to
-count what they do besides; and on the CPU, for the numbers.
+unless they come from page-locked memory of the host and are told not to. Operators of gbufrt run twice: as on a GPU,
+but with launches that do nothing, to count what they do besides; and on the CPU, for the numbers.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gbufrt.compute import cuda, dispatch, resident
 
 GPU = torch.device("cuda", 0)
 ROOT = Path(__file__).parents[2]
-ROOMS = tuple(str(ROOT / room) for room in ("gbufrt", "post"))
+ROOMS = tuple(str(ROOT / room) for room in ("gbufrt", "post", "tracer"))
 READS = frozenset(
     {"_local_scalar_dense", "is_nonzero", "equal", "nonzero", "masked_select", "bincount", "repeat_interleave"}
     | {"_unique2", "unique_dim", "unique_consecutive", "_linalg_check_errors", "linalg_lstsq"}
@@ -95,13 +95,17 @@ class Seen(TorchDispatchMode):
 
     def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
         kwargs, name = dict(kwargs or {}), func._schema.name.partition("::")[2]
+        if name == "_pin_memory":
+            with torch._C._DisableTorchDispatch():  # type: ignore[attr-defined]
+                return _page_locked(args[0])
         given = list(_tensors((*args, *kwargs.values())))
         there = any(isinstance(x, OnGpu) for x in given)
         if there and func.namespace in ("gbufrt", "tracer"):
             with self:
                 OPDEFS[func._schema.name]._init_fn(*args, **kwargs)
-        elif given:
-            self._account(name, given, there, kwargs.get("device"))
+        elif given and not (kwargs.get("non_blocking") and all(hasattr(x, "page_locked") for x in given)):
+            masked = name.startswith("index") and any(x.dtype == torch.bool for x in _tensors(args[1:2]))
+            self._account(name, given, there, kwargs.get("device"), reads=masked or name in READS)
         if kwargs.get("device") is not None:
             there = kwargs["device"].type != "cpu"
             kwargs["device"] = torch.device("cpu")
@@ -111,16 +115,18 @@ class Seen(TorchDispatchMode):
             out = func(*(_mapped(_inner, x) for x in args), **{k: _mapped(_inner, x) for k, x in kwargs.items()})
         if name == "_local_scalar_dense" or not there:
             return out
-        return args[0] if name.endswith("_") else _mapped(OnGpu, out)
+        return args[0] if func._schema.is_mutable else _mapped(OnGpu, out)
 
-    def _account(self, name: str, given: list[Tensor], there: bool, target: torch.device | None) -> None:
+    def _account(
+        self, name: str, given: list[Tensor], there: bool, target: torch.device | None, *, reads: bool
+    ) -> None:
         strangers = [x for x in given if not isinstance(x, OnGpu)]
         moves = target is not None and there != (target.type != "cpu")
         if moves or (there and strangers and name.startswith(MIXED)):
             self.wait("copies")
         elif there and any(x.ndim for x in strangers):
             raise RuntimeError(f"{name} of tensors on two devices")
-        elif there and (name in READS or (name.startswith("index") and any(x.dtype == torch.bool for x in given[1:]))):
+        elif there and reads:
             self.wait("reads")
 
 
@@ -138,12 +144,18 @@ def _mapped(function: Callable[[Tensor], Tensor], value: Any) -> Any:
     return type(value)(_mapped(function, x) for x in value) if type(value) in (list, tuple) else value
 
 
+def _page_locked(tensor: Tensor) -> Tensor:
+    copy = tensor.clone()
+    copy.page_locked = True  # type: ignore[attr-defined]
+    return copy
+
+
 def _inner(tensor: Tensor) -> Tensor:
     return tensor.inner if isinstance(tensor, OnGpu) else tensor
 
 
 def _user() -> str:
-    """The innermost function of gbufrt or post on the stack; else the test."""
+    """The innermost function of gbufrt, post or tracer on the stack; else the test."""
     frame = sys._getframe(1)
     while frame is not None and not frame.f_code.co_filename.startswith(ROOMS):
         frame = frame.f_back

@@ -103,7 +103,7 @@ def light(
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_behind(scene, directions)
     if scene.sky.stars is not None:
-        night = stars(directions, scene.sky.stars, 1 / float(camera.intrinsics[0, 1, 1]))
+        night = stars(directions, scene.sky.stars, 1 / camera.intrinsics[0, 1, 1])
         sky = sky + torch.where(directions[:, 1:2] > 0, night, 0.0)  # none below the horizon, where land may be hazy
     if scene.sun is not None:
         sky = sky + sun_radiance(scene.sun, directions)

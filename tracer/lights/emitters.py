@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from weakref import WeakKeyDictionary
 
 import torch
@@ -26,7 +26,8 @@ class Lamps:
         corner: ``(L, K, 3)``; a rectangle is ``corner + s edge_u + t edge_v`` for s, t in [0, 1].
         edge_u: ``(L, K, 3)``.
         edge_v: ``(L, K, 3)``; ``edge_u x edge_v`` points to the emitting side. Both edges are zero where a lamp has
-            fewer than K rectangles.
+            fewer than K rectangles, in the last places.
+        side: ``(L, K)`` int64: -x +x -y +y -z +z of its own grid; what has one faces one way.
         radiance: ``(L, 3)`` linear.
         center: ``(L, 3)`` of a sphere that holds all rectangles.
         radius: ``(L,)`` of that sphere, world units.
@@ -35,6 +36,7 @@ class Lamps:
     corner: Tensor
     edge_u: Tensor
     edge_v: Tensor
+    side: Tensor
     radiance: Tensor
     center: Tensor
     radius: Tensor
@@ -55,16 +57,14 @@ def lamps_of(scene: Scene, poses: Tensor) -> Lamps:
     """
     parts = [lamps_of_world(scene.world)]
     for instance, pose in zip(scene.instances, poses, strict=True):
-        if instance.mask & MASK_SECONDARY:
-            parts.append(_moved(lamps_of_world(instance.model), pose.to(scene.world.device), instance.scale))
+        lamps = lamps_of_world(instance.model)
+        if instance.mask & MASK_SECONDARY and len(lamps):
+            parts.append(_moved(lamps, pose.to(scene.world.device), instance.scale))
     widest = max(part.corner.shape[1] for part in parts)
-    corner, edge_u, edge_v = (
-        torch.cat([_widen(getattr(part, name), widest) for part in parts]) for name in ("corner", "edge_u", "edge_v")
-    )
-    radiance, center, radius = (
-        torch.cat([getattr(part, name) for part in parts]) for name in ("radiance", "center", "radius")
-    )
-    return Lamps(corner, edge_u, edge_v, radiance, center, radius)
+    columns = {f.name: [getattr(part, f.name) for part in parts] for f in fields(Lamps)}
+    for name in ("corner", "edge_u", "edge_v", "side"):
+        columns[name] = [_widen(table, widest) for table in columns[name]]
+    return Lamps(**{name: torch.cat(tables) for name, tables in columns.items()})
 
 
 def lamps_of_world(world: World) -> Lamps:
@@ -82,7 +82,7 @@ def _found(world: World) -> Lamps:
     faces, sides, ids = _exposed_faces(world)
     if not len(ids):
         none = torch.zeros(0, 1, 3, device=world.device)
-        return Lamps(none, none, none, none[:, 0], none[:, 0], none[:, 0, 0])
+        return Lamps(none, none, none, none[..., 0].long(), none[:, 0], none[:, 0], none[:, 0, 0])
     cells, lamp = ids[:, None], ids
     for group in GROUPS:
         key = torch.cat([torch.div(faces, group, rounding_mode="floor"), ids[:, None]], dim=1)
@@ -162,23 +162,26 @@ def _assembled(low: Tensor, high: Tensor, sides: Tensor, lamp: Tensor, radiance:
     place = torch.arange(len(lamp), device=lamp.device) - (count.cumsum(0) - count)[lamp]
     table = torch.zeros(3, len(radiance), int(count.max()), 3, device=low.device)
     table[:, lamp, place] = torch.stack([low, edge_u, size - edge_u])
+    side = sides.new_zeros(table.shape[1:3])
+    side[lamp, place] = sides
     spread = lamp[:, None].expand(-1, 3)
     least = torch.zeros_like(radiance).scatter_reduce(0, spread, low, "amin", include_self=False)
     most = torch.zeros_like(radiance).scatter_reduce(0, spread, high, "amax", include_self=False)
-    return Lamps(table[0], table[1], table[2], radiance, (least + most) / 2, (most - least).norm(dim=1) / 2)
+    corner, edge_u, edge_v = table
+    return Lamps(corner, edge_u, edge_v, side, radiance, (least + most) / 2, (most - least).norm(dim=1) / 2)
 
 
 def _moved(lamps: Lamps, pose: Tensor, scale: float) -> Lamps:
     rotation, offset = pose[:3, :3].T * scale, pose[:3, 3]
-    return Lamps(
-        lamps.corner @ rotation + offset,
-        lamps.edge_u @ rotation,
-        lamps.edge_v @ rotation,
-        lamps.radiance,
-        lamps.center @ rotation + offset,
-        lamps.radius * scale,
+    return replace(
+        lamps,
+        corner=lamps.corner @ rotation + offset,
+        edge_u=lamps.edge_u @ rotation,
+        edge_v=lamps.edge_v @ rotation,
+        center=lamps.center @ rotation + offset,
+        radius=lamps.radius * scale,
     )
 
 
 def _widen(table: Tensor, width: int) -> Tensor:
-    return torch.nn.functional.pad(table, (0, 0, 0, width - table.shape[1]))
+    return torch.nn.functional.pad(table, (0, 0) * (table.ndim - 2) + (0, width - table.shape[1]))

@@ -69,4 +69,4 @@ def sky_behind(scene: Scene, directions: Tensor) -> Tensor:
 
 
 def _along_ground(directions: Tensor) -> Tensor:
-    return directions[..., [0, 2]].norm(dim=-1)
+    return directions[..., ::2].norm(dim=-1)

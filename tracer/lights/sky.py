@@ -9,6 +9,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import numbers
 from gbufrt.directions import length
 from gbufrt.environment import environment_directions, environment_solid_angles, lookup_environment
 from tracer.scene.scene import Scene, Sky, Sun
@@ -39,7 +40,7 @@ def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
     if scene.sky.picture is not None:
         picture = scene.sky.picture.to(directions)
         return lookup_environment(picture, directions.flatten(2)[..., None]).view_as(directions)
-    zenith, horizon, ground = (_color(c, directions) for c in (scene.sky.zenith, scene.sky.horizon, scene.sky.ground))
+    zenith, horizon, ground = (_triple(c, directions) for c in (scene.sky.zenith, scene.sky.horizon, scene.sky.ground))
     up = directions[:, 1:2]
     height = up.clamp(0.0, 1.0)
     # the power law without its infinite slope at the horizon
@@ -51,7 +52,7 @@ def sky_radiance(scene: Scene, directions: Tensor) -> Tensor:
         return radiance
     cosine = _toward_sun(scene.sun, directions)
     lobes = sum(share * (1 - g * g) / (1 + g * g - 2 * g * cosine) ** 1.5 for share, g in GLOW)
-    return radiance + _color(scene.sun.irradiance, directions) * lobes * (1 - below)
+    return radiance + _triple(scene.sun.irradiance, directions) * lobes * (1 - below)
 
 
 def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
@@ -67,12 +68,11 @@ def sun_radiance(sun: Sun, directions: Tensor) -> Tensor:
     sine = math.sin(math.radians(sun.angular_radius))
     if sine == 0.0:
         return torch.zeros_like(directions)
-    toward = F.normalize(torch.tensor(sun.direction, dtype=directions.dtype), dim=0)
-    toward = toward.to(directions.device).view(1, 3, *(1,) * (directions.ndim - 2))
+    toward = F.normalize(_triple(sun.direction, directions), dim=1)
     # in single precision the sine separates directions this close, the cosine does not
     off = length(torch.linalg.cross(directions, toward.expand_as(directions), dim=1))
     visible = (off < sine) & ((directions * toward).sum(dim=1, keepdim=True) > 0)
-    return torch.where(visible, _color(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
+    return torch.where(visible, _triple(sun.irradiance, directions) / (math.pi * sine * sine), 0.0)
 
 
 def sky_along(scene: Scene, directions: Tensor) -> Tensor:
@@ -138,10 +138,10 @@ def _integrated(scene: Scene) -> Tensor:
     return (sky @ cosine.T).view(1, 3, *TABLE)
 
 
-def _color(color: tuple[float, float, float], like: Tensor) -> Tensor:
-    return torch.tensor(color, dtype=like.dtype, device=like.device).view(1, 3, *(1,) * (like.ndim - 2))
+def _triple(values: tuple[float, float, float], like: Tensor) -> Tensor:
+    return numbers((values,), like).view(1, 3, *(1,) * (like.ndim - 2))
 
 
 def _toward_sun(sun: Sun, directions: Tensor) -> Tensor:
-    toward = F.normalize(torch.tensor(sun.direction, dtype=directions.dtype, device=directions.device), dim=0)
+    toward = F.normalize(numbers((sun.direction,), directions)[0], dim=0)
     return torch.einsum("i,bi...->b...", toward, directions)[:, None]

@@ -15,13 +15,13 @@ BRIGHTEST = 300.0  # over the faintest
 MARGIN = 0.15  # of a cell that holds no star's centre, so that no star is cut
 
 
-def stars(directions: Tensor, turned: Tensor, pixel: float) -> Tensor:
+def stars(directions: Tensor, turned: Tensor, pixel: Tensor) -> Tensor:
     """Radiance of stars, each spread over about a pixel, so that none flickers when the camera moves.
 
     Args:
         directions: ``(B, 3, ...)`` world space, unit length.
         turned: ``(3, 3)`` from world space to the sphere of the stars.
-        pixel: radians that a pixel of the camera covers.
+        pixel: ``()`` radians that a pixel of the camera covers.
 
     Returns:
         ``(B, 3, ...)`` linear radiance.
@@ -40,7 +40,7 @@ def stars(directions: Tensor, turned: Tensor, pixel: float) -> Tensor:
     star = torch.stack([torch.ones_like(place[0]), *place], dim=1)
     seen = torch.stack([torch.ones_like(across), across, up], dim=1)
     off = (F.normalize(star, dim=1) - F.normalize(seen, dim=1)).square().sum(dim=1)
-    width = max(0.55 * pixel, 1e-4)
+    width = (0.55 * pixel).clamp_min(1e-4)
     spread = torch.exp(-off / (2 * width * width)) / (2 * math.pi * width * width)
     bright = FAINTEST * flux.clamp_min(BRIGHTEST**-1.5) ** (-2 / 3)
     color = torch.cat([0.8 + 0.4 * warmth, torch.ones_like(warmth), 1.2 - 0.4 * warmth], dim=1)

@@ -92,8 +92,10 @@ def _sampled(
 ) -> tuple[Frame, Tensor]:
     """See `sampled`; also the samples for a cache, see `sample`."""
     poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
-    follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=frame.index, seed=given["seed"])
-    light, samples = sample(scene, frame.gbuffer, poses=poses, index=frame.index, cache=cache, follows=follows, **given)
+    follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
+    light, samples = sample(
+        scene, frame.gbuffer, poses=poses, index=int(frame.index), cache=cache, follows=follows, **given
+    )
     changes: dict[str, Tensor | Frame] = {
         "diffuse": light.diffuse,
         "indirect": light.indirect,
@@ -103,7 +105,7 @@ def _sampled(
     if before is not None:
         chosen = _replayed(before, given["seed"], cached=cache is not None)
         then = scene.poses([before.time]).to(poses.device)
-        moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": before.index}
+        moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": int(before.index)}
         again, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **given)
         changes |= {"replayed": chosen.to(light.direct)}
         changes |= {"replayed_diffuse": again.diffuse, "replayed_specular": again.specular}
@@ -119,5 +121,5 @@ def _replayed(before: Frame, seed: int, *, cached: bool) -> Tensor:
     or else the brightest."""
     hit, diffuse, specular = before.gbuffer.hit, before.diffuse, before.specular
     if cached or diffuse is None or specular is None:
-        return one_a_stratum(hit, index=before.index, seed=seed)
+        return one_a_stratum(hit, index=int(before.index), seed=seed)
     return brightest_a_stratum(hit, luminance(diffuse * before.read("albedo") + specular))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -127,7 +128,12 @@ class MaterialTable:
             raise ValueError(f"no material {name!r}; there are {', '.join(self.names)}")
         return self.names.index(name)
 
-    @property
+    @cached_property
+    def transmissive(self) -> bool:
+        """Whether any material but air lets light through."""
+        return bool((self.opacity[1:] < 1).any())
+
+    @cached_property
     def water(self) -> Tensor:
         """``(M,)`` bool: which are called water, with or without a name space before it and a biome after it."""
         return torch.tensor([bool(WATER.match(name)) for name in self.names], device=self.albedo.device)

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.compute.resident import resident
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
@@ -165,7 +166,7 @@ class Scene:
 
     def world_from_model(self, poses: Tensor) -> Tensor:
         """``poses`` ``(..., I, 4, 4)`` with the scale of each instance in them."""
-        scales = poses.new_tensor([[i.scale, i.scale, i.scale, 1.0] for i in self.instances]).view(-1, 1, 4)
+        scales = resident(tuple((i.scale, i.scale, i.scale, 1.0) for i in self.instances), poses).view(-1, 1, 4)
         return poses * scales
 
     def to(self, *args: Any, **kwargs: Any) -> Scene:

@@ -92,7 +92,7 @@ class World:
         bricks, materials = self.bricks.shape[0] - 1, len(self.materials)
         return f"World({low} to {high}, {bricks} bricks, {materials} materials, on {self.device})"
 
-    @property
+    @cached_property
     def empty(self) -> bool:
         """Whether there is no voxel at all; never so of a world from a pool, to which some may yet come."""
         return self.prepared is None and not bool(self.bricks.any())

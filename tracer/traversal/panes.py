@@ -7,6 +7,7 @@ from dataclasses import fields
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import places
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.rays import Hits, run_lengths, trace
 
@@ -37,7 +38,7 @@ def through_panes(
     for b in range(len(origins)):
         for _ in range(MOST):
             clear = columns["hit"][b] & (table.opacity[columns["material"][b].long()] < 1)
-            rows = clear.nonzero(as_tuple=True)
+            rows = places(clear)
             if not len(rows[0]):
                 break
             pane, way = (
@@ -47,8 +48,10 @@ def through_panes(
             behind = trace(scene, *way, poses=poses[b], mask=MASK_PRIMARY, t_max=t_max[b][rows], beyond=pane)
             run = run_lengths(scene, *way, pane, poses=poses[b], cap=THICK)[1]
             run = torch.minimum(run, behind.t - pane.t).clamp_min(0)[:, None]
-            which = pane.material.long()
-            share[b][rows] *= (1 - table.opacity[which])[:, None] * table.tint[which] ** run
+            which, here = pane.material.long(), clear[rows]
+            passed = (1 - table.opacity[which])[:, None] * table.tint[which] ** run
+            share[b][rows] *= torch.where(here[:, None], passed, 1.0)
             for name, x in columns.items():
-                x[b][rows] = getattr(behind, name)
+                old, new = getattr(pane, name), getattr(behind, name)
+                x[b][rows] = torch.where(here if old.ndim == 1 else here[:, None], new, old)
     return Hits(**columns), share

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import number
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
@@ -212,7 +213,7 @@ def _rays(
         raise ValueError(
             f"rays must be ({transforms.shape[0]},...,3) for the batch of poses, got {tuple(origins.shape)}"
         )
-    ends = [torch.as_tensor(t, dtype=torch.float32, device=origins.device).expand(shape) for t in (t_min, t_max)]
+    ends = [number(t, origins).float().expand(shape) for t in (t_min, t_max)]
     flat = _Rays(
         origins=origins.detach().float().reshape(-1, 3).contiguous(),
         directions=directions.detach().float().reshape(-1, 3).contiguous(),

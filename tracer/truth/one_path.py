@@ -26,7 +26,7 @@ def one_path(scene: Scene, frame: Frame, *, bounces: int = 4) -> Frame:
     """
     camera = frame.gbuffer.camera
     light = path_trace(
-        scene, camera, time=frame.time, bounces=bounces, samples=1, antialias=False, seed=frame.index
+        scene, camera, time=frame.time, bounces=bounces, samples=1, antialias=False, seed=int(frame.index)
     ).values["radiance"]
     behind = frame.behind
     if behind is not None:

@@ -36,7 +36,7 @@ class Left:
         while of is not None:
             layers.append({"diffuse": of.diffuse, "specular": of.specular})
             of = of.behind
-        self.samples = frame.index, layers
+        self.samples = int(frame.index), layers
         return frame
 
 

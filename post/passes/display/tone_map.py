@@ -65,7 +65,7 @@ def _check(operator: str) -> None:
         raise ValueError(f"operator must be one of {names}, or the path of a .ocio file, got {operator!r}")
 
 
-def display_encode(image: Tensor, *, dither: bool = False, index: int = 0, seed: int = 0) -> Tensor:
+def display_encode(image: Tensor, *, dither: bool = False, index: int | Tensor = 0, seed: int = 0) -> Tensor:
     """Encode display-linear light as sRGB.
 
     Args:

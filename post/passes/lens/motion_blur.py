@@ -31,7 +31,7 @@ def motion_blur(
     tile: int = 32,
     weights: Weights = "reconstruction",
     softness: float = 0.02,
-    index: int = 0,
+    index: int | Tensor = 0,
     seed: int = 0,
 ) -> Tensor:
     """Blur moving things along their paths while the shutter is open.

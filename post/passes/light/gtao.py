@@ -38,7 +38,7 @@ def gtao(
     scales: int = 1,
     method: Literal["bitmask", "horizon"] = "bitmask",
     hidden: float = 0.15,
-    index: int = 0,
+    index: int | Tensor = 0,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor]:
     """Ambient visibility and the mean open direction.
@@ -89,7 +89,7 @@ def horizon_ao(
     directions: int = 4,
     steps: int = 12,
     scales: int = 1,
-    index: int = 0,
+    index: int | Tensor = 0,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor]:
     """Ambient visibility above the horizons of each slice, and the mean open direction.

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.compute.resident import number
 from gbufrt.directions import tangent_frame
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
@@ -32,7 +33,7 @@ def march_gi(
     bent_normal: Tensor | None = None,
     normal_geo: Tensor | None = None,
     thickness: Tensor | float | None = None,
-    index: int = 0,
+    index: int | Tensor = 0,
     rays: int = 8,
     steps: int = 48,
     distance: float = 50.0,
@@ -88,9 +89,10 @@ def march_gi(
         upward = facing if normal_geo is None else camera.rotate_to_view(normal_geo)
         noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)[None]
     gathered, open_sky = torch.zeros_like(light), torch.zeros_like(depth)
+    now = number(index, noise.new_empty((), dtype=torch.float64))
     for i in range(rays):
-        place = index * rays + i
-        direction = _cosine_ray(facing if place % PLAIN == PLAIN - 1 else axis, noise, place)
+        place = now * rays + i
+        direction = _cosine_ray(torch.where(place % PLAIN == PLAIN - 1, facing, axis), noise, place)
         cosine, about = dot(direction, facing).clamp_min(0.0), dot(direction, axis).clamp_min(0.0)
         weight = cosine / ((1 - 1 / PLAIN) * about + cosine / PLAIN).clamp_min(1e-6)
         weight = torch.where(hit & (dot(direction, upward) > 0), weight, 0.0)
@@ -103,10 +105,10 @@ def march_gi(
     return albedo * gathered / rays, sky
 
 
-def _cosine_ray(axis: Tensor, noise: Tensor, place: int) -> Tensor:
+def _cosine_ray(axis: Tensor, noise: Tensor, place: Tensor) -> Tensor:
     """Directions about ``axis``, cosine-distributed: the sequence's point number ``place``, shifted by blue noise."""
-    shift = noise.new_tensor([(place + 1) / PLASTIC % 1.0, (place + 1) / PLASTIC**2 % 1.0])
-    u = (noise + shift[None, :, None, None]) % 1.0
+    shift = torch.stack([(place + 1) / PLASTIC, (place + 1) / PLASTIC**2]) % 1.0
+    u = (noise + shift.to(noise)[None, :, None, None]) % 1.0
     tangent, bitangent = tangent_frame(axis)
     sine, azimuth = u[:, 0:1].sqrt(), 2 * math.pi * u[:, 1:2]
     return tangent * (sine * azimuth.cos()) + bitangent * (sine * azimuth.sin()) + axis * (1 - u[:, 0:1]).sqrt()

@@ -40,7 +40,7 @@ def ssgi(
     steps: int = 24,
     distance: float | Tensor | None = None,
     resolution: int = 1,
-    index: int = 0,
+    index: int | Tensor = 0,
     seed: int = 0,
     compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor, Tensor]:
@@ -79,8 +79,8 @@ def ssgi(
         (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2, or a
-                kernel is requested for tensors that it does not take.
+        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2, or is 2 where
+            index is a tensor, or a kernel is requested for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
@@ -95,7 +95,7 @@ def ssgi(
     solid = planar_thickness(camera, depth, hit, thickness)
     sent = torch.where(hit, finite(light).to(depth.dtype), 0.0)
     around = scene(camera, depth, normal, hit, solid, light=sent, compiled=compiled)
-    corner = (min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)) if resolution == 2 else (0, 0)
+    corner = (0, 0) if resolution == 1 else _corner(index, camera)
     pixels = Receiving(camera, depth, normal, hit, resolution, corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     sky = sky_beyond(camera, hit, normal) if distance is None else None
@@ -113,6 +113,13 @@ def ssgi(
         torch.where(hit, visibility, 1.0),
         torch.where(hit, bent, 0.0),
     )
+
+
+def _corner(index: int | Tensor, camera: Camera) -> tuple[int, int]:
+    """Row and column of the first pixel of every second one, another in each of four frames."""
+    if isinstance(index, Tensor):
+        raise ValueError("index must be an int where resolution is 2: it chooses which pixels are computed")
+    return min(index // 2 % 2, camera.height - 1), min(index % 2, camera.width - 1)
 
 
 class SSGI(Pass):

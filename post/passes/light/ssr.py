@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.compute.resident import number, resident_on
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.specular import DIELECTRIC_F0
@@ -35,7 +36,7 @@ def ssr(
     environment: Tensor | None = None,
     visibility: Tensor | None = None,
     bent_normal: Tensor | None = None,
-    index: int = 0,
+    index: int | Tensor = 0,
     samples: int = 4,
     steps: int = 64,
     distance: float | None = None,
@@ -106,22 +107,22 @@ def ssr(
     sky = (environment, visibility, bent_normal)
     picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, *sky, metallic if bounces > 1 else None)
     noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)
-    shifts = _shifts(index, samples, method)
+    shifts = _shifts(index, samples, method, noise)
     options = {"bounces": bounces, "steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
     found = reflect(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
     return found[:, :3], found[:, 3:4], found[:, 4:].clone()  # the distance is kept, and a view would keep the rest
 
 
-def _shifts(index: int, samples: int, method: Method) -> list[tuple[float, float]]:
-    """By how much each sample shifts the noise: a low-discrepancy sequence over samples and frames."""
-    shifts = []
-    for i in range(samples):
-        place = index * samples + i + 1  # each dimension has its own step: one step for both would trace a diagonal
-        if method == "cone":
-            shifts.append(((i / samples + place / PLASTIC) % 1.0, (radical_inverse(2, i) + index / PLASTIC**2) % 1.0))
-        else:
-            shifts.append((place / PLASTIC % 1.0, place / PLASTIC**2 % 1.0))
-    return shifts
+def _shifts(index: int | Tensor, samples: int, method: Method, noise: Tensor) -> Tensor:
+    """``(samples, 2)`` by how much each sample shifts the noise: a low-discrepancy sequence over samples and frames."""
+    each = torch.arange(samples, dtype=torch.float64, device=noise.device)
+    now = number(index, each)
+    place = now * samples + each + 1
+    turns = place / PLASTIC, place / PLASTIC**2  # a step each: one step for both would trace a diagonal
+    if method == "cone":
+        apart = resident_on(noise.device, tuple(radical_inverse(2, i) for i in range(samples)), torch.float64)
+        turns = each / samples + place / PLASTIC, apart + now / PLASTIC**2
+    return (torch.stack(turns, dim=1) % 1.0).to(noise.dtype)
 
 
 class SSR(Pass):

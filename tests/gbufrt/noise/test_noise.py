@@ -58,6 +58,7 @@ def test_a_pixel_is_even_over_time():
 def test_range_repeatability_and_seeds(noise):
     a, b = noise(73, 127, index=2, seed=1), noise(73, 127, index=2, seed=1)
     assert torch.equal(a, b)
+    assert torch.equal(a, noise(73, 127, index=torch.tensor(2), seed=1))
     assert a.dtype == torch.float32
     assert a.min() >= 0
     assert a.max() < 1

@@ -15,7 +15,7 @@ from post.shading import lobes
 from post.shading.op import reflect, reflect_cpu
 from post.shading.reference import Picture
 
-SHIFTS = [(0.25, 0.625), (0.7, 0.1), (0.45, 0.9), (0.95, 0.3)]
+SHIFTS = torch.tensor([(0.25, 0.625), (0.7, 0.1), (0.45, 0.9), (0.95, 0.3)])
 OPTIONS = {"bounces": 2, "steps": 64, "distance": 60.0}
 
 
@@ -201,6 +201,4 @@ def test_operator_is_registered_properly() -> None:
     seen = (lit, p.environment.movedim(1, -1), p.bent_normal, torch.ones(1))
     arguments = (*view, p.hit, p.depth, p.normal, p.normal_geo, p.roughness, p.f0, p.metallic, *seen, offsets)
     checks = ("test_schema", "test_faketensor")
-    torch.library.opcheck(
-        reflect_cpu, (*arguments, torch.tensor(SHIFTS), 2, 8, 10.0, 100.0, 1.0, 1.0), test_utils=checks
-    )
+    torch.library.opcheck(reflect_cpu, (*arguments, SHIFTS, 2, 8, 10.0, 100.0, 1.0, 1.0), test_utils=checks)

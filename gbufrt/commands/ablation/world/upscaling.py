@@ -109,8 +109,8 @@ def _shown(stage: Any, given: Iterator[Frame], exposures: dict[int, float]) -> d
     for frame in given:
         with torch.no_grad():
             after, state = stage(frame, state)
-        if frame.index in exposures:
-            found[frame.index] = f.display(after.read("color"), exposures[frame.index])
+        if (number := int(frame.index)) in exposures:
+            found[number] = f.display(after.read("color"), exposures[number])
     return found
 
 
