@@ -202,6 +202,11 @@ class Camera:
         return torch.cat([k.diagonal(dim1=1, dim2=2)[:, :2], k[:, :2, 2], jitter], dim=1)
 
     @property
+    def rotation_to_view(self) -> Tensor:
+        """``(B, 3, 3)``: the rotation of `view_from_world`, which is much cheaper to have alone."""
+        return self.world_from_view[:, :3, :3].mT.contiguous()
+
+    @property
     def view_from_world(self) -> Tensor:
         """``(B, 4, 4)`` inverse of ``world_from_view``, which is rigid."""
         rotation = self.world_from_view[:, :3, :3].transpose(1, 2)
@@ -288,7 +293,7 @@ class Camera:
 
     def rotate_to_view(self, vectors_world: Tensor) -> Tensor:
         """World-space directions ``(B, 3, ...)`` in view space."""
-        return _rotate(self.view_from_world, vectors_world)
+        return _rotate(self.rotation_to_view, vectors_world)
 
     def to_eye(self, points_view: Tensor) -> Tensor:
         """Unit view-space directions from points ``(B, 3, H, W)`` toward the eye (parallel when orthographic)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
-from gbufrt.tree import map_tensors, without_graph
+from gbufrt.tree import changed, map_tensors, without_graph
 from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
 
@@ -76,11 +76,15 @@ class Frame:
     image: Tensor | None = channel(3, "display-referred picture in [0, 1]", larger=True)
 
     def __post_init__(self) -> None:
+        self._check(SIGNALS)
+
+    def _check(self, names: Iterable[str]) -> None:
+        """Raise if one of the signals called ``names``, ``extra`` or ``cut`` breaks its form."""
         camera = self.gbuffer.camera
-        for name, row in SIGNALS.items():
+        for name in names:
             tensor = getattr(self, name)
             if tensor is not None:
-                check_tensor(name, tensor, row, batch=camera.batch, size=camera.size, device=camera.device)
+                check_tensor(name, tensor, SIGNALS[name], batch=camera.batch, size=camera.size, device=camera.device)
         for name in self.extra:
             if name in SIGNALS or name in CHANNELS:
                 raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
@@ -121,7 +125,9 @@ class Frame:
 
     def replace(self, **changes: Any) -> Frame:
         """A copy with some fields changed."""
-        return replace(self, **changes)
+        result = changed(self, changes)
+        result._check(SIGNALS if "gbuffer" in changes else changes.keys() & SIGNALS.keys())
+        return result
 
     def to(self, *args: Any, **kwargs: Any) -> Frame:
         """All tensors on another device; arguments as `torch.Tensor.to`."""
@@ -157,8 +163,8 @@ class Frame:
         if name in CHANNELS:
             raise ValueError(f"{name!r} is a G-buffer channel; use frame.replace(gbuffer=frame.gbuffer.replace(...))")
         if name in SIGNALS:
-            return replace(self, **{name: tensor})
-        return replace(self, extra={**self.extra, name: tensor})
+            return self.replace(**{name: tensor})
+        return self.replace(extra={**self.extra, name: tensor})
 
     def only(self, names: Collection[str]) -> Frame:
         """The frame with these channels, light and signals alone, and what every G-buffer has.
@@ -171,7 +177,7 @@ class Frame:
         layers = {"previous": self.previous, "behind": self.behind if "behind" in names else None}
         kept = {name: None if layer is None else layer.only(names) for name, layer in layers.items()}
         extra = {name: tensor for name, tensor in self.extra.items() if name in names}
-        return replace(self, gbuffer=g.replace(**channels), extra=extra, **signals, **kept)
+        return self.replace(gbuffer=g.replace(**channels), extra=extra, **signals, **kept)
 
     @property
     def present(self) -> tuple[str, ...]:
@@ -203,7 +209,7 @@ class Frame:
         none = {name: torch.zeros_like(g_name) for name in MOTION if (g_name := getattr(g, name)) is not None}
         behind = None if self.behind is None else self.behind.still()
         gone = dict.fromkeys(REPLAYED)  # they are at the pixels of a camera that stood elsewhere
-        return replace(self, gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind, **gone)
+        return self.replace(gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind, **gone)
 
     def moving_as(self, frame: Frame) -> Frame:
         """This frame with motion, cut and replayed samples of another one, and the same of what lies `behind`: undoes
@@ -214,7 +220,7 @@ class Frame:
             behind = behind.moving_as(frame.behind)
         moving = self.gbuffer.replace(previous_camera=g.previous_camera, **motion)
         replayed = {name: getattr(frame, name) for name in REPLAYED}
-        return replace(self, gbuffer=moving, cut=frame.cut, behind=behind, **replayed)
+        return self.replace(gbuffer=moving, cut=frame.cut, behind=behind, **replayed)
 
     def as_previous(self) -> Frame:
         """What the next frame may read of this one: geometry and unblurred light."""

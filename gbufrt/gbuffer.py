@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -10,7 +11,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.channels import channel, channels_of, check_tensor
-from gbufrt.tree import map_tensors
+from gbufrt.tree import changed, map_tensors
 from gbufrt.validation.checks import validate_gbuffer
 
 
@@ -47,8 +48,12 @@ class GBuffer:
     thickness: Tensor | None = channel(1, "distance along the view ray to the back of the first solid run, world units")
 
     def __post_init__(self) -> None:
-        for name, row in CHANNELS.items():
-            tensor = getattr(self, name)
+        self._check(CHANNELS)
+
+    def _check(self, names: Iterable[str]) -> None:
+        """Raise if one of the channels called ``names``, or the camera before, breaks its form."""
+        for name in names:
+            tensor, row = getattr(self, name), CHANNELS[name]
             if tensor is None and not row.required:
                 continue
             check_tensor(name, tensor, row, batch=self.batch, size=self.camera.size, device=self.camera.device)
@@ -75,7 +80,9 @@ class GBuffer:
 
     def replace(self, **changes: Any) -> GBuffer:
         """A copy with some fields changed."""
-        return replace(self, **changes)
+        result = changed(self, changes)
+        result._check(CHANNELS if "camera" in changes else changes.keys() & CHANNELS.keys())
+        return result
 
     def to(self, *args: Any, **kwargs: Any) -> GBuffer:
         """All tensors on another device; arguments as `torch.Tensor.to`. A dtype applies to the float channels only."""

@@ -199,11 +199,12 @@ def _kept(before: Tensor, after: Tensor) -> Tensor:
 
 
 def _known_finite(tensor: Tensor) -> bool:
-    """Whether a tensor is known to be finite; to look at it costs a sum on the CPU, and is left out on a GPU."""
-    if waits(tensor):
-        known = _known.get()
-        return not tensor.is_floating_point() or (known is not None and tensor in known)
-    return _is_finite(tensor)
+    """Whether a tensor is known to be finite; to look at it costs a sum on the CPU where `remembering`
+    does not know it, and is left out on a GPU."""
+    known = _known.get()
+    if known is not None and tensor in known:
+        return True
+    return not tensor.is_floating_point() if waits(tensor) else _is_finite(tensor)
 
 
 def _is_finite(tensor: Tensor) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import cache
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -219,10 +220,11 @@ class Branch(TemporalPass, ABC):
         """A copy with these stages in place of its own."""
 
 
-def _keywords(cls: type) -> list[str]:
+@cache
+def _keywords(cls: type) -> tuple[str, ...]:
     if cls.__init__ is Stage.__init__:
-        return []
-    return [p.name for p in inspect.signature(cls.__init__).parameters.values() if p.kind is p.KEYWORD_ONLY]
+        return ()
+    return tuple(p.name for p in inspect.signature(cls.__init__).parameters.values() if p.kind is p.KEYWORD_ONLY)
 
 
 def _remedy(name: str) -> str:

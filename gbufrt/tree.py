@@ -34,6 +34,21 @@ def map_tensors(function: Callable[[Tensor], Tensor], value: T) -> T:
     return result
 
 
+def changed(value: T, changes: Mapping[str, Any]) -> T:
+    """A copy of a frozen dataclass with some fields changed, and nothing checked: `dataclasses.replace` goes through
+    every field, which of a `Frame` takes longer than most torch operations on a small picture.
+
+    Raises:
+        TypeError: there is no such field.
+    """
+    known: Any = type(value)
+    if unknown := changes.keys() - known.__dataclass_fields__.keys():
+        raise TypeError(f"{known.__name__} has no field {sorted(unknown)[0]!r}")
+    result = object.__new__(known)
+    vars(result).update(vars(value), **changes)
+    return result
+
+
 def without_graph(tensor: Tensor) -> Tensor:
     """The same numbers without their gradient; the tensor itself where it has none."""
     return tensor.detach() if tensor.requires_grad else tensor

@@ -51,13 +51,14 @@ def blue_noise(
     """
     tile = resident_on(torch.device(device or "cpu"), _tile, torch.float32)
     number = index.double() if isinstance(index, Tensor) else index  # rounds once, as Python's floats do
-    now = (tile + number % SLICES * GOLDEN) % 1.0
-    planes = []
-    for dim in range(dims):
+    wide = (tile + number % SLICES * GOLDEN).frac().repeat(1, 1 - (-width // TILE))
+    rows = torch.arange(height, device=tile.device)
+    planes = tile.new_empty(dims, height, width)
+    for dim, plane in enumerate(planes):
         step = dim + 1 + 101 * seed
         dx, dy = int(TILE * (step / PLASTIC % 1)), int(TILE * (step / PLASTIC**2 % 1))
-        planes.append(now.roll((-dy, -dx), (0, 1)).repeat(-(-height // TILE), -(-width // TILE))[:height, :width])
-    return torch.stack(planes)
+        torch.index_select(wide[:, dx : dx + width], 0, (rows + dy) % TILE, out=plane)
+    return planes
 
 
 def hilbert_r2(

@@ -19,5 +19,9 @@ NEUTRAL_DESATURATION = 0.15
 NEUTRAL_F90 = 0.04
 TINY = 1e-10
 
+BINS = 256  # of the histogram of log luminance
+DARKEST, BRIGHTEST = -24.0, 24.0  # log2 of luminance that it tells apart
+STRIP = 16  # rows that are counted by themselves, so that the sum does not depend on the number of threads
+
 SRGB_KNEE, SRGB_SLOPE = 0.0031308, 12.92  # IEC 61966-2-1
 SRGB_OFFSET, SRGB_GAMMA = 0.055, 2.4

@@ -7,7 +7,8 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.display.kernel import agx_row, encode_row, vignette_row
+from post.display.constants import STRIP
+from post.display.kernel import agx_row, encode_row, histogram_row, vignette_row
 
 
 @driver
@@ -64,3 +65,16 @@ def vignette_pixel(i, out, image, strength, inner, outer):
 
 
 vignette_each = Each(vignette_pixel)
+
+
+@driver
+def histogram_rows(out, color, threads):
+    """``out`` ``(B, strips, 2, BINS)`` float64 is 0 before: counts and sums of each strip."""
+    batch, _, height, width = color.shape
+    strips = out.shape[1]
+    for thread in prange(threads):
+        stops = np.empty(width, np.float32)
+        for item in range(thread, batch * strips, threads):
+            b, strip = item // strips, item % strips
+            for y in range(strip * STRIP, min((strip + 1) * STRIP, height)):
+                histogram_row(out[b, strip, 0], out[b, strip, 1], stops, color[b], y)

@@ -1,4 +1,5 @@
-"""The compiled forms of the AgX tone curve, the display's encoding and the vignette: a row of pixels as a body.
+"""The compiled forms of the AgX tone curve, the display's encoding, the vignette and the histogram that exposure is
+metered by: a row of pixels as a body.
 
 Names and steps are those of the torch references in `post.display.reference`, the definition. Logarithms and powers are
 approximations that become vector instructions.
@@ -21,6 +22,10 @@ LEAST, RANGE = np.float32(constants.AGX_MIN_EV), np.float32(constants.AGX_MAX_EV
 C0, C1, C2, C3, C4, C5, C6 = (np.float32(c) for c in constants.AGX_CURVE)
 GAMMA = np.float32(constants.AGX_DISPLAY_GAMMA)
 HALF, TWO, THREE = np.float32(0.5), np.float32(2), np.float32(3)
+BINS, DARKEST = np.int32(constants.BINS), np.float32(constants.DARKEST)
+SPREAD = np.float32(constants.BINS / (constants.BRIGHTEST - constants.DARKEST))
+LEAST_LIGHT, MOST_LIGHT = np.float32(2.0**constants.DARKEST), np.float32(2.0**constants.BRIGHTEST)
+UNLIT = DARKEST - ONE
 SRGB_KNEE, SRGB_SLOPE = np.float32(constants.SRGB_KNEE), np.float32(constants.SRGB_SLOPE)
 SRGB_OFFSET, SRGB_SCALE = np.float32(constants.SRGB_OFFSET), np.float32(1 + constants.SRGB_OFFSET)
 SRGB_POWER = np.float32(1 / constants.SRGB_GAMMA)
@@ -98,3 +103,17 @@ def vignette_row(out, image, y, first, end, strength, inner, span):
             distance = math.sqrt(across * across + down * down) / diagonal
             t = min(max((distance - inner) / span, ZERO), ONE)
             row[x] = given[x] * (ONE - strength * t * t * (THREE - TWO * t))
+
+
+@scalar
+def histogram_row(count, total, stops, color, y):
+    """Add a row to `post.display.reference.histogram_reference`; ``stops`` is room for it."""
+    red, green, blue = color[0, y], color[1, y], color[2, y]
+    for x in range(stops.shape[0]):
+        light = RED * red[x] + GREEN * green[x] + BLUE * blue[x]
+        stops[x] = log2(min(max(light, LEAST_LIGHT), MOST_LIGHT)) if light > ZERO else UNLIT
+    for x in range(stops.shape[0]):
+        if stops[x] > UNLIT:
+            place = min(max(np.int32((stops[x] - DARKEST) * SPREAD), np.int32(0)), BINS - np.int32(1))
+            count[place] += 1.0
+            total[place] += stops[x]

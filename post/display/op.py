@@ -6,8 +6,15 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
-from post.display.constants import AGX_INSET
-from post.display.reference import Operator, encode_reference, matrix, tone_reference, vignette_reference
+from post.display.constants import AGX_INSET, BINS, STRIP
+from post.display.reference import (
+    Operator,
+    encode_reference,
+    histogram_reference,
+    matrix,
+    tone_reference,
+    vignette_reference,
+)
 
 
 @torch.library.custom_op("gbufrt::agx", mutates_args=())
@@ -130,3 +137,34 @@ def darkened(image: Tensor, strength: float, inner: float, outer: float, *, comp
     if form_of(*given, compiled=compiled, cuda=True) is Form.REFERENCE:
         return vignette_reference(*given)
     return vignette_cpu(image, *map(float, given[1:]))
+
+
+@torch.library.custom_op("gbufrt::histogram", mutates_args=())
+def histogram_cpu(color: Tensor) -> Tensor:
+    """See `histogram`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.display.drivers import histogram_rows
+
+    batch, _, height, _ = color.shape
+    strips = color.new_zeros(batch, -(-height // STRIP), 2, BINS, dtype=torch.float64)
+    histogram_rows(array(strips), array(color), threads())
+    return strips.sum(1).to(color.dtype)
+
+
+@histogram_cpu.register_fake
+def _(color):
+    return color.new_empty(color.shape[0], 2, BINS)
+
+
+def histogram(color: Tensor, *, compiled: bool | None = None) -> Tensor:
+    """Pixels by their log2 luminance, from `constants.DARKEST` to `constants.BRIGHTEST`; those without light apart.
+
+    Args:
+        color: ``(B, 3, H, W)`` linear, finite.
+        compiled: see `gbufrt.compute.dispatch.form_of`; there is a kernel for the CPU alone.
+
+    Returns:
+        ``(B, 2, BINS)``: how many pixels each bin holds, and the sum of their log2 luminance.
+    """
+    form = form_of(color, compiled=compiled)
+    return histogram_cpu(color) if form is Form.CPU else histogram_reference(color)

@@ -1,4 +1,5 @@
-"""Tone curves, the display's encoding and the vignette in torch: the definitions, with their gradients."""
+"""Tone curves, the display's encoding, the vignette and the histogram of exposure in torch: the definitions, with their
+gradients."""
 
 from __future__ import annotations
 
@@ -20,6 +21,9 @@ from post.display.constants import (
     AGX_INSET,
     AGX_MAX_EV,
     AGX_MIN_EV,
+    BINS,
+    BRIGHTEST,
+    DARKEST,
     NEUTRAL_DESATURATION,
     NEUTRAL_F90,
     NEUTRAL_START,
@@ -103,3 +107,13 @@ def vignette_reference(image: Tensor, strength: float, inner: float, outer: floa
     distance = length(pixel_centers(image) - middle[None, :, None, None]) / middle.norm()
     t = ((distance - inner) / (outer - inner)).clamp(0, 1)
     return image * (1 - strength * t * t * (3 - 2 * t))
+
+
+def histogram_reference(color: Tensor) -> Tensor:
+    """``(B, 2, BINS)``. See `post.display.op.histogram`."""
+    light = luminance(color, 3).flatten(1)
+    counted = (light > 0).to(light.dtype)
+    stops = light.clamp(2.0**DARKEST, 2.0**BRIGHTEST).log2()
+    place = ((stops.detach() - DARKEST) * (BINS / (BRIGHTEST - DARKEST))).long().clamp(0, BINS - 1)
+    empty = stops.new_zeros(stops.shape[0], BINS)
+    return torch.stack([empty.scatter_add(1, place, counted), empty.scatter_add(1, place, stops * counted)], dim=1)

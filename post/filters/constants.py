@@ -17,3 +17,4 @@ STRIDES = (1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 4.0, 8.0)  # pixels a search 
 DEPTH, NX, NY, NZ, HIT, ROUGHNESS = range(6)  # channels of `edges.Surface.guide`
 
 MOST_PLANES = 16  # of values that a filter takes on a GPU, whose threads have scratch memory of constant size
+SHORTEST = 1e-6  # length below which a mean of unit vectors has no direction

@@ -23,7 +23,7 @@ from post.filters.denoise_kernel import (
     wavelet_weights,
 )
 from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
-from post.filters.kernel import hit_span, surface_row
+from post.filters.kernel import hit_span, surface_row, unit_row
 from post.filters.weight_kernel import GROUP, PARTS, add_values, edge_with, near_row, part_of
 
 
@@ -35,6 +35,14 @@ def surface_rows(guide, plane, depth, normal, hit, roughness, lens, pose, parall
             b, y = row // height, row % height
             channels = depth[b], normal[b], hit[b], roughness[b]
             surface_row(guide[b], plane[b], *channels, lens[b], pose[b], parallel, y, 0, width)
+
+
+@driver
+def unit_rows(out, vector, fallback, threads):
+    batch, _, height, _ = vector.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            unit_row(out[row // height], vector[row // height], fallback[row // height], row % height)
 
 
 @driver

@@ -8,6 +8,7 @@ the denoisers.
 
 from __future__ import annotations
 
+import math
 from collections import namedtuple
 
 import numpy as np
@@ -19,6 +20,7 @@ from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 
 ZERO, ONE = np.float32(0), np.float32(1)
 TINY, NEVER = np.float32(1e-30), np.float32(-1e4)
+SHORTEST = np.float32(constants.SHORTEST)
 HALF, NEAREST = np.float32(0.5), np.float32(1e-9)
 ROUGHNESS_FALLOFF = LOG2_E / np.float32(constants.ROUGHNESS_SCALE)
 
@@ -130,3 +132,17 @@ def edge_weights(weights, guide, plane, y, tap, edge):
     planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
     for i in range(weights.shape[0]):
         weights[i] = there.hit[i] * exp2(edge_exponent(i, here, planes, i, there, dx, dy, edge))
+
+
+@scalar
+def unit_row(out, vector, fallback, y):
+    """A row of `post.filters.units.unit_vectors`."""
+    a, b, c = vector[0, y], vector[1, y], vector[2, y]
+    other_a, other_b, other_c = fallback[0, y], fallback[1, y], fallback[2, y]
+    new_a, new_b, new_c = out[0, y], out[1, y], out[2, y]
+    for x in range(a.shape[0]):
+        size = math.sqrt(max(a[x] * a[x] + b[x] * b[x] + c[x] * c[x], TINY))
+        points, size = size > SHORTEST, max(size, SHORTEST)
+        new_a[x] = a[x] / size if points else other_a[x]
+        new_b[x] = b[x] / size if points else other_b[x]
+        new_c[x] = c[x] / size if points else other_c[x]

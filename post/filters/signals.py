@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
-from gbufrt.directions import length as length_of
+from post.filters.units import unit_vectors
 
 UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
 MIN_ALBEDO = 1e-2  # below this, dividing by albedo would amplify noise more than it removes detail
@@ -61,8 +61,7 @@ def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate
         if demodulate and name == names[0] and before.shape[1] == 3:
             signal = signal * guarded_albedo(frame)
         if name in UNIT_VECTORS:
-            length = length_of(signal)
-            signal = torch.where(length > 1e-6, signal / length.clamp_min(1e-6), before)
+            signal = unit_vectors(signal, before)
         frame = frame.write(name, torch.where(frame.gbuffer.hit, signal, before))
     return frame
 

@@ -42,7 +42,7 @@ def surface(
                 f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
                 f"got {tuple(tensor.shape)}"
             )
-    pose, lens = camera.view_from_world[:, :3, :3].to(depth), camera.lens.to(depth)
+    pose, lens = camera.rotation_to_view.to(depth), camera.lens.to(depth)
     if form_of(depth, normal, roughness, pose, lens, compiled=compiled, cuda=True) is Form.REFERENCE:
         return surface_reference(depth, normal, hit, camera, roughness)
     rough = depth[:, :0] if roughness is None else roughness

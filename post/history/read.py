@@ -108,7 +108,7 @@ def read_history(
     check_alike(gbuffer, previous)
     options = (plane_tolerance, normal_tolerance, search, sharp)
     moved, moved_z = motion_of(gbuffer, previous.camera)
-    pose, lens, was = previous.camera.view_from_world[:, :3, :3], gbuffer.camera.lens, previous.camera.lens
+    pose, lens, was = previous.camera.rotation_to_view, gbuffer.camera.lens, previous.camera.lens
     normals = [g.normal if g.normal_geo is None else g.normal_geo for g in (gbuffer, previous)]
     geometry = (moved_z, gbuffer.depth, previous.depth, *normals, pose, lens, was)
     steps = [t.detach().to(moved) for t in geometry]  # what counts is a step in them: no gradient to keep

@@ -40,9 +40,9 @@ def scene(
     first = (0.5 + jitter - center) / focal
     m = width(camera)
     given = (depth, normal, reach) if light is None else (depth, normal, reach, light)
-    if form_of(*given, camera.view_from_world, focal, compiled=compiled, cuda=True) is not Form.REFERENCE:
+    if form_of(*given, camera.world_from_view, focal, compiled=compiled, cuda=True) is not Form.REFERENCE:
         lens = torch.cat([focal, first], dim=1)
-        pose = camera.view_from_world[:, :3, :3].to(depth.dtype)
+        pose = camera.rotation_to_view.to(depth.dtype)
         empty = depth.new_empty(depth.shape[0], 0, *camera.size)
         picture = padded_cpu(
             *given[:3], hit, empty if light is None else light, lens, pose, m, float(camera.near), camera.orthographic

@@ -169,7 +169,7 @@ def _by_kernel(
         depth[:, 0],
         pixels.normal,
         lens,
-        camera.view_from_world[:, :3, :3].to(depth.dtype),
+        camera.rotation_to_view.to(depth.dtype),
         pixels.of(pixels.hit)[:, 0],
         resident(table, depth),
         noise,

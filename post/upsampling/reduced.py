@@ -7,13 +7,11 @@ from dataclasses import dataclass
 import torch
 
 from gbufrt import SIGNALS, Frame
-from gbufrt.directions import length
 from gbufrt.reduction import Reduction, every_nth
 from post.filters.signals import MIN_ALBEDO, UNIT_VECTORS, guarded_albedo, wants_albedo
 from post.filters.surfaces import surface
+from post.filters.units import unit_vectors
 from post.upsampling.op import upsample
-
-SHORTEST = 1e-6  # vectors that cancelled have no direction: the surface's normal takes their place
 
 
 @dataclass(frozen=True)
@@ -55,7 +53,6 @@ class Reduced(Reduction):
             if name in lit:  # what hit nothing holds 0, whatever its albedo
                 signal = signal if g.albedo is None else signal * g.albedo.clamp_min(MIN_ALBEDO)
             elif name in UNIT_VECTORS:
-                size = length(signal)
-                signal = torch.where(size > SHORTEST, signal / size.clamp_min(SHORTEST), g.normal * g.hit)
+                signal = unit_vectors(signal, g.normal * g.hit)
             frame = frame.write(name, signal)
         return frame

@@ -9,12 +9,12 @@ from torch import Tensor
 
 from gbufrt import Frame, History, TemporalPass
 from gbufrt.compute.resident import number
-from gbufrt.luminance import luminance
 from gbufrt.mending import finite
+from post.display.constants import DARKEST
+from post.display.op import histogram
 
-BINS = 256
-DARKEST, BRIGHTEST = -24.0, 24.0  # log2 of luminance that the histogram tells apart
 DUSK = -6.5  # log2 of luminance below which eyes adapt to a part alone: between a cave by day and a moonlit village
+TINY = 1e-6  # pixels
 UNTIMED = 1 / 30  # seconds between frames that carry no time
 
 
@@ -68,7 +68,7 @@ def exposure(
         raise ValueError(f"min_ev must not exceed max_ev, got {min_ev} and {max_ev}")
     if not 0 <= night <= 1:
         raise ValueError(f"night must lie in 0..1, got {night}")
-    found = _typical(luminance(finite(color), 3), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
+    found = _typical(histogram(finite(color)), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
         before = torch.where(previous.isnan(), found, previous)
         seconds = number(elapsed, found)
@@ -78,22 +78,18 @@ def exposure(
     return (key * torch.exp2(-found - night * dark)).reshape(-1, 1, 1, 1), found
 
 
-def _typical(luminance: Tensor, low: float, high: float) -> Tensor:
+def _typical(counted: Tensor, low: float, high: float) -> Tensor:
     """``(B,)``: mean log2 luminance of the pixels between two percentiles, bins at the ends counting in part.
 
-    Pixels without any light, such as what lies beyond limited sight, count only where all are so.
+    Pixels without any light, such as what lies beyond limited sight, do not count; a picture of them alone is as dark
+    as the histogram knows.
     """
-    lit = (luminance.flatten(1) > 0).to(luminance.dtype)
-    counted = torch.where(lit.amax(1, keepdim=True) > 0, lit, 1.0)
-    stops = luminance.flatten(1).clamp(2.0**DARKEST, 2.0**BRIGHTEST).log2()
-    place = ((stops.detach() - DARKEST) * (BINS / (BRIGHTEST - DARKEST))).long().clamp(0, BINS - 1)
-    empty = stops.new_zeros(stops.shape[0], BINS)
-    count = empty.scatter_add(1, place, counted)
-    total = empty.scatter_add(1, place, stops * counted)
+    count, total = counted.unbind(1)
     last = count.cumsum(1)
     pixels = last[:, -1:]
     inside = (torch.minimum(last, high * pixels) - torch.maximum(last - count, low * pixels)).clamp_min(0)
-    return (total * inside / count.clamp_min(1)).sum(1) / inside.sum(1)
+    mean = (total * inside / count.clamp_min(1)).sum(1) / inside.sum(1).clamp_min(TINY)
+    return torch.where(pixels[:, 0] > 0, mean, DARKEST)
 
 
 class Exposure(TemporalPass):

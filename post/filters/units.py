@@ -1,0 +1,43 @@
+"""Mean directions made unit vectors again, as a torch operator: a kernel on the CPU, else the torch reference."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.directions import length
+from post.filters.constants import SHORTEST
+
+
+@torch.library.custom_op("gbufrt::unit_vectors", mutates_args=())
+def unit_cpu(vector: Tensor, fallback: Tensor) -> Tensor:
+    """See `unit_vectors`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import unit_rows
+
+    out = torch.empty_like(vector, memory_format=torch.contiguous_format)
+    unit_rows(array(out), array(vector), array(fallback), threads())
+    return out
+
+
+@unit_cpu.register_fake
+def _(vector, fallback):
+    return torch.empty_like(vector, memory_format=torch.contiguous_format)
+
+
+def unit_vectors(vector: Tensor, fallback: Tensor, *, compiled: bool | None = None) -> Tensor:
+    """Vectors ``(B, 3, H, W)`` over their length; where they cancelled, and have no direction, the ``fallback``.
+
+    Args:
+        vector: of any length.
+        fallback: as ``vector``.
+        compiled: see `gbufrt.compute.dispatch.form_of`; there is a kernel for the CPU alone.
+
+    Returns:
+        As ``vector``.
+    """
+    if form_of(vector, fallback, compiled=compiled) is Form.CPU:
+        return unit_cpu(vector, fallback)
+    size = length(vector)
+    return torch.where(size > SHORTEST, vector / size.clamp_min(SHORTEST), fallback)
