@@ -14,7 +14,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
-from post.upsampling.constants import BOX, COVERED, DECAY, FIRST, LEAST, MATURE, PARTING
+from post.upsampling.constants import BOX, COUNTS, COVERED, DECAY, FIRST, LEAST, MATURE, PARTING
 from post.upsampling.samples import Samples
 
 OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
@@ -51,14 +51,16 @@ def gathered(toned: Tensor, at: Samples, weight: Tensor) -> Gathered:
     near, share, color, total, first, second = zero, zero, zero, zero, zero, zero
     for tap, away in at.around(toned):
         square = away.square().sum(1, keepdim=True)
-        near = near + torch.exp(WINDOW * square)
+        near = near + torch.exp(COUNTS * square)
         counts = torch.exp(window * square)
         share, color = share + counts, color + counts * tap
         counts, tap = torch.exp(BOX / area * square), ycocg(tap)
         total, first, second = total + counts, first + counts * tap, second + counts * tap * tap
     mean = first / total
     spread = (second / total - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
-    return Gathered(color=color / share.clamp_min(1e-30), weight=near + LEAST, mean=mean, spread=spread)
+    return Gathered(
+        color=color / share.clamp_min(1e-30), weight=near * (COUNTS / WINDOW) + LEAST, mean=mean, spread=spread
+    )
 
 
 def mean_weight(at: Samples) -> float:

@@ -17,9 +17,10 @@ ZERO, HALF, ONE, FOUR = (np.float32(x) for x in (0, 0.5, 1, 4))
 SIXTH, TWO_THIRDS, NEAREST = np.float32(1 / 6), np.float32(2 / 3), np.float32(1e-9)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
 BETWEEN, IN_FRONT = np.float32(constants.BETWEEN), np.float32(1 - constants.IN_FRONT)
+STRAYS, FASTEST = np.float32(constants.STRAYS), np.float32(constants.FASTEST)
 STRETCH, TOLERANCE = np.float32(constants.STRETCH), np.float32(1 + constants.TOLERANCE)
 EDGE_ON = np.float32(constants.EDGE_ON)
-INDEX, TAPS, BOXES, LOCK, PLACE, AWAY, STEP = 0, 1, 4, 7, 8, 9, 10
+INDEX, TAPS, BOXES, LOCK, PLACE, AWAY, STEP, COUNTED = 0, 1, 4, 7, 8, 9, 10, 11
 """Rows of `axis_table`."""
 DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
 """Channels of what the small picture tells of its surfaces."""
@@ -155,7 +156,8 @@ def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, le
         xc, xd = bounded(x0 + 1, width), bounded(x0 + 2, width)
         ye, yf = bounded(y0 - 1, height), bounded(y0, height)
         yg, yh = bounded(y0 + 1, height), bounded(y0 + 2, height)
-        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - BETWEEN * blur)
+        speed = min(math.sqrt(move_x * move_x + move_y * move_y), FASTEST)
+        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - BETWEEN * blur) / (ONE + STRAYS * speed)
         kept[DRIFT, x] = _between(planes[0], xb, xc, u, yf, yg, v)
         kept[WOBBLE, x] = _between(planes[1], xb, xc, u, yf, yg, v)
         strength, was = _between(planes[2], xb, xc, u, yf, yg, v), _between(planes[3], xb, xc, u, yf, yg, v)

@@ -19,6 +19,7 @@ from post.upsampling import constants
 from post.upsampling.upscale_history_kernel import (
     AWAY,
     BOXES,
+    COUNTED,
     DRIFT,
     FEATURE,
     INDEX,
@@ -101,7 +102,8 @@ def now_row(now, kept, sums, toned, across, down, area, y, begin):
         h, k = bounded(i - 1, low_width) - begin, bounded(i + 1, low_width) - begin
         a, b, c = across[TAPS, x], across[TAPS + 1, x], across[TAPS + 2, x]
         near = (a + b + c) * high
-        now[NOW_WEIGHT, x], share = near + LEAST, ONE / max(near, SMALLEST)
+        now[NOW_WEIGHT, x] = across[COUNTED, x] * down[COUNTED, y] + LEAST
+        share = ONE / max(near, SMALLEST)
         ready = min(max(kept[WEIGHT, x] / MATURE, ZERO), ONE)
         if ready < ONE:
             _wide(now, toned, across, down, WINDOW * ready + FIRST / area * (ONE - ready), x, y)

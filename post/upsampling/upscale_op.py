@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -10,7 +12,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import resident
 from post.history.constants import WINDOW
 from post.upsampling.accumulate import mean_weight
-from post.upsampling.constants import BOX
+from post.upsampling.constants import BOX, COUNTS
 from post.upsampling.enlarged import resized
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_taps
@@ -54,9 +56,10 @@ def upscaled(
 
 
 def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
-    """``(B, 11, N)``, of the columns (axis 0) or rows (1) of a large picture: number of the nearest sample; what it and
+    """``(B, 12, N)``, of the columns (axis 0) or rows (1) of a large picture: number of the nearest sample; what it and
     those before and after it weigh, in the narrow window and in the box; what the nearest one counts for a lock; the
-    column's own place, from the first sample on; and how many pixels away the nearest is, and each from the next.
+    column's own place, from the first sample on; how many pixels away the nearest is, and each from the next; and how
+    much the three count for the history's weight.
 
     Args:
         at: the samples.
@@ -70,7 +73,8 @@ def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
     rows = [index, away.square().mul(WINDOW / 2).exp(), place, away, torch.full_like(away, ratio)]
     number, lock, place, away, step = (row.to(away)[:, None] for row in rows)
     windows = (taps * WINDOW).exp(), (taps * (BOX / (at.ratio[0] * at.ratio[1]))).exp()
-    return torch.cat([number, *windows, lock, place, away, step], dim=1)
+    counts = (taps * COUNTS).exp().sum(1, keepdim=True) * math.sqrt(COUNTS / WINDOW)
+    return torch.cat([number, *windows, lock, place, away, step, counts], dim=1)
 
 
 def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]) -> Tensor:

@@ -8,11 +8,12 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.directions import length as size_of
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.history.constants import BRIGHTEST
 from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight
-from post.upsampling.constants import BETWEEN, SLOW, STEADY, WIDER
+from post.upsampling.constants import BETWEEN, FASTEST, SLOW, STEADY, STRAYS, WIDER
 from post.upsampling.motion import upscaled_motion
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_coefficients, spline_read
@@ -68,6 +69,7 @@ def upscaled_reference(
     read = torch.where(valid, sample(torch.cat([before.length, before.planes], dim=1), there), 0.0)
     weight, drift, wobble, locks = read.split((1, 1, 1, 4), dim=1)
     weight = weight * (1 - BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
+    weight = weight / (1 + STRAYS * size_of(motion).clamp_max(FASTEST))
     locks = held(locks, depth, depth_before, motion)
     locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
     old = spline_read(spline_coefficients(before.toned), there)

@@ -117,8 +117,9 @@ def test_reactive_pixels_keep_no_history_each_channel_by_itself():
     noise = torch.rand(1, 3, *SMALL, generator=torch.Generator().manual_seed(1))
     _, history = upscale(noise, frame.gbuffer)
     mask = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1).expand(1, 3, *SMALL)
-    held, _ = upscale(noise * 0.9, frame.gbuffer, history)
-    free, _ = upscale(noise * 0.9, frame.gbuffer, history, reactive=mask)
+    unclipped = 9.0  # clipping white noise would move the other channels as well
+    held, _ = upscale(noise * 0.9, frame.gbuffer, history, gamma=unclipped)
+    free, _ = upscale(noise * 0.9, frame.gbuffer, history, reactive=mask, gamma=unclipped)
     toned = lambda c: c / (1 + c.mul(torch.tensor([0.2126, 0.7152, 0.0722]).view(1, 3, 1, 1)).sum(1, keepdim=True))
     moved = (toned(free) - toned(held)).abs().amax((0, 2, 3))
     assert float(moved[0]) > 20 * float(moved[1:].max())
