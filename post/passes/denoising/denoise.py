@@ -13,6 +13,7 @@ from post.filters.signals import MIN_ALBEDO
 from post.filters.surfaces import surface
 from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
 from post.history.fireflies import given_back
+from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
@@ -47,7 +48,8 @@ def denoise(
     """Turn light with one sample a pixel into a clean picture.
 
     Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
-    over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, and recombined.
+    over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
+    neighbours that keep less noise, and recombined.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
     the reflected image, whichever agrees better. In smooth metals the guide is what they reflect, as far as it is on
     screen.
@@ -103,6 +105,7 @@ def denoise(
         variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
+    smooth = certain_mean(smooth, variance, geometry)
     sure, metals = trusted(grain, length), glossy_metals(gbuffer)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
     smooth = into_shadow(smooth, noisy, geometry, sure)
