@@ -81,11 +81,11 @@ def test_signals_are_judged_after_the_first_frames_too(monkeypatch: pytest.Monke
     real_ao, real_gi = FakeAO.forward, FakeGI.forward
 
     def slow_ao(self: FakeAO, frame: Frame) -> Frame:
-        self.bias = 0.2 / (frame.index + 1)
+        self.bias = 0.2 / (int(frame.index) + 1)
         return real_ao(self, frame)
 
     def slow_gi(self: FakeGI, frame: Frame) -> Frame:
-        self.share = 0.5 * frame.index
+        self.share = 0.5 * int(frame.index)
         return real_gi(self, frame)
 
     monkeypatch.setattr(FakeAO, "forward", slow_ao)
