@@ -50,6 +50,4 @@ def certain_mean(light: Tensor, variance: Tensor, geometry: Surface) -> Tensor:
 
 
 def _filtered(values: Tensor, geometry: Surface, reach: Tensor, step: int) -> Tensor:
-    return wavelet(
-        values, geometry, reach, step=step, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL
-    )  # fmt: skip
+    return wavelet(values, geometry, reach, step=step, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL)
