@@ -14,7 +14,7 @@ AROUND = 7  # pixels: square over which noise is compared with light
 DIMMEST = 0.25  # of the light around: darker pixels owe that to samples that happened to bring nothing
 SPACING = 4  # pixels between the taps that tell how much of its surface a filter finds around a pixel
 LEAST = 0.1  # relative variance of the best of neighbours: they count alike below
-PHI_COLOR, PHI_NORMAL = 0.6, 16.0  # see `post.atrous`
+PHI_COLOR, PHI_NORMAL = 0.3, 16.0  # see `post.atrous`
 
 
 def certain_mean(light: Tensor, variance: Tensor, geometry: Surface) -> Tensor:
