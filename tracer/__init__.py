@@ -24,8 +24,9 @@ from tracer.scene.scene import (
 )
 from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
+from tracer.traversal.hits import Hits
 from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
-from tracer.traversal.rays import Hits, trace, transmission
+from tracer.traversal.rays import trace, transmission
 from tracer.truth.fog import fog_truth
 from tracer.truth.one_path import one_path
 from tracer.truth.truth import (

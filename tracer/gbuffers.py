@@ -14,8 +14,9 @@ from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, haze_before, range_of
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
+from tracer.traversal.hits import Hits
 from tracer.traversal.panes import through_panes
-from tracer.traversal.rays import Hits, run_lengths, trace
+from tracer.traversal.rays import run_lengths, trace
 from tracer.weather.waves import on_waves
 from tracer.weather.wet import wet
 

@@ -9,10 +9,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.resident import places, resident
-from gbufrt.tree import map_tensors
 from tracer.scene.scene import Scene
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
-from tracer.traversal.rays import Hits
+from tracer.traversal.hits import Hits
 
 OCTAVES = ((8, 0.55), (2, 0.2), (1, 0.45))
 """Cells along a face's side and their amplitude: the texels, coarse blotches, and the whole face."""
@@ -57,7 +56,7 @@ def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, 
     strays, wide = table.variation[which], pixels * scales
     shows = places(hits.hit & (strays > 0) & (wide > FADED))  # beside these nothing varies
     tone = torch.ones_like(strays)
-    tone[shows] += strays[shows] * variation(map_tensors(lambda x: x[shows], hits), hits.instance[shows], wide[shows])
+    tone[shows] += strays[shows] * variation(hits.at(shows), hits.instance[shows], wide[shows])
     plain = Look(
         albedo=(table.albedo[which] * tone[..., None]).clamp(0.0, 1.0),
         roughness=table.roughness[which],

@@ -13,7 +13,8 @@ from voxels import GLASS, STONE, WATER
 
 from tracer.scene.scene import MASK_ALL, MASK_PRIMARY, MASK_SHADOW, Instance, Scene
 from tracer.scene.weather import Waves
-from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+from tracer.traversal.hits import Hits
+from tracer.traversal.rays import run_lengths, trace, transmission
 from tracer.weather.caustics import _focused as focus
 from tracer.weather.water import Water
 from tracer.weather.waves import _meet as meet_waves

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from tracer.lights.sky import sky_radiance
 from tracer.scene.scene import Haze, Scene
-from tracer.traversal.rays import Hits
+from tracer.traversal.hits import Hits
 
 HORIZON = 0.03  # sine of the elevation whose sky is the haze's: a little more than a pixel of the sky's picture
 

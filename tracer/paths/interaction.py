@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -16,7 +16,8 @@ from tracer.lights.shadows import SHORT
 from tracer.sampling.scatter import dot
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW, Scene
 from tracer.texture import look
-from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+from tracer.traversal.hits import Hits
+from tracer.traversal.rays import run_lengths, trace, transmission
 
 LAYERS = 16  # transmissive surfaces that a ray goes through at most
 MOST_PASS = 0.95  # so that a transmissive surface shows itself to at least one ray in twenty
@@ -155,7 +156,7 @@ def intersect(
     rows = hits.hit.nonzero()[:, 0]
     pixels = torch.as_tensor(detail, dtype=hits.t.dtype, device=rows.device).expand_as(hits.t)[rows]
     pixels = pixels / hits.t[rows].clamp_min(1e-9) if spreads else pixels
-    surface = _vertices(scene, origins[rows], directions[rows], _at(hits, rows), inside[rows], pixels, poses)
+    surface = _vertices(scene, origins[rows], directions[rows], hits.at(rows), inside[rows], pixels, poses)
     return Interaction(hit=hits.hit, weight=weight, distance=hits.t, rows=rows, surface=surface)
 
 
@@ -176,7 +177,7 @@ def _go_through(
     for _ in range(LAYERS):
         if not len(rows):
             return
-        first, way = _at(hits, rows), (origins[rows], directions[rows])
+        first, way = hits.at(rows), (origins[rows], directions[rows])
         which, poses = first.material.long(), given["poses"]
         run = run_lengths(scene, *way, first, poses=poses, cap=MAX_RUN)[1]
         run = torch.where(first.back_face, first.t, run)
@@ -185,7 +186,7 @@ def _go_through(
         goes = u[rows] < share
         u[rows] = torch.where(goes, u[rows] / share.clamp_min(1e-12), (u[rows] - share) / (1 - share).clamp_min(1e-12))
         weight[rows[~goes]] /= (1 - share[~goes])[:, None]
-        rows, first, which, run = rows[goes], _at(first, goes), which[goes], run[goes]
+        rows, first, which, run = rows[goes], first.at(goes), which[goes], run[goes]
         factor = (enters[goes] / share[goes])[:, None]
         ends = given["t_max"] if not isinstance(given["t_max"], Tensor) else given["t_max"][rows]
         behind = trace(
@@ -194,8 +195,7 @@ def _go_through(
         run = torch.where(first.back_face, run, torch.minimum(run, behind.t - first.t))
         weight[rows] *= _passing(scene, which, run) * factor
         inside[rows] = ~first.back_face & (run >= behind.t - first.t - SHORT)
-        for field in fields(Hits):
-            getattr(hits, field.name)[rows] = getattr(behind, field.name)
+        hits.put(rows, behind)
         rows = rows[behind.hit & (table.opacity[behind.material.long()] < 1)]
 
 
@@ -203,10 +203,6 @@ def _passing(scene: Scene, which: Tensor, run: Tensor) -> Tensor:
     """``(N, 3)`` light that comes through a ``run`` of a material."""
     table = scene.materials
     return (1 - table.opacity[which])[:, None] * table.tint[which] ** run.clamp_min(0)[:, None]
-
-
-def _at(hits: Hits, rows: Tensor) -> Hits:
-    return map_tensors(lambda x: x[rows], hits)
 
 
 def _vertices(

@@ -17,7 +17,8 @@ from gbufrt.compute.each import Each
 from tracer.scene.grids import BRICK
 from tracer.scene.world import World
 from tracer.traversal import octree_kernel
-from tracer.traversal.rays import FARTHEST, Hits
+from tracer.traversal.hits import Hits
+from tracer.traversal.rays import FARTHEST
 
 PART = 256  # bricks whose voxels are sorted at a time
 BITS = 4  # of a voxel's place in its brick, along an axis

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import places
+from gbufrt.tree import map_tensors
 from tracer.scene.scene import MASK_PRIMARY, Scene
-from tracer.traversal.rays import Hits, run_lengths, trace
+from tracer.traversal.hits import Hits
+from tracer.traversal.rays import run_lengths, trace
 
 MOST = 4  # surfaces that are looked through
 THICK = 64.0  # world units that are looked into one
@@ -34,24 +34,20 @@ def through_panes(
         The hits, and ``(B, H, W, 3)`` the share of the light from there that comes through what was hit before.
     """
     table, share = scene.materials, torch.ones_like(origins)
-    columns = {f.name: getattr(hits, f.name).clone() for f in fields(Hits)}
+    hits = map_tensors(torch.clone, hits)
     for b in range(len(origins)):
         for _ in range(MOST):
-            clear = columns["hit"][b] & (table.opacity[columns["material"][b].long()] < 1)
+            clear = hits.hit[b] & (table.opacity[hits.material[b].long()] < 1)
             rows = places(clear)
             if not len(rows[0]):
                 break
-            pane, way = (
-                Hits(**{name: x[b][rows] for name, x in columns.items()}),
-                (origins[b][rows], directions[b][rows]),
-            )
-            behind = trace(scene, *way, poses=poses[b], mask=MASK_PRIMARY, t_max=t_max[b][rows], beyond=pane)
+            rows = (b, *rows)
+            pane, way = hits.at(rows), (origins[rows], directions[rows])
+            behind = trace(scene, *way, poses=poses[b], mask=MASK_PRIMARY, t_max=t_max[rows], beyond=pane)
             run = run_lengths(scene, *way, pane, poses=poses[b], cap=THICK)[1]
             run = torch.minimum(run, behind.t - pane.t).clamp_min(0)[:, None]
-            which, here = pane.material.long(), clear[rows]
+            which, here = pane.material.long(), clear[rows[1:]]
             passed = (1 - table.opacity[which])[:, None] * table.tint[which] ** run
-            share[b][rows] *= torch.where(here[:, None], passed, 1.0)
-            for name, x in columns.items():
-                old, new = getattr(pane, name), getattr(behind, name)
-                x[b][rows] = torch.where(here if old.ndim == 1 else here[:, None], new, old)
-    return Hits(**columns), share
+            share[rows] *= torch.where(here[:, None], passed, 1.0)
+            hits.put(rows, behind.where(here, pane))
+    return hits, share

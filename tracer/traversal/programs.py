@@ -20,8 +20,9 @@ from torch import Tensor
 from gbufrt.names import unknown
 from gbufrt.tree import map_tensors
 from tracer.scene.scene import MASK_ALL, Scene
+from tracer.traversal.hits import Hits
 from tracer.traversal.payloads import changed, described, flat_rows, name_of, taken, with_rows
-from tracer.traversal.rays import Hits, trace
+from tracer.traversal.rays import trace
 
 P = TypeVar("P")
 EVERY = "*"  # instances without a hit group of their own; the name of the world is `WORLD`

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -13,50 +12,10 @@ from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 from tracer.traversal import op as ops
+from tracer.traversal.hits import Hits
 
 FARTHEST = 1e20  # where every ray ends, so that one without a direction hits nothing
 MARGIN = 1e-6  # of bounding spheres, against rounding
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Hits:
-    """What rays hit; every field begins with the rays' shape. Where ``hit`` is False the rest is meaningless.
-
-    Args:
-        t: distance in units of the direction's length; inf on a miss.
-        hit: bool.
-        material: int32 row of ``scene.materials``; 0 on a miss.
-        instance: int32: 0 the world, i + 1 instance i; 0 on a miss.
-        normal: ``(..., 3)`` of the face, unit length, world space, facing the ray; 0 on a miss.
-        cell: ``(..., 3)`` int32: the voxel, in the coordinates of its own grid.
-        local: ``(..., 3)`` the hit point, in the coordinates of its own grid.
-        face: int32: which face of the voxel, -x +x -y +y -z +z.
-        back_face: bool: the ray left a transmissive material into air here.
-    """
-
-    t: Tensor
-    hit: Tensor
-    material: Tensor
-    instance: Tensor
-    normal: Tensor
-    cell: Tensor
-    local: Tensor
-    face: Tensor
-    back_face: Tensor
-
-    def uv(self, scales: Tensor | None = None) -> Tensor:
-        """``(..., 2)`` in [0, 1]: the hit point on the face, along the grid's two other axes in order.
-
-        Args:
-            scales: ``(...)`` world units a voxel, for the face of the world unit that the voxel is part of.
-        """
-        inner = (self.local - self.cell).clamp(0.0, 1.0)
-        if scales is not None:
-            begin = self.cell * scales[..., None]
-            inner = (begin - begin.floor() + inner * scales[..., None]).clamp(0.0, 1.0)
-        axis = self.face.long() // 2
-        first, second = torch.where(axis == 0, 1, 0), torch.where(axis == 2, 1, 2)
-        return inner.gather(-1, torch.stack([first, second], dim=-1))
 
 
 def trace(

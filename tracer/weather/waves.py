@@ -7,7 +7,6 @@ goes on to where it meets the height field.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -17,7 +16,8 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.tree import map_tensors
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import facing
-from tracer.traversal.rays import Hits, trace
+from tracer.traversal.hits import Hits
+from tracer.traversal.rays import trace
 from tracer.weather.reference import meet
 from tracer.weather.water import TOP, Water
 
@@ -68,18 +68,18 @@ def on_waves(
         here = (b, *top[b].nonzero(as_tuple=True))
         water = Water.of(scene.waves, times[b], eyes[b])
         origin, direction = rays = origins[here], directions[here]
-        on, behind = (map_tensors(lambda x, at=here: x[at], hits) for hits in (first, second))
+        on, behind = first.at(here), second.at(here)
         met = _met(scene, water, rays, on, behind, poses=poses[b], t_max=t_max[here])
         dry[here] = met >= behind.t
         places = (origin + direction * met[:, None])[:, [0, 2]]
         slopes = water.slopes(places)
         up = F.normalize(torch.stack([-slopes[:, 0], torch.ones_like(met), -slopes[:, 1]], dim=-1), dim=-1)
-        _put(first, here, replace(on, t=met, normal=facing(up, on.normal, direction)))
-        _put(second, here, behind)
+        first.put(here, replace(on, t=met, normal=facing(up, on.normal, direction)))
+        second.put(here, behind)
         if times[b] != before[b]:
             earlier = Water.of(scene.waves, before[b], eyes[b])
             rises[here] = earlier.height(places) - water.height(places)
-    return _chosen(dry, second, first), _without(second, dry), torch.where(dry, 0.0, rises)
+    return second.where(dry, first), _without(second, dry), torch.where(dry, 0.0, rises)
 
 
 def _met(
@@ -95,18 +95,13 @@ def _met(
         rows = again.nonzero(as_tuple=True)
         if not len(rows[0]):
             break
-        entered, way = map_tensors(lambda x, at=rows: x[at], behind), (rays[0][rows], rays[1][rows])
+        entered, way = behind.at(rows), (rays[0][rows], rays[1][rows])
         for name in ("material", "cell", "local"):
             getattr(on, name)[rows] = getattr(entered, name)
         beyond = trace(scene, *way, poses=poses, mask=MASK_PRIMARY, t_max=t_max[rows], beyond=entered)
-        _put(behind, rows, beyond)
+        behind.put(rows, beyond)
         met[rows] = _meet(water, *way, on.t[rows], beyond.t)
     return met
-
-
-def _put(hits: Hits, rows: tuple[Any, ...], values: Hits) -> None:
-    for name in Hits.__dataclass_fields__:
-        getattr(hits, name)[rows] = getattr(values, name)
 
 
 def _meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor) -> Tensor:
@@ -134,13 +129,6 @@ def above_waves(scene: Scene, materials: Tensor | None, normals: Tensor, points:
     height = points[:, 1:2]
     clear = torch.where(wave, torch.maximum(height, (height - 1e-2).ceil() + 1e-3), height)
     return torch.cat([points[:, :1], clear, points[:, 2:]], dim=1)
-
-
-def _chosen(where: Tensor, a: Hits, b: Hits) -> Hits:
-    """``a`` where so, else ``b``."""
-    fields = {name: (getattr(a, name), getattr(b, name)) for name in Hits.__dataclass_fields__}
-    wide = {name: where if x.ndim == where.ndim else where[..., None] for name, (x, _) in fields.items()}
-    return Hits(**{name: torch.where(wide[name], *pair) for name, pair in fields.items()})
 
 
 def _without(hits: Hits, where: Tensor) -> Hits:

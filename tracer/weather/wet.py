@@ -13,7 +13,8 @@ from tracer.sampling.sequence import disc
 from tracer.scene.scene import MASK_SHADOW, Scene
 from tracer.scene.weather import Rain
 from tracer.texture import Look, facing
-from tracer.traversal.rays import Hits, trace
+from tracer.traversal.hits import Hits
+from tracer.traversal.rays import trace
 from tracer.weather.noise import noise3
 from tracer.weather.ripples import ripple_slopes
 

@@ -12,8 +12,9 @@ from tracer.scene.scene import MASK_ALL, MASK_SHADOW, Instance, Scene
 from tracer.traversal import drivers
 from tracer.traversal import rays as traversal
 from tracer.traversal import reference as reference_form
+from tracer.traversal.hits import Hits
 from tracer.traversal.lane_kernel import BATCH
-from tracer.traversal.rays import Hits, run_lengths, trace, transmission
+from tracer.traversal.rays import run_lengths, trace, transmission
 
 ROOT = Path(__file__).resolve().parents[3]
 
