@@ -72,7 +72,7 @@ def _point(z, optics, orthographic, x, y):
 
 @inlined
 def _carried(carried, f0, cosine, share):
-    """What is left of light that a metal mirrors once more."""
+    """What is left of light that a surface mirrors once more."""
     edge = share * grazing(min(cosine, ONE))
     fades = share - edge
     return (

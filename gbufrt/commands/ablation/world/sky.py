@@ -16,13 +16,8 @@ from gbufrt.commands.ablation.world.pictures import compared
 
 HOURS = {"noon": 12.0, "morning": 8.0, "sunrise": 6.25, "dawn": 5.75, "dusk": 18.5}
 """By the names that stand for views: sun at 60, 26, 3, -3 and -6.5 degrees."""
-PATHS = {
-    "noon": 192,
-    "morning": 192,
-    "sunrise": 256,
-    "dawn": 1024,
-    "dusk": 2048,
-}  # a direction and colour, of each half of the truth
+PATHS = {"noon": 192, "morning": 192, "sunrise": 256, "dawn": 1024, "dusk": 2048}
+"""A direction and colour, of each half of the truth."""
 GRID = (8, 16)  # directions over the upper hemisphere, each of the same solid angle: by height, and round
 ROWS = 540  # from zenith to horizon: a picture of 1080 rows that shows 180 degrees
 LEVELS = 255
