@@ -21,6 +21,7 @@ def gathered(
     sun: Tensor,
     between: Tensor,
     *,
+    leaving: Tensor | None = None,
     steps: int = STEPS,
     compiled: bool | None = None,
 ) -> tuple[Tensor, Tensor]:
@@ -34,6 +35,8 @@ def gathered(
         up: cosine between the ray and the zenith there.
         sun: between the sun and the zenith there.
         between: between the ray and the sun.
+        leaving: ``(..., 3)`` radiance that the ground sends back along the ray; by default what lights it, times the
+            atmosphere's albedo.
         steps: along the ray.
         compiled: see `gbufrt.compute.dispatch.form_of`.
 
@@ -44,9 +47,13 @@ def gathered(
     stop, grounded = air.ends(height, up)
     light, clear = marched(tables, height, up, sun, between, stop, steps, slices=1, compiled=compiled)
     light, clear = light[..., 0, :], clear[..., 0, :]
-    sun_here = ((air.radius + height[grounded]) * sun[grounded] + (stop * between)[grounded]) / air.radius
-    lit = clear[grounded] * tables.to_ground(sun_here) * (air.ground_albedo / math.pi)
-    return light.masked_scatter(grounded[..., None], light[grounded] + lit), clear.masked_fill(grounded[..., None], 0.0)
+    if leaving is None:
+        sun_here = ((air.radius + height[grounded]) * sun[grounded] + (stop * between)[grounded]) / air.radius
+        sent = tables.to_ground(sun_here) * (air.ground_albedo / math.pi)
+    else:
+        sent = leaving[grounded]
+    lit = light[grounded] + clear[grounded] * sent
+    return light.masked_scatter(grounded[..., None], lit), clear.masked_fill(grounded[..., None], 0.0)
 
 
 def marched(

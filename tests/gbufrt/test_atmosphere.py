@@ -130,6 +130,22 @@ def test_the_planet_is_seen_from_space():
     assert down[2] > 0.01
 
 
+def test_ground_has_its_colour_and_calm_water_mirrors_the_horizon():
+    sun, below = toward(40), slice(SIZE[0] // 2, None)
+    grounds: list[dict[str, Any]] = [{}, {"ground": (0.3, 0.3, 0.3)}, {"ground": (0.0, 0.3, 0.0)}, {"water": 1.0}]
+    plain, same, green, sea = (sky_picture(EARTH, sun, size=SIZE, **ground)[0] for ground in grounds)
+    assert torch.allclose(same[:, below], plain[:, below], rtol=0.02)
+    for other in (same, green, sea):
+        assert torch.equal(other[:, : below.start], plain[:, : below.start])
+    down = green[:, -1].mean(dim=1)
+    assert down[1] > 3 * down[0]
+    assert down[1] == pytest.approx(float(plain[1, -1].mean()), rel=0.02)
+    over, under = sea[:, below.start - 1], sea[:, below.start]
+    assert torch.allclose(under, over, rtol=0.15)
+    assert not torch.allclose(plain[:, below.start], over, rtol=0.15)
+    assert float(sea[:, -1].mean()) < 0.3 * float(plain[:, -1].mean()), "straight down water is dark"
+
+
 def test_impossible_air_and_suns_are_refused():
     cases: list[tuple[dict[str, Any], str]] = [
         ({"mie": -1.0}, "mie must be finite and not negative"),
@@ -144,3 +160,7 @@ def test_impossible_air_and_suns_are_refused():
         sky_picture(EARTH, (0.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="height must be at least 0"):
         sky_picture(EARTH, (0.0, 1.0, 0.0), height=-1.0)
+    with pytest.raises(ValueError, match=r"water must lie in 0\.\.1"):
+        sky_picture(EARTH, (0.0, 1.0, 0.0), water=1.5)
+    with pytest.raises(ValueError, match="from below 100"):
+        sky_picture(EARTH, (0.0, 1.0, 0.0), height=200.0, water=0.5)

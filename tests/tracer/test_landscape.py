@@ -110,6 +110,20 @@ def test_land_in_the_sea_goes_on_as_sea():
     assert landscape(island(gap=True)).world.bounds() == world.bounds()
 
 
+def test_below_the_horizon_lies_what_the_border_shows():
+    sea, mixed = (landscape(island(gap=gap)) for gap in (False, True))
+    earth = sea.world.materials.albedo[1].tolist()
+    assert sea.sky.plain is not None
+    assert sea.sky.plain.water == 1
+    assert mixed.sky.plain is not None
+    assert 0.9 < mixed.sky.plain.water < 1
+    assert mixed.sky.plain.albedo == pytest.approx(earth)
+    sky = {scene: at_hour(scene, 12.0).sky for scene in (sea, mixed)}
+    assert sky[mixed].plain == mixed.sky.plain
+    down = [float(found.picture[..., -1, :].mean()) for found in sky.values() if found.picture is not None]
+    assert down[1] > 1.02 * down[0], "land among the water is brighter"
+
+
 def test_a_single_voxel_has_views():
     table = MaterialTable.of([Material(name="stone")])
     found = landscape(world_of_cells(np.array([[5, -3, 7]]), np.array([1], np.int16), table))

@@ -68,6 +68,8 @@ class Lit(Protocol):
     @property
     def sun(self) -> Sun | None: ...
     @property
+    def sky(self) -> Sky: ...
+    @property
     def device(self) -> torch.device | str: ...
 
 
@@ -107,17 +109,19 @@ def at_hour(
     above = np.full(3, brightness)  # white, before the air takes its share
     shape = (1 + math.cos(2 * math.pi * day / MONTH)) / 2  # the share of the moon that is lit
     bodies = (path.sun(hour), above), (path.moon(hour, day), above * (MOON * shape**1.5) * TINGE)
+    ground, water = scene.sky.plain or (None, 0.0)
     sky = torch.tensor(above * GLOW, dtype=torch.float32).view(1, 3, 1, 1).expand(1, 3, 256, 512)
     for toward, light in bodies:
         if toward[1] > LOWEST and light.any():
-            sky = sky + sky_picture(air, toward, irradiance=light.tolist())
+            sky = sky + sky_picture(air, toward, irradiance=light.tolist(), ground=ground, water=water)
     arriving = [light * _transmitted(air, toward) for toward, light in bodies]
     shines = int(arriving[1].sum() > arriving[0].sum())
     sun = replace(noon, direction=bodies[shines][0], irradiance=_rgb(arriving[shines]), angular_radius=DISC)
     device = scene.device
     axes = [path.turned(axis, inverse=True) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     stars = torch.tensor(axes).T
-    return replace(scene, sun=sun, sky=Sky(picture=sky.to(device), stars=(_about_z(hour) @ stars).to(device)))
+    stars = (_about_z(hour) @ stars).to(device)
+    return replace(scene, sun=sun, sky=Sky(plain=scene.sky.plain, picture=sky.to(device), stars=stars))
 
 
 def _about_z(hour: float) -> torch.Tensor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -60,6 +60,15 @@ class Sun:
     angular_radius: float = 0.6
 
 
+class Plain(NamedTuple):
+    """The land below the horizon, where the voxels end."""
+
+    albedo: tuple[float, float, float]
+    """Linear RGB, of what is no water."""
+    water: float = 0.0
+    """The share that is water."""
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sky:
     """Radiance of the sky without the sun's disc, linear RGB.
@@ -68,6 +77,7 @@ class Sky:
         zenith: straight above; between it and the horizon it goes by elevation, with a glow round the sun.
         horizon: at eye level.
         ground: below.
+        plain: what `tracer.at_hour` lights there; grey land by default.
         picture: in place of all these, a lat-long picture ``(1, 3, h, w)``, oriented as `gbufrt.environment` says.
         stars: ``(3, 3)`` rotation from world space to the sphere of the fixed stars; the camera sees them then.
     """
@@ -75,6 +85,7 @@ class Sky:
     zenith: tuple[float, float, float] = (0.25, 0.45, 0.95)
     horizon: tuple[float, float, float] = (0.85, 0.95, 1.05)
     ground: tuple[float, float, float] = (0.25, 0.22, 0.18)
+    plain: Plain | None = None
     picture: Tensor | None = None
     stars: Tensor | None = None
 

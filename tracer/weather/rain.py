@@ -63,7 +63,8 @@ def raining(scene: S, level: float) -> S:
     grey = overcast(directions, _on_ground(scene.sun, clear, directions))
     sun = scene.sun and replace(scene.sun, irradiance=_scaled(scene.sun.irradiance, (1 - cloudy) ** 1.5))
     haze = Haze(begin=NEAR / level, end=FAR / level).and_also(scene.haze)
-    return replace(scene, sun=sun, sky=Sky(picture=torch.lerp(clear, grey, cloudy)), haze=haze, rain=rain)
+    sky = Sky(plain=scene.sky.plain, picture=torch.lerp(clear, grey, cloudy))
+    return replace(scene, sun=sun, sky=sky, haze=haze, rain=rain)
 
 
 def overcast(directions: Tensor, irradiance: Tensor) -> Tensor:

@@ -6,19 +6,22 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from tracer.scene.grids import BRICK
-from tracer.scene.scene import Instance, Scene, Sky, Sun, View
+from tracer.scene.material import MaterialTable
+from tracer.scene.scene import Instance, Plain, Scene, Sky, Sun, View
 from tracer.scene.world import World
-from tracer.worlds.sea import in_open_sea, shore_of
+from tracer.worlds.sea import ends_of, in_open_sea, shore_of
 from tracer.worlds.views import loop, round_trip, still
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 SUN = Sun(direction=(-0.62, 0.60, 0.50), irradiance=(4.2, 3.7, 3.0))
-SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68))
+MEADOW = Plain((0.17, 0.21, 0.10))  # where the border is not known
+SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68), plain=MEADOW)
 FOV_Y = 55.0
 PLACES, TURNS = 7, 10  # tried along each side of the map, and round the compass
 RISES = (6.0, 18.0)  # above the highest ground near by, blocks
@@ -61,7 +64,8 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     """A scene of a piece of land under the sky.
 
     Args:
-        world: the land. Where the file ends it goes on as empty space, or as the sea if there is water all round it.
+        world: the land. Where the file ends it goes on as the sea if there is water all round it; else there is empty
+            space, and below the horizon a plain of the border's mean colour.
         instances: what else there is.
 
     Returns:
@@ -75,7 +79,16 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     if shore is not None:
         ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
-    return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=views)
+    sky = replace(SKY, plain=_plain(ground, world.materials))
+    return Scene(world=world, instances=instances, sun=SUN, sky=sky, views=views)
+
+
+def _plain(ground: _Map, materials: MaterialTable) -> Plain:
+    """What land goes on as: the mean of its border."""
+    kinds = torch.from_numpy(ground.kind[ends_of(np.isfinite(ground.top))])
+    albedo, water = materials.albedo.cpu()[kinds], materials.water.cpu()[kinds]
+    r, g, b = albedo[~water].mean(dim=0).tolist() if not water.all() else MEADOW.albedo
+    return Plain((r, g, b), float(water.float().mean()))
 
 
 def _map_of(world: World) -> _Map:

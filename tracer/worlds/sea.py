@@ -36,14 +36,19 @@ def shore_of(top: NDArray[np.float64], kind: NDArray[np.int64], water: NDArray[n
         water: ``(M,)`` which materials are.
     """
     land: NDArray[np.bool_] = np.isfinite(top)
-    near = np.pad(land, 1)
-    ends = land & ~(near[:-2, 1:-1] & near[2:, 1:-1] & near[1:-1, :-2] & near[1:-1, 2:])
+    ends = ends_of(land)
     levels, kinds = np.unique(top[ends]), kind[ends]
     bricks = np.unique(np.argwhere(ends) // BRICK, axis=0)
     whole = np.asarray(land.reshape(len(land) // BRICK, BRICK, -1, BRICK).all(axis=(1, 3)))
     if len(levels) != 1 or not water[kinds].all() or not whole[tuple(bricks.T)].all():
         return None
     return Shore(bricks, float(levels[0]), int(kinds[0]))
+
+
+def ends_of(land: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """``(X, Z)`` which columns have none beside them."""
+    near = np.pad(land, 1)
+    return land & ~(near[:-2, 1:-1] & near[2:, 1:-1] & near[1:-1, :-2] & near[1:-1, 2:])
 
 
 def in_open_sea(world: World, shore: Shore) -> World:
