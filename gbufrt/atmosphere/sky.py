@@ -111,13 +111,28 @@ def _over(
     """A sky with another ground under it: land of an albedo and a share of water, which mirrors the rows above."""
     tables, below = tables_of(air), slice(len(sky) // 2, None)
     up, between = up[below].expand_as(between[below]), between[below]
-    lit = tables.to_ground(sun) / math.pi
-    mirrors = (WATER_F0 + (1 - WATER_F0) * (1 - up.abs()) ** 5)[..., None]
-    wet = torch.lerp(lit * lit.new_tensor(DEEP), sky.flip(0)[below], mirrors)
-    leaving = torch.lerp((lit * albedo).expand_as(wet), wet, water)
+    leaving = from_ground(up, tables.to_ground(sun) / math.pi, sky.flip(0)[below], albedo, water)
     start = torch.full_like(up, height)
     land = gathered(tables, start, up, sun.expand_as(up), between, leaving=leaving)[0]
     return torch.cat([sky[: below.start], land])
+
+
+def from_ground(up: Tensor, lit: Tensor, mirrored: Tensor, albedo: Tensor, water: float) -> Tensor:
+    """Radiance that flat ground sends to who looks down at it.
+
+    Args:
+        up: ``(...)`` cosine between the view and the zenith.
+        lit: ``(..., 3)`` irradiance of the ground over pi.
+        mirrored: ``(..., 3)`` radiance of the sky that water mirrors there.
+        albedo: ``(3,)`` of what is no water.
+        water: the share that is.
+
+    Returns:
+        ``(..., 3)``.
+    """
+    mirrors = (WATER_F0 + (1 - WATER_F0) * (1 - up.abs()) ** 5)[..., None]
+    wet = torch.lerp(lit * lit.new_tensor(DEEP), mirrored, mirrors)
+    return torch.lerp((lit * albedo).expand_as(wet), wet, water)
 
 
 def unit_direction(direction: Sequence[float]) -> Tensor:

@@ -122,6 +122,9 @@ def test_below_the_horizon_lies_what_the_border_shows():
     assert sky[mixed].plain == mixed.sky.plain
     down = [float(found.picture[..., -1, :].mean()) for found in sky.values() if found.picture is not None]
     assert down[1] > 1.02 * down[0], "land among the water is brighter"
+    night = at_hour(sea, 0.0, day=14.765).sky.picture
+    assert night is not None
+    assert float(night[..., -1, :].mean()) < 0.1 * float(night[..., 0, :].mean()), "and does not glow by itself"
 
 
 def test_a_single_voxel_has_views():

@@ -10,14 +10,16 @@ import numpy as np
 import torch
 
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
+from gbufrt.atmosphere.sky import from_ground
 from tracer.scene.material import RGB
-from tracer.scene.scene import Sky, Sun
+from tracer.scene.scene import Plain, Sky, Sun
 
 MONTH = 29.53  # days from one full moon to the next
 MOON = 1 / 300  # a full moon's light over the sun's: an eye that has adapted to the night takes it for as much
 TINGE = (0.80, 0.93, 1.20)  # of moonlight, which such an eye sees bluer than it is
 GLOW = (0.00022, 0.00030, 0.00046)  # radiance of a sky without sun and moon, for a sun of irradiance 1
 DISC = 0.27  # degrees: the radius of sun and moon
+SIZE = (256, 512)  # of the sky's picture
 LOWEST = -0.31  # sine of 18 degrees: further down the sun lights no part of the sky
 
 
@@ -109,19 +111,29 @@ def at_hour(
     above = np.full(3, brightness)  # white, before the air takes its share
     shape = (1 + math.cos(2 * math.pi * day / MONTH)) / 2  # the share of the moon that is lit
     bodies = (path.sun(hour), above), (path.moon(hour, day), above * (MOON * shape**1.5) * TINGE)
-    ground, water = scene.sky.plain or (None, 0.0)
-    sky = torch.tensor(above * GLOW, dtype=torch.float32).view(1, 3, 1, 1).expand(1, 3, 256, 512)
+    plain = scene.sky.plain
+    ground, water = plain or (None, 0.0)
+    sky = _glow(torch.tensor(above * GLOW, dtype=torch.float32), plain)
     for toward, light in bodies:
         if toward[1] > LOWEST and light.any():
-            sky = sky + sky_picture(air, toward, irradiance=light.tolist(), ground=ground, water=water)
+            sky = sky + sky_picture(air, toward, irradiance=light.tolist(), ground=ground, water=water, size=SIZE)
     arriving = [light * _transmitted(air, toward) for toward, light in bodies]
     shines = int(arriving[1].sum() > arriving[0].sum())
     sun = replace(noon, direction=bodies[shines][0], irradiance=_rgb(arriving[shines]), angular_radius=DISC)
     device = scene.device
     axes = [path.turned(axis, inverse=True) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
-    stars = torch.tensor(axes).T
-    stars = (_about_z(hour) @ stars).to(device)
-    return replace(scene, sun=sun, sky=Sky(plain=scene.sky.plain, picture=sky.to(device), stars=stars))
+    stars = (_about_z(hour) @ torch.tensor(axes).T).to(device)
+    return replace(scene, sun=sun, sky=Sky(plain=plain, picture=sky.to(device), stars=stars))
+
+
+def _glow(radiance: torch.Tensor, plain: Plain | None) -> torch.Tensor:
+    """A sky that is alike on all sides, over what lies below the horizon."""
+    even = radiance.expand(*SIZE, 3)
+    if plain is not None:
+        up = ((torch.arange(SIZE[0] // 2) + 0.5) * (math.pi / SIZE[0])).sin()[:, None].expand(-1, SIZE[1])
+        upper = even[: SIZE[0] // 2]
+        even = torch.cat([upper, from_ground(up, upper, upper, torch.tensor(plain.albedo), plain.water)])
+    return even.permute(2, 0, 1)[None]
 
 
 def _about_z(hour: float) -> torch.Tensor:
