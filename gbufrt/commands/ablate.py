@@ -34,7 +34,7 @@ Names = Annotated[tuple[str, ...], Parameter(negative="")]
 
 def ablate(
     *worlds: str,
-    out: Path,
+    out: Path = Path("report"),
     views: Names = (),
     paths: Names = (),
     size: str = "480x270",

@@ -23,7 +23,7 @@ from gbufrt.commands.video import video
 
 HELP = """From a voxel world to a finished frame: traced G-buffers, and screen-space passes over them.
 
-Start with `gbufrt render --out out`, which writes out/frame_0000.png and an EXR with everything in it.
+Start with `gbufrt render`, which writes out/frame_0000.png and an EXR with everything in it.
 """
 
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def post(
     *files: Path,
-    out: Path,
+    out: Path = Path("out"),
     source: Annotated[str | None, Parameter(name="--from")] = None,
     camera: Path | None = None,
     fov: float | None = None,

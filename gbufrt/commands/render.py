@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def render(
     world: str = "builtin",
     *,
-    out: Path,
+    out: Path = Path("out"),
     view: str | None = None,
     eye: str | None = None,
     target: str | None = None,

@@ -13,7 +13,7 @@ from gbufrt.commands.arguments import checks
 
 WRONG = (
     ("render --size 0x0 --out out", "--size must be"),
-    ("render --frames 0 --out out", "--frames must be 1 or more"),
+    ("render --frames 0", "--frames must be 1 or more"),
     ("render --fps 0 --out out", "--fps must be"),
     ("render nowhere --out out", "no world 'nowhere'; there are builtin, valley, terrain"),
     ("render vally --out out", "no world 'vally' (did you mean valley?); there are"),
