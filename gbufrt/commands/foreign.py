@@ -18,6 +18,7 @@ from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.grain import grain_line
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
@@ -152,6 +153,8 @@ class Source:
             if frame.composite is None:
                 raise ValueError(f"{shot} holds no light: neither passes of direct light nor a finished picture")
             frame = frame.replace(color=frame.composite)
+        if before is None and (line := grain_line(frame)):
+            self.tell(f"{shot}: {line}")
         return frame
 
     def read(self, shot: Shot, before: Frame | None = None) -> tuple[Frame, list[str]]:
