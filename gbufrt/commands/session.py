@@ -23,6 +23,7 @@ from gbufrt.files.views import debug_names, debug_view, layers_sheet, sheet_of
 from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
+from gbufrt.noise.noise import dithered
 from gbufrt.pipeline import Pipeline
 
 WARMUPS: Mapping[str, int] = {"me1": 3, "minecraft-rtx": 15}
@@ -230,6 +231,7 @@ def check_only(files: FileOptions, pipeline: Pipeline) -> None:
 def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], debug: bool, files: FileOptions) -> None:
     """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
     picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
+    picture = dithered(picture, index=frame.index) if files.bits == 8 else picture
     if debug:
         views = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
         views |= {"sheet": sheet_of(views)} | ({} if frame.behind is None else {"layers": layers_sheet(frame)})

@@ -138,3 +138,16 @@ def _hilbert(size: int) -> np.ndarray:
         x, y = np.where(~lower, y, x), np.where(~lower, x, y)
         half //= 2
     return distance
+
+
+def dithered(image: Tensor, *, index: int | Tensor = 0, seed: int = 0) -> Tensor:
+    """A picture with blue noise of one 8-bit step, so that rounding to 8 bits makes no bands.
+
+    Args:
+        image: ``(..., C, H, W)`` in [0, 1].
+        index: see `blue_noise`.
+        seed: likewise.
+    """
+    channels, height, width = image.shape[-3:]
+    noise = blue_noise(height, width, index=index, dims=channels, seed=seed, device=image.device).to(image.dtype)
+    return (image + (noise - 0.5) / 255).clamp(0, 1)

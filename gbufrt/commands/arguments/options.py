@@ -84,7 +84,7 @@ class FileOptions:
     """Channel or signal to keep in the EXR, such as image,ao,depth; by default all. See `gbufrt passes` for names."""
 
     bits: Whole = 8
-    """8 or 16: of the PNG."""
+    """8 or 16: of the PNG. Those of 8 are dithered with blue noise, so that skies have no bands."""
 
     video: Path | None = None
     """Also encode all frames as this video: .mp4 (H.264) or .mov (ProRes), tagged BT.709."""

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.compute.resident import number
-from gbufrt.noise.noise import blue_noise
+from gbufrt.noise.noise import dithered
 from post.display.ocio import CONFIGS, check_config, is_config, ocio_view
 from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
@@ -80,10 +80,7 @@ def display_encode(image: Tensor, *, dither: bool = False, index: int | Tensor =
     Source: IEC 61966-2-1.
     """
     shown = encoded(image)
-    if not dither:
-        return shown
-    noise = blue_noise(*image.shape[-2:], index=index, dims=3, seed=seed, device=image.device).to(image.dtype)
-    return (shown + (noise - 0.5) / 255).clamp(0, 1)
+    return dithered(shown, index=index, seed=seed) if dither else shown
 
 
 class ToneMap(Pass):

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import boxes
+import numpy as np
 import OpenEXR
 import pytest
 import torch
@@ -18,7 +19,8 @@ from command_line import SMALL, assert_same_results, fake_me1, fake_render, file
 from PIL import Image
 
 from gbufrt import Frame
-from gbufrt.commands.session import Runner, bare
+from gbufrt.commands.arguments.options import FileOptions
+from gbufrt.commands.session import Runner, bare, save
 from gbufrt.files.exr import read_exr, read_notes, write_exr
 from gbufrt.noise.noise import blue_noise, halton_jitter
 
@@ -86,6 +88,16 @@ def test_passes_see_what_the_file_holds():
     assert_same_results("float", "again")
     assert run("post", "float", "--out", "rounded", "--precision", "half") == 0
     assert_same_results("half", "rounded")
+
+
+def test_eight_bits_are_dithered_so_that_skies_have_no_bands(monkeypatch: pytest.MonkeyPatch):
+    level = torch.full((1, 3, 16, 24), 100.3 / 255)
+    monkeypatch.setattr("gbufrt.commands.session.write_exr", lambda *_, **__: None)
+    frame = boxes.frame(boxes.camera((16, 24))).replace(image=level)
+    save(Path(), "even", frame, notes={}, debug=False, files=FileOptions())
+    levels = np.asarray(Image.open("even.png"))
+    assert set(np.unique(levels)) == {100, 101}
+    assert levels.mean() == pytest.approx(100.3, abs=0.06)
 
 
 def test_choices_of_files():
