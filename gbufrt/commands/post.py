@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -160,9 +161,12 @@ def within(folder: Path) -> list[Path]:
     """The frames that `gbufrt render` wrote into a folder, or else all its EXR files, by number."""
     from gbufrt.files.gbuffers.sequence import by_number
 
-    if any(folder.glob("frame_*.exr")):
+    files = [path for path in folder.iterdir() if path.suffix.lower() == ".exr"]
+    if not files:
+        raise ValueError(f"{folder} holds no EXR files; give files, or another folder")
+    if any(re.fullmatch(r"frame_\d+\.exr", path.name) for path in files):
         return numbered(folder, "exr")
-    return by_number(folder.glob("*.exr")) or numbered(folder, "exr")
+    return by_number(files)
 
 
 def is_own(path: Path) -> bool:

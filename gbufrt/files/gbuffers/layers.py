@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -19,6 +20,8 @@ ORDER = "RGBAXYZWUVTIrgbaxyzwuv"  # in which letters of channels are said
 class Layers:
     """Channels of all parts under full names; a part's name goes before channels that do not carry it.
 
+    So does the name of a pass that has a file of its own, before channels without a layer, or of several such files.
+
     Of several views, as stereo files have them, the first is taken, and its name left out of those of channels.
 
     Raises:
@@ -31,18 +34,20 @@ class Layers:
         """All views, where there are several."""
         self.size = parts[0].whole
         """``(H, W)`` of the picture: its display window."""
+        self.pixel_aspect = parts[0].pixel_aspect
         self.header = {key: value for part in reversed(parts) for key, value in part.header.items()}
         """Attributes of all parts, those of the first before others."""
         self._parts: dict[str, tuple[Part, str]] = {}
-        for part in parts:
-            for name in part.names:
-                known = not part.name or name.startswith(f"{part.name}.") or len(parts) == 1
-                full = self._seen(name if known else f"{part.name}.{name}", part)
-                if not full:
-                    continue
-                if full in self._parts:
-                    raise ValueError(f"{path} holds the channel {full!r} in two parts; rename one of them")
-                self._parts[full] = part, name
+        told = [(self._seen(_full(part, name, parts), part), part, name) for part in parts for name in part.names]
+        holders = Counter(full for full, _ in {(full, part.of_pass) for full, part, _ in told})
+        for full, part, name in told:
+            if not full:
+                continue
+            if part.of_pass and ("." not in full or holders[full] > 1):
+                full = f"{part.of_pass}.{full}"
+            if full in self._parts:
+                raise ValueError(f"{path} holds the channel {full!r} in two parts; rename one of them")
+            self._parts[full] = part, name
         self.names = tuple(self._parts)
 
     def find(self, names: Iterable[str], count: int, layer: str = "") -> list[str]:
@@ -122,6 +127,12 @@ class Layers:
         found = [b for b in bases if fnmatchcase(b, name) or (name and fnmatchcase(b, f"*.{name}"))]
         inside = [b for b in found if layer and b.startswith(f"{layer}.")]
         return inside if layer else found
+
+
+def _full(part: Part, name: str, parts: Sequence[Part]) -> str:
+    """A channel's name with that of its part, where it does not carry it; the only part of a file needs none."""
+    alone = sum(other.of_pass == part.of_pass for other in parts) == 1
+    return name if alone or not part.name or name.startswith(f"{part.name}.") else f"{part.name}.{name}"
 
 
 def _views(parts: Sequence[Part]) -> tuple[str, ...]:
