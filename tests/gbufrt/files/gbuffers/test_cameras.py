@@ -37,12 +37,15 @@ def test_lenses_that_are_shifted_parallel_or_of_wide_pixels(tmp_path: Path) -> N
     rest, size = BLENDER.replace("focal_length = 50\n", ""), (90, 160)
     k = [[200.0, 0.0, 100.0], [0.0, 210.0, 30.0], [0.0, 0.0, 1.0]]
     shifted = load_cameras(_write(tmp_path, f"intrinsics = {k}\n{rest}")).at(1, size)
-    assert shifted.intrinsics.tolist() == [k] and not shifted.orthographic
+    assert shifted.intrinsics.tolist() == [k]
+    assert not shifted.orthographic
     parallel = load_cameras(_write(tmp_path, f"orthographic_height = 4.5\n{rest}")).at(1, size)
     look = Camera.look_at((0, 3, 10), (0, 0, 0), size=size, orthographic_height=4.5)
-    assert parallel.orthographic and torch.equal(parallel.intrinsics, look.intrinsics)
+    assert parallel.orthographic
+    assert torch.equal(parallel.intrinsics, look.intrinsics)
     both = load_cameras(_write(tmp_path, f"intrinsics = {k}\northographic = true\n{rest}")).at(1, size)
-    assert both.orthographic and both.intrinsics.tolist() == [k]
+    assert both.orthographic
+    assert both.intrinsics.tolist() == [k]
     cameras = load_cameras(_write(tmp_path, BLENDER))
     wide, square = (cameras.at(1, size, aspect).intrinsics[0] for aspect in (2.0, 1.0))
     assert torch.allclose(wide[0, 0], square[0, 0])  # the sensor's width holds as many pixels, of half the height
