@@ -40,7 +40,7 @@ class Cameras:
             numbers = sorted(n for n in self.tables if n is not None)
             raise ValueError(f"{self.path} has no frame {number}; it has {numbers[0]} to {numbers[-1]}")
         where = f"{self.path}" if None in self.tables else f"{self.path}, frame {number}"
-        return _camera(where, {"pixel_aspect": pixel_aspect} | table, size)
+        return _camera(where, {"pixel_aspect": pixel_aspect, **table}, size)
 
 
 def load_cameras(path: str | Path) -> Cameras:

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gbufrt.files.guard import Part
 
-ENDS = ("XYZ", "RGB", "xyz", "rgb", "uv", "UV")
+ENDS = (*map(tuple, ("XYZ", "RGB", "xyz", "rgb", "uv", "UV")), ("red", "green", "blue"))
 ORDER = "RGBAXYZWUVTIrgbaxyzwuv"  # in which letters of channels are said
 
 
@@ -53,11 +53,9 @@ class Layers:
     def find(self, names: Iterable[str], count: int, layer: str = "") -> list[str]:
         """Channels of the first name that is there with ``count`` numbers, those of ``layer`` first; or none."""
         for name in names:
-            ends = [""] if count == 1 else ["." + "".join(letters) for letters in ENDS if len(letters) >= count]
-            for end in ends:
-                letters = end[1 : count + 1]
-                for base in self._bases(name, end, layer):
-                    keys = [base] if not end else [f"{base}.{c}" if base else c for c in letters]
+            for end in [()] if count == 1 else [letters[:count] for letters in ENDS if len(letters) >= count]:
+                for base in self._bases(name, layer, whole=not end):
+                    keys = [f"{base}.{c}" if base else c for c in end] or [base]
                     if all(key in self._parts for key in keys):
                         return keys
         return []
@@ -83,7 +81,7 @@ class Layers:
 
     def layers_of(self, names: Iterable[str]) -> tuple[str, ...]:
         """What stands before each of the channels of one number that ``names`` fit."""
-        found = [base for name in names for base in self._bases(name, "", "")]
+        found = [base for name in names for base in self._bases(name, "", whole=True)]
         return tuple(dict.fromkeys(self.layer_of(key) for key in found))
 
     @staticmethod
@@ -119,9 +117,9 @@ class Layers:
         view = part.header.get("view", next((word for word in words[:-1] if word in self.views), self.views[0]))
         return ".".join(word for word in words if word != view) if view == self.views[0] else ""
 
-    def _bases(self, name: str, end: str, layer: str) -> list[str]:
-        """What ``name`` stands for: full names, or what comes before the last dot where ``end`` follows."""
-        bases = self.names if not end else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
+    def _bases(self, name: str, layer: str, *, whole: bool) -> list[str]:
+        """What ``name`` stands for: ``whole`` names, or what comes before the last dot."""
+        bases = self.names if whole else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
         if name.startswith("."):
             return [base for base in bases if fnmatchcase(base, name[1:])]
         found = [b for b in bases if fnmatchcase(b, name) or (name and fnmatchcase(b, f"*.{name}"))]

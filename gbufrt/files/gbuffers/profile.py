@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "generic")
+SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "arnold", "renderman", "generic")
 AUTO = "auto"  # a setting that is left to the pixels
 CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
 """What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""

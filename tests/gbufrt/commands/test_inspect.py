@@ -14,6 +14,7 @@ from command_line import run
 from PIL import Image
 
 from gbufrt.files.exr import write_exr
+from gbufrt.files.gbuffers.profile import SHIPPED
 
 FOUND = foreign_exr.truth()
 GREY = np.full((*foreign_exr.SIZE, 3), 0.5, np.float32)
@@ -95,7 +96,7 @@ def test_frames_that_count_on_test_each_other(tmp_path: Path, capfd) -> None:
 def test_what_fits_no_profile_is_still_shown(tmp_path: Path, capfd) -> None:
     path = foreign_exr.write(tmp_path / "photo.exr", {"RGB": GREY, "extra.Q": GREY[..., 0]})
     text = told(capfd, path, "--out", tmp_path / "out")
-    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke, houdini, generic): none finds its depth" in text
+    assert f"fits no profile ({', '.join(SHIPPED)}): none finds its depth" in text
     assert Image.open(tmp_path / "out" / "photo_sheet.png").width > 2 * 320
 
 
