@@ -84,10 +84,15 @@ class Layers:
         found = [base for name in names for base in self._bases(name, "", whole=True)]
         return tuple(dict.fromkeys(self.layer_of(key) for key in found))
 
-    @staticmethod
-    def layer_of(key: str) -> str:
-        """What stands before the layer's own name in a channel's name, such as a view layer."""
-        return key.rsplit(".", 2)[0] if key.count(".") >= 2 else ""
+    def layer_of(self, key: str) -> str:
+        """What stands before the layer's own name in a channel's name, such as a view layer.
+
+        Empty where it has nothing else, and no other layer has that name: then it is a part of that name, as in Mitsuba's ``dd.y.T``.
+        """
+        layer, _, own = key.rpartition(".")[0].rpartition(".")
+        beside = (name.startswith(f"{layer}.") and not name.startswith(f"{layer}.{own}.") for name in self.names)
+        alike = (name != key and name.endswith(key.removeprefix(layer)) for name in self.names)
+        return layer if layer and (any(beside) or any(alike)) else ""
 
     def stack(self, keys: Sequence[str], size: tuple[int, int] | None = None) -> Tensor:
         """``(1, C, H, W)`` float32 of those channels over the whole picture.

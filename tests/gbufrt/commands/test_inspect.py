@@ -93,6 +93,15 @@ def test_frames_that_count_on_test_each_other(tmp_path: Path, capfd) -> None:
     assert text.count("agrees: the kind of depth with planes, motion with the cameras") == 1
 
 
+def test_a_folder_or_pattern_stands_for_its_files(tmp_path: Path, capfd) -> None:
+    (folder := tmp_path / "shot").mkdir()
+    for number in (10, 9):
+        foreign_exr.write(folder / f"a.{number}.exr", {"RGB": GREY})
+    for named in (folder, folder / "a.##.exr"):
+        text = told(capfd, named)
+        assert -1 < text.index("a.9.exr:") < text.index("a.10.exr:")
+
+
 def test_what_fits_no_profile_is_still_shown(tmp_path: Path, capfd) -> None:
     path = foreign_exr.write(tmp_path / "photo.exr", {"RGB": GREY, "extra.Q": GREY[..., 0]})
     text = told(capfd, path, "--out", tmp_path / "out")

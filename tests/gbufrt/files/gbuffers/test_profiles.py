@@ -167,6 +167,15 @@ def test_view_layers_with_dots_are_kept_apart(tmp_path: Path) -> None:
     assert frame.gbuffer.roughness is None  # that of the other view layer
 
 
+def test_a_dot_in_the_name_of_depth_makes_no_view_layer(tmp_path: Path) -> None:
+    """As Mitsuba's manual calls its depth: dd.y, whose channel is dd.y.T."""
+    layers = {"dd.y.T": np.where(SKY, 0, T["ray"]), "nn.XYZ": T["normal"], "albedo.RGB": GREY, "img.RGB": GREY}
+    frame = read_gbuffer(write(tmp_path / "a.exr", layers), "mitsuba", camera=CAMERA)
+    assert frame.composite is not None
+    assert frame.gbuffer.albedo is not None
+    assert "normal_estimated" not in frame.extra
+
+
 def test_channels_of_parts_carry_the_names_of_their_parts(tmp_path: Path) -> None:
     parts = {"depth": {"Z": np.full(SIZE, 4.0)}, "other": {"Z": np.full(SIZE, 9.0)}}
     assert float(read_gbuffer(write_parts(tmp_path / "a.exr", parts), fov=40).gbuffer.depth.max()) == 4
