@@ -87,7 +87,8 @@ class Layers:
     def layer_of(self, key: str) -> str:
         """What stands before the layer's own name in a channel's name, such as a view layer.
 
-        Empty where it has nothing else, and no other layer has that name: then it is a part of that name, as in Mitsuba's ``dd.y.T``.
+        Empty where it has nothing else, and no other layer has that name: then it is a part of that name, as in
+        Mitsuba's ``dd.y.T``.
         """
         layer, _, own = key.rpartition(".")[0].rpartition(".")
         beside = (name.startswith(f"{layer}.") and not name.startswith(f"{layer}.{own}.") for name in self.names)
