@@ -90,7 +90,14 @@ class Source:
         whole = bool(passes) and not {*passes} & {*LIT}
         source = replace(Source.named(paths, profile, camera, fov), whole=whole)
         numbers = [shot.number for shot in source.shots]
-        if numbers != sorted(numbers) or any(source.are_frames(shot) for shot in source.shots):
+        for shot in source.shots:
+            if source.are_frames(shot):
+                a, b = shot.files[:2]
+                raise ValueError(
+                    f"{a} and {b} have one frame number, but are no passes of one frame: each has depth and more; run "
+                    "them apart, such as left and right eyes"
+                )
+        if numbers != sorted(numbers):
             raise ValueError("frame numbers in the files' names must count up; give the files in order")
         first = source.shots[0]
         if profile == "auto":
@@ -164,10 +171,11 @@ class Source:
         if self.fov is not None:
             known["fov"] = self.fov
         elif self.cameras is not None:
-            size = shot_parts(shot.files, header_only=True)[0].whole
-            known["camera"] = self.cameras.at(number, size)
+            part = shot_parts(shot.files, header_only=True)[0]
+            picture = part.whole, part.pixel_aspect
+            known["camera"] = self.cameras.at(number, *picture)
             if follows or number - 1 in self.cameras.tables:
-                known["previous_camera"] = self.cameras.at(number - 1, size)
+                known["previous_camera"] = self.cameras.at(number - 1, *picture)
         elif follows and before is not None:
             known["previous_camera"] = before.gbuffer.camera
         frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)

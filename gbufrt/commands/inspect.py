@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -25,10 +26,10 @@ def inspect(
     region, save or schematic and of a .vox file: size, version, blocks.
 
     Args:
-        files: EXR files, of gbufrt or any other program, and worlds. Frames that count on test each other's motion; EXR
-            files that share a frame number are passes of one frame.
-        source: What wrote the EXR files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, generic, or a profile
-            of your own in TOML.
+        files: EXR files of any program, also as patterns or folders, and worlds. Frames that count on test each other's
+            motion; EXR files that share a frame number are passes of one frame.
+        source: What wrote the EXR files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, arnold, renderman,
+            generic, or a profile of your own in TOML.
         camera: The cameras, in TOML. [default: those that the files carry]
         fov: In place of --camera: vertical field of view in degrees of a camera that stands still.
         out: Folder for a contact sheet of each EXR file: every layer as the file has it, then as gbufrt reads it.
@@ -37,14 +38,15 @@ def inspect(
         raise ValueError("no files given; give EXR files or worlds")
     if camera is not None and fov is not None:
         raise ValueError("--camera and --fov exclude each other; leave one out")
-    for file in files:
+    shown = _there(files)
+    for file in shown:
         if not file.exists():
             raise FileNotFoundError(f"{file} does not exist; check the path")
     if out is not None:
         check_folder(out)
 
     known = (*ENDINGS, ".exr")
-    for file in files:
+    for file in shown:
         if not file.is_dir() and file.suffix.lower() not in known:
             raise ValueError(f"{file} is of a kind that is not read; give {', '.join(known)} or a save folder")
 
@@ -54,13 +56,25 @@ def inspect(
     from gbufrt.commands.inspection.exr import Inspector
     from gbufrt.commands.inspection.world import show_world
 
-    pictures = [file for file in files if file.suffix.lower() == ".exr"]
+    pictures = [file for file in shown if file.suffix.lower() == ".exr"]
     inspector = Inspector(Source.named(pictures, source, camera, fov))
     console = Console(highlight=False)
     first = {shot.files[0]: shot for shot in inspector.source.shots}
-    for place, file in enumerate(file for file in files if file in first or file not in pictures):
+    for place, file in enumerate(file for file in shown if file in first or file not in pictures):
         console.print("\n" * (place > 0), end="")
         if file in first:
             inspector.show(console, first[file], out)
         else:
             show_world(console, file)
+
+
+def _there(files: Iterable[Path]) -> list[Path]:
+    """The files with patterns, and folders of EXR files, replaced by what is in them."""
+    from gbufrt.commands.post import within
+    from gbufrt.files.gbuffers.sequence import expanded
+
+    shown: list[Path] = []
+    for file in files:
+        pictures = file.is_dir() and any(path.suffix.lower() == ".exr" for path in file.iterdir())
+        shown += within(file) if pictures else expanded(file)
+    return shown

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -48,8 +49,8 @@ def post(
     Args:
         files: EXR files in order, such as shot.####.exr or shot.%04d.exr, or folders of them.
         out: Folder to write to; made where it is missing.
-        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, generic, or a profile of
-            your own in TOML. [default: gbufrt, or auto where it was another]
+        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, arnold, renderman,
+            generic, or a profile of your own in TOML. [default: gbufrt, or auto where it was another]
         camera: Of other renderers: the cameras, in TOML. [default: those that the files carry]
         fov: Of other renderers, in place of --camera: vertical field of view in degrees of a camera that stands still.
         passes: Of other renderers: passes to run, such as ao,gi,dof,motion_blur,denoise; by default all that fit.
@@ -160,9 +161,12 @@ def within(folder: Path) -> list[Path]:
     """The frames that `gbufrt render` wrote into a folder, or else all its EXR files, by number."""
     from gbufrt.files.gbuffers.sequence import by_number
 
-    if any(folder.glob("frame_*.exr")):
+    files = [path for path in folder.iterdir() if path.suffix.lower() == ".exr"]
+    if not files:
+        raise ValueError(f"{folder} holds no EXR files; give files, or another folder")
+    if any(re.fullmatch(r"frame_\d+\.exr", path.name) for path in files):
         return numbered(folder, "exr")
-    return by_number(folder.glob("*.exr")) or numbered(folder, "exr")
+    return by_number(files)
 
 
 def is_own(path: Path) -> bool:

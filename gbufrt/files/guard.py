@@ -9,6 +9,7 @@ are stored as they are have none, so a flipped bit there is another number, as i
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from collections.abc import Iterator, Mapping
@@ -31,13 +32,17 @@ _fds = threading.Lock()
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
-    """One part of a file: its header, and its channels as ``(H, W)`` arrays (none where only headers were read)."""
+    """One part of a file: its header, and its channels as ``(H, W)`` arrays (none where only headers were read).
+
+    ``of_pass``: what its file is called by among those of one frame.
+    """
 
     name: str
     header: Mapping[str, Any]
     size: tuple[int, int]
     names: tuple[str, ...]
     channels: Mapping[str, np.ndarray]
+    of_pass: str = ""
 
     @property
     def display(self) -> tuple[int, int, int, int]:
@@ -49,6 +54,12 @@ class Part:
     def whole(self) -> tuple[int, int]:
         """``(H, W)`` of the display window."""
         return self.display[2:]
+
+    @property
+    def pixel_aspect(self) -> float:
+        """A pixel's width over its height; 1 where the header says none that can be."""
+        aspect = self.header.get("pixelAspectRatio", 1.0)
+        return float(aspect) if isinstance(aspect, int | float) and 0 < aspect < math.inf else 1.0
 
 
 def read_parts(path: str | Path, *, header_only: bool = False) -> list[Part]:

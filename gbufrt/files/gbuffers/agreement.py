@@ -127,7 +127,14 @@ def _static_line(g: GBuffer, motion: Tensor, previous: Camera) -> str:
         off = (reading - expected).norm(dim=1, keepdim=True)
         return float((off < (0.1 * length_px).clamp_min(0.1))[told].float().mean())
 
-    return _motion_line(share(motion), {text: share(m) for text, m in motion_readings(motion).items()}, "the cameras")
+    now = share(motion)
+    line = _motion_line(now, {text: share(m) for text, m in motion_readings(motion).items()}, "the cameras")
+    if line or now > BETTER:
+        return line
+    return (
+        f"motion agrees with the cameras at {now:.0%} of the pixels, and no setting makes it fit; if not all of them "
+        "move, take that of a still world: motion = [] under [channels] of a profile"
+    )
 
 
 def _mover_line(g: GBuffer, motion: Tensor, before: GBuffer) -> str:

@@ -13,8 +13,9 @@ import torch
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.profile import is_number, read_toml
 
-LENS = ("fov", "focal_length", "sensor_width", "sensor_height", "near", "far")
-KEYS = ("number", "world_from_view", "location", "rotation", *LENS, "convention", "up")
+LENS = ("fov", "focal_length", "orthographic_height", "intrinsics")
+MORE = ("sensor_width", "sensor_height", "pixel_aspect", "orthographic", "near", "far")
+KEYS = ("number", "world_from_view", "location", "rotation", *LENS, *MORE, "convention", "up")
 OPENGL = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
 Y_UP_FROM_Z_UP = torch.tensor([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=torch.float64)
 
@@ -26,8 +27,10 @@ class Cameras:
     path: Path
     tables: Mapping[int | None, Mapping[str, Any]]
 
-    def at(self, number: int, size: tuple[int, int]) -> Camera:
+    def at(self, number: int, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
         """The camera of a frame, for a picture of ``(H, W)``.
+
+        ``pixel_aspect``: how many times as wide as high pixels are, where the table does not say it.
 
         Raises:
             ValueError: the file has no such frame, or a key is missing or wrong.
@@ -36,7 +39,8 @@ class Cameras:
         if table is None:
             numbers = sorted(n for n in self.tables if n is not None)
             raise ValueError(f"{self.path} has no frame {number}; it has {numbers[0]} to {numbers[-1]}")
-        return _camera(f"{self.path}" if None in self.tables else f"{self.path}, frame {number}", table, size)
+        where = f"{self.path}" if None in self.tables else f"{self.path}, frame {number}"
+        return _camera(where, {"pixel_aspect": pixel_aspect, **table}, size)
 
 
 def load_cameras(path: str | Path) -> Cameras:
@@ -44,7 +48,10 @@ def load_cameras(path: str | Path) -> Cameras:
 
     The keys of one camera stand at the top. A list ``[[frames]]`` has a ``number`` each and whatever differs from the
     top. A pose is ``world_from_view`` (four rows of four) or ``location`` with ``rotation`` (degrees about x, then y,
-    then z). A lens is ``fov`` (vertical, degrees) or ``focal_length`` with ``sensor_width`` or ``sensor_height``.
+    then z). A lens is ``fov`` (vertical, degrees), ``focal_length`` with ``sensor_width`` or ``sensor_height``,
+    ``orthographic_height`` (world units that the picture's height spans), or ``intrinsics``: three rows of three, in
+    pixels, y down, pixel centres at +0.5, for shifted lenses and crops; with ``orthographic = true`` its focal lengths
+    are pixels per world unit. ``pixel_aspect`` is a pixel's width over its height, by default that of the EXR file.
     ``convention`` says how view space lies: opencv (x right, y down, z forward) or opengl (x right, y up, z back).
     ``up`` is the world axis that points up, y or z. ``near`` and ``far`` are planar depths.
 
@@ -81,20 +88,40 @@ def _camera(where: str, table: Mapping[str, Any], size: tuple[int, int]) -> Came
     pose = _pose(where, table)
     pose = pose @ OPENGL if convention == "opengl" else pose
     pose = Y_UP_FROM_Z_UP @ pose if up == "z" else pose
-    height, width = size
-    focal = height / 2 / _half_height(where, table, height / width)
     near, far = (_positive(where, table, key, default) for key, default in (("near", 0.05), ("far", 1000.0)))
-    k = torch.tensor([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
+    k, orthographic = _intrinsics(where, table, size)
     try:
-        return Camera.from_intrinsics(k, pose.float(), size=size, near=near, far=far)
+        return Camera.from_intrinsics(k, pose.float(), size=size, near=near, far=far, orthographic=orthographic)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from error
 
 
+def _intrinsics(where: str, table: Mapping[str, Any], size: tuple[int, int]) -> tuple[torch.Tensor, bool]:
+    """``(3, 3)``, and whether the camera is orthographic."""
+    lenses = [key for key in LENS if key in table]
+    if len(lenses) != 1:
+        raise ValueError(f"{where} must have either fov or focal_length or {' or '.join(LENS[2:])}; write one of them")
+    orthographic = table.get("orthographic", lenses == ["orthographic_height"])
+    if not isinstance(orthographic, bool):
+        raise ValueError(f"{where}: orthographic must be true or false, got {orthographic!r}")
+    if "intrinsics" in table:
+        rows = table["intrinsics"]
+        if not isinstance(rows, list) or len(rows) != 3 or not all(_is_list(row, 3) for row in rows):
+            raise ValueError(f"{where}: intrinsics must be three rows of three numbers, got {rows!r}")
+        return torch.tensor(rows, dtype=torch.float32), orthographic
+    if orthographic != (lenses == ["orthographic_height"]):
+        raise ValueError(f"{where}: orthographic = true goes with intrinsics; write orthographic_height alone")
+    height, width = size
+    aspect = _positive(where, table, "pixel_aspect", 1.0)
+    focal = height / 2 / _half_height(where, table, height / width / aspect)
+    k = [[focal / aspect, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]]
+    return torch.tensor(k), orthographic
+
+
 def _half_height(where: str, table: Mapping[str, Any], aspect: float) -> float:
-    """Half of the picture's height at depth 1."""
-    if ("fov" in table) == ("focal_length" in table):
-        raise ValueError(f"{where} must have either fov or focal_length; write one of them")
+    """Half of the picture's height at depth 1, or in an orthographic one in world units; ``aspect``: height / width."""
+    if "orthographic_height" in table:
+        return _positive(where, table, "orthographic_height", None) / 2
     if "fov" in table:
         fov = _positive(where, table, "fov", None)
         if fov >= 180:

@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
+DARK = 0.5  # of the certainty of others, where a profile knows none of the file's light
 PLAIN = 0.5  # of the certainty of others, that of plain names, which any program may write
 
 
@@ -53,7 +55,7 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
         return Detection(name, 0.0, ())
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
-    found = 1
+    found, light = 1, Named(layers, profile).light()
     names_of = {channel: names for channel, names in profile.channels.items() if channel != "emission"}
     for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel])
@@ -63,5 +65,5 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     share = found / len(names_of)
     if marks:
         return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
-    sure = PLAIN if name == "generic" else 0.9
+    sure = (PLAIN if name == "generic" else 0.9) * (1 if light.products or light.finished else DARK)
     return Detection(name, round((BY_HEADER + BY_NAMES) * share * sure, 2), tuple(reasons))

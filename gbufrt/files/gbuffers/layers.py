@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,12 +13,14 @@ from torch import Tensor
 
 from gbufrt.files.guard import Part
 
-ENDS = ("XYZ", "RGB", "xyz", "rgb", "uv", "UV")
+ENDS = (*map(tuple, ("XYZ", "RGB", "xyz", "rgb", "uv", "UV")), ("red", "green", "blue"))
 ORDER = "RGBAXYZWUVTIrgbaxyzwuv"  # in which letters of channels are said
 
 
 class Layers:
     """Channels of all parts under full names; a part's name goes before channels that do not carry it.
+
+    So does the name of a pass that has a file of its own, before channels without a layer, or of several such files.
 
     Of several views, as stereo files have them, the first is taken, and its name left out of those of channels.
 
@@ -31,28 +34,28 @@ class Layers:
         """All views, where there are several."""
         self.size = parts[0].whole
         """``(H, W)`` of the picture: its display window."""
+        self.pixel_aspect = parts[0].pixel_aspect
         self.header = {key: value for part in reversed(parts) for key, value in part.header.items()}
         """Attributes of all parts, those of the first before others."""
         self._parts: dict[str, tuple[Part, str]] = {}
-        for part in parts:
-            for name in part.names:
-                known = not part.name or name.startswith(f"{part.name}.") or len(parts) == 1
-                full = self._seen(name if known else f"{part.name}.{name}", part)
-                if not full:
-                    continue
-                if full in self._parts:
-                    raise ValueError(f"{path} holds the channel {full!r} in two parts; rename one of them")
-                self._parts[full] = part, name
+        told = [(self._seen(_full(part, name, parts), part), part, name) for part in parts for name in part.names]
+        holders = Counter(full for full, _ in {(full, part.of_pass) for full, part, _ in told})
+        for full, part, name in told:
+            if not full:
+                continue
+            if part.of_pass and ("." not in full or holders[full] > 1):
+                full = f"{part.of_pass}.{full}"
+            if full in self._parts:
+                raise ValueError(f"{path} holds the channel {full!r} in two parts; rename one of them")
+            self._parts[full] = part, name
         self.names = tuple(self._parts)
 
     def find(self, names: Iterable[str], count: int, layer: str = "") -> list[str]:
         """Channels of the first name that is there with ``count`` numbers, those of ``layer`` first; or none."""
         for name in names:
-            ends = [""] if count == 1 else ["." + "".join(letters) for letters in ENDS if len(letters) >= count]
-            for end in ends:
-                letters = end[1 : count + 1]
-                for base in self._bases(name, end, layer):
-                    keys = [base] if not end else [f"{base}.{c}" if base else c for c in letters]
+            for end in [()] if count == 1 else [letters[:count] for letters in ENDS if len(letters) >= count]:
+                for base in self._bases(name, layer, whole=not end):
+                    keys = [f"{base}.{c}" if base else c for c in end] or [base]
                     if all(key in self._parts for key in keys):
                         return keys
         return []
@@ -78,13 +81,19 @@ class Layers:
 
     def layers_of(self, names: Iterable[str]) -> tuple[str, ...]:
         """What stands before each of the channels of one number that ``names`` fit."""
-        found = [base for name in names for base in self._bases(name, "", "")]
+        found = [base for name in names for base in self._bases(name, "", whole=True)]
         return tuple(dict.fromkeys(self.layer_of(key) for key in found))
 
-    @staticmethod
-    def layer_of(key: str) -> str:
-        """What stands before the layer's own name in a channel's name, such as a view layer."""
-        return key.rsplit(".", 2)[0] if key.count(".") >= 2 else ""
+    def layer_of(self, key: str) -> str:
+        """What stands before the layer's own name in a channel's name, such as a view layer.
+
+        Empty where it has nothing else, and no other layer has that name: then it is a part of that name, as in
+        Mitsuba's ``dd.y.T``.
+        """
+        layer, _, own = key.rpartition(".")[0].rpartition(".")
+        beside = (name.startswith(f"{layer}.") and not name.startswith(f"{layer}.{own}.") for name in self.names)
+        alike = (name != key and name.endswith(key.removeprefix(layer)) for name in self.names)
+        return layer if layer and (any(beside) or any(alike)) else ""
 
     def stack(self, keys: Sequence[str], size: tuple[int, int] | None = None) -> Tensor:
         """``(1, C, H, W)`` float32 of those channels over the whole picture.
@@ -114,14 +123,20 @@ class Layers:
         view = part.header.get("view", next((word for word in words[:-1] if word in self.views), self.views[0]))
         return ".".join(word for word in words if word != view) if view == self.views[0] else ""
 
-    def _bases(self, name: str, end: str, layer: str) -> list[str]:
-        """What ``name`` stands for: full names, or what comes before the last dot where ``end`` follows."""
-        bases = self.names if not end else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
+    def _bases(self, name: str, layer: str, *, whole: bool) -> list[str]:
+        """What ``name`` stands for: ``whole`` names, or what comes before the last dot."""
+        bases = self.names if whole else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
         if name.startswith("."):
             return [base for base in bases if fnmatchcase(base, name[1:])]
         found = [b for b in bases if fnmatchcase(b, name) or (name and fnmatchcase(b, f"*.{name}"))]
         inside = [b for b in found if layer and b.startswith(f"{layer}.")]
         return inside if layer else found
+
+
+def _full(part: Part, name: str, parts: Sequence[Part]) -> str:
+    """A channel's name with that of its part, where it does not carry it; the only part of a file needs none."""
+    alone = sum(other.of_pass == part.of_pass for other in parts) == 1
+    return name if alone or not part.name or name.startswith(f"{part.name}.") else f"{part.name}.{name}"
 
 
 def _views(parts: Sequence[Part]) -> tuple[str, ...]:

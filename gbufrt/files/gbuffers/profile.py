@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "generic")
+FOLDER = Path(__file__).parent / "profiles"
+SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "arnold", "renderman", "generic")
 AUTO = "auto"  # a setting that is left to the pixels
 CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
 """What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
@@ -93,7 +94,7 @@ def load_profile(name: str | Path) -> Profile:
     Raises:
         ValueError: there is no such profile, it is not TOML, or a key or value is unknown or of a wrong type.
     """
-    path = Path(__file__).parent / f"{name}.toml" if name in SHIPPED else Path(name)
+    path = FOLDER / f"{name}.toml" if name in SHIPPED else Path(name)
     if not path.is_file():
         raise ValueError(f"profile must be one of {', '.join(SHIPPED)} or a TOML file, got {str(name)!r}")
     table = _on_its_base(path, read_toml(path))
@@ -117,7 +118,7 @@ def _on_its_base(path: Path, table: dict[str, Any]) -> dict[str, Any]:
         return table
     if base not in SHIPPED:
         raise ValueError(f"{path}: base must be one of {', '.join(SHIPPED)}, got {base!r}")
-    below = read_toml(Path(__file__).parent / f"{base}.toml")
+    below = read_toml(FOLDER / f"{base}.toml")
     channels = table.get("channels", {})
     merged = below["channels"] | channels if isinstance(channels, dict) else channels
     return below | table | {"channels": merged}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -93,7 +92,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     size = (raw.shape[-2], raw.shape[-1])
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
-    view = camera if camera is not None else still_camera(fov, size, named.layers.header.get("pixelAspectRatio", 1.0))
+    view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     profile = named.profile
     hit = hit_of(raw, profile)
@@ -155,7 +154,7 @@ def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -
     """A camera at the origin, for a picture of ``(H, W)`` whose pixels are ``pixel_aspect`` times as wide as high."""
     camera = Camera.look_at((0, 0, 0), (0, 0, -1), size=size, fov_y=fov)
     intrinsics = camera.intrinsics.clone()
-    intrinsics[:, 0, 0] /= pixel_aspect if 0 < pixel_aspect < math.inf else 1.0
+    intrinsics[:, 0, 0] /= pixel_aspect
     return replace(camera, intrinsics=intrinsics)
 
 

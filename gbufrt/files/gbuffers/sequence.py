@@ -10,6 +10,7 @@ from pathlib import Path
 from gbufrt.files.guard import Part, read_parts
 
 PATTERN = re.compile(r"#+|%0?\d*d")
+NUMBER = re.compile(r"(?:(?<=[._ ])-)?\d+")  # a hyphen is a sign where it does not stand for a separator
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Shot:
 
 def shots_of(paths: Sequence[Path]) -> list[Shot]:
     """Frames in order of the files given; files of one number make one frame, each a pass of it."""
-    numbers = [re.findall(r"\d+", path.stem) for path in paths]
+    numbers = [NUMBER.findall(path.stem) for path in paths]
     if not all(numbers):
         return [Shot((path,), place, path.stem) for place, path in enumerate(paths)]
     found: dict[int, list[Path]] = {}
@@ -42,7 +43,7 @@ def shots_of(paths: Sequence[Path]) -> list[Shot]:
 
 
 def shot_parts(files: Path | Sequence[Path], *, header_only: bool = False) -> list[Part]:
-    """The parts of all files of a frame; those of several files carry the names of their passes.
+    """The parts of all files of a frame; those of several files are ``of_pass`` what their names tell.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -56,7 +57,7 @@ def shot_parts(files: Path | Sequence[Path], *, header_only: bool = False) -> li
         if names.count(name) > 1:
             raise ValueError(f"{file}: two files of one frame number are both of the pass {name!r}; run them apart")
     return [
-        replace(part, name=".".join(filter(None, (name, part.name))))
+        replace(part, of_pass=name)
         for name, file in zip(names, files, strict=True)
         for part in read_parts(file, header_only=header_only)
     ]
@@ -70,7 +71,7 @@ def expanded(path: Path) -> list[Path]:
     """
     if path.exists() or not PATTERN.search(path.name):
         return [path]
-    form = re.compile(r"(\d+)".join(re.escape(text) for text in PATTERN.split(path.name)))
+    form = re.compile(r"(-?\d+)".join(re.escape(text) for text in PATTERN.split(path.name)))
     there = path.parent.iterdir() if path.parent.is_dir() else ()
     found = sorted((tuple(map(int, match.groups())), file) for file in there if (match := form.fullmatch(file.name)))
     if not found:
@@ -80,12 +81,12 @@ def expanded(path: Path) -> list[Path]:
 
 def by_number(paths: Iterable[Path]) -> list[Path]:
     """Files by the last number of their names, then by name."""
-    return sorted(paths, key=lambda path: ([int(n) for n in re.findall(r"\d+", path.stem)[-1:]], path.name))
+    return sorted(paths, key=lambda path: ([int(n) for n in NUMBER.findall(path.stem)[-1:]], path.name))
 
 
 def _pass(file: Path) -> str:
     """What a file of one pass is called by: the last word of its name that is no number."""
-    words = [word for word in re.split(r"[._]", file.stem) if word and not word.isdecimal()]
+    words = [word for word in re.split(r"[._]", file.stem) if word and not word.lstrip("-").isdecimal()]
     return words[-1] if words else file.stem
 
 
@@ -93,6 +94,6 @@ def _name(files: Sequence[Path]) -> str:
     stems = [file.stem for file in files]
     if len(stems) == 1:
         return stems[0]
-    digits = re.findall(r"\d+", stems[0])[-1]
+    digits = NUMBER.findall(stems[0])[-1]
     shared = [a for a, *others in zip(*(re.split(r"[._]", stem) for stem in stems), strict=False) if {a} == {*others}]
     return "_".join(dict.fromkeys((*shared, digits)))

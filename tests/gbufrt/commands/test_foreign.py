@@ -137,8 +137,8 @@ def test_frames_that_count_on_follow_each_other_and_others_do_not(tmp_path: Path
     assert [frame.gbuffer.previous_camera is not None for frame in frames] == [False, True, False]
     assert "no frame 9: histories begin anew after a gap" in capfd.readouterr().err
     twin = rendered(tmp_path / "other_0008.exr", direct=True)  # a frame of its own, no pass of the one before
-    for wrong in (paths[::-1], [*paths[:2], twin]):
-        with pytest.raises(ValueError, match="must count up"):
+    for wrong, told in ((paths[::-1], "must count up"), ([*paths[:2], twin], "one frame number, but are no passes")):
+        with pytest.raises(ValueError, match=told):
             Source.of(wrong, "blender", None, 50.0)
 
 
@@ -150,6 +150,9 @@ def test_a_folder_or_pattern_of_another_renderer_needs_no_profile(tmp_path: Path
     wanted = [shot / "a.9.exr", shot / "a.10.exr"]
     for named in (shot, shot / "a.##.exr", shot / "a.%02d.exr"):
         assert gathered((named,), tmp_path / "out") == wanted
+    (eyes := tmp_path / "eyes").mkdir()
+    (left := eyes / "frame_0001_L.EXR").touch()  # no name of `gbufrt render`, which allows no gaps
+    assert gathered((eyes,), tmp_path / "out") == [left]
     options = ("--fov", "50", "--preset", "low", "--warmup", "0", "--passes", "fxaa", "--only", "image")
     assert run("post", shot, "--out", tmp_path / "out", *options) == 0, capfd.readouterr().err
     assert sorted(path.name for path in (tmp_path / "out").glob("*.png")) == ["a.10.png", "a.9.png"]

@@ -14,6 +14,7 @@ from command_line import run
 from PIL import Image
 
 from gbufrt.files.exr import write_exr
+from gbufrt.files.gbuffers.profile import SHIPPED
 
 FOUND = foreign_exr.truth()
 GREY = np.full((*foreign_exr.SIZE, 3), 0.5, np.float32)
@@ -92,10 +93,19 @@ def test_frames_that_count_on_test_each_other(tmp_path: Path, capfd) -> None:
     assert text.count("agrees: the kind of depth with planes, motion with the cameras") == 1
 
 
+def test_a_folder_or_pattern_stands_for_its_files(tmp_path: Path, capfd) -> None:
+    (folder := tmp_path / "shot").mkdir()
+    for number in (10, 9):
+        foreign_exr.write(folder / f"a.{number}.exr", {"RGB": GREY})
+    for named in (folder, folder / "a.##.exr"):
+        text = told(capfd, named)
+        assert -1 < text.index("a.9.exr:") < text.index("a.10.exr:")
+
+
 def test_what_fits_no_profile_is_still_shown(tmp_path: Path, capfd) -> None:
     path = foreign_exr.write(tmp_path / "photo.exr", {"RGB": GREY, "extra.Q": GREY[..., 0]})
     text = told(capfd, path, "--out", tmp_path / "out")
-    assert "fits no profile (blender, mitsuba, falcor, unreal, nuke, houdini, generic): none finds its depth" in text
+    assert f"fits no profile ({', '.join(SHIPPED)}): none finds its depth" in text
     assert Image.open(tmp_path / "out" / "photo_sheet.png").width > 2 * 320
 
 

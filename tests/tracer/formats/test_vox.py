@@ -164,7 +164,7 @@ BROKEN = {
         vox.file(vox.chunk("SIZE", struct.pack("<iii", 1, 1, 1)), vox.chunk("XYZI", b"\xff\xff\xff\x7f")),
         "number of voxels",
     ),
-    "no voxel": (vox.file(vox.model((2, 2, 2), [])), "0 visible voxels"),
+    "no voxel": (vox.file(vox.model((2, 2, 2), [])), "0 visible voxels; show a layer"),
     "circle": (vox.file(MODEL, vox.transform(0, 1), vox.group(1, 2), vox.transform(2, 1)), "runs in a circle"),
     "no child": (vox.file(MODEL, vox.transform(0, 7)), "child 7 is no node"),
     "no root": (vox.file(MODEL, vox.shape(3, 0)), "no root"),
@@ -307,10 +307,10 @@ def test_damaged_real_files(tmp_path: Path, name: str) -> None:
 def test_the_limit_can_be_raised(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "a.vox"
     path.write_bytes(vox.file(MODEL))
-    with pytest.raises(ValueError, match=r"a\.vox: 4 visible voxels; between 1 and 3 are read; .* GBUFRT_MAX_VOXELS"):
+    with pytest.raises(ValueError, match=r"a\.vox: 4 visible voxels; at most 3 are read; .* GBUFRT_MAX_VOXELS"):
         read_vox(path, max_voxels=3)
     monkeypatch.setenv("GBUFRT_MAX_VOXELS", "3")
-    with pytest.raises(ValueError, match="between 1 and 3 are read"):
+    with pytest.raises(ValueError, match="at most 3 are read"):
         read_vox(path)
     monkeypatch.setenv("GBUFRT_MAX_VOXELS", "4")
     assert not read_vox(path).empty

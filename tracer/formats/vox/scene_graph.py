@@ -66,10 +66,10 @@ def _placed(chunks: Chunks, name: str, most: int) -> tuple[Matrix, NDArray[np.in
         raise ValueError(f"{name}: no model (chunks SIZE and XYZI)")
     placements = _placements(chunks, name)
     count = sum(len(chunks.models[model].voxels) for model, _, _ in placements)
-    if not 0 < count <= most:
-        raise ValueError(
-            f"{name}: {count} visible voxels; between 1 and {most} are read; if true, set GBUFRT_MAX_VOXELS"
-        )
+    if not count:
+        raise ValueError(f"{name}: 0 visible voxels; show a layer or fill a model in MagicaVoxel")
+    if count > most:
+        raise ValueError(f"{name}: {count} visible voxels; at most {most} are read; if true, set GBUFRT_MAX_VOXELS")
     parts = [_moved(chunks.models[model], rotation, offset) for model, rotation, offset in placements]
     cells = np.concatenate([p for p in parts if len(p)])
     extent = cells.max(axis=0) - cells.min(axis=0)

@@ -33,6 +33,25 @@ def test_a_camera_of_blender_is_that_of_look_at(tmp_path: Path) -> None:
     assert torch.allclose(camera.intrinsics, true.intrinsics, rtol=1e-5)
 
 
+def test_lenses_that_are_shifted_parallel_or_of_wide_pixels(tmp_path: Path) -> None:
+    rest, size = BLENDER.replace("focal_length = 50\n", ""), (90, 160)
+    k = [[200.0, 0.0, 100.0], [0.0, 210.0, 30.0], [0.0, 0.0, 1.0]]
+    shifted = load_cameras(_write(tmp_path, f"intrinsics = {k}\n{rest}")).at(1, size)
+    assert shifted.intrinsics.tolist() == [k]
+    assert not shifted.orthographic
+    parallel = load_cameras(_write(tmp_path, f"orthographic_height = 4.5\n{rest}")).at(1, size)
+    look = Camera.look_at((0, 3, 10), (0, 0, 0), size=size, orthographic_height=4.5)
+    assert parallel.orthographic
+    assert torch.equal(parallel.intrinsics, look.intrinsics)
+    both = load_cameras(_write(tmp_path, f"intrinsics = {k}\northographic = true\n{rest}")).at(1, size)
+    assert both.orthographic
+    assert both.intrinsics.tolist() == [k]
+    cameras = load_cameras(_write(tmp_path, BLENDER))
+    wide, square = (cameras.at(1, size, aspect).intrinsics[0] for aspect in (2.0, 1.0))
+    assert torch.allclose(wide[0, 0], square[0, 0])  # the sensor's width holds as many pixels, of half the height
+    assert torch.allclose(wide[1, 1], 2 * square[1, 1])
+
+
 def test_frames_take_what_they_lack_from_the_top(tmp_path: Path) -> None:
     frames = "".join(
         f"[[frames]]\nnumber = {n}\nworld_from_view = [[1,0,0,{n}],[0,1,0,0],[0,0,1,0],[0,0,0,1]]\n" for n in (3, 5)
@@ -57,6 +76,9 @@ def test_frames_take_what_they_lack_from_the_top(tmp_path: Path) -> None:
         ("fov = 40", "either world_from_view or location"),
         ("frames = 3", "frames must be a list"),
         ("[[frames]]\nfov = 3", "number must be a whole number"),
+        (BLENDER + "orthographic = 1", "orthographic must be true or false"),
+        (BLENDER + "orthographic = true", "write orthographic_height alone"),
+        (BLENDER.replace("focal_length = 50", "intrinsics = [[1, 0], [0, 1]]"), "intrinsics must be three rows"),
     ],
 )
 def test_errors_name_the_key(text: str, told: str, tmp_path: Path) -> None:

@@ -32,7 +32,7 @@ def test_a_mark_in_the_header_and_all_names_make_certain(tmp_path: Path) -> None
             "metallic is V.Metallic.X",
         ),
     )
-    unmarked = detect(foreign_exr.write(tmp_path / "b.exr", layers))
+    unmarked = detect(foreign_exr.write(tmp_path / "b.exr", layers | {"V.Combined.RGB": RGB}))
     assert (unmarked.name, unmarked.certainty, len(unmarked.reasons)) == ("blender", 0.9, 6)
 
 
@@ -45,12 +45,25 @@ def test_a_mark_weighs_more_than_names(tmp_path: Path) -> None:
 
 
 def test_a_mark_of_another_text_does_not_count(tmp_path: Path) -> None:
-    layers = {"dd.T": PLANE, "nn.XYZ": RGB}
+    layers = {"dd.T": PLANE, "nn.XYZ": RGB, "RGB": RGB}
     by = [foreign_exr.write(tmp_path / f"{n}.exr", layers, {"generatedBy": n}) for n in ("Mitsuba version 3", "Other")]
     sure, unsure = map(detect, by)
     assert sure.name == unsure.name == "mitsuba"
     assert sure.certainty > 0.8 > 0.7 > unsure.certainty > 0.5
     assert not any("header" in reason for reason in unsure.reasons)
+
+
+def test_who_knows_the_light_knows_the_file(tmp_path: Path) -> None:
+    """Blender's names for depth and normals are those of data sets too, whose picture it would not find."""
+    layers = {"Depth.Z": PLANE, "Normal.XYZ": RGB, "RGB": RGB}
+    assert detect(foreign_exr.write(tmp_path / "a.exr", layers | {"Albedo.RGB": RGB})).name == "generic"
+    assert detect(foreign_exr.write(tmp_path / "b.exr", layers | {"Combined.RGB": RGB})).name == "blender"
+
+
+@pytest.mark.parametrize("name", ["linear_depth.Z", "LinearDepth.R", "z_depth.red", "distance", "DEPTH.V"])
+def test_plain_names_of_depth_in_any_spelling(name: str, tmp_path: Path) -> None:
+    (path,) = (foreign_exr.write_parts(tmp_path / "a.exr", {"": {name: PLANE, **dict.fromkeys("RGB", PLANE)}}),)
+    assert detect(path).reasons[0] == f"depth is {name}"
 
 
 def test_without_depth_no_profile_fits(tmp_path: Path) -> None:

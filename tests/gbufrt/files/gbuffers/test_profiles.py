@@ -20,6 +20,7 @@ SKY = ~T["hit"]
 Z_UP = np.stack([X, -Z, Y], -1)
 UV = T["motion"] / (SIZE[1], SIZE[0])
 GREY = np.full((*SIZE, 3), 0.5)
+VIEW = (T["normal"] @ CAMERA.world_from_view[0, :3, :3].double().numpy()) * (1, -1, -1)  # y up, z to the viewer
 FILES = {
     "blender": {
         "A.v.Depth.Z": np.where(SKY, 1e10, T["planar"]),
@@ -34,7 +35,10 @@ FILES = {
         "QueueWorldNormal.RGB": np.stack([X, Z, Y], -1) / 2 + 0.5,
         "QueueMotionVectors.RG": UV * (-0.5, 0.5) + 0.5,
     },
-    "houdini": {"Z": np.where(SKY, 1e30, T["planar"]), "N.XYZ": T["normal"], "P.XYZ": T["normal"], "albedo.RGB": GREY},
+    "houdini": {"Pz.Z": np.where(SKY, 1e30, T["planar"]), "N.XYZ": T["normal"], "P.XYZ": T["normal"], "C.RGB": GREY},
+    "arnold": {"Z": np.where(SKY, 1e30, T["planar"]), "N.XYZ": T["normal"], "diffuse_albedo.RGB": GREY, "RGB": GREY},
+    "renderman": {"z": np.where(SKY, 1e10, T["ray"]), "Nn.XYZ": VIEW, "directDiffuse.RGB": GREY, "RGB": GREY},
+    "generic": {"VRayZDepth.R": np.where(SKY, 1e10, T["planar"]), "VRayNormals.RGB": VIEW, "RGB": GREY},
     "nuke": {
         "depth.Z": np.where(SKY, 0, 1 / np.where(SKY, 1, T["planar"])),
         "N.XYZ": T["normal"],
@@ -122,10 +126,12 @@ def test_a_setting_converts_and_without_it_the_disagreement_names_it(name: str, 
 
 @pytest.mark.parametrize("kind", ["planar", "ray"])
 def test_the_kind_told_is_another_than_the_profile_has(kind: str, tmp_path: Path) -> None:
-    """Plain depth under the name that Nuke gives to 1 / z."""
-    path = write(tmp_path / "a.exr", {"depth.Z": np.where(SKY, 0, T[kind]), "N.XYZ": T["normal"]})
+    """Plain depth under the name that Nuke gives to 1 / z, which its own profile finds by the pixels."""
+    path = write(tmp_path / "a.exr", {"depth.Z": np.where(SKY, 1e10, T[kind]), "N.XYZ": T["normal"], "RGB": GREY})
     assert detect(path).name == "nuke"
-    (line, *_) = disagreements(read_gbuffer(path, camera=CAMERA), depth_kind="reciprocal")
+    assert disagreements(read_gbuffer(path, camera=CAMERA), depth_kind=kind) == []
+    (tmp_path / "own.toml").write_text('base = "nuke"\ndepth_kind = "reciprocal"')
+    (line, *_) = disagreements(read_gbuffer(path, tmp_path / "own.toml", camera=CAMERA), depth_kind="reciprocal")
     assert line.startswith(f'depth_kind = "{kind}" fits better')
     (tmp_path / "own.toml").write_text(f'base = "nuke"\ndepth_kind = "{kind}"')
     frame = read_gbuffer(path, tmp_path / "own.toml", camera=CAMERA)
@@ -161,8 +167,17 @@ def test_view_layers_with_dots_are_kept_apart(tmp_path: Path) -> None:
     assert frame.gbuffer.roughness is None  # that of the other view layer
 
 
+def test_a_dot_in_the_name_of_depth_makes_no_view_layer(tmp_path: Path) -> None:
+    """As Mitsuba's manual calls its depth: dd.y, whose channel is dd.y.T."""
+    layers = {"dd.y.T": np.where(SKY, 0, T["ray"]), "nn.XYZ": T["normal"], "albedo.RGB": GREY, "img.RGB": GREY}
+    frame = read_gbuffer(write(tmp_path / "a.exr", layers), "mitsuba", camera=CAMERA)
+    assert frame.composite is not None
+    assert frame.gbuffer.albedo is not None
+    assert "normal_estimated" not in frame.extra
+
+
 def test_channels_of_parts_carry_the_names_of_their_parts(tmp_path: Path) -> None:
-    parts = {"depth": {"Z": np.full(SIZE, 0.25)}, "other": {"Z": np.full(SIZE, 9.0)}}
+    parts = {"depth": {"Z": np.full(SIZE, 4.0)}, "other": {"Z": np.full(SIZE, 9.0)}}
     assert float(read_gbuffer(write_parts(tmp_path / "a.exr", parts), fov=40).gbuffer.depth.max()) == 4
 
 

@@ -12,7 +12,8 @@ from foreign_exr import CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
-from gbufrt.files.gbuffers.sequence import expanded, shots_of
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.sequence import expanded, shot_parts, shots_of
 from gbufrt.files.guard import read_parts
 
 T = truth()
@@ -83,6 +84,29 @@ def test_patterns_stand_for_the_files_there_by_number(tmp_path: Path) -> None:
     assert expanded(tmp_path / "other.exr") == [tmp_path / "other.exr"]
     with pytest.raises(ValueError, match=r"no file fits .*other\.#\.exr"):
         expanded(tmp_path / "other.#.exr")
+
+
+def test_numbers_below_zero_have_a_sign_and_separators_none(tmp_path: Path) -> None:
+    names = ("a_-002.exr", "a_-001.exr", "a_0000.exr")
+    for name in reversed(names):
+        (tmp_path / name).touch()
+    assert [path.name for path in expanded(tmp_path / "a_####.exr")] == [*names]
+    assert [shot.number for shot in shots_of([tmp_path / name for name in names])] == [-2, -1, 0]
+    assert [shot.number for shot in shots_of([tmp_path / "a-001.exr", tmp_path / "a-002.exr"])] == [1, 2]
+
+
+def test_layers_of_a_frame_may_lie_in_several_files(tmp_path: Path) -> None:
+    """As Blender 5.0 writes them: parts whose channels carry their names, here light and surface apart."""
+    depth, light = LAYERS["Depth.Z"], np.full(SIZE, 0.5)
+    data = {"V.Depth": {"V.Depth.Z": depth}, "V.Normal": {f"V.Normal.{c}": light for c in "XYZ"}}
+    files = [
+        write_parts(tmp_path / "shot_data_0001.exr", data),
+        write_parts(tmp_path / "shot_beauty_0001.exr", {"V.Combined": {f"V.Combined.{c}": light for c in "RGB"}}),
+        write_parts(tmp_path / "shot_mask_0001.exr", {"": dict.fromkeys("RGB", light)}),
+    ]
+    layers = Layers(files[0], shot_parts(files))
+    assert {*layers.groups()} == {"V.Depth", "V.Normal", "V.Combined", "mask"}
+    assert read_gbuffer(files, "blender", camera=CAMERA).composite is not None
 
 
 def test_a_camera_reaches_as_far_as_the_file(tmp_path: Path) -> None:
