@@ -163,13 +163,13 @@ def test_bad_folders_and_files(capfd: pytest.CaptureFixture[str]):
         (("render", "--out", "file"), "--out file must be a folder"),
         (("render", "--out", "file/deeper"), "but file is a file"),
         (("post", "missing.exr", "--out", "b"), "missing.exr does not exist"),
-        (("post", "empty", "--out", "b"), "empty holds no frame_*.exr"),
+        (("post", "empty", "--out", "b"), "empty holds no EXR files; give files"),
         (("post", "--out", "b"), "no files given"),
         (("post", "bad.exr", "--out", "b"), "bad.exr is not an OpenEXR file"),
         (("post", "cut.exr", "--out", "b"), "cut.exr is damaged or cut short"),
         (("post", "good", "good/frame_0000.exr", "--out", "b"), "several inputs are called frame_0000"),
         (("post", "good", "--out", "good"), "would be overwritten; choose another folder"),
-        (("render",), "--out"),
+        (("video", "good"), "--out"),
     ):
         assert run(*arguments) == 2, arguments
         error = capfd.readouterr().err
