@@ -12,8 +12,8 @@ from gbufrt.atmosphere.medium import Atmosphere
 from gbufrt.atmosphere.rays import gathered
 from gbufrt.atmosphere.scattering import tables_of
 from gbufrt.atmosphere.tables import DTYPE
+from gbufrt.specular import DIELECTRIC_F0, schlick
 
-WATER_F0 = 0.02  # reflectance of water, seen from straight above
 DEEP = (0.010, 0.030, 0.045)  # albedo of deep water without what its surface mirrors
 AROUND = 96  # columns from the sun's azimuth to the opposite one: the sky is the same on both sides of it
 
@@ -129,8 +129,10 @@ def from_ground(up: Tensor, lit: Tensor, mirrored: Tensor, albedo: Tensor, water
 
     Returns:
         ``(..., 3)``.
+
+    Source: Schlick 1994.
     """
-    mirrors = (WATER_F0 + (1 - WATER_F0) * (1 - up.abs()) ** 5)[..., None]
+    mirrors = schlick(up.abs(), DIELECTRIC_F0)[..., None]
     wet = torch.lerp(lit * lit.new_tensor(DEEP), mirrored, mirrors)
     return torch.lerp((lit * albedo).expand_as(wet), wet, water)
 

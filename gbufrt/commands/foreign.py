@@ -160,8 +160,6 @@ class Source:
             if frame.composite is None:
                 raise ValueError(f"{shot} holds no light: neither passes of direct light nor a finished picture")
             frame = frame.replace(color=frame.composite)
-        if before is None and (line := grain_line(frame)):
-            self.tell(f"{shot}: {line}")
         return frame
 
     def read(self, shot: Shot, before: Frame | None = None) -> tuple[Frame, list[str]]:
@@ -228,6 +226,8 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
                 f"--passes {name} would add light that the finished picture holds already; render the passes of direct "
                 "light too"
             )
+    if "denoise" not in names and (line := grain_line(frame)):
+        warnings.warn(line, stacklevel=2)
     left_out = set(LIT) - set(names) if finished else set()
     if not finished and not names and frame.gbuffer.roughness is None:
         left_out.add("reflection")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from pathlib import Path
 
 import foreign_exr
@@ -73,6 +74,18 @@ def test_reflections_on_a_guess_of_roughness_must_be_asked_for(tmp_path: Path) -
     known = pipeline_for(frame, Recipe(), ())
     assert "reflection" in known.stages
     assert known.writes.isdisjoint(("roughness", "metallic"))
+
+
+def test_noisy_light_is_told_unless_it_is_denoised(tmp_path: Path) -> None:
+    frame = taken(rendered(tmp_path / "a_0001.exr", direct=True))
+    assert frame.radiance is not None
+    grainy = frame.replace(radiance=frame.radiance * torch.rand(frame.radiance.shape))
+    with pytest.warns(UserWarning, match="the light is noisy"):
+        pipeline_for(grainy, Recipe(), ())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pipeline_for(grainy, Recipe(), ("denoise", "ao"))
+        pipeline_for(frame, Recipe(), ())
 
 
 def test_normals_that_the_file_lacks_are_estimated_with_care_for_edges(tmp_path: Path) -> None:
