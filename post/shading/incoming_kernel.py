@@ -41,19 +41,42 @@ def read(picture, x, y):
     return _mixed(upper[ix], upper[right], lower[ix], lower[right], x - np.float32(ix), y - np.float32(iy))
 
 
-@scalar
-def sky_light(sky, direction):
-    """The colour of a lat-long sky in a world-space direction; see `gbufrt.environment.lookup_environment`."""
-    height, width = sky.shape[0], sky.shape[1]
+@inlined
+def _place(direction):
+    """Where a world-space direction lies in a lat-long picture, as shares of its width and height."""
     across = math.sqrt(max(direction[0] * direction[0] + direction[2] * direction[2], POLE))
     azimuth = atan2(direction[0], -direction[2]) if across * across > POLE else ZERO
-    x = (azimuth / (TWO * HALF_TURN) + HALF) * np.float32(width) - HALF
-    y = atan2(across, direction[1]) / HALF_TURN * np.float32(height) - HALF
+    return azimuth / (TWO * HALF_TURN) + HALF, atan2(across, direction[1]) / HALF_TURN
+
+
+@inlined
+def _corners(picture, place):
+    """The four pixels of a lat-long picture next to a place, and how far it lies between them."""
+    height, width = picture.shape[0], picture.shape[1]
+    x, y = place[0] * np.float32(width) - HALF, place[1] * np.float32(height) - HALF
     y = min(max(y, ZERO), np.float32(height - 1))
     column, iy = math.floor(x), np.int64(y)
     ix = (np.int64(column) + width) % width
-    upper, lower, right = sky[iy], sky[min(iy + 1, height - 1)], (ix + 1) % width
-    return _mixed(upper[ix], upper[right], lower[ix], lower[right], x - np.float32(column), y - np.float32(iy))
+    upper, lower, right = picture[iy], picture[min(iy + 1, height - 1)], (ix + 1) % width
+    return upper[ix], upper[right], lower[ix], lower[right], x - np.float32(column), y - np.float32(iy)
+
+
+@scalar
+def beyond(sky, around, world, share, over_sky):
+    """What a ray meets that leaves the picture: a share of the sky, see `gbufrt.environment`, the rest surfaces."""
+    place = _place(world)
+    a, b, c, d, fx, fy = _corners(around, place)
+    surface = _mixed(a, b, c, d, fx, fy)
+    if not over_sky:
+        left, right = a[3] + (c[3] - a[3]) * fy, b[3] + (d[3] - b[3]) * fy
+        share *= left + (right - left) * fx
+    a, b, c, d, fx, fy = _corners(sky, place)
+    above = _mixed(a, b, c, d, fx, fy)
+    return (
+        surface[0] + (above[0] - surface[0]) * share,
+        surface[1] + (above[1] - surface[1]) * share,
+        surface[2] + (above[2] - surface[2]) * share,
+    )
 
 
 @inlined
@@ -82,15 +105,15 @@ def border_fade(lit, end, border):
 
 
 @scalar
-def incoming(lit, sky, end, confidence, x, y, bent, has_bent, world):
-    """The radiance that a ray brings: light from the screen as far as it is trusted, else the sky."""
+def incoming(lit, hit, sky, around, end, confidence, x, y, bent, has_bent, world, away):
+    """The radiance that a ray brings: light from the screen as far as it is trusted, else what lies beyond."""
     if end.status == BLOCKED:
         return scaled(read(lit, end.x, end.y), HIDDEN_SHARE)
     guess = ZERO, ZERO, ZERO
     if confidence < ONE:
+        row, column = min(max(np.int64(end.y), 0), lit.shape[0] - 1), min(max(np.int64(end.x), 0), lit.shape[1] - 1)
         share = _sky_share(lit, end, x, y, bent, has_bent, world)
-        if share > ZERO:
-            guess = scaled(sky_light(sky, world), share)
+        guess = beyond(sky, around, world, share, away and not hit[row, column])
     if confidence <= ZERO:
         return guess
     found = read(lit, end.x, end.y)

@@ -7,8 +7,12 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import resident
 from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
+
+
+OPEN = (0.0, 0.0, 0.0, 1.0)  # nothing but the sky lies around
 
 
 @torch.library.custom_op("gbufrt::reflect", mutates_args=())
@@ -29,6 +33,7 @@ def reflect_cpu(
     metallic: Tensor,
     lit: Tensor,
     sky: Tensor,
+    around: Tensor,
     bent_normal: Tensor,
     limit: Tensor,
     noise: Tensor,
@@ -59,6 +64,7 @@ def reflect_cpu(
         metallic: see `Picture`.
         lit: ``(B, H, W, 4)``: the light that pixels send, and the visibility of the sky there.
         sky: ``(B, h, w, 3)`` or ``(1, h, w, 3)``, lat-long.
+        around: ``(B, h, w, 4)`` or ``(1, h, w, 4)``, lat-long: see `Picture`.
         bent_normal: see `Picture`.
         limit: ``(B,)``: see `brightest`.
         noise: see `reflect`.
@@ -75,7 +81,7 @@ def reflect_cpu(
     batch, _, height, width = depth.shape
     out = depth.new_empty(batch, 5, height, width)
     view = (planes, pyramid, table, lens, near, orthographic, rotation)
-    channels = (hit, depth, normal, normal_geo, roughness, f0, metallic, lit, sky, bent_normal, limit)
+    channels = (hit, depth, normal, normal_geo, roughness, f0, metallic, lit, sky, around, bent_normal, limit)
     rays = (noise, shifts, bounces, steps, distance, far, roughness_cutoff, border)
     reflect_each(batch * height * width, out, *view, *channels, *rays)
     return out
@@ -133,7 +139,7 @@ def reflect(
     )
     if form is Form.REFERENCE:
         return reflect_reference(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
-    depth, environment, visibility = picture.depth, picture.environment, picture.visibility
+    depth, visibility, environment, around = picture.depth, picture.visibility, picture.environment, picture.around
     light = _full(picture.light, 3, depth)
     known = torch.ones_like(depth) if visibility is None else torch.where(picture.hit, visibility, 1.0)
     none = depth.new_empty(0, 3, *camera.size)
@@ -153,6 +159,7 @@ def reflect(
         none[:, :1] if picture.metallic is None else _full(picture.metallic, 1, depth),
         torch.cat([light, known], dim=1).movedim(1, -1),
         depth.new_zeros(1, 1, 1, 3) if environment is None else environment.movedim(1, -1),
+        depth.new_zeros(1, 1, 1, 4) + resident(OPEN, depth) if around is None else around.movedim(1, -1),
         none if bent_normal is None else _full(bent_normal, 3, depth),
         brightest(light, picture.hit).flatten(),
         noise,

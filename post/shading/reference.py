@@ -46,6 +46,8 @@ class Picture(NamedTuple):
     visibility: Tensor | None
     bent_normal: Tensor | None
     metallic: Tensor | None = None
+    around: Tensor | None = None
+    """What lies beyond it, see `post.shading.around`: ``(B, 4, h, w)``; by default nothing but the sky."""
 
 
 def reflect_reference(
@@ -118,8 +120,10 @@ def _followed(
         hits = hits._replace(px=torch.where(begins, at, hits.px), blocked=hits.blocked & ~begins)
         confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
         world = camera.rotate_to_world(way)
-        sky = flies * ~hits.blocked * _sky_share(world, hits, g.hit, g.visibility, open_here, bent, at)
-        total = total + carried * _incoming(g.light, g.environment, hits, confidence, world, sky)
+        share = _sky_share(world, hits, g.hit, g.visibility, open_here, bent, at)
+        over_sky = (way[:, 2:] > 0) & ~gather(g.hit, hits.px[:, 0].floor(), hits.px[:, 1].floor())
+        guess = flies * ~hits.blocked * _beyond(g, world, share, over_sky)
+        total = total + carried * _incoming(g.light, hits, confidence, guess)
         firsts.append((hits, confidence))
         if g.metallic is None or bounce == bounces:
             break
@@ -133,11 +137,10 @@ def _followed(
         open_here = None if g.visibility is None else gather(g.visibility, column, row)
         bent = None if g.bent_normal is None else gather(g.bent_normal, column, row)
         mirrored = carried * seen * (f0 * (1 - edge) + edge)
-        if g.environment is not None:
-            gloss = (1 - metal) * (1 - gather(g.roughness, column, row) / GLOSSY).clamp_min(0.0)
-            above = camera.rotate_to_world(way)
-            sky = lookup_environment(g.environment, above) * _open_share(open_here, bent, above)
-            total = total + torch.where(seen * gloss > 0, mirrored * gloss * sky, 0.0)
+        gloss = (1 - metal) * (1 - gather(g.roughness, column, row) / GLOSSY).clamp_min(0.0)
+        above = camera.rotate_to_world(way)
+        sky = _beyond(g, above, _open_share(open_here, bent, above))
+        total = total + torch.where(seen * gloss > 0, mirrored * gloss * sky, 0.0)
         carried, way = torch.where(goes, mirrored * metal, 0.0), torch.where(goes, way, 0.0)
     return total, *firsts[0]
 
@@ -198,15 +201,25 @@ def _open_share(visibility: Tensor | None, bent: Tensor | None, world: Tensor) -
     return ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)
 
 
-def _incoming(
-    light: Tensor, environment: Tensor | None, hits: Hits, confidence: Tensor, world: Tensor, sky: Tensor
-) -> Tensor:
-    """Radiance of each ray: light from the screen as far as it is trusted, else the environment."""
+def _beyond(g: Picture, world: Tensor, share: Tensor, over_sky: Tensor | None = None) -> Tensor:
+    """What rays meet that leave the picture: a share of the sky, the rest surfaces.
+
+    A ray that ends over the sky, going away from the camera, meets it. Others find it as far up as the surroundings
+    leave it open.
+    """
+    sky = torch.zeros_like(world) if g.environment is None else lookup_environment(g.environment, world)
+    if g.around is None:
+        return share * sky
+    surface, left = lookup_environment(g.around, world).split((3, 1), dim=1)
+    share = share * (left if over_sky is None else torch.where(over_sky, 1.0, left))
+    return torch.lerp(surface, sky, share)
+
+
+def _incoming(light: Tensor, hits: Hits, confidence: Tensor, guess: Tensor) -> Tensor:
+    """Radiance of each ray: light from the screen as far as it is trusted, else a guess."""
     visible = sample(light, hits.px)
-    guessed = torch.where(hits.blocked, HIDDEN_SHARE * visible, 0.0)
-    if environment is not None:
-        guessed = guessed + sky * lookup_environment(environment, world)
-    return guessed + (visible - guessed) * confidence
+    guess = torch.where(hits.blocked, HIDDEN_SHARE * visible, guess)
+    return guess + (visible - guess) * confidence
 
 
 def _firefly_factor(incoming: Tensor, limit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:

@@ -13,7 +13,7 @@ from gbufrt.specular import MIRROR_ROUGHNESS
 from post.march.constants import BLOCKED, HIT, LEFT
 from post.march.kernel import Ending, trace
 from post.shading import constants
-from post.shading.incoming_kernel import border_fade, incoming, open_share, sky_light
+from post.shading.incoming_kernel import beyond, border_fade, incoming, open_share
 from post.shading.lobe_kernel import dot, grazing, mirror, reflected, scaled, unit
 
 ZERO, HALF, ONE, TWO, STEEP = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(10)
@@ -91,7 +91,7 @@ def _more(light, carried, sent):
 @scalar
 def reflect(
     i, out, planes, pyramid, table, lens, near, orthographic, rotation, hit, depth, normal, geometric, roughness, f0,
-    metallic, lit, sky, bent, limit, noise, shifts, bounces, steps, distance, far, cutoff, border,
+    metallic, lit, sky, around, bent, limit, noise, shifts, bounces, steps, distance, far, cutoff, border,
 ):  # fmt: skip
     """See `post.shading.op.reflect_cpu`: one pixel, written to its place in ``out``."""
     near, distance, far = np.float32(near), np.float32(distance), np.float32(far)
@@ -128,8 +128,11 @@ def reflect(
                     end = here
             confidence = trust * end.agreement * border_fade(lit[b], end, border) if end.status == HIT else ZERO
             world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else facing
-            open_sky = sky[b if sky.shape[0] > 1 else 0]
-            sent = incoming(lit[b], open_sky, end, confidence, column, row, toward, has_bent, world)
+            open_sky, near_by = sky[b if sky.shape[0] > 1 else 0], around[b if around.shape[0] > 1 else 0]
+            away = way[2] > ZERO
+            sent = incoming(
+                lit[b], hit[b, 0], open_sky, near_by, end, confidence, column, row, toward, has_bent, world, away
+            )
             light = _more(light, carried, sent)
             if bounce == 0:
                 first, sure = end, confidence
@@ -148,8 +151,9 @@ def reflect(
             if gloss > ZERO and metal < ONE:
                 world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else other
                 open_here = lit[b, row, column, 3]
-                part = gloss * (ONE - metal) * (open_share(open_here, toward, world) if has_bent else open_here)
-                light = _more(light, carried, scaled(sky_light(open_sky, world), part))
+                part = open_share(open_here, toward, world) if has_bent else open_here
+                sent = beyond(open_sky, near_by, world, part, False)
+                light = _more(light, carried, scaled(sent, gloss * (ONE - metal)))
             if not metal > ZERO:
                 break
             carried = scaled(carried, metal)

@@ -100,7 +100,7 @@ def test_what_is_left_out_for_want_of_an_input_is_told_once():
     frame = boxes.frame(boxes.camera((8, 8)))
     mirrors, bare = Pipeline(mirrors=Pipeline(estimate=SSR(samples=1))), frame.replace(environment=None)
     with pytest.warns(
-        UserWarning, match=r"^mirrors\.estimate: mirrors show black.*no environment: give the Frame"
+        UserWarning, match=r"^mirrors\.estimate: mirrors guess the sky.*no environment: give the Frame"
     ) as told:
         _, state = mirrors(bare)
     assert [warning.filename for warning in told] == [__file__]
@@ -110,7 +110,7 @@ def test_what_is_left_out_for_want_of_an_input_is_told_once():
         mirrors(bare.replace(index=1), state)
         Pipeline(mirrors=SSR(samples=1))(frame)
     plain = bare.replace(gbuffer=frame.gbuffer.replace(metallic=None))
-    with pytest.warns(UserWarning, match=r"mirrors show black.*; estimate: metals mirror.*no metallic"):
+    with pytest.warns(UserWarning, match=r"mirrors guess the sky.*; estimate: metals mirror.*no metallic"):
         Pipeline(estimate=SSR(samples=1))(plain)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

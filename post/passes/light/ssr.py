@@ -13,6 +13,7 @@ from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
+from post.shading.around import look_around
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
 from post.shading.reference import Method, Picture
@@ -44,15 +45,18 @@ def ssr(
     roughness_cutoff: float = 1.0,
     reuse: int = 0,
     method: Method = "ggx",
+    surroundings: bool = True,
     seed: int = 0,
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Specular reflections, from on-screen hits where there are any, else from the environment.
 
     A ray that hits a visible surface brings ``light``. A ray that hits nothing brings the environment times a sky
     visibility: that of the surface it was last in front of, or that of the cone around ``bent_normal`` that
-    ``visibility`` leaves open. So windows reflect the sky, and interiors do not fill with it. A ray that ends at a
-    surface hidden from the camera brings some of the light of the surface next to it, at confidence 0. A ray that hits
-    a metal goes on as from a smooth mirror, and after its last bounce brings the sky that the metal there mirrors.
+    ``visibility`` leaves open. So windows reflect the sky, and interiors do not fill with it. The rest of what it
+    brings, and the environment where there is none, is guessed from what the picture shows in other directions: see
+    `post.shading.around.look_around`. A ray that ends at a surface hidden from the camera brings some of the light of
+    the surface next to it, at confidence 0. A ray that hits a metal goes on as from a smooth mirror, and after its last
+    bounce brings the sky that the metal there mirrors.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
@@ -61,7 +65,8 @@ def ssr(
         depth: ``(B, 1, H, W)`` planar view z, world units.
         normal: ``(B, 3, H, W)`` world space, unit.
         camera: of the picture.
-        light: ``(B, 3, H, W)`` linear radiance that each pixel's surface sends; see `outgoing_light`.
+        light: ``(B, 3, H, W)`` linear radiance that each pixel's surface sends, see `outgoing_light`, and that of the
+            sky where there is no surface.
         roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
         hit: ``(B, 1, H, W)`` bool; by default every pixel.
         f0: ``(B, 3, H, W)`` reflectance at normal incidence; 0.04 where absent.
@@ -69,7 +74,7 @@ def ssr(
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
         thickness: ``(B, 1, H, W)`` of solids along the view ray, world units; or one assumed for everything;
             by default 0.5.
-        environment: ``(B, 3, h, w)`` lat-long sky; black where absent.
+        environment: ``(B, 3, h, w)`` lat-long sky; where absent that of the picture, or black without surroundings.
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         index: frame number, for the noise.
@@ -80,6 +85,7 @@ def ssr(
         roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel reuses, 0 to 8.
         method: ``"ggx"`` samples visible microfacets; ``"cone"`` a cone of roughness x 45 degrees.
+        surroundings: whether to guess what lies beyond the picture; if not, nothing but the environment does.
         seed: another seed, another noise.
 
     Returns:
@@ -104,8 +110,10 @@ def ssr(
     far = camera.far if distance is None else distance
     flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
-    sky = (environment, visibility, bent_normal)
-    picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, *sky, metallic if bounces > 1 else None)
+    around, above = look_around(light, hit, camera) if surroundings else (None, None)
+    sky = (above if environment is None else environment, visibility, bent_normal)
+    mirrors = metallic if bounces > 1 else None
+    picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, *sky, mirrors, around)
     noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)
     shifts = _shifts(index, samples, method, noise)
     options = {"bounces": bounces, "steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
@@ -141,7 +149,7 @@ class SSR(Pass):
     writes = frozenset({"reflection", "reflection_confidence", "reflection_distance"})
     lacks = MappingProxyType(
         {
-            "environment": "mirrors show black where they would show the sky or what is not on screen",
+            "environment": "mirrors guess the sky from what the picture shows of it",
             "metallic": "metals mirror as little as plastic",
         }
     )
@@ -157,6 +165,7 @@ class SSR(Pass):
         reuse: int = 0,
         method: Method = "ggx",
         bounces: int = 2,
+        surroundings: bool = True,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -168,6 +177,7 @@ class SSR(Pass):
         self.reuse = reuse
         self.method: Method = method
         self.bounces = bounces
+        self.surroundings = surroundings
         self.seed = seed
 
     def forward(self, frame: Frame) -> Frame:

@@ -45,6 +45,7 @@ def scene(camera: Camera, *, world: Tensor = boxes.ROOM) -> tuple[Any, ...]:
         visibility,
         torch.nn.functional.normalize(bent + 0.3, dim=1),
         (3 * smooth(noise(1, size, 9, batch)) - 1).clamp(0, 1),
+        noise(4, (6, 12), 10, batch),
     )
     hierarchy = depth_hierarchy(g.depth, g.normal, camera, hit=g.hit, thickness=0.4)
     return picture, hierarchy, camera, noise(2, size, 7)[0]
@@ -198,7 +199,8 @@ def test_operator_is_registered_properly() -> None:
     view = (*hierarchy, lens_of(camera).float(), 0.05, False, camera.world_from_view[:, :3, :3].contiguous())
     lit = torch.cat([p.light, 1 + 0 * p.depth], dim=1).movedim(1, -1)
     assert p.environment is not None
-    seen = (lit, p.environment.movedim(1, -1), p.bent_normal, torch.ones(1))
+    assert p.around is not None
+    seen = (lit, p.environment.movedim(1, -1), p.around.movedim(1, -1), p.bent_normal, torch.ones(1))
     arguments = (*view, p.hit, p.depth, p.normal, p.normal_geo, p.roughness, p.f0, p.metallic, *seen, offsets)
     checks = ("test_schema", "test_faketensor")
     torch.library.opcheck(reflect_cpu, (*arguments, SHIFTS, 2, 8, 10.0, 100.0, 1.0, 1.0), test_utils=checks)

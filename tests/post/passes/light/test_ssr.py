@@ -75,7 +75,7 @@ def test_a_mirror_in_a_mirror_shows_the_truth(polished: bool):
     turned = torch.where(first.hit, directions - away * first.normal, 0.0)
     second = mirrors.intersect(g.camera, ends, turned)
     gloss = 0.5 * (0.04 + 0.96 * grazing((turned * second.normal).sum(1).abs())) if polished else g.depth[:, 0] * 0
-    once, twice = (SSR(samples=1, bounces=k)(frame).read("reflection") for k in (1, 2))
+    once, twice = (SSR(samples=1, bounces=k, surroundings=False)(frame).read("reflection") for k in (1, 2))
     shown = first.visible & (first.box != 1) & g.hit & ~wall
     shines, misses = shown & second.visible & (second.box == 1), shown & ~second.hit
     for seen, light in ((shines, boxes.ALBEDO[1][:, None] + gloss[shines[:, 0]]), (misses, 0.5)):
@@ -99,20 +99,20 @@ def test_no_metal_is_black_under_an_open_sky():
 
 def test_sky_fills_what_leaves_the_screen():
     frame = shiny(scene=boxes.ROOM[:1])
-    result = SSR(samples=1)(frame)
+    result = SSR(samples=1, surroundings=False)(frame)
     g = frame.gbuffer
     assert torch.allclose(result.read("reflection")[g.hit.expand(-1, 3, -1, -1)], torch.tensor(0.5), atol=1e-5)
     assert (result.read("reflection_confidence") == 0).all()
     assert (result.read("reflection_distance")[g.hit] == g.camera.far).all()
     assert (result.read("reflection")[~g.hit.expand(-1, 3, -1, -1)] == 0).all()
-    dark = SSR(samples=1)(frame.replace(environment=None))
+    dark = SSR(samples=1, surroundings=False)(frame.replace(environment=None))
     assert (dark.read("reflection") == 0).all()
 
 
 def test_sky_in_the_mirror_is_the_sky_in_that_direction():
     frame = shiny(scene=boxes.ROOM[:1])
     sky = torch.rand(1, 3, 16, 32, generator=torch.Generator().manual_seed(1))
-    result = SSR(samples=1)(frame.replace(environment=sky)).read("reflection")
+    result = SSR(samples=1, surroundings=False)(frame.replace(environment=sky)).read("reflection")
     _, direction = mirrors.reflected(frame)
     expected = lookup_environment(sky, direction) * frame.gbuffer.hit
     assert torch.allclose(result, expected, atol=1e-4)
@@ -123,30 +123,30 @@ def test_interiors_do_not_fill_with_sky():
     frame = shiny(above, scene=boxes.ROOM[:1])
     g = frame.gbuffer
     assert g.hit.all(), "every mirrored ray leaves the picture"
-    whole = SSR(samples=1)(frame).read("reflection")
+    whole = SSR(samples=1, surroundings=False)(frame).read("reflection")
     closed = frame.replace(sky_visibility=torch.zeros_like(g.depth))
-    assert SSR(samples=1)(closed).read("reflection").abs().max() == 0
-    assert SSR(samples=1)(closed.replace(bent_normal=g.normal)).read("reflection").abs().max() == 0
+    assert SSR(samples=1, surroundings=False)(closed).read("reflection").abs().max() == 0
+    assert SSR(samples=1, surroundings=False)(closed.replace(bent_normal=g.normal)).read("reflection").abs().max() == 0
     half = frame.replace(ao=torch.full_like(g.depth, 0.5))
-    assert torch.allclose(SSR(samples=1)(half).read("reflection"), 0.5 * whole)
+    assert torch.allclose(SSR(samples=1, surroundings=False)(half).read("reflection"), 0.5 * whole)
     ajar = frame.replace(sky_visibility=torch.full_like(g.depth, 0.3))
     _, direction = mirrors.reflected(frame)
     facing = ajar.replace(bent_normal=direction)
-    assert torch.allclose(SSR(samples=1)(facing).read("reflection"), whole), "the mirror looks into the opening"
+    assert torch.allclose(SSR(samples=1, surroundings=False)(facing).read("reflection"), whole), "the mirror looks into the opening"
     beside = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None].expand_as(direction)
-    assert SSR(samples=1)(ajar.replace(bent_normal=beside)).read("reflection").max() == 0, "and here past it"
-    assert SSR(samples=1)(boundless(frame)).read("reflection").max() > 0.4, "but a ray known to end in the sky finds it"
+    assert SSR(samples=1, surroundings=False)(ajar.replace(bent_normal=beside)).read("reflection").max() == 0, "and here past it"
+    assert SSR(samples=1, surroundings=False)(boundless(frame)).read("reflection").max() > 0.4, "but a ray known to end in the sky finds it"
 
 
 def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():
     above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
     frame = shiny(above, scene=boxes.ROOM[:1])
-    whole, inner = SSR(samples=1)(frame).read("reflection"), (..., slice(1, -1), slice(1, -1))
+    whole, inner = SSR(samples=1, surroundings=False)(frame).read("reflection"), (..., slice(1, -1), slice(1, -1))
 
     def with_border(visibility: float) -> Tensor:
         edge = torch.full_like(frame.gbuffer.depth, visibility)
         edge[inner] = 0.3
-        return SSR(samples=1)(frame.replace(sky_visibility=edge)).read("reflection")[inner]
+        return SSR(samples=1, surroundings=False)(frame.replace(sky_visibility=edge)).read("reflection")[inner]
 
     assert torch.allclose(with_border(0.8), 0.8 * whole[inner]), "out there it is more open"
     assert torch.allclose(with_border(0.1), 0.3 * whole[inner]), "a ray that leaves over a wall may still see past it"

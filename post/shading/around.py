@@ -1,0 +1,80 @@
+"""What lies beyond the picture, guessed from the picture: its own light by direction, and how far up it hides the sky.
+
+What is off screen resembles what is on screen at the same height over the horizon, more so in directions that are near:
+a square has walls on all its sides, a valley has hills behind the camera too.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt import Camera
+from gbufrt.environment import environment_directions
+from gbufrt.luminance import luminance
+
+SIZE = (12, 24)  # pixels of the lat-long picture of a guess
+BLOCKS = (24, 40)  # of the picture, whose means speak for it
+ELEVATION, AZIMUTH = 0.12, 0.35  # standard deviations in radians: how far light is taken to be alike
+ANYWHERE = 0.1  # what the same elevation in any other azimuth says, of what the same azimuth does
+REMOTE = 1e-3  # likewise what other elevations say; it counts where nothing else is known
+SKYLINE = 0.3  # elevation in radians from which nothing hides the sky, where the picture does not tell
+UNTOLD = 0.05  # of the picture's blocks: what that is worth beside what the picture tells
+BRIGHT = 4.0  # times the picture's mean luminance: lamps and noise are no surroundings
+TINY = 1e-9
+
+
+def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Tensor]:
+    """Guess what lies in each direction, beyond the picture's border and behind the camera.
+
+    Differentiable in ``light``.
+
+    Args:
+        light: ``(B, 3, H, W)`` linear radiance that each pixel sends, the sky's where there is no surface.
+        hit: ``(B, 1, H, W)`` bool: where there is a surface.
+        camera: of the picture.
+
+    Returns:
+        Two lat-long pictures, see `gbufrt.environment`: ``(B, 4, h, w)`` linear radiance of surfaces and the share of
+        the sky that they leave open, in [0, 1]; and ``(B, 3, h, w)`` the sky's linear radiance, where the picture shows
+        no sky that of surfaces.
+    """
+    solid = hit.to(light)
+    mean = luminance(light).mean((2, 3), keepdim=True)
+    light = light * (BRIGHT * mean / luminance(light).clamp_min(TINY)).clamp_max(1.0)
+    blocks = F.adaptive_avg_pool2d(torch.cat([light * solid, solid, light], dim=1), BLOCKS).flatten(2).mT
+    surface, covered, sky = blocks[..., :3], blocks[..., 3:4], blocks[..., 4:] - blocks[..., :3]
+    weight, up = _alike(camera, light)
+    told = weight @ covered
+    colour = weight @ surface / told.clamp_min(TINY)
+    clear = (weight @ (1 - covered)) + TINY
+    above = (weight @ sky + TINY * colour) / clear
+    untold = UNTOLD * math.prod(BLOCKS)
+    share = (clear + untold * (up / SKYLINE).clamp(0.0, 1.0)) / (clear + told + untold)
+    around = torch.cat([colour, share], dim=2)
+    return around.mT.unflatten(2, SIZE), above.mT.unflatten(2, SIZE)
+
+
+def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
+    """``(B, cells, blocks)`` how much a block of the picture says of a direction; ``(cells, 1)`` its elevation."""
+    device, dtype = like.device, like.dtype
+    y, x = (
+        (torch.arange(n, device=device, dtype=dtype) + 0.5) * (side / n)
+        for n, side in zip(BLOCKS, camera.size, strict=True)
+    )
+    px = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1])[None].expand(camera.batch, -1, -1, -1)
+    ways = -camera.rotate_to_world(camera.to_eye(camera.unproject(torch.ones_like(px[:, :1]), px)))
+    there, seen = _angles(environment_directions(SIZE, dtype=dtype, device=device)), _angles(ways)
+    up, round_ = (a.mT - b for a, b in zip(there, seen, strict=True))
+    round_ = torch.remainder(round_ + math.pi, 2 * math.pi) - math.pi
+    rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / ELEVATION)
+    return rows * (ANYWHERE + torch.exp(-0.5 * (round_ / AZIMUTH) ** 2)), there[0][0].mT
+
+
+def _angles(directions: Tensor) -> tuple[Tensor, Tensor]:
+    """``(B, 1, N)`` elevation and azimuth, radians, of unit vectors ``(B, 3, h, w)``."""
+    x, y, z = directions.flatten(2).split(1, dim=1)
+    return torch.asin(y.clamp(-1.0, 1.0)), torch.atan2(x, -z)
