@@ -17,14 +17,15 @@ from gbufrt.environment import environment_directions
 from gbufrt.luminance import luminance
 
 SIZE = (12, 24)  # pixels of the lat-long picture of a guess
-BLOCKS = (24, 40)  # of the picture, whose means speak for it
+BLOCKS = (12, 20)  # of the picture, whose means speak for it
+LINES = 135  # of the picture that are enough for those means
 ELEVATION, AZIMUTH = 0.12, 0.35  # standard deviations in radians: how far light is taken to be alike
 ANYWHERE = 0.1  # what the same elevation in any other azimuth says, of what the same azimuth does
 REMOTE = 1e-3  # likewise what other elevations say; it counts where nothing else is known
 SKYLINE = 0.3  # elevation in radians from which nothing hides the sky, where the picture does not tell
 UNTOLD = 0.05  # of the picture's blocks: what that is worth beside what the picture tells
 BRIGHT = 4.0  # times the picture's mean luminance: lamps and noise are no surroundings
-TINY = 1e-9
+TINY = 1e-12
 
 
 def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Tensor]:
@@ -42,6 +43,8 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
         the sky that they leave open, in [0, 1]; and ``(B, 3, h, w)`` the sky's linear radiance, where the picture shows
         no sky that of surfaces.
     """
+    step = max(camera.height // LINES, 1)
+    light, hit = (picture[..., step // 2 :: step, step // 2 :: step] for picture in (light, hit))
     solid = hit.to(light)
     mean = luminance(light).mean((2, 3), keepdim=True)
     light = light * (BRIGHT * mean / luminance(light).clamp_min(TINY)).clamp_max(1.0)

@@ -11,7 +11,6 @@ from gbufrt.compute.resident import resident
 from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
 
-
 OPEN = (0.0, 0.0, 0.0, 1.0)  # nothing but the sky lies around
 
 

@@ -78,9 +78,10 @@ def court() -> tuple[Scene, Camera]:
     return scene, Camera.look_at((16.5, 4.0, 26.0), (16.5, 4.0, 12.0), size=(54, 96), fov_y=60.0, far=200.0)
 
 
-def error(frame: Frame, truth: torch.Tensor, **options: bool) -> float:
+def error(frame: Frame, truth: torch.Tensor, *, surroundings: bool = True) -> float:
     """Relative squared error of the luminance that metal shows."""
-    found = torch.stack([SSR(samples=4, **options)(frame.replace(index=i)).read("reflection") for i in range(4)]).mean(0)
+    stage = SSR(samples=4, surroundings=surroundings)
+    found = torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(4)]).mean(0)
     metal, true = frame.read("metallic") > 0.5, luminance(truth)
     assert int(metal.sum()) > 200
     return float((luminance(found) - true)[metal].square().sum() / true[metal].square().sum())

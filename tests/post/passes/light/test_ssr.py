@@ -39,6 +39,10 @@ def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
     return boxes.ALBEDO[truth.box[:, 0]].permute(0, 3, 1, 2), truth
 
 
+def of_sky_alone(frame: Frame) -> Tensor:
+    return SSR(samples=1, surroundings=False)(frame).read("reflection")
+
+
 def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
     return torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(frames)]).mean(0)
 
@@ -112,7 +116,7 @@ def test_sky_fills_what_leaves_the_screen():
 def test_sky_in_the_mirror_is_the_sky_in_that_direction():
     frame = shiny(scene=boxes.ROOM[:1])
     sky = torch.rand(1, 3, 16, 32, generator=torch.Generator().manual_seed(1))
-    result = SSR(samples=1, surroundings=False)(frame.replace(environment=sky)).read("reflection")
+    result = of_sky_alone(frame.replace(environment=sky))
     _, direction = mirrors.reflected(frame)
     expected = lookup_environment(sky, direction) * frame.gbuffer.hit
     assert torch.allclose(result, expected, atol=1e-4)
@@ -123,30 +127,30 @@ def test_interiors_do_not_fill_with_sky():
     frame = shiny(above, scene=boxes.ROOM[:1])
     g = frame.gbuffer
     assert g.hit.all(), "every mirrored ray leaves the picture"
-    whole = SSR(samples=1, surroundings=False)(frame).read("reflection")
+    whole = of_sky_alone(frame)
     closed = frame.replace(sky_visibility=torch.zeros_like(g.depth))
-    assert SSR(samples=1, surroundings=False)(closed).read("reflection").abs().max() == 0
-    assert SSR(samples=1, surroundings=False)(closed.replace(bent_normal=g.normal)).read("reflection").abs().max() == 0
+    assert of_sky_alone(closed).abs().max() == 0
+    assert of_sky_alone(closed.replace(bent_normal=g.normal)).abs().max() == 0
     half = frame.replace(ao=torch.full_like(g.depth, 0.5))
-    assert torch.allclose(SSR(samples=1, surroundings=False)(half).read("reflection"), 0.5 * whole)
+    assert torch.allclose(of_sky_alone(half), 0.5 * whole)
     ajar = frame.replace(sky_visibility=torch.full_like(g.depth, 0.3))
     _, direction = mirrors.reflected(frame)
     facing = ajar.replace(bent_normal=direction)
-    assert torch.allclose(SSR(samples=1, surroundings=False)(facing).read("reflection"), whole), "the mirror looks into the opening"
+    assert torch.allclose(of_sky_alone(facing), whole), "the mirror looks into the opening"
     beside = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None].expand_as(direction)
-    assert SSR(samples=1, surroundings=False)(ajar.replace(bent_normal=beside)).read("reflection").max() == 0, "and here past it"
-    assert SSR(samples=1, surroundings=False)(boundless(frame)).read("reflection").max() > 0.4, "but a ray known to end in the sky finds it"
+    assert of_sky_alone(ajar.replace(bent_normal=beside)).max() == 0, "and here past it"
+    assert of_sky_alone(boundless(frame)).max() > 0.4, "but a ray known to end in the sky finds it"
 
 
 def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():
     above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
     frame = shiny(above, scene=boxes.ROOM[:1])
-    whole, inner = SSR(samples=1, surroundings=False)(frame).read("reflection"), (..., slice(1, -1), slice(1, -1))
+    whole, inner = of_sky_alone(frame), (..., slice(1, -1), slice(1, -1))
 
     def with_border(visibility: float) -> Tensor:
         edge = torch.full_like(frame.gbuffer.depth, visibility)
         edge[inner] = 0.3
-        return SSR(samples=1, surroundings=False)(frame.replace(sky_visibility=edge)).read("reflection")[inner]
+        return of_sky_alone(frame.replace(sky_visibility=edge))[inner]
 
     assert torch.allclose(with_border(0.8), 0.8 * whole[inner]), "out there it is more open"
     assert torch.allclose(with_border(0.1), 0.3 * whole[inner]), "a ray that leaves over a wall may still see past it"
