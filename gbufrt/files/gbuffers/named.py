@@ -16,11 +16,13 @@ class Light:
         products: layers whose products make the direct light when summed, as channels; those that are there whole.
         lacking: names of layers that are missing from products of which another factor is there.
         finished: channels of the picture with all its light.
+        mirrors: whether the products hold the sky as mirrors show it.
     """
 
     products: list[list[list[str]]]
     lacking: list[str]
     finished: list[str]
+    mirrors: bool = False
 
 
 class Named:
@@ -53,15 +55,21 @@ class Named:
 
         ``whole``: take the picture with all its light, where it is there, rather than direct light.
         """
-        products, lacking, lit = [], [], False
+        products, lacking, lit, mirrors = [], [], False, False
         for names in self.profile.direct:
             factors = {name: self.layers.find((name,), 3, self.layer) for name in names}
             if all(factors.values()):
                 products.append(list(factors.values()))
                 lit = lit or not {*names} <= {*self.profile.emitted}
+                mirrors = mirrors or not {*names}.isdisjoint(self.profile.mirrors)
             elif any(factors.values()):
                 lacking += [name for name, keys in factors.items() if not keys]
         finished = self.layers.find(self.profile.finished, 3, self.layer)
         if finished and (whole or not lit):
             products = []
-        return Light(products=products, lacking=lacking if products else [], finished=finished)
+        return Light(
+            products=products,
+            lacking=lacking if products else [],
+            finished=finished,
+            mirrors=mirrors and bool(products),
+        )
