@@ -35,6 +35,8 @@ class Profile:
     """Header attributes that only this renderer writes, and the text that each must contain."""
     layer: str = ""
     """What stands before the names, such as a view layer; by default that of the first depth."""
+    any_case: bool = False
+    """Capitals and small letters of names are the same."""
     up: str = "y"
     """Which world axis points up: y, z, or auto: the one with which normals agree with depth best."""
     handed: str = "right"
@@ -185,7 +187,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("finished", "shaded", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
-    "reversed": ("true or false", lambda v: isinstance(v, bool), bool),
+    **dict.fromkeys(("reversed", "any_case"), ("true or false", lambda v: isinstance(v, bool), bool)),
     "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
     "normal_scale": ("three numbers", _numbers(3), tuple),
     **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),

@@ -110,9 +110,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
     emission = _channel(named, "emission", size)
     if roughness is not None and profile.shaded is not None:
-        colors = [
-            named.layers.stack(keys, size) for n in profile.shaded if (keys := named.layers.find((n,), 3, named.layer))
-        ]
+        colors = [named.layers.stack(keys, size) for name in profile.shaded if (keys := named.find((name,), 3))]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
     radiance, finished, mirrors = _light(named, size, whole)
