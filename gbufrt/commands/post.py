@@ -28,6 +28,7 @@ def post(
     source: Annotated[str | None, Parameter(name="--from")] = None,
     camera: Path | None = None,
     fov: float | None = None,
+    environment: Path | None = None,
     passes: Without = (),
     strict: Flag = False,
     options: PassOptions | None = None,
@@ -53,6 +54,9 @@ def post(
             generic, or a profile of your own in TOML. [default: gbufrt, or auto where it was another]
         camera: Of other renderers: the cameras, in TOML. [default: those that the files carry]
         fov: Of other renderers, in place of --camera: vertical field of view in degrees of a camera that stands still.
+        environment: Of other renderers: the sky that mirrors show where they show nothing on screen, as an EXR with a
+            lat-long picture of linear radiance (in the middle -z, or +y where z is up; in Blender's own +x). It lights
+            nothing else. Light that holds the sky in mirrors already, as Blender's Glossy Direct does, needs none.
         passes: Of other renderers: passes to run, such as ao,gi,dof,motion_blur,denoise; by default all that fit.
             Exposure and tone curve always run.
         strict: Mend nothing: refuse a frame in which any channel breaks a convention.
@@ -64,6 +68,9 @@ def post(
     paths = gathered(files, out)
     if source is None and (camera is not None or fov is not None or passes or not is_own(paths[0])):
         source = "auto"
+    if environment is not None and (source is None or fov is not None):
+        why = "files of gbufrt carry their sky" if source is None else "with --fov nobody knows where the camera looks"
+        raise ValueError(f"--environment is for files of other renderers with a camera, but {why}; leave it out")
 
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of, save
@@ -80,14 +87,21 @@ def post(
     else:
         from gbufrt.commands.foreign import Source, pipeline_for
         from gbufrt.commands.session import Recipe
+        from gbufrt.files.gbuffers.profile import load_profile
+        from gbufrt.files.gbuffers.sky import read_environment, under
 
         wanted = parse_names(passes)
         origin = Source.of(paths, source, camera, fov, wanted)
         paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
         frames = origin.frames()
+        if environment is not None:
+            turn = load_profile(origin.profile_of(origin.shots[0])).environment_turn
+            frames = under(frames, read_environment(environment, turn=turn))
         first = next(frames)
         pipeline, frames = pipeline_for(first, recipe, wanted), chain([first], frames)
+        if environment is not None and "reflection" not in pipeline.stages:
+            raise ValueError("--environment is seen in reflections, which are left out; ask for them with --passes")
         if "denoise" in pipeline.stages:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     runner = Runner(pipeline, recipe.warmup)

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from gbufrt.commands.arguments.checks import check_cluster, check_files, check_folder, check_options
 from gbufrt.commands.arguments.options import ClusterOptions, FileOptions, PassOptions
-from gbufrt.commands.arguments.values import MOST_FRAMES, Flag, Whole, at_least, parse_point, parse_size
+from gbufrt.commands.arguments.values import MOST_FRAMES, Flag, Whole, at_least, parse_names, parse_point, parse_size
 from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
 from gbufrt.commands.flights.flight import Flight, shoot, stem
 from gbufrt.commands.flights.job import Job
@@ -47,8 +47,8 @@ def render(
 ) -> None:
     """Trace a world into G-buffers, run the passes over them, and write OUT/frame_0000.png and .exr for every frame.
 
-    The EXR holds every channel and signal, so that `gbufrt post` can run other passes over it later. The first frame
-    has no history: the passes run over it several times, as if it stood still (see --warmup).
+    The EXR holds every channel and signal, so that `gbufrt post` can run other passes over it later; or, with --only,
+    some. The first frame has no history: the passes run over it several times, as if it stood still (see --warmup).
 
     Args:
         world: Built-in world (builtin, terrain, ...), .vox, .schem, .schematic or .mca file, or Minecraft save folder.
@@ -121,7 +121,7 @@ def render(
     else:
         kernels_are_ready()  # workers would compile them all at once
         _in_shots(flight, missing, out, spread, early)
-    _tell(out, missing, recipe.warmup)
+    _tell(out, missing, recipe.warmup, parse_names(files.only))
     encode(files, pictures, fps)
 
 
@@ -152,8 +152,8 @@ def _in_shots(flight: Flight, missing: list[int], out: Path, spread: ClusterOpti
     print(f"{count}, {min(len(shots), cluster.workers)} at once, {cluster.threads(len(shots))} threads each")
 
 
-def _tell(out: Path, made: list[int], warmup: int) -> None:
-    """Say what has been written."""
+def _tell(out: Path, made: list[int], warmup: int, only: tuple[str, ...]) -> None:
+    """Say what has been written; ``only`` what is all that the EXRs hold, where it is not everything."""
     if warmup and made[0] == 0:
         times = "once" if warmup == 1 else f"{warmup} times"
         print(f"the passes ran {times} over frame 0, standing still, before it counted (--warmup)")
@@ -161,7 +161,8 @@ def _tell(out: Path, made: list[int], warmup: int) -> None:
     if len(made) > 1:
         print(f"wrote {len(made)} frames to {out} ({first.name}.png and .exr to {last}.png and .exr)")
     else:
-        print(f"wrote {first}.png, the picture, and {first}.exr, with everything that led to it")
+        held = f"{', '.join(only)} alone" if only else "everything that led to it"
+        print(f"wrote {first}.png, the picture, and {first}.exr, with {held}")
 
 
 def unfinished(out: Path, frames: int, notes: dict[str, Any], *, jitter: bool) -> list[int]:

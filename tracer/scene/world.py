@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import BRICK, Grid
 from tracer.scene.material import MaterialTable
+
+UNSIGNED = (torch.uint16, torch.uint32, torch.uint64)  # torch stores them, and can do little else with them
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,22 +60,29 @@ class World:
         _check_ids("index", self.index, len(self.bricks), "the bricks")
 
     @staticmethod
-    def from_dense(voxels: Tensor, materials: MaterialTable, *, origin: tuple[int, int, int] = (0, 0, 0)) -> World:
+    def from_dense(
+        voxels: Tensor | NDArray[Any], materials: MaterialTable, *, origin: Sequence[int] = (0, 0, 0)
+    ) -> World:
         """A world from a dense grid.
 
         Args:
-            voxels: ``(X, Y, Z)`` integer ids, y up; 0 is air.
+            voxels: ``(X, Y, Z)`` ids of any integer type, y up; 0 is air.
             materials: what the ids mean.
             origin: voxel coordinates of ``voxels[0, 0, 0]``.
 
         Raises:
             ValueError: not a 3D grid, or ids outside the material table.
-            TypeError: not integers.
+            TypeError: not integers, neither tensor nor array, or materials or origin are of another type.
         """
+        voxels = _integers(voxels)
         if voxels.ndim != 3 or voxels.numel() == 0:
             raise ValueError(f"voxels must be (X,Y,Z) with no side of zero, got {tuple(voxels.shape)}")
-        if voxels.is_floating_point() or voxels.dtype == torch.bool:
-            raise TypeError(f"voxels must hold integer material ids, got {voxels.dtype}; convert them with .to()")
+        if not isinstance(materials, MaterialTable):
+            raise TypeError(f"materials must be a MaterialTable, got {type(materials).__name__}; see MaterialTable.of")
+        try:
+            x, y, z = map(operator.index, origin)
+        except (TypeError, ValueError):
+            raise TypeError(f"origin must be three integers, got {origin}") from None
         _check_ids("voxels", voxels, len(materials), "the material table")
         cells = [(n + BRICK - 1) // BRICK for n in voxels.shape]
         padded = torch.zeros([n * BRICK for n in cells], dtype=torch.int16, device=voxels.device)
@@ -82,7 +95,7 @@ class World:
         return World(
             bricks=torch.cat([empty, blocks[filled]]).contiguous(),
             index=number.view(*cells).to(torch.int32).contiguous(),
-            origin=origin,
+            origin=(x, y, z),
             materials=materials,
         )
 
@@ -133,6 +146,18 @@ class World:
     def to(self, *args: Any, **kwargs: Any) -> World:
         """The world on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(lambda t: t.to(*args, **kwargs), self)
+
+
+def _integers(voxels: Tensor | NDArray[Any]) -> Tensor:
+    """Voxels as a tensor of a type that torch can compare."""
+    if isinstance(voxels, np.ndarray):
+        native = voxels.dtype.newbyteorder("=")
+        voxels = torch.from_numpy(np.require(voxels, native, ("C", "W")))
+    if not isinstance(voxels, Tensor):
+        raise TypeError(f"voxels must be a tensor or a numpy array, got {type(voxels).__name__}")
+    if voxels.is_floating_point() or voxels.is_complex() or voxels.dtype == torch.bool:
+        raise TypeError(f"voxels must hold integer material ids, got {voxels.dtype}; convert them to int16")
+    return voxels.to(torch.int64) if voxels.dtype in UNSIGNED else voxels
 
 
 def _check_ids(name: str, ids: Tensor, count: int, what: str) -> None:

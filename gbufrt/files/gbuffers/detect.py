@@ -50,7 +50,7 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
-    depth = layers.find(profile.channels["depth"], 1)
+    depth = layers.find(profile.channels["depth"], 1, any_case=profile.any_case)
     if not depth:
         return Detection(name, 0.0, ())
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
@@ -58,7 +58,7 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     found, light = 1, Named(layers, profile).light()
     names_of = {channel: names for channel, names in profile.channels.items() if channel != "emission"}
     for channel, names in names_of.items():
-        keys = layers.find(names, CHANNELS[channel])
+        keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
         if channel != "depth" and keys:
             found += 1
             reasons.append(f"{channel} is {', '.join(keys)}")

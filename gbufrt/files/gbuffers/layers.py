@@ -50,11 +50,14 @@ class Layers:
             self._parts[full] = part, name
         self.names = tuple(self._parts)
 
-    def find(self, names: Iterable[str], count: int, layer: str = "") -> list[str]:
-        """Channels of the first name that is there with ``count`` numbers, those of ``layer`` first; or none."""
+    def find(self, names: Iterable[str], count: int, layer: str = "", *, any_case: bool = False) -> list[str]:
+        """Channels of the first name that is there with ``count`` numbers, those of ``layer`` first; or none.
+
+        ``any_case``: capitals and small letters of names are the same.
+        """
         for name in names:
             for end in [()] if count == 1 else [letters[:count] for letters in ENDS if len(letters) >= count]:
-                for base in self._bases(name, layer, whole=not end):
+                for base in self._bases(name, layer, whole=not end, any_case=any_case):
                     keys = [f"{base}.{c}" if base else c for c in end] or [base]
                     if all(key in self._parts for key in keys):
                         return keys
@@ -79,9 +82,9 @@ class Layers:
         """The part that holds a channel."""
         return self._parts[key][0]
 
-    def layers_of(self, names: Iterable[str]) -> tuple[str, ...]:
-        """What stands before each of the channels of one number that ``names`` fit."""
-        found = [base for name in names for base in self._bases(name, "", whole=True)]
+    def layers_of(self, names: Iterable[str], *, any_case: bool = False) -> tuple[str, ...]:
+        """What stands before each of the channels of one number that ``names`` fit; see `find`."""
+        found = [base for name in names for base in self._bases(name, "", whole=True, any_case=any_case)]
         return tuple(dict.fromkeys(self.layer_of(key) for key in found))
 
     def layer_of(self, key: str) -> str:
@@ -123,12 +126,14 @@ class Layers:
         view = part.header.get("view", next((word for word in words[:-1] if word in self.views), self.views[0]))
         return ".".join(word for word in words if word != view) if view == self.views[0] else ""
 
-    def _bases(self, name: str, layer: str, *, whole: bool) -> list[str]:
+    def _bases(self, name: str, layer: str, *, whole: bool, any_case: bool) -> list[str]:
         """What ``name`` stands for: ``whole`` names, or what comes before the last dot."""
         bases = self.names if whole else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
+        spelled = str.casefold if any_case else str
+        fits = lambda base, wanted: fnmatchcase(spelled(base), spelled(wanted))
         if name.startswith("."):
-            return [base for base in bases if fnmatchcase(base, name[1:])]
-        found = [b for b in bases if fnmatchcase(b, name) or (name and fnmatchcase(b, f"*.{name}"))]
+            return [base for base in bases if fits(base, name[1:])]
+        found = [b for b in bases if fits(b, name) or (name and fits(b, f"*.{name}"))]
         inside = [b for b in found if layer and b.startswith(f"{layer}.")]
         return inside if layer else found
 

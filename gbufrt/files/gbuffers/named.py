@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from gbufrt.files.gbuffers.layers import Layers
@@ -16,11 +17,13 @@ class Light:
         products: layers whose products make the direct light when summed, as channels; those that are there whole.
         lacking: names of layers that are missing from products of which another factor is there.
         finished: channels of the picture with all its light.
+        mirrors: whether the products hold the sky as mirrors show it.
     """
 
     products: list[list[list[str]]]
     lacking: list[str]
     finished: list[str]
+    mirrors: bool = False
 
 
 class Named:
@@ -37,31 +40,43 @@ class Named:
     def __init__(self, layers: Layers, profile: Profile) -> None:
         self.layers, self.profile = layers, profile
         names = profile.channels["depth"]
-        depth = layers.find(names, CHANNELS["depth"], profile.layer)
+        depth = layers.find(names, CHANNELS["depth"], profile.layer, any_case=profile.any_case)
         if not depth:
             raise ValueError(f"{layers.path} has no depth under {', '.join(names)}; choose another profile")
         self.layer = profile.layer or layers.layer_of(depth[0])
-        self.others = () if profile.layer else tuple(name for name in layers.layers_of(names) if name)
+        self.others = (
+            () if profile.layer else tuple(name for name in layers.layers_of(names, any_case=profile.any_case) if name)
+        )
         """All layers that have depth, where the profile does not choose one."""
 
     def keys(self, channel: str) -> list[str]:
         """The file's channels that make one of `CHANNELS`; none where it lacks it."""
-        return self.layers.find(self.profile.channels.get(channel, ()), CHANNELS[channel], self.layer)
+        return self.find(self.profile.channels.get(channel, ()), CHANNELS[channel])
+
+    def find(self, names: Iterable[str], count: int) -> list[str]:
+        """The file's channels of the first of ``names`` that is there with ``count`` numbers; or none."""
+        return self.layers.find(names, count, self.layer, any_case=self.profile.any_case)
 
     def light(self, *, whole: bool = False) -> Light:
         """The file's channels that hold light. Emission and sky alone are no direct light where all light is there.
 
         ``whole``: take the picture with all its light, where it is there, rather than direct light.
         """
-        products, lacking, lit = [], [], False
+        products, lacking, lit, mirrors = [], [], False, False
         for names in self.profile.direct:
-            factors = {name: self.layers.find((name,), 3, self.layer) for name in names}
+            factors = {name: self.find((name,), 3) for name in names}
             if all(factors.values()):
                 products.append(list(factors.values()))
                 lit = lit or not {*names} <= {*self.profile.emitted}
+                mirrors = mirrors or not {*names}.isdisjoint(self.profile.mirrors)
             elif any(factors.values()):
                 lacking += [name for name, keys in factors.items() if not keys]
-        finished = self.layers.find(self.profile.finished, 3, self.layer)
+        finished = self.find(self.profile.finished, 3)
         if finished and (whole or not lit):
             products = []
-        return Light(products=products, lacking=lacking if products else [], finished=finished)
+        return Light(
+            products=products,
+            lacking=lacking if products else [],
+            finished=finished,
+            mirrors=mirrors and bool(products),
+        )

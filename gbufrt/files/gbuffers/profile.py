@@ -35,6 +35,8 @@ class Profile:
     """Header attributes that only this renderer writes, and the text that each must contain."""
     layer: str = ""
     """What stands before the names, such as a view layer; by default that of the first depth."""
+    any_case: bool = False
+    """Capitals and small letters of names are the same."""
     up: str = "y"
     """Which world axis points up: y, z, or auto: the one with which normals agree with depth best."""
     handed: str = "right"
@@ -77,6 +79,10 @@ class Profile:
     """Products of layers whose sum is the direct light with emission and sky."""
     emitted: tuple[str, ...] = ()
     """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
+    mirrors: tuple[str, ...] = ()
+    """Layers of ``direct`` that hold the sky as mirrors show it: with them reflections add what is on screen alone."""
+    environment_turn: float = 0.0
+    """Degrees by which lat-long skies of this renderer are to be turned, to the right, for those of `gbufrt`."""
     finished: tuple[str, ...] = ()
     """Layers with all light in them, bounces included; the empty name is the picture without a layer."""
 
@@ -178,10 +184,10 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
         lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
         lambda v: tuple(map(tuple, v)),
     ),
-    **dict.fromkeys(("finished", "shaded", "emitted"), ("a list of names", _is_names, tuple)),
-    **dict.fromkeys(("near", "far", "sky"), ("a number", is_number, float)),
+    **dict.fromkeys(("finished", "shaded", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
+    **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
-    "reversed": ("true or false", lambda v: isinstance(v, bool), bool),
+    **dict.fromkeys(("reversed", "any_case"), ("true or false", lambda v: isinstance(v, bool), bool)),
     "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
     "normal_scale": ("three numbers", _numbers(3), tuple),
     **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),

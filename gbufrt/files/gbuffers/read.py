@@ -19,6 +19,7 @@ from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 from gbufrt.files.gbuffers.settle import settled
+from gbufrt.files.gbuffers.sky import COUNTED
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
@@ -42,7 +43,8 @@ def read_gbuffer(
 
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
     file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
-    twice. A warning says which passes of the direct light are missing. Where the file has no normal, the one of the
+    twice. Where direct light holds the sky in mirrors already, as Blender's Glossy Direct does, ``environment`` is
+    black. A warning says which passes of the direct light are missing. Where the file has no normal, the one of the
     depth is taken, and the extra signal ``normal_estimated`` is 1.
 
     Args:
@@ -108,12 +110,10 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
     emission = _channel(named, "emission", size)
     if roughness is not None and profile.shaded is not None:
-        colors = [
-            named.layers.stack(keys, size) for n in profile.shaded if (keys := named.layers.find((n,), 3, named.layer))
-        ]
+        colors = [named.layers.stack(keys, size) for name in profile.shaded if (keys := named.find((name,), 3))]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
-    radiance, finished = _light(named, size, whole)
+    radiance, finished, mirrors = _light(named, size, whole)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -128,7 +128,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         emission=None if emission is None else torch.where(hit, emission, 0.0),
     )
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
-    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, composite=finished, extra=extra)
+    counted = torch.zeros(COUNTED) if mirrors else None
+    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, environment=counted, composite=finished, extra=extra)
 
 
 def nothing_hit(raw: Tensor, profile: Profile, key: str) -> str:
@@ -173,8 +174,8 @@ def _motion(
     return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
 
 
-def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None]:
-    """Direct light, or else the finished picture."""
+def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:
+    """Direct light, or else the finished picture; and whether the light holds the sky as mirrors show it."""
     light = named.light(whole=whole)
     if light.lacking:
         warnings.warn(
@@ -184,8 +185,8 @@ def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | N
         )
     products = [torch.stack([named.layers.stack(keys, size) for keys in f]).prod(0) for f in light.products]
     if products:
-        return torch.stack(products).sum(0), None
-    return None, named.layers.stack(light.finished, size) if light.finished else None
+        return torch.stack(products).sum(0), None, light.mirrors
+    return None, named.layers.stack(light.finished, size) if light.finished else None, False
 
 
 def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:

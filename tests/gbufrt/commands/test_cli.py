@@ -100,9 +100,10 @@ def test_eight_bits_are_dithered_so_that_skies_have_no_bands(monkeypatch: pytest
     assert levels.mean() == pytest.approx(100.3, abs=0.06)
 
 
-def test_choices_of_files():
+def test_choices_of_files(capfd: pytest.CaptureFixture[str]):
     chosen = ("--only", "image,ao,behind.depth", "--compression", "dwaa", "--bits", "16")
     assert run("render", *SMALL, "--out", "a", *chosen) == 0
+    assert "frame_0000.exr, with image, ao, behind.depth alone\n" in capfd.readouterr().out
     part = OpenEXR.File("a/frame_0000.exr", separate_channels=True, header_only=True).parts[0]
     assert part.header["compression"] == OpenEXR.DWAA_COMPRESSION
     assert read_notes("a/frame_0000.exr")["files"] == {"precision": "half"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 import voxels
@@ -26,6 +27,21 @@ def test_voxels_come_back(origin: tuple[int, int, int]) -> None:
     outside = torch.tensor([[-1, 0, 0], [0, 48, 0], [0, 0, 16]]) + torch.tensor(origin)
     assert world.at(outside).tolist() == [0, 0, 0]
     assert world.bounds() == (origin, (origin[0] + 32, origin[1] + 48, origin[2] + 16))
+
+
+KINDS = ("u1", "i1", "u2", "u4", "u8", "i8", ">i4")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_ids_may_be_of_any_integer_type_and_lie_in_any_order(kind: str) -> None:
+    ids = np.random.default_rng(0).integers(0, 3, (5, 20, 3))
+    wanted = World.from_dense(torch.from_numpy(ids), voxels.TABLE).bricks
+    array = ids.astype(kind)
+    array.flags.writeable = False  # as those of files that are mapped into memory
+    mirrored = np.asfortranarray(array[::-1])[::-1]
+    tensors = [torch.from_numpy(ids.T.astype(kind, "C")).permute(2, 1, 0)] if kind.isalnum() else []
+    for given in (array, mirrored, *tensors):
+        assert torch.equal(World.from_dense(given, voxels.TABLE).bricks, wanted)
 
 
 def test_empty_bricks_are_not_stored() -> None:
@@ -95,6 +111,18 @@ def test_errors_name_what_is_wrong() -> None:
         World.from_dense(torch.tensor([[[-1, 0]]]), table)
     with pytest.raises(TypeError, match=r"integer material ids, got torch\.float32"):
         World.from_dense(torch.zeros(2, 2, 2), table)
+    solid, listed = np.ones((2, 2, 2), np.int64), [Material(name="a")]
+    for wrong, message in (
+        ((solid.astype(bool), table), r"integer material ids, got torch\.bool"),
+        ((solid * 1j, table), r"integer material ids, got torch\.complex128"),
+        ((solid.tolist(), table), "voxels must be a tensor or a numpy array, got list"),
+        ((solid, listed), "materials must be a MaterialTable, got list"),
+    ):
+        with pytest.raises(TypeError, match=message):
+            World.from_dense(*wrong)  # pyright: ignore[reportArgumentType]
+    for origin in ((0.5, 0, 0), (0, 0)):
+        with pytest.raises(TypeError, match="origin must be three integers"):
+            World.from_dense(solid, table, origin=origin)  # pyright: ignore[reportArgumentType]
     bricks, index = torch.zeros(2, 16, 16, 16, dtype=torch.int16), torch.zeros(1, 1, 1, dtype=torch.int32)
     with pytest.raises(ValueError, match=r"index must hold ids in 0..1, the bricks; got 2..2"):
         World(bricks=bricks, index=index + 2, origin=(0, 0, 0), materials=table)

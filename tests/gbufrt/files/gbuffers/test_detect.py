@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import foreign_exr
@@ -9,6 +10,10 @@ import numpy as np
 import pytest
 
 from gbufrt.files.gbuffers.detect import Detection, detect
+from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import load_profile
+from gbufrt.files.guard import read_parts
 
 PLANE = np.ones(foreign_exr.SIZE)
 RGB = np.ones((*foreign_exr.SIZE, 3))
@@ -64,6 +69,18 @@ def test_who_knows_the_light_knows_the_file(tmp_path: Path) -> None:
 def test_plain_names_of_depth_in_any_spelling(name: str, tmp_path: Path) -> None:
     (path,) = (foreign_exr.write_parts(tmp_path / "a.exr", {"": {name: PLANE, **dict.fromkeys("RGB", PLANE)}}),)
     assert detect(path).reasons[0] == f"depth is {name}"
+
+
+@pytest.mark.parametrize("spelled", [str.upper, str.lower, str.title])
+def test_plain_names_are_found_in_any_case(spelled: Callable[[str], str], tmp_path: Path) -> None:
+    names = {"normal": "RGB", "albedo": "RGB", "emission": "RGB", "roughness": "Y", "beauty": "RGB"}
+    layers = {f"{spelled(name)}.{ends}": RGB[..., : len(ends)] for name, ends in names.items()}
+    path = foreign_exr.write(tmp_path / "a.exr", {f"{spelled('zdepth')}.V": PLANE, **layers})
+    assert detect(path).name == "generic"
+    named = Named(Layers(path, read_parts(path)), load_profile("generic"))
+    for name, ends in names.items():
+        keys = named.light().finished if name == "beauty" else named.keys(name)
+        assert keys == [f"{spelled(name)}.{end}" for end in ends]
 
 
 def test_without_depth_no_profile_fits(tmp_path: Path) -> None:

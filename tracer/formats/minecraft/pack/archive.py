@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import zipfile
 import zlib
 from os import PathLike
 from pathlib import Path, PurePosixPath
 from typing import Any, final
 
+from tracer.formats.minecraft.pack.older import older_names
+
 MAX_FILE = 1 << 24  # bytes of one file, unpacked
 MAX_FILES = 1 << 18
 JAVA, BEDROCK = "assets/minecraft/textures/block/", "textures/blocks/"
+ENDS = (".png", ".tga")
+COMMENTS = re.compile(rb"^\s*//.*$", re.MULTILINE)  # Bedrock allows them in JSON
 ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError)
 
 
@@ -45,12 +50,15 @@ class Archive:
             raise PackError(f"pack {self.path} holds {out!r}, a path that leads out of it; get it from elsewhere")
         self.java = any(JAVA in name for name in names)
         inner = JAVA if self.java else BEDROCK
-        roots = {name[: name.index(inner)] for name in names if inner in name and name.endswith(".png")}
+        roots = {name[: name.index(inner)] for name in names if inner in name and name.endswith(ENDS)}
         if not roots:
             raise PackError(
-                f"pack {self.path} has no textures of blocks ({JAVA}*.png); give a resource pack of 1.13 or newer"
+                f"pack {self.path} has no textures of blocks ({JAVA}*.png or {BEDROCK}*.png); give a resource pack"
             )
         self._root = min(roots, key=len)
+        below = [name.removeprefix(self._root) for name in names if name.startswith(f"{self._root}{inner}")]
+        stems = [name.rpartition(".")[0] for name in below if name.endswith(ENDS)]
+        self._stems = {} if self.java else {stem.rpartition("/")[2]: stem for stem in stems}
         self.most = self._left = _most_bytes()
 
     def read(self, name: str) -> bytes | None:
@@ -76,16 +84,25 @@ class Archive:
         self._left -= len(data)
         return data
 
-    def stem(self, texture: str) -> str:
-        """The path of a texture's picture without its ending, from a name such as ``minecraft:block/stone``."""
+    def stem(self, texture: str) -> str | None:
+        """The path of a texture's picture without its ending, from a name such as ``minecraft:block/stone``.
+
+        Where files have older names, it is that of the one that is there; None where none is.
+        """
         space, _, path = texture.rpartition(":")
-        if not self.java:
-            return f"textures/blocks/{path.removeprefix('block/')}"
-        return f"assets/{space or 'minecraft'}/textures/{path}"
+        if self.java:
+            return f"assets/{space or 'minecraft'}/textures/{path}"
+        name = path.removeprefix("block/")
+        return next((self._stems[own] for own in older_names(name) if own in self._stems), None)
+
+    def picture(self, stem: str) -> str | None:
+        """The name of the picture whose path without its ending is ``stem``, or None where there is none."""
+        return next((stem + end for end in ENDS if f"{self._root}{stem}{end}" in self.names), None)
 
     def has_picture(self, texture: str) -> bool:
         """Whether there is a picture of a texture."""
-        return f"{self._root}{self.stem(texture)}.png" in self.names
+        stem = self.stem(texture)
+        return stem is not None and self.picture(stem) is not None
 
     def json(self, name: str) -> dict[str, Any] | None:
         """The object in a JSON file, or None where there is no file.
@@ -97,7 +114,7 @@ class Archive:
         if data is None:
             return None
         try:
-            value = json.loads(data)
+            value = json.loads(COMMENTS.sub(b"", data))
         except (ValueError, RecursionError):
             value = None
         if not isinstance(value, dict):
