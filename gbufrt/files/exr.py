@@ -4,7 +4,8 @@ Every channel and signal is a layer named as in the frame (``depth.Z``, ``normal
 the first surface has the prefix ``behind``, and plain ``R``, ``G``, ``B`` hold the best linear picture for viewers.
 Signals of another size than the picture (the environment, the exposure) have parts of their own; a G-buffer that is
 smaller than an upscaled picture lies with its light in the part ``rendered``. The attribute ``gbufrt`` holds cameras,
-indices and the list of layers as JSON; ``chromaticities`` says that colours are Rec. 709's.
+indices and the list of layers as JSON; ``chromaticities`` says that colours are Rec. 709's,
+``worldToCamera`` and ``worldToNDC`` hold the camera for other programs.
 
 DWAA is lossy in every channel of a part whose last name is R, G, B or Y, so in ``normal.Y`` too. With it the first part
 holds the picture and the coloured results alone, and all else lies in a second one, packed with ZIP.
@@ -23,7 +24,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.files.guard import Part, read_parts, silence
-from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute
+from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute, standard_matrices
 from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, layer_of, planes_of
 from gbufrt.files.output import atomic
 from gbufrt.files.precision import PRECISIONS, Precision
@@ -97,7 +98,7 @@ def write_exr(
             "dataWindow": _window(rows, columns),
         }
         if name == MAIN:
-            header |= {ATTRIBUTE: json.dumps(head), "software": "gbufrt"}
+            header |= {ATTRIBUTE: json.dumps(head), "software": "gbufrt", **standard_matrices(frame.gbuffer.camera)}
         written.append(OpenEXR.Part(header, channels, name))
     with atomic(path) as temporary, silence():
         OpenEXR.File(written).write(str(temporary))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 
 from gbufrt.camera import Camera
@@ -38,6 +39,24 @@ def camera_out(camera: Camera) -> dict[str, Any]:
         "jitter": None if camera.jitter is None else camera.jitter[0].tolist(),
         "type": str(camera.intrinsics.dtype).removeprefix("torch."),
     }
+
+
+def standard_matrices(camera: Camera) -> dict[str, np.ndarray]:
+    """OpenEXR's standard attributes ``worldToCamera`` and ``worldToNDC`` of the first camera of a batch.
+
+    Rows times matrix; x right, y up, z back; the whole picture, without jitter, goes from (0, 0) at its upper left to
+    (1, 1), and depth from 0 at ``near`` to 1 at ``far``.
+    """
+    k, (height, width), near, far = camera.intrinsics[0].double().cpu().numpy(), camera.size, camera.near, camera.far
+    (across, _, x), (_, down, y) = k[0] / width, k[1] / height
+    span = far - near
+    if camera.orthographic:
+        rows = [[across, 0, 0, x], [0, down, 0, y], [0, 0, 1 / span, -near / span], [0, 0, 0, 1]]
+    else:
+        rows = [[across, 0, x, 0], [0, down, y, 0], [0, 0, far / span, -far * near / span], [0, 0, 1, 0]]
+    view = np.linalg.inv(camera.world_from_view[0].double().cpu().numpy())
+    found = {"worldToCamera": np.diag([1.0, -1.0, -1.0, 1.0]) @ view, "worldToNDC": np.array(rows) @ view}
+    return {name: np.ascontiguousarray(matrix.T, np.float32) for name, matrix in found.items()}
 
 
 def camera_in(row: Mapping[str, Any]) -> Camera:

@@ -78,13 +78,16 @@ def _processor(operator: str, view: str) -> Any:
 
 
 def _chosen(config: Any, operator: str, view: str) -> tuple[str, str]:
-    known = {(display, name) for display in config.getDisplays() for name in config.getViews(display)}
-    default = config.getDefaultDisplay()
+    displays, default = list(config.getDisplays()), config.getDefaultDisplay()
+    known = {(display, name) for display in displays for name in config.getViews(display)}
     display, slash, name = view.rpartition("/")
     chosen = (display if slash else default, name or config.getDefaultView(display if slash else default))
     if view and (default, view) in known:  # a view with a slash in its name
         chosen = (default, view)
     if chosen not in known:
-        listed = "; ".join(f"{d}/{n}" for d, n in sorted(known))
-        raise ValueError(f"view {view!r} is not in config {operator}; it has {listed}")
+        shown = chosen[0] if chosen[0] in displays else default
+        raise ValueError(
+            f"view {view!r} is not in config {operator}; {shown} has {', '.join(config.getViews(shown))}; as "
+            f"DISPLAY/VIEW those of {', '.join(d for d in displays if d != shown) or 'no other display'}"
+        )
     return chosen

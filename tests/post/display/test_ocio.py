@@ -77,7 +77,11 @@ def test_what_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
         ({"operator": "none.ocio"}, "there is no config none.ocio; check the path"),
         ({"operator": str(tmp_path / "bad.ocio")}, "bad.ocio cannot be used: "),
         ({"operator": str(tmp_path / "bare.ocio")}, "has no colour space called Linear Rec.709 .*; add an alias"),
-        ({"operator": "aces-2.0", "view": "Film"}, "view 'Film' is not in config aces-2.0; it has .*Un-tone-mapped"),
+        (
+            {"operator": "aces-2.0", "view": "Film"},
+            "'Film' is not in config aces-2.0; sRGB - Display has .*Un-tone-mapped",
+        ),
+        ({"operator": "aces-2.0", "view": "Rec.2100-PQ - Display/x"}, "Rec.2100-PQ - Display has .*those of sRGB"),
     ):
         with pytest.raises(ValueError, match=message):
             shown((0.1, 0.2, 0.3), **choices)

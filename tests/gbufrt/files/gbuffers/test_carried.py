@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import boxes
 import numpy as np
 import pytest
 import torch
@@ -14,9 +16,11 @@ from foreign_exr import CAMERA, SIZE, truth, write
 from gbufrt.camera import Camera
 from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
+from gbufrt.files.exr import write_exr
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.profile import Profile, load_profile
+from gbufrt.files.guard import read_parts
 
 VIEW = CAMERA.world_from_view[0].double().numpy()
 FOCAL = SIZE[0] / 2 / math.tan(math.radians(25))
@@ -44,6 +48,24 @@ def close(found: Camera | None, wanted: Camera = CAMERA) -> bool:
 @pytest.mark.parametrize("signed", [False, True])
 def test_both_directions_of_view_and_both_ranges_are_read(forward: int, signed: bool) -> None:
     assert close(carried_camera(matrices(forward, signed=signed), Y_UP, SIZE))
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_what_is_written_carries_its_camera_for_others(orthographic: bool, tmp_path: Path) -> None:
+    camera = boxes.camera(SIZE)
+    shifted = camera.intrinsics + torch.tensor([[0.0, 0, 7], [0, 0, -3], [0, 0, 0]])
+    camera = replace(camera, intrinsics=shifted, orthographic=orthographic, jitter=torch.tensor([[0.3, 0.2]]))
+    write_exr(tmp_path / "a.exr", boxes.frame(camera))
+    header = read_parts(tmp_path / "a.exr", header_only=True)[0].header
+    if not orthographic:
+        assert close(carried_camera(header, Y_UP, SIZE), camera)
+    seen, place = camera.unproject(torch.full((1, 1, *SIZE), 3.0)), torch.tensor([0.3, 0.2])
+    world = camera.to_world(seen)[0, :, 5, 9].double()
+    across, down, _, share = torch.cat([world, torch.ones(1)]).numpy() @ header["worldToNDC"]
+    assert [across / share * SIZE[1], down / share * SIZE[0]] == pytest.approx(
+        (torch.tensor([9.5, 5.5]) + place).tolist()
+    )
+    assert (torch.cat([world, torch.ones(1)]).numpy() @ header["worldToCamera"])[2] == pytest.approx(-3, abs=1e-5)
 
 
 def test_a_shifted_lens_is_kept() -> None:

@@ -98,6 +98,21 @@ def test_logs_lie_along_their_axis(tmp_path: Path):
     assert columns == {0.75, 0.12}, "the picture's rows must lie across x"
 
 
+def test_fronts_face_where_their_state_says(tmp_path: Path):
+    """By names alone: most packs hold textures and no models."""
+    grey = {name: flat(B, B, B) for name in ("furnace_side", "furnace_top", "pumpkin_side", "pumpkin_top")}
+    fronts = dict.fromkeys(("furnace_front", "carved_pumpkin", "jack_o_lantern"), CORNERS)
+    pack = write_pack(tmp_path / "a.zip", textures(**grey, **fronts, furnace_front_on=flat(A, A, A)))
+    states = ("furnace[facing=east,lit=false]", "furnace[facing=north,lit=true]", "carved_pumpkin[facing=west]")
+    table, numbers = table_of(pack, *states, "jack_o_lantern[facing=south]")
+    plain, lit = [[0.25] * 2] * 2, [[0.5] * 2] * 2
+    for number, wanted, front in zip(
+        numbers, ["east", "north", "west", "south"], (UPRIGHT, lit, UPRIGHT, UPRIGHT), strict=True
+    ):
+        for face in FACES:
+            assert seen_from_outside(table, number, face) == (front if face == wanted else plain), (wanted, face)
+
+
 CUBE = {"from": [0, 0, 0], "to": [16, 16, 16]}
 
 

@@ -37,6 +37,7 @@ FAMILIES = (
 """What a block without a texture of its own name is made of."""
 LYING = {"x": (1, 1), "z": (1, 0)}
 """Quarter turns about x and y of what lies along an axis, as logs and pillars do."""
+CARVED = {"carved_pumpkin", "jack_o_lantern"}
 OF_ONE_TINT = {"spruce_leaves", "birch_leaves", "lily_pad", "melon_stem", "pumpkin_stem"}
 """Their pictures are grey, as those of what takes its colour from the biome."""
 
@@ -92,7 +93,7 @@ def parts_of(archive: Archive, name: str, told: Mapping[str, str]) -> list[Part]
     grey = tint_kind(name) is not None or name in OF_ONE_TINT
     placed = [] if states is None else [_part(archive, entry, grey) for entry in _entries(states, told)]
     found = [part for part in placed if part.sides]
-    if found or not (sides := _by_name(archive, name, grey)):
+    if found or not (sides := _by_name(archive, name, told, grey)):
         return found
     x, y = LYING.get(told.get("axis", ""), (0, 0))
     return [Part(sides=sides, x=x, y=y)]
@@ -198,9 +199,8 @@ def _numbers(values: Any, count: int) -> list[float] | None:
     """Sixteenths as numbers up to 1, or None where they are no ``count`` numbers."""
     if not isinstance(values, list) or len(values) != count:
         return None
-    return (
-        [float(n) / 16 for n in values] if all(isinstance(n, (int, float)) and abs(n) < 1e4 for n in values) else None
-    )
+    fine = all(isinstance(n, (int, float)) and abs(n) < 1e4 for n in values)
+    return [float(n) / 16 for n in values] if fine else None
 
 
 def side_uv(side: str, x: Any, y: Any, z: Any) -> tuple[Any, Any]:
@@ -222,10 +222,12 @@ def _covered(side: str, low: list[float] | None, high: list[float] | None) -> Re
     return min(u0, u1), min(v0, v1), max(u0, u1), max(v0, v1)
 
 
-def _by_name(archive: Archive, name: str, grey: bool) -> dict[str, tuple[Layer, ...]]:
+def _by_name(archive: Archive, name: str, told: Mapping[str, str], grey: bool) -> dict[str, tuple[Layer, ...]]:
     """Layers by the names that the game gives to textures, for packs without models."""
     kin = [name, *(to.replace("{1}", m[1]) for pattern, to in FAMILIES if (m := re.fullmatch(pattern, name)))]
-    for one in kin:
+    lit = ("_front_on",) if told.get("lit") == "true" else ()
+    front = f"block/{name}" if name in CARVED else _first(archive, name, *lit, "_front")
+    for one in ("pumpkin", name) if name in CARVED else kin:
         around = _first(archive, one, "_side", "", "_front", "_top")
         if around is None:
             continue
@@ -238,6 +240,7 @@ def _by_name(archive: Archive, name: str, grey: bool) -> dict[str, tuple[Layer, 
             **dict.fromkeys(SIDES, sides),
             "up": (Layer(texture=top, tinted=grey),),
             "down": (Layer(texture=down or around, tinted=grey and not soil),),
+            **({told["facing"]: (Layer(texture=front),)} if front and told.get("facing") in SIDES else {}),
         }
     return {}
 
