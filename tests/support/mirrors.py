@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import boxes
 import torch
@@ -10,6 +10,14 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.sampling import inside
+from post import SSR
+
+
+class SkyAlone(SSR):
+    """Guesses no surroundings: off screen there is the sky alone, so that what a mirror shows is known."""
+
+    def tunables(self) -> dict[str, Any]:
+        return {**super().tunables(), "surroundings": False}
 
 
 class Truth(NamedTuple):

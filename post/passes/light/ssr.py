@@ -165,7 +165,6 @@ class SSR(Pass):
         reuse: int = 0,
         method: Method = "ggx",
         bounces: int = 2,
-        surroundings: bool = True,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -177,7 +176,6 @@ class SSR(Pass):
         self.reuse = reuse
         self.method: Method = method
         self.bounces = bounces
-        self.surroundings = surroundings
         self.seed = seed
 
     def forward(self, frame: Frame) -> Frame:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import torch
 from command_line import run
+from mirrors import SkyAlone
 
 from gbufrt.environment import lookup_environment
 from gbufrt.files.exr import read_exr
@@ -86,7 +87,7 @@ def test_light_that_holds_the_sky_in_mirrors_gets_no_other_one(tmp_path: Path):
     frame = read_gbuffer(shot(tmp_path / "a.exr", mirrors=True), camera=foreign_exr.CAMERA)
     assert not frame.read("environment").any()
     assert SSR().left_out(frame) == []
-    alone = SSR(surroundings=False)
+    alone = SkyAlone()
     assert torch.equal(*(alone(one).read("reflection") for one in (frame, replace(frame, environment=None))))
     guessed = SSR()(replace(frame, environment=None)).read("reflection")
     assert float(SSR()(frame).read("reflection").sum()) < 0.9 * float(guessed.sum()), "no sky is guessed either"

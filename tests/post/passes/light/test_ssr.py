@@ -6,6 +6,7 @@ import boxes
 import mirrors
 import pytest
 import torch
+from mirrors import SkyAlone
 from torch import Tensor
 
 import tracer
@@ -40,7 +41,7 @@ def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
 
 
 def of_sky_alone(frame: Frame) -> Tensor:
-    return SSR(samples=1, surroundings=False)(frame).read("reflection")
+    return SkyAlone(samples=1)(frame).read("reflection")
 
 
 def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
@@ -79,7 +80,7 @@ def test_a_mirror_in_a_mirror_shows_the_truth(polished: bool):
     turned = torch.where(first.hit, directions - away * first.normal, 0.0)
     second = mirrors.intersect(g.camera, ends, turned)
     gloss = 0.5 * (0.04 + 0.96 * grazing((turned * second.normal).sum(1).abs())) if polished else g.depth[:, 0] * 0
-    once, twice = (SSR(samples=1, bounces=k, surroundings=False)(frame).read("reflection") for k in (1, 2))
+    once, twice = (SkyAlone(samples=1, bounces=k)(frame).read("reflection") for k in (1, 2))
     shown = first.visible & (first.box != 1) & g.hit & ~wall
     shines, misses = shown & second.visible & (second.box == 1), shown & ~second.hit
     for seen, light in ((shines, boxes.ALBEDO[1][:, None] + gloss[shines[:, 0]]), (misses, 0.5)):
@@ -103,13 +104,13 @@ def test_no_metal_is_black_under_an_open_sky():
 
 def test_sky_fills_what_leaves_the_screen():
     frame = shiny(scene=boxes.ROOM[:1])
-    result = SSR(samples=1, surroundings=False)(frame)
+    result = SkyAlone(samples=1)(frame)
     g = frame.gbuffer
     assert torch.allclose(result.read("reflection")[g.hit.expand(-1, 3, -1, -1)], torch.tensor(0.5), atol=1e-5)
     assert (result.read("reflection_confidence") == 0).all()
     assert (result.read("reflection_distance")[g.hit] == g.camera.far).all()
     assert (result.read("reflection")[~g.hit.expand(-1, 3, -1, -1)] == 0).all()
-    dark = SSR(samples=1, surroundings=False)(frame.replace(environment=None))
+    dark = SkyAlone(samples=1)(frame.replace(environment=None))
     assert (dark.read("reflection") == 0).all()
 
 

@@ -8,6 +8,7 @@ import boxes
 import pytest
 import smooth
 import torch
+from mirrors import SkyAlone
 from torch import Tensor
 
 from gbufrt import Frame
@@ -40,7 +41,9 @@ def test_descent_recovers_what_a_reflection_tells(
     """From the reflection in the floor alone."""
 
     def shown(by: Tensor) -> Tensor:
-        return FLOOR * torch.cat([SSR(samples=2)(change(by).replace(index=i)).read("reflection") for i in range(3)])
+        return FLOOR * torch.cat(
+            [SkyAlone(samples=2)(change(by).replace(index=i)).read("reflection") for i in range(3)]
+        )
 
     wanted = shown(torch.tensor(true, dtype=torch.float64))
     guess = torch.tensor(start, dtype=torch.float64, requires_grad=True)
