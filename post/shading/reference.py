@@ -47,7 +47,7 @@ class Picture(NamedTuple):
     bent_normal: Tensor | None
     metallic: Tensor | None = None
     around: Tensor | None = None
-    """What lies beyond it, see `post.shading.around`: ``(B, 4, h, w)``; by default nothing but the sky."""
+    """What lies beyond it, see `post.shading.surroundings`: ``(B, 4, h, w)``; by default nothing but the sky."""
 
 
 def reflect_reference(
@@ -104,8 +104,8 @@ def _followed(
 
     A ray that hits a metal goes on as from a smooth mirror, from the point of the pixel that it hit; from a side that
     the camera does not see, whose normal is unknown, along the pixel's normal. After the last bounce it is not marched:
-    it brings the sky as far as the metal's own openness leaves it. Of what a smooth dielectric mirrors there, such as
-    water, the sky is all that is taken.
+    it brings what lies beyond the picture, the sky as far as the metal's own openness leaves it. Of what a smooth
+    dielectric mirrors there, such as water, that is all that is taken.
     """
     g, points, facing = picture, surface.points, camera.rotate_to_view(picture.normal)
     flat, at = g.normal if g.normal_geo is None else g.normal_geo, pixel_centers(g.depth)

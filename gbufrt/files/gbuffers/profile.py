@@ -80,7 +80,7 @@ class Profile:
     emitted: tuple[str, ...] = ()
     """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
     mirrors: tuple[str, ...] = ()
-    """Layers of ``direct`` that hold the sky as mirrors show it: with them reflections add what is on screen alone."""
+    """Layers of ``direct`` that hold the sky as mirrors show it: with them reflections add surfaces alone."""
     environment_turn: float = 0.0
     """Degrees by which lat-long skies of this renderer are to be turned, to the right, for those of `gbufrt`."""
     finished: tuple[str, ...] = ()

@@ -13,11 +13,11 @@ from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
-from post.shading.around import look_around
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
 from post.shading.reference import Method, Picture
 from post.shading.sent_light import outgoing_light
+from post.shading.surroundings import look_around
 
 THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 
@@ -54,9 +54,9 @@ def ssr(
     visibility: that of the surface it was last in front of, or that of the cone around ``bent_normal`` that
     ``visibility`` leaves open. So windows reflect the sky, and interiors do not fill with it. The rest of what it
     brings, and the environment where there is none, is guessed from what the picture shows in other directions: see
-    `post.shading.around.look_around`. A ray that ends at a surface hidden from the camera brings some of the light of
-    the surface next to it, at confidence 0. A ray that hits a metal goes on as from a smooth mirror, and after its last
-    bounce brings the sky that the metal there mirrors.
+    `post.shading.surroundings.look_around`. A ray that ends at a surface hidden from the camera brings some of the
+    light of the surface next to it, at confidence 0. A ray that hits a metal goes on as from a smooth mirror, and after
+    its last bounce brings what lies beyond the picture.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
@@ -82,7 +82,7 @@ def ssr(
         steps: pixels a ray may be compared with, see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
         bounces: how often a ray is marched, again from each metal that it hits; 1 to take metals as other surfaces.
-        roughness_cutoff: above it rays fade to the environment alone, over the next 0.1.
+        roughness_cutoff: above it rays fade to the environment and surroundings alone, over the next 0.1.
         reuse: how many neighbours' rays a pixel reuses, 0 to 8.
         method: ``"ggx"`` samples visible microfacets; ``"cone"`` a cone of roughness x 45 degrees.
         surroundings: whether to guess what lies beyond the picture; if not, nothing but the environment does.

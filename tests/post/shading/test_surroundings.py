@@ -12,8 +12,8 @@ from gbufrt import Camera, Frame, Pipeline
 from gbufrt.environment import lookup_environment
 from gbufrt.luminance import luminance
 from post import SSGI, SSR
-from post.shading.around import look_around
 from post.shading.sent_light import outgoing_light
+from post.shading.surroundings import look_around
 from tracer.scene.scene import Scene, Sky
 
 LEVEL = Camera.look_at((0.0, 2.0, 0.0), (0.0, 2.0, -1.0), size=(36, 64), fov_y=60.0, far=100.0)

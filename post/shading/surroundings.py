@@ -7,6 +7,7 @@ a square has walls on all its sides, a valley has hills behind the camera too.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import torch
 import torch.nn.functional as F
@@ -31,7 +32,8 @@ TINY = 1e-12
 def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Tensor]:
     """Guess what lies in each direction, beyond the picture's border and behind the camera.
 
-    Differentiable in ``light``.
+    Each direction gets a mean of the picture, weighted by how near its parts lie in elevation and azimuth: a heuristic
+    of our own, which README measures under Limits. Differentiable in ``light``.
 
     Args:
         light: ``(B, 3, H, W)`` linear radiance that each pixel sends, the sky's where there is no surface.
@@ -63,18 +65,15 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
 
 def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
     """``(B, cells, blocks)`` how much a block of the picture says of a direction; ``(cells, 1)`` its elevation."""
-    device, dtype = like.device, like.dtype
-    y, x = (
-        (torch.arange(n, device=device, dtype=dtype) + 0.5) * (side / n)
-        for n, side in zip(BLOCKS, camera.size, strict=True)
-    )
-    px = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1])[None].expand(camera.batch, -1, -1, -1)
-    ways = -camera.rotate_to_world(camera.to_eye(camera.unproject(torch.ones_like(px[:, :1]), px)))
-    there, seen = _angles(environment_directions(SIZE, dtype=dtype, device=device)), _angles(ways)
-    up, round_ = (a.mT - b for a, b in zip(there, seen, strict=True))
-    round_ = torch.remainder(round_ + math.pi, 2 * math.pi) - math.pi
+    intrinsics = camera.intrinsics.clone()
+    intrinsics[:, 0] *= BLOCKS[1] / camera.width
+    intrinsics[:, 1] *= BLOCKS[0] / camera.height
+    _, ways = replace(camera, intrinsics=intrinsics, size=BLOCKS, jitter=None).rays()
+    there = _angles(environment_directions(SIZE, dtype=like.dtype, device=like.device))
+    up, aside = (a.mT - b for a, b in zip(there, _angles(ways.movedim(-1, 1).to(like)), strict=True))
+    aside = torch.remainder(aside + math.pi, 2 * math.pi) - math.pi
     rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / ELEVATION)
-    return rows * (ANYWHERE + torch.exp(-0.5 * (round_ / AZIMUTH) ** 2)), there[0][0].mT
+    return rows * (ANYWHERE + torch.exp(-0.5 * (aside / AZIMUTH) ** 2)), there[0][0].mT
 
 
 def _angles(directions: Tensor) -> tuple[Tensor, Tensor]:
