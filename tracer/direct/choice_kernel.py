@@ -30,6 +30,12 @@ MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 """So many lamps at most give a pixel more than the share that earns rays of their own; one more by rounding."""
 
 
+@inlined
+def center_of(lamps, number):
+    """The centre of a lamp."""
+    return lamps[CENTER, number], lamps[CENTER + 1, number], lamps[CENTER + 2, number]
+
+
 @scalar
 def importance(sources, number, point, normal, reach):
     """See `tracer.direct.choice_reference`; with a ``reach``, zero only where no point within it gets light."""
@@ -41,8 +47,8 @@ def importance(sources, number, point, normal, reach):
         shown += max(dot(facing, point) - rectangles[k, OFFSET] + area * reach, 0.0)
     if shown <= 0:
         return 0.0
-    way = along(triple(lamps, number, CENTER), point, -1.0)
-    return shown * weight(way, normal, lamps[number, RADIUS] + reach, lamps[number, MEAN])
+    way = along(center_of(lamps, number), point, -1.0)
+    return shown * weight(way, normal, lamps[RADIUS, number] + reach, lamps[MEAN, number])
 
 
 @inlined
@@ -78,20 +84,21 @@ def weigh(sources, point, normal, center, reach, low, high, here, most):
 
     Rows of numbers let the compiler take several lamps in one instruction.
     """
-    faces, lamps = sources.faces, sources.lamps
-    for n in range(len(lamps)):
+    faces, count = sources.faces, len(here)
+    cx, cy, cz, radius, mean = sources.lamps[0], sources.lamps[1], sources.lamps[2], sources.lamps[3], sources.lamps[4]
+    for n in range(count):
         here[n] = most[n] = 0.0
     for k in range(len(faces)):
         x, y, z, offset, moved, area = faces[k, 0], faces[k, 1], faces[k, 2], faces[k, 3], faces[k, 4], faces[k, 5]
-        for n in range(len(lamps)):
+        for n in range(count):
             here[n] += max(x[n] * point[0] + y[n] * point[1] + z[n] * point[2] - offset[n], 0.0)
             height = x[n] * center[0] + y[n] * center[1] + z[n] * center[2] - moved[n]
             most[n] += max(height + area[n] * reach, 0.0)
-    for n in range(len(lamps)):
-        x, y, z, radius, mean = lamps[n, 0], lamps[n, 1], lamps[n, 2], lamps[n, RADIUS], lamps[n, MEAN]
-        here[n] *= weight((x - point[0], y - point[1], z - point[2]), normal, radius, mean)
-        way = x - center[0], y - center[1], z - center[2]
-        most[n] *= _most_weight(way, reach, low, high, radius, mean)
+    for n in range(count):
+        way = cx[n] - point[0], cy[n] - point[1], cz[n] - point[2]
+        here[n] *= weight(way, normal, radius[n], mean[n])
+        way = cx[n] - center[0], cy[n] - center[1], cz[n] - center[2]
+        most[n] *= _most_weight(way, reach, low, high, radius[n], mean[n])
 
 
 @inlined
@@ -134,7 +141,7 @@ def find_candidates(sources, few, point, normal, known, clearest, low, high, can
     in ``others``: their numbers, and the sum of their weights up to each. Returned: the number of both, and what the
     others send to the pixel.
     """
-    lamps = len(sources.lamps)
+    lamps = sources.lamps.shape[1]
     if lamps <= few:
         for number in range(lamps):
             candidates[number] = number
@@ -215,14 +222,12 @@ def list_lamps(candidates, known, seen, sent, power, rays, marked):
 @scalar
 def _first_above(values, count, value):
     """Index of the first of ``count`` ascending values that is above a given one."""
-    begin, end = 0, count
-    while begin < end:
-        middle = (begin + end) // 2
-        if values[middle] > value:
-            end = middle
-        else:
-            begin = middle + 1
-    return begin
+    first = 0
+    while count > 1:  # as many steps whatever the value is: no branch that processors would have to guess
+        half = count // 2
+        first += half if values[first + half - 1] <= value else 0
+        count -= half
+    return first + (1 if count > 0 and values[first] <= value else 0)
 
 
 @scalar

@@ -47,7 +47,7 @@ class Direct(reference.Direct):
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, none, 1)
         if len(self.lamps):
             known, dice = self._known(arrived), noise[2].flatten()
-            for start, rows, pixels in self._bands(max(self._longest, self._room)):
+            for start, rows, pixels in self._bands(max(self._longest(samples), self._room)):
                 lists, counts, rest = self.lists(known, dice, start, pixels, samples)
                 offsets = F.pad(counts.cumsum(0), (1, 0))
                 marked = lists.new_empty(lists.numel() if self._on_gpu else int(offsets[-1]))
@@ -81,7 +81,7 @@ class Direct(reference.Direct):
             ``(P, D)`` int32 of lamps drawn from the rest, with the inverse ``(P, D)`` float32 of how often each is.
         """
         width, lamps = self.surface.size[1], len(self.lamps)
-        lists = known.new_empty(pixels, self._longest, dtype=torch.int32)
+        lists = known.new_empty(pixels, self._longest(samples), dtype=torch.int32)
         counts, chosen = known.new_empty(pixels, dtype=torch.int64), lists.new_zeros(pixels, DRAWS)
         out = lists, counts, chosen, known.new_empty(chosen.shape)
         if not self._on_gpu:
@@ -130,10 +130,9 @@ class Direct(reference.Direct):
     def _on_gpu(self) -> bool:
         return simulated() or self.surface.points.is_cuda
 
-    @property
-    def _longest(self) -> int:
+    def _longest(self, samples: int) -> int:
         """Entries of the longest list of a pixel."""
-        return min(len(self.lamps), MOST_ALONE)
+        return min(len(self.lamps), MOST_ALONE, RAYS * samples)
 
     @property
     def _widest(self) -> int:

@@ -19,8 +19,10 @@ from tracer.direct.choice_kernel import (
     CLOSE,
     EVEN,
     FLAT,
+    MOST_ALONE,
     SIDES,
     TILE,
+    center_of,
     draw_rest,
     extent,
     find_candidates,
@@ -28,7 +30,7 @@ from tracer.direct.choice_kernel import (
     list_lamps,
     side_of,
 )
-from tracer.direct.kernel import CENTER, Sources
+from tracer.direct.kernel import Sources
 from tracer.direct.near_kernel import closest, gather, importances, new_near
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
@@ -76,9 +78,9 @@ def _alike(low, high, least, greatest):
 
 
 @scalar
-def _list_at(near, place, known, seen, given, rays, row):
+def _list_at(near, place, known, seen, given, rays):
     """What `list_lamps` returns at a place: a point, a normal, and the reach of the pixels there."""
-    used, _, sent, power = given
+    used, _, sent, power, row = given
     importances(near, place[0], place[1], place[2], power)
     return list_lamps(used, known, seen, sent, power, rays, row)
 
@@ -86,15 +88,14 @@ def _list_at(near, place, known, seen, given, rays, row):
 @scalar
 def _list_area(sources, surface, known, dice, start, width, rays, out, area, side, near, others, given, low, high):
     """List and draw for the pixels of an ``area`` that face one side, or return False where they are too far apart."""
-    (lists, counts, chosen, scale), (used, count, _, power) = out, given
+    (lists, counts, chosen, scale), (used, count, _, power, row) = out, given
     i, clearest, least, greatest = extent(surface, known, start, width, area, side, low, high)
     if i < 0:
         return True
     place = _ball(low, high)
     if not _alike(low, high, least, greatest) or place[2] > CLOSE * closest(near, place[0], len(used)):
         return False
-    row = lists[i - start]
-    length, draws = _list_at(near, place, least, clearest, given, rays, row)
+    length, draws = _list_at(near, place, least, clearest, given, rays)
     for y in range(area[0], area[1]):
         for p in range(y * width + area[2], y * width + area[3]):
             if surface[2][start + p] > 0 and side == side_of(surface[1], start + p):
@@ -108,13 +109,15 @@ def _list_area(sources, surface, known, dice, start, width, rays, out, area, sid
 @scalar
 def _list_pixels(sources, surface, known, dice, start, width, rays, out, area, side, near, others, given, low, high):
     """List and draw for the pixels of an ``area`` that face one side, each for itself."""
-    (lists, counts, chosen, scale), (used, count, _, power) = out, given
+    (lists, counts, chosen, scale), (used, count, _, power, row) = out, given
     for y in range(area[0], area[1]):
         for p in range(y * width + area[2], y * width + area[3]):
             i = start + p
             if surface[2][i] > 0 and side == side_of(surface[1], i):
                 place = triple(surface[0], i, 0), triple(surface[1], i, 0), 0.0
-                counts[p], draws = _list_at(near, place, known[i], surface[2][i], given, rays, lists[p])
+                counts[p], draws = _list_at(near, place, known[i], surface[2][i], given, rays)
+                for k in range(counts[p]):
+                    lists[p, k] = row[k]
                 draw_rest(used, power, others, count, dice[i], draws, chosen[p], scale[p])
 
 
@@ -135,9 +138,9 @@ def _list_side(sources, surface, known, dice, start, width, rays, out, tile, sid
 
 @scalar
 def _list_tile(sources, surface, known, dice, start, width, few, many, rays, out, tile, candidates, others, scratch):
-    power, near, low, high = scratch
-    for row in range(tile[0], tile[1]):
-        for p in range(row * width + tile[2], row * width + tile[3]):
+    power, row, near, low, high = scratch
+    for y in range(tile[0], tile[1]):
+        for p in range(y * width + tile[2], y * width + tile[3]):
             out[1][p], out[3][p, :] = 0, np.float32(0)
     # what pixels of one tile face differs more than where they lie: together they would bound hardly anything
     for side in range(SIDES):
@@ -147,7 +150,7 @@ def _list_tile(sources, surface, known, dice, start, width, few, many, rays, out
             used = candidates[:found]
             gather(near, sources, used, low, high)
             at = sources, surface, known, dice, start, width, rays, out, tile, side
-            by = near, others, (used, count, sent, power[:found]), low, high
+            by = near, others, (used, count, sent, power[:found], row), low, high
             if found > many:
                 _list_side(*at, *by)
             else:
@@ -156,15 +159,15 @@ def _list_tile(sources, surface, known, dice, start, width, few, many, rays, out
 
 @driver
 def list_all(sources, surface, known, dice, start, width, few, many, rays, lists, counts, chosen, scale, lanes):
-    lamps, height = len(sources.lamps), len(counts) // width
+    lamps, height = sources.lamps.shape[1], len(counts) // width
     tiles = ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
     for lane in prange(lanes):
         candidates, numbers = np.empty(lamps, np.int32), np.empty(lamps, np.int32)
         power, upto, near = np.empty(lamps), np.empty(lamps), new_near(sources)
-        low, high = np.empty(6), np.empty(6)
+        row, low, high = np.empty(MOST_ALONE, np.int32), np.empty(6), np.empty(6)
         for n in range(lane, tiles, lanes):
             given = sources, surface, known, dice, start, width, few, many, rays, (lists, counts, chosen, scale)
-            others, scratch = (numbers, upto), (power, near, low, high)
+            others, scratch = (numbers, upto), (power, row, near, low, high)
             _list_tile(*given, _tile(n, width, height), candidates, others, scratch)
 
 
@@ -182,7 +185,7 @@ def _closest(sources, numbers, point):
     """As `tracer.direct.near_kernel.closest`."""
     least = np.inf
     for k in range(len(numbers)):
-        way = along(triple(sources.lamps, numbers[k], CENTER), point, -1.0)
+        way = along(center_of(sources.lamps, numbers[k]), point, -1.0)
         least = min(least, dot(way, way))
     return math.sqrt(least)
 
@@ -193,6 +196,7 @@ def list_pixel(p, table, surface, known, dice, start, width, many, rays, tiles, 
     candidates, numbers, upto, _, found, sent = tiles
     sources, i = Sources(*table), start + p
     low, high = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
+    row = cuda.local.array(MOST_ALONE, np.int32)
     counts[p] = 0
     for draw in range(scale.shape[1]):
         scale[p, draw] = 0
@@ -211,7 +215,9 @@ def list_pixel(p, table, surface, known, dice, start, width, many, rays, tiles, 
             square //= 2
         for k in range(len(used)):
             mine[k] = importance(sources, used[k], point, normal, reach)
-        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, lists[p])
+        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, row)
+        for k in range(counts[p]):
+            lists[p, k] = row[k]
         draw_rest(used, mine, (numbers[n], upto[n]), found[n, 1], dice[i], draws, chosen[p], scale[p])
 
 

@@ -30,7 +30,7 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
     sources = few_faces()
     point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
     number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward, 0.0) > 0)
-    sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward, 0.0)
+    sources.lamps[choice_kernel.MEAN, number] = 0.1 / choice_kernel.importance(sources, number, point, toward, 0.0)
     sent, row = choice_kernel.importance(sources, number, point, toward, 0.0), np.full(128, -1, np.int32)
 
     def listed(room: np.ndarray) -> tuple[int, float]:
@@ -64,7 +64,7 @@ def test_with_a_reach_no_lamp_is_left_out_that_a_point_within_it_gets():
         center, reach = (torch.rand(3, generator=g) * 24 - 12).double(), 0.2 + 3 * float(torch.rand((), generator=g))
         normal = tuple(F.normalize(torch.randn(3, generator=g), dim=0).double().tolist())
         around = center + reach * F.normalize(torch.randn(12, 3, generator=g), dim=1).double()
-        for number in range(len(sources.lamps)):
+        for number in range(sources.lamps.shape[1]):
             at = [
                 choice_kernel.importance(sources, number, p, normal, 0.0) for p in (center.tolist(), *around.tolist())
             ]
@@ -116,7 +116,7 @@ def weighed(
     sources: Sources, place: tuple[Any, Any], around: tuple[Any, Any, Any, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
     """What `choice_kernel.weigh` finds at a place and around a centre."""
-    here, most = np.empty((2, len(sources.lamps)))
+    here, most = np.empty((2, sources.lamps.shape[1]))
     choice_kernel.weigh(sources, *place, *around, here, most)
     return here, most
 
@@ -132,7 +132,7 @@ def test_no_lamp_sends_more_than_its_bound(crowded: bool):
         facing = F.normalize(torch.randn(1, 3, generator=g) + 0.4 * torch.randn(20, 3, generator=g), dim=1).double()
         if case >= 40:  # near a lamp, on a surface that faces away from it
             way = F.normalize(torch.randn(1, 3, generator=g), dim=1).double()
-            lamp = sources.lamps[case % len(sources.lamps)]
+            lamp = sources.lamps[:, case % sources.lamps.shape[1]]
             away = lamp[choice_kernel.RADIUS] * (0.6 + reach / 4)
             center, reach = lamp[:3] + way[0].numpy() * away, float(away) * 0.5
             facing = F.normalize(way + 0.01 * torch.randn(20, 3, generator=g).double(), dim=1)
@@ -160,7 +160,7 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
             point, normal = tuple((far * way).tolist()), tuple((-way).tolist())
             roughly, most = weighed(sources, (point, normal), (point, 0.0, normal, normal))
             sent = [
-                choice_kernel.importance(sources, number, point, normal, 0.0) for number in range(len(sources.lamps))
+                choice_kernel.importance(sources, number, point, normal, 0.0) for number in range(sources.lamps.shape[1])
             ]
             assert (least * np.array(sent) <= roughly).all()
             assert (roughly <= np.array(sent) * (1 + 1e-9)).all()
@@ -169,7 +169,7 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
 
 def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
     sources = few_faces()
-    lamps = len(sources.lamps)
+    lamps = sources.lamps.shape[1]
     candidates, others = np.empty(lamps, np.int32), (np.empty(lamps, np.int32), np.empty(lamps))
     point, away = (0.0, 40.0, 0.0), (0.0, 1.0, 0.0)  # above everything, and turned from it
     low, high = np.array([*point, -1.0, -1.0, -1.0]), np.array([*point, 1.0, 1.0, 1.0])
