@@ -18,11 +18,12 @@ from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
 TILE = 8  # pixels on a side
-SIDES = 6  # of a cube: which a pixel faces, see `side_of`
+SIDES = 6  # of a cube: which a pixel faces; those of a tile that face one are apart from the others,
+GROUPS = 2 * SIDES  # and so are those of which much more is known than of another in the tile
 UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
 FEW = 16  # so few lamps are candidates everywhere
-MANY = 32  # from so many candidates on pixels share a list, up to
-BLOCK = 4  # on a side, if they lie in a ball
+MANY = 16  # of more candidates than that pixels share a list, up to
+BLOCK = 4  # on a side, if they lie in a ball; more of them alone would take a lamp beside them for a faint one
 CLOSE = 0.5  # of at most so much of the distance to any candidate,
 FLAT = 1e-3  # their normals differ by no more than this,
 EVEN = 2.0  # and what is known by no more than this factor
@@ -84,45 +85,34 @@ def weigh(sources, point, normal, center, reach, low, high, here, most):
 
     Rows of numbers let the compiler take several lamps in one instruction.
     """
-    faces, count = sources.faces, len(here)
-    cx, cy, cz, radius, mean = sources.lamps[0], sources.lamps[1], sources.lamps[2], sources.lamps[3], sources.lamps[4]
-    for n in range(count):
-        here[n] = most[n] = 0.0
-    for k in range(len(faces)):
-        x, y, z, offset, moved, area = faces[k, 0], faces[k, 1], faces[k, 2], faces[k, 3], faces[k, 4], faces[k, 5]
-        for n in range(count):
-            here[n] += max(x[n] * point[0] + y[n] * point[1] + z[n] * point[2] - offset[n], 0.0)
-            height = x[n] * center[0] + y[n] * center[1] + z[n] * center[2] - moved[n]
-            most[n] += max(height + area[n] * reach, 0.0)
-    for n in range(count):
-        way = cx[n] - point[0], cy[n] - point[1], cz[n] - point[2]
-        here[n] *= weight(way, normal, radius[n], mean[n])
-        way = cx[n] - center[0], cy[n] - center[1], cz[n] - center[2]
-        most[n] *= _most_weight(way, reach, low, high, radius[n], mean[n])
-
-
-@inlined
-def side_of(normals, i):
-    """Which of the six sides of a cube a pixel faces most."""
-    x, y, z = abs(normals[i, 0]), abs(normals[i, 1]), abs(normals[i, 2])
-    axis = 0 if x >= y and x >= z else 1 if y >= z else 2
-    return 2 * axis + (1 if normals[i, axis] > 0 else 0)
+    faces, lamps = sources.faces, sources.lamps
+    for n in range(lamps.shape[1]):
+        shown = most_shown = 0.0
+        for k in range(SIDES):  # a constant, so that no loop is left in this one
+            x, y, z, offset = faces[k, 0, n], faces[k, 1, n], faces[k, 2, n], faces[k, 3, n]
+            moved, area = faces[k, 4, n], faces[k, 5, n]
+            shown += max(x * point[0] + y * point[1] + z * point[2] - offset, 0.0)
+            most_shown += max(x * center[0] + y * center[1] + z * center[2] - moved + area * reach, 0.0)
+        x, y, z, radius, mean = lamps[0, n], lamps[1, n], lamps[2, n], lamps[RADIUS, n], lamps[MEAN, n]
+        here[n] = shown * weight((x - point[0], y - point[1], z - point[2]), normal, radius, mean)
+        way = x - center[0], y - center[1], z - center[2]
+        most[n] = most_shown * _most_weight(way, reach, low, high, radius, mean)
 
 
 @scalar
-def extent(surface, known, start, width, tile, side, low, high):
+def extent(surface, width, tile, group, low, high):
     """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
     least and greatest ``known``; left in ``low`` and ``high``, six numbers each: the ranges of lit points and normals.
 
-    Of a tile only pixels that face one ``side`` count, see `side_of`.
+    Of a tile only pixels of one ``group`` count, see `tracer.direct.drivers.Direct.groups`.
     """
-    points, normals, seen = surface
+    points, normals, seen, known, groups = surface
     nearest, middle, clearest, least, greatest = np.inf, -1, 0.0, np.inf, 0.0
     low[:], high[:] = np.inf, -np.inf
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
-            i = start + y * width + x
-            if seen[i] > 0 and side == side_of(normals, i):
+            i = y * width + x
+            if groups[i] == group:
                 clearest, least, greatest = max(clearest, seen[i]), min(least, known[i]), max(greatest, known[i])
                 away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
                 if away < nearest:

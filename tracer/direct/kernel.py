@@ -130,7 +130,7 @@ def _turned(turn, number):
 def _send_to_sun(shadows, space, sources, place, begin, end, row, gain):
     """Samples of the sun's disc from one pixel."""
     point, normal, turn = place
-    axes, sine = sources.sun, sources.sun[3, 0]
+    axes, sine, sun = sources.sun, sources.sun[3, 0], sources.lamps.shape[1]
     across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
     for number in range(begin, end):
         x, y = disc(*_turned(turn, number))
@@ -138,9 +138,7 @@ def _send_to_sun(shadows, space, sources, place, begin, end, row, gain):
         direction = combined(across, other, toward, x, y, math.sqrt(1 - x * x - y * y))
         weight = dot(normal, direction)
         if weight > 0:
-            shoot(
-                shadows, space, sources, point, direction, np.inf, weight if row >= 0 else gain, row, sources.lamps.shape[1]
-            )
+            shoot(shadows, space, sources, point, direction, np.inf, weight if row >= 0 else gain, row, sun)
 
 
 @inlined

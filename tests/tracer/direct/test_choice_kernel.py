@@ -75,34 +75,30 @@ def test_with_a_reach_no_lamp_is_left_out_that_a_point_within_it_gets():
 
 
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
-    width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
-    tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen), (np.empty(6), np.empty(6))
+    width, seen, zeros, groups = 12, np.zeros(120, np.float32), np.zeros((120, 3)), np.full(120, -1, np.int8)
     known = np.arange(120, 0, -1).astype(np.float32)
-    assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges)[0] == -1
+    tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen, known, groups), (np.empty(6), np.empty(6))
+    assert choice_kernel.extent(surface, width, tile, 0, *ranges)[0] == -1
     least, greatest = np.inf, 0.0
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
-        seen[y * width + x] = 1 / (y + 1)
+        seen[y * width + x], groups[y * width + x] = 1 / (y + 1), 0
         least, greatest = min(least, known[y * width + x]), max(greatest, known[y * width + x])
         wanted = y * width + x, seen.max(), least, greatest
-        assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges) == wanted
+        assert choice_kernel.extent(surface, width, tile, 0, *ranges) == wanted
 
 
-def test_pixels_of_a_tile_that_face_another_side_are_apart():
+def test_pixels_of_another_group_do_not_count():
     normals = F.normalize(torch.randn(64, 3, generator=torch.Generator().manual_seed(7)), dim=1).double().numpy()
     points, seen, known = np.arange(192.0).reshape(64, 3), np.ones(64, np.float32), np.arange(64.0)
-    axes = np.abs(normals).argmax(1)
-    sides = 2 * axes + (np.take_along_axis(normals, axes[:, None], 1)[:, 0] > 0)
-    low, high = np.empty(6), np.empty(6)
-    for side in range(6):
-        mine = np.flatnonzero(sides == side)
-        middle, _, least, greatest = choice_kernel.extent(
-            (points, normals, seen), known, 0, 8, (0, 8, 0, 8), side, low, high
-        )
+    groups, low, high = np.random.default_rng(7).integers(0, 6, 64, np.int8), np.empty(6), np.empty(6)
+    for group in range(6):
+        mine = np.flatnonzero(groups == group)
+        surface = points, normals, seen, known, groups
+        middle, _, least, greatest = choice_kernel.extent(surface, 8, (0, 8, 0, 8), group, low, high)
         assert middle in mine
         assert (least, greatest) == (mine[0], mine[-1])
         np.testing.assert_array_equal(low, np.concatenate([points[mine].min(0), normals[mine].min(0)]))
         np.testing.assert_array_equal(high, np.concatenate([points[mine].max(0), normals[mine].max(0)]))
-        assert {choice_kernel.side_of(normals, i) for i in mine} == {side}
 
 
 def crowd() -> Lamps:
@@ -160,7 +156,8 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
             point, normal = tuple((far * way).tolist()), tuple((-way).tolist())
             roughly, most = weighed(sources, (point, normal), (point, 0.0, normal, normal))
             sent = [
-                choice_kernel.importance(sources, number, point, normal, 0.0) for number in range(sources.lamps.shape[1])
+                choice_kernel.importance(sources, number, point, normal, 0.0)
+                for number in range(sources.lamps.shape[1])
             ]
             assert (least * np.array(sent) <= roughly).all()
             assert (roughly <= np.array(sent) * (1 + 1e-9)).all()
