@@ -108,8 +108,10 @@ class Direct(reference.Direct):
         another, as lamps do before a dark wall, and would share no list with it.
         """
         width, lit, normals = self.surface.size[1], self.surface.share[rows] > 0, self.surface.normals[:, rows]
-        faced = torch.cat([normals, -normals]) >= normals.abs().amax(dim=0)
-        side = (faced * torch.arange(SIDES, dtype=torch.int8, device=faced.device)[:, None]).amax(dim=0)
+        sizes = normals.abs()
+        most = sizes.amax(dim=0)
+        axes = torch.arange(0, SIDES, 2, dtype=torch.int8, device=most.device)[:, None]
+        side = ((sizes >= most) * axes).amax(dim=0) + (normals.amax(dim=0) >= most)
         dark = torch.where(lit, -known[rows], -torch.inf).view(1, 1, -1, width)
         dark = F.max_pool2d(dark, TILE, ceil_mode=True).repeat_interleave(TILE, 2).repeat_interleave(TILE, 3)
         least = -dark[..., : len(known[rows]) // width, :width].flatten()
