@@ -18,16 +18,23 @@ from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
 
 TILE = 8  # pixels on a side
-SIDES = 6  # of a cube: which a pixel faces, see `side_of`
+SIDES = 6  # of a cube: which a pixel faces; those of a tile that face one are apart from the others,
+GROUPS = 2 * SIDES  # and so are those of which much more is known than of another in the tile
 UNLIKE = 0.05  # of the bound counts too, for pixels that are unlike the one
 FEW = 16  # so few lamps are candidates everywhere
-MANY = 32  # from so many candidates on pixels share a list, up to
-BLOCK = 4  # on a side, if they lie in a ball
+MANY = 16  # of more candidates than that pixels share a list, up to
+BLOCK = 4  # on a side, if they lie in a ball; more of them alone would take a lamp beside them for a faint one
 CLOSE = 0.5  # of at most so much of the distance to any candidate,
 FLAT = 1e-3  # their normals differ by no more than this,
 EVEN = 2.0  # and what is known by no more than this factor
 MOST_ALONE = math.ceil(1 / SHARE_ALONE) - 1
 """So many lamps at most give a pixel more than the share that earns rays of their own; one more by rounding."""
+
+
+@inlined
+def center_of(lamps, number):
+    """The centre of a lamp."""
+    return lamps[CENTER, number], lamps[CENTER + 1, number], lamps[CENTER + 2, number]
 
 
 @scalar
@@ -41,8 +48,8 @@ def importance(sources, number, point, normal, reach):
         shown += max(dot(facing, point) - rectangles[k, OFFSET] + area * reach, 0.0)
     if shown <= 0:
         return 0.0
-    way = along(triple(lamps, number, CENTER), point, -1.0)
-    return shown * weight(way, normal, lamps[number, RADIUS] + reach, lamps[number, MEAN])
+    way = along(center_of(lamps, number), point, -1.0)
+    return shown * weight(way, normal, lamps[RADIUS, number] + reach, lamps[MEAN, number])
 
 
 @inlined
@@ -79,43 +86,33 @@ def weigh(sources, point, normal, center, reach, low, high, here, most):
     Rows of numbers let the compiler take several lamps in one instruction.
     """
     faces, lamps = sources.faces, sources.lamps
-    for n in range(len(lamps)):
-        here[n] = most[n] = 0.0
-    for k in range(len(faces)):
-        x, y, z, offset, moved, area = faces[k, 0], faces[k, 1], faces[k, 2], faces[k, 3], faces[k, 4], faces[k, 5]
-        for n in range(len(lamps)):
-            here[n] += max(x[n] * point[0] + y[n] * point[1] + z[n] * point[2] - offset[n], 0.0)
-            height = x[n] * center[0] + y[n] * center[1] + z[n] * center[2] - moved[n]
-            most[n] += max(height + area[n] * reach, 0.0)
-    for n in range(len(lamps)):
-        x, y, z, radius, mean = lamps[n, 0], lamps[n, 1], lamps[n, 2], lamps[n, RADIUS], lamps[n, MEAN]
-        here[n] *= weight((x - point[0], y - point[1], z - point[2]), normal, radius, mean)
+    for n in range(lamps.shape[1]):
+        shown = most_shown = 0.0
+        for k in range(SIDES):  # a constant, so that no loop is left in this one
+            x, y, z, offset = faces[k, 0, n], faces[k, 1, n], faces[k, 2, n], faces[k, 3, n]
+            moved, area = faces[k, 4, n], faces[k, 5, n]
+            shown += max(x * point[0] + y * point[1] + z * point[2] - offset, 0.0)
+            most_shown += max(x * center[0] + y * center[1] + z * center[2] - moved + area * reach, 0.0)
+        x, y, z, radius, mean = lamps[0, n], lamps[1, n], lamps[2, n], lamps[RADIUS, n], lamps[MEAN, n]
+        here[n] = shown * weight((x - point[0], y - point[1], z - point[2]), normal, radius, mean)
         way = x - center[0], y - center[1], z - center[2]
-        most[n] *= _most_weight(way, reach, low, high, radius, mean)
-
-
-@inlined
-def side_of(normals, i):
-    """Which of the six sides of a cube a pixel faces most."""
-    x, y, z = abs(normals[i, 0]), abs(normals[i, 1]), abs(normals[i, 2])
-    axis = 0 if x >= y and x >= z else 1 if y >= z else 2
-    return 2 * axis + (1 if normals[i, axis] > 0 else 0)
+        most[n] = most_shown * _most_weight(way, reach, low, high, radius, mean)
 
 
 @scalar
-def extent(surface, known, start, width, tile, side, low, high):
+def extent(surface, width, tile, group, low, high):
     """The lit pixel nearest a tile's centre (-1 for none), how much is seen of the pixel of which most is, and the
     least and greatest ``known``; left in ``low`` and ``high``, six numbers each: the ranges of lit points and normals.
 
-    Of a tile only pixels that face one ``side`` count, see `side_of`.
+    Of a tile only pixels of one ``group`` count, see `tracer.direct.drivers.Direct.groups`.
     """
-    points, normals, seen = surface
+    points, normals, seen, known, groups = surface
     nearest, middle, clearest, least, greatest = np.inf, -1, 0.0, np.inf, 0.0
     low[:], high[:] = np.inf, -np.inf
     for y in range(tile[0], tile[1]):
         for x in range(tile[2], tile[3]):
-            i = start + y * width + x
-            if seen[i] > 0 and side == side_of(normals, i):
+            i = y * width + x
+            if groups[i] == group:
                 clearest, least, greatest = max(clearest, seen[i]), min(least, known[i]), max(greatest, known[i])
                 away = (2 * y + 1 - tile[0] - tile[1]) ** 2 + (2 * x + 1 - tile[2] - tile[3]) ** 2
                 if away < nearest:
@@ -134,7 +131,7 @@ def find_candidates(sources, few, point, normal, known, clearest, low, high, can
     in ``others``: their numbers, and the sum of their weights up to each. Returned: the number of both, and what the
     others send to the pixel.
     """
-    lamps = len(sources.lamps)
+    lamps = sources.lamps.shape[1]
     if lamps <= few:
         for number in range(lamps):
             candidates[number] = number
@@ -215,14 +212,12 @@ def list_lamps(candidates, known, seen, sent, power, rays, marked):
 @scalar
 def _first_above(values, count, value):
     """Index of the first of ``count`` ascending values that is above a given one."""
-    begin, end = 0, count
-    while begin < end:
-        middle = (begin + end) // 2
-        if values[middle] > value:
-            end = middle
-        else:
-            begin = middle + 1
-    return begin
+    first = 0
+    while count > 1:  # as many steps whatever the value is: no branch that processors would have to guess
+        half = count // 2
+        first += half if values[first + half - 1] <= value else 0
+        count -= half
+    return first + (1 if count > 0 and values[first] <= value else 0)
 
 
 @scalar

@@ -18,7 +18,7 @@ from torch import Tensor
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import array, replaced, threads
 from tracer.direct import reference
-from tracer.direct.choice_kernel import FEW, MANY, MOST_ALONE, SIDES, TILE
+from tracer.direct.choice_kernel import EVEN, FEW, GROUPS, MANY, MOST_ALONE, SIDES, TILE
 from tracer.direct.choice_reference import DRAWS, RAYS
 from tracer.direct.kernel import Sources
 from tracer.direct.list_drivers import candidates_each, list_all, list_each, pack_each
@@ -47,7 +47,7 @@ class Direct(reference.Direct):
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, none, 1)
         if len(self.lamps):
             known, dice = self._known(arrived), noise[2].flatten()
-            for start, rows, pixels in self._bands(max(self._longest, self._room)):
+            for start, rows, pixels in self._bands(max(self._longest(samples), self._room)):
                 lists, counts, rest = self.lists(known, dice, start, pixels, samples)
                 offsets = F.pad(counts.cumsum(0), (1, 0))
                 marked = lists.new_empty(lists.numel() if self._on_gpu else int(offsets[-1]))
@@ -81,22 +81,41 @@ class Direct(reference.Direct):
             ``(P, D)`` int32 of lamps drawn from the rest, with the inverse ``(P, D)`` float32 of how often each is.
         """
         width, lamps = self.surface.size[1], len(self.lamps)
-        lists = known.new_empty(pixels, self._longest, dtype=torch.int32)
+        lists = known.new_empty(pixels, self._longest(samples), dtype=torch.int32)
         counts, chosen = known.new_empty(pixels, dtype=torch.int64), lists.new_zeros(pixels, DRAWS)
         out = lists, counts, chosen, known.new_empty(chosen.shape)
+        rows = slice(start, start + pixels)
+        surface = *(t[rows] for t in (*self._surface, known)), self.groups(known, rows)
+        dice = dice[rows]
         if not self._on_gpu:
-            given = *replaced((self._surface, known, dice), array), start, width, FEW, MANY, RAYS * samples
+            given = *replaced((surface, dice), array), width, FEW, MANY, RAYS * samples
             list_all(self._sources, *given, *map(array, out), threads())
             return lists, counts, out[2:]
-        count = SIDES * -(-width // TILE) * -(-(pixels // width) // TILE)
+        count = GROUPS * -(-width // TILE) * -(-(pixels // width) // TILE)
         candidates, numbers = (lists.new_empty(count, lamps) for _ in range(2))
         upto, most, sent = (known.new_empty(count, *n, dtype=torch.float64) for n in ((lamps,), (lamps,), ()))
         tiles = candidates, numbers, upto, most, counts.new_empty(count, 2), sent
-        candidates_each(count, self._tables, self._surface, known, start, width, FEW, pixels, *tiles)
+        candidates_each(count, self._tables, surface, width, FEW, pixels, *tiles)
         power = upto.new_empty(pixels, lamps)
-        given = self._tables, self._surface, known, dice, start, width, MANY, RAYS * samples
+        given = self._tables, surface, dice, width, MANY, RAYS * samples
         list_each(pixels, *given, tiles, power, *out)
         return lists, counts, out[2:]
+
+    def groups(self, known: Tensor, rows: slice) -> Tensor:
+        """``(P,)`` int8: which pixels of a tile are listed apart from the others; -1 where none is lit.
+
+        They face another side, and together they would bound hardly anything; or they know much more light than
+        another, as lamps do before a dark wall, and would share no list with it.
+        """
+        width, lit, normals = self.surface.size[1], self.surface.share[rows] > 0, self.surface.normals[:, rows]
+        sizes = normals.abs()
+        most = sizes.amax(dim=0)
+        axes = torch.arange(0, SIDES, 2, dtype=torch.int8, device=most.device)[:, None]
+        side = ((sizes >= most) * axes).amax(dim=0) + (normals.amax(dim=0) >= most)
+        dark = torch.where(lit, -known[rows], -torch.inf).view(1, 1, -1, width)
+        dark = F.max_pool2d(dark, TILE, ceil_mode=True).repeat_interleave(TILE, 2).repeat_interleave(TILE, 3)
+        least = -dark[..., : len(known[rows]) // width, :width].flatten()
+        return torch.where(lit, side + SIDES * (known[rows] > EVEN * least), -1).to(torch.int8)
 
     def _sample(
         self,
@@ -130,10 +149,9 @@ class Direct(reference.Direct):
     def _on_gpu(self) -> bool:
         return simulated() or self.surface.points.is_cuda
 
-    @property
-    def _longest(self) -> int:
+    def _longest(self, samples: int) -> int:
         """Entries of the longest list of a pixel."""
-        return min(len(self.lamps), MOST_ALONE)
+        return min(len(self.lamps), MOST_ALONE, RAYS * samples)
 
     @property
     def _widest(self) -> int:

@@ -18,7 +18,7 @@ from tracer.traversal.kernel import triple
 CORNER, EDGE_U, EDGE_V, FACING, OFFSET = 0, 3, 6, 9, 12
 """Columns of `Sources.rectangles`; the facing is as long as the area, the offset its product with the corner."""
 CENTER, RADIUS, MEAN = 0, 3, 4
-"""Columns of `Sources.lamps`; the mean of the radiance."""
+"""Rows of `Sources.lamps`; the mean of the radiance."""
 SMALL = 1e-2  # square of the tangent of an angle below which a series is exact in float32
 FAR = 36.0  # square of a distance in diagonals of a rectangle beyond which a series errs by 2e-5 of area / distance^2
 
@@ -31,7 +31,7 @@ class Sources(NamedTuple):
         first: ``(L + 1,)`` int64, where those of each lamp begin.
         faces: ``(K, 6, L)`` float64, the rectangles of each lamp, and of a lamp of many their sums over those that face
             one way: facing, offset, the least offset that they could have in the lamp's sphere, and area; else zero.
-        lamps: ``(L, 5)`` float64.
+        lamps: ``(5, L)`` float64: loops over all lamps then take several in one instruction.
         sun: ``(4, 3)`` float64: two axes across the direction to the sun, that direction, and the sine of the sun's
             angular radius.
         colors: ``(L + 1, 3)`` float32: radiance of the lamps, irradiance of the sun.
@@ -130,7 +130,7 @@ def _turned(turn, number):
 def _send_to_sun(shadows, space, sources, place, begin, end, row, gain):
     """Samples of the sun's disc from one pixel."""
     point, normal, turn = place
-    axes, sine = sources.sun, sources.sun[3, 0]
+    axes, sine, sun = sources.sun, sources.sun[3, 0], sources.lamps.shape[1]
     across, other, toward = triple(axes, 0, 0), triple(axes, 1, 0), triple(axes, 2, 0)
     for number in range(begin, end):
         x, y = disc(*_turned(turn, number))
@@ -138,9 +138,7 @@ def _send_to_sun(shadows, space, sources, place, begin, end, row, gain):
         direction = combined(across, other, toward, x, y, math.sqrt(1 - x * x - y * y))
         weight = dot(normal, direction)
         if weight > 0:
-            shoot(
-                shadows, space, sources, point, direction, np.inf, weight if row >= 0 else gain, row, len(sources.lamps)
-            )
+            shoot(shadows, space, sources, point, direction, np.inf, weight if row >= 0 else gain, row, sun)
 
 
 @inlined
@@ -170,7 +168,7 @@ def _send_to_lamp(shadows, space, sources, number, place, begin, end, each, ener
 @scalar
 def unblocked(sources, number, point, normal, each):
     """Irradiance from a source where nothing is in its way; ``each`` has room for one number per rectangle."""
-    if number == len(sources.lamps):
+    if number == sources.lamps.shape[1]:
         return max(disc_cosine(dot(normal, triple(sources.sun, 2, 0)), sources.sun[3, 0]), 0.0)
     total, low = 0.0, sources.first[number]
     for k in range(low, sources.first[number + 1]):
@@ -187,7 +185,7 @@ def send(shadows, space, sources, number, place, begin, end, each, energy, row, 
     a row below 0 all have the weight ``gain``, see `tracer.direct.shadow_kernel.Shadows`.
     """
     if energy > 0:
-        if number == len(sources.lamps):
+        if number == sources.lamps.shape[1]:
             _send_to_sun(shadows, space, sources, place, begin, end, row, gain)
         else:
             _send_to_lamp(shadows, space, sources, number, place, begin, end, each, energy, row, gain)

@@ -19,16 +19,17 @@ from tracer.direct.choice_kernel import (
     CLOSE,
     EVEN,
     FLAT,
-    SIDES,
+    GROUPS,
+    MOST_ALONE,
     TILE,
+    center_of,
     draw_rest,
     extent,
     find_candidates,
     importance,
     list_lamps,
-    side_of,
 )
-from tracer.direct.kernel import CENTER, Sources
+from tracer.direct.kernel import Sources
 from tracer.direct.near_kernel import closest, gather, importances, new_near
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
@@ -45,9 +46,9 @@ def _tile(n, width, height):
 
 
 @scalar
-def _candidates(sources, surface, known, start, width, few, tile, side, candidates, others, most, low, high):
+def _candidates(sources, surface, width, few, tile, group, candidates, others, most, low, high):
     """What `find_candidates` returns for a tile, and leaves in ``candidates`` and ``others``."""
-    i, clearest, least, _ = extent(surface, known, start, width, tile, side, low, high)
+    i, clearest, least, _ = extent(surface, width, tile, group, low, high)
     if i < 0:
         return 0, 0, 0.0
     point, normal = triple(surface[0], i, 0), triple(surface[1], i, 0)
@@ -76,52 +77,52 @@ def _alike(low, high, least, greatest):
 
 
 @scalar
-def _list_at(near, place, known, seen, given, rays, row):
+def _list_at(near, place, known, seen, given, rays):
     """What `list_lamps` returns at a place: a point, a normal, and the reach of the pixels there."""
-    used, _, sent, power = given
+    used, _, sent, power, row = given
     importances(near, place[0], place[1], place[2], power)
     return list_lamps(used, known, seen, sent, power, rays, row)
 
 
 @scalar
-def _list_area(sources, surface, known, dice, start, width, rays, out, area, side, near, others, given, low, high):
-    """List and draw for the pixels of an ``area`` that face one side, or return False where they are too far apart."""
-    (lists, counts, chosen, scale), (used, count, _, power) = out, given
-    i, clearest, least, greatest = extent(surface, known, start, width, area, side, low, high)
+def _list_area(sources, surface, dice, width, rays, out, area, group, near, others, given, low, high):
+    """List and draw for the pixels of one group in an ``area``, or return False where they are too far apart."""
+    (lists, counts, chosen, scale), (used, count, _, power, row) = out, given
+    i, clearest, least, greatest = extent(surface, width, area, group, low, high)
     if i < 0:
         return True
     place = _ball(low, high)
     if not _alike(low, high, least, greatest) or place[2] > CLOSE * closest(near, place[0], len(used)):
         return False
-    row = lists[i - start]
-    length, draws = _list_at(near, place, least, clearest, given, rays, row)
+    length, draws = _list_at(near, place, least, clearest, given, rays)
     for y in range(area[0], area[1]):
         for p in range(y * width + area[2], y * width + area[3]):
-            if surface[2][start + p] > 0 and side == side_of(surface[1], start + p):
+            if surface[4][p] == group:
                 counts[p] = length
                 for k in range(length):
                     lists[p, k] = row[k]
-                draw_rest(used, power, others, count, dice[start + p], draws, chosen[p], scale[p])
+                draw_rest(used, power, others, count, dice[p], draws, chosen[p], scale[p])
     return True
 
 
 @scalar
-def _list_pixels(sources, surface, known, dice, start, width, rays, out, area, side, near, others, given, low, high):
-    """List and draw for the pixels of an ``area`` that face one side, each for itself."""
-    (lists, counts, chosen, scale), (used, count, _, power) = out, given
+def _list_pixels(sources, surface, dice, width, rays, out, area, group, near, others, given, low, high):
+    """List and draw for the pixels of one group in an ``area``, each for itself."""
+    (lists, counts, chosen, scale), (used, count, _, power, row) = out, given
     for y in range(area[0], area[1]):
         for p in range(y * width + area[2], y * width + area[3]):
-            i = start + p
-            if surface[2][i] > 0 and side == side_of(surface[1], i):
-                place = triple(surface[0], i, 0), triple(surface[1], i, 0), 0.0
-                counts[p], draws = _list_at(near, place, known[i], surface[2][i], given, rays, lists[p])
-                draw_rest(used, power, others, count, dice[i], draws, chosen[p], scale[p])
+            if surface[4][p] == group:
+                place = triple(surface[0], p, 0), triple(surface[1], p, 0), 0.0
+                counts[p], draws = _list_at(near, place, surface[3][p], surface[2][p], given, rays)
+                for k in range(counts[p]):
+                    lists[p, k] = row[k]
+                draw_rest(used, power, others, count, dice[p], draws, chosen[p], scale[p])
 
 
 @scalar
-def _list_side(sources, surface, known, dice, start, width, rays, out, tile, side, near, others, given, low, high):
-    """List and draw for the pixels of a tile that face one side, by squares whose pixels lie close together."""
-    at, by = (sources, surface, known, dice, start, width, rays, out), (side, near, others, given, low, high)
+def _list_group(sources, surface, dice, width, rays, out, tile, group, near, others, given, low, high):
+    """List and draw for the pixels of one group in a tile, by squares whose pixels lie close together."""
+    at, by = (sources, surface, dice, width, rays, out), (group, near, others, given, low, high)
     for y in range(tile[0], tile[1], BLOCK):
         for x in range(tile[2], tile[3], BLOCK):
             block = _area(y, x, BLOCK, tile)
@@ -134,46 +135,48 @@ def _list_side(sources, surface, known, dice, start, width, rays, out, tile, sid
 
 
 @scalar
-def _list_tile(sources, surface, known, dice, start, width, few, many, rays, out, tile, candidates, others, scratch):
-    power, near, low, high = scratch
-    for row in range(tile[0], tile[1]):
-        for p in range(row * width + tile[2], row * width + tile[3]):
+def _list_tile(sources, surface, dice, width, few, many, rays, out, tile, candidates, others, scratch):
+    (power, row, near, low, high), there = scratch, 0
+    for y in range(tile[0], tile[1]):
+        for p in range(y * width + tile[2], y * width + tile[3]):
             out[1][p], out[3][p, :] = 0, np.float32(0)
-    # what pixels of one tile face differs more than where they lie: together they would bound hardly anything
-    for side in range(SIDES):
-        given = sources, surface, known, start, width, few, tile, side, candidates, others, power, low, high
+            there |= 1 << surface[4][p] if surface[4][p] >= 0 else 0
+    for group in range(GROUPS):
+        if not there & 1 << group:
+            continue
+        given = sources, surface, width, few, tile, group, candidates, others, power, low, high
         found, count, sent = _candidates(*given)
         if found + count > 0:
             used = candidates[:found]
             gather(near, sources, used, low, high)
-            at = sources, surface, known, dice, start, width, rays, out, tile, side
-            by = near, others, (used, count, sent, power[:found]), low, high
+            at = sources, surface, dice, width, rays, out, tile, group
+            by = near, others, (used, count, sent, power[:found], row), low, high
             if found > many:
-                _list_side(*at, *by)
+                _list_group(*at, *by)
             else:
                 _list_pixels(*at, *by)
 
 
 @driver
-def list_all(sources, surface, known, dice, start, width, few, many, rays, lists, counts, chosen, scale, lanes):
-    lamps, height = len(sources.lamps), len(counts) // width
+def list_all(sources, surface, dice, width, few, many, rays, lists, counts, chosen, scale, lanes):
+    lamps, height = sources.lamps.shape[1], len(counts) // width
     tiles = ((width + TILE - 1) // TILE) * ((height + TILE - 1) // TILE)
     for lane in prange(lanes):
         candidates, numbers = np.empty(lamps, np.int32), np.empty(lamps, np.int32)
         power, upto, near = np.empty(lamps), np.empty(lamps), new_near(sources)
-        low, high = np.empty(6), np.empty(6)
+        row, low, high = np.empty(MOST_ALONE, np.int32), np.empty(6), np.empty(6)
         for n in range(lane, tiles, lanes):
-            given = sources, surface, known, dice, start, width, few, many, rays, (lists, counts, chosen, scale)
-            others, scratch = (numbers, upto), (power, near, low, high)
+            given = sources, surface, dice, width, few, many, rays, (lists, counts, chosen, scale)
+            others, scratch = (numbers, upto), (power, row, near, low, high)
             _list_tile(*given, _tile(n, width, height), candidates, others, scratch)
 
 
 @scalar
-def candidates_tile(n, table, surface, known, start, width, few, size, candidates, numbers, upto, most, found, sent):
-    """Candidates of a side of a tile: their number and that of the others in ``found``; see `find_candidates`."""
+def candidates_tile(n, table, surface, width, few, size, candidates, numbers, upto, most, found, sent):
+    """Candidates of a group in a tile: their number and that of the others in ``found``; see `find_candidates`."""
     low, high = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
-    tile, others = _tile(n // SIDES, width, size // width), (numbers[n], upto[n])
-    given = surface, known, start, width, few, tile, n % SIDES, candidates[n], others, most[n], low, high
+    tile, others = _tile(n // GROUPS, width, size // width), (numbers[n], upto[n])
+    given = surface, width, few, tile, n % GROUPS, candidates[n], others, most[n], low, high
     found[n, 0], found[n, 1], sent[n] = _candidates(Sources(*table), *given)
 
 
@@ -182,28 +185,29 @@ def _closest(sources, numbers, point):
     """As `tracer.direct.near_kernel.closest`."""
     least = np.inf
     for k in range(len(numbers)):
-        way = along(triple(sources.lamps, numbers[k], CENTER), point, -1.0)
+        way = along(center_of(sources.lamps, numbers[k]), point, -1.0)
         least = min(least, dot(way, way))
     return math.sqrt(least)
 
 
 @scalar
-def list_pixel(p, table, surface, known, dice, start, width, many, rays, tiles, power, lists, counts, chosen, scale):
+def list_pixel(p, table, surface, dice, width, many, rays, tiles, power, lists, counts, chosen, scale):
     """As `list_all`, one pixel; ``tiles`` is what `candidates_tile` found."""
     candidates, numbers, upto, _, found, sent = tiles
-    sources, i = Sources(*table), start + p
+    sources, group = Sources(*table), surface[4][p]
     low, high = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
+    row = cuda.local.array(MOST_ALONE, np.int32)
     counts[p] = 0
     for draw in range(scale.shape[1]):
         scale[p, draw] = 0
-    if surface[2][i] > 0:
-        y, x, side = p // width, p % width, side_of(surface[1], i)
-        n = (y // TILE * ((width + TILE - 1) // TILE) + x // TILE) * SIDES + side
+    if group >= 0:
+        y, x = p // width, p % width
+        n = (y // TILE * ((width + TILE - 1) // TILE) + x // TILE) * GROUPS + group
         used, mine = candidates[n, : found[n, 0]], power[p, : found[n, 0]]
-        square, tile = BLOCK if len(used) > many else 1, _tile(n // SIDES, width, len(counts) // width)
+        square, tile = BLOCK if len(used) > many else 1, _tile(n // GROUPS, width, len(counts) // width)
         while True:
             area = _area(y // square * square, x // square * square, square, tile)
-            _, clearest, least, greatest = extent(surface, known, start, width, area, side, low, high)
+            _, clearest, least, greatest = extent(surface, width, area, group, low, high)
             point, normal, reach = _ball(low, high)
             alike = square == 1 or _alike(low, high, least, greatest)
             if alike and (square == 1 or reach <= CLOSE * _closest(sources, used, point)):
@@ -211,8 +215,10 @@ def list_pixel(p, table, surface, known, dice, start, width, many, rays, tiles, 
             square //= 2
         for k in range(len(used)):
             mine[k] = importance(sources, used[k], point, normal, reach)
-        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, lists[p])
-        draw_rest(used, mine, (numbers[n], upto[n]), found[n, 1], dice[i], draws, chosen[p], scale[p])
+        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, row)
+        for k in range(counts[p]):
+            lists[p, k] = row[k]
+        draw_rest(used, mine, (numbers[n], upto[n]), found[n, 1], dice[p], draws, chosen[p], scale[p])
 
 
 candidates_each, list_each = Each(candidates_tile), Each(list_pixel)

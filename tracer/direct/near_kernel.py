@@ -19,13 +19,13 @@ from tracer.traversal.kernel import triple
 
 Near = namedtuple("Near", "x y z offset area height first lamps")
 """Scratch of one thread: facing, offset and area of each rectangle, and how high a point is above it; where those of
-each lamp begin; and the lamps, one in each column, with rows as the columns of `tracer.direct.kernel.Sources.lamps`."""
+each lamp begin; and the lamps, as `tracer.direct.kernel.Sources.lamps`."""
 
 
 @allocating
 def new_near(sources):
     """Scratch memory of one thread."""
-    faces, lamps = len(sources.rectangles), len(sources.lamps)
+    faces, lamps = len(sources.rectangles), sources.lamps.shape[1]
     return Near(
         np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces), np.empty(faces),
         np.zeros(lamps + 1, np.int64),
@@ -40,7 +40,7 @@ def gather(near, sources, candidates, low, high):
     for k in range(len(candidates)):
         number = candidates[k]
         for row in range(CENTER, MEAN + 1):
-            near.lamps[row, k] = sources.lamps[number, row]
+            near.lamps[row, k] = sources.lamps[row, number]
         for r in range(sources.first[number], sources.first[number + 1]):
             facing, offset, most = triple(rectangles, r, FACING), rectangles[r, OFFSET], 0.0
             for axis in range(3):

@@ -28,7 +28,7 @@ def first_rays(shadows, space, sources, number, place, counts, each, k):
 @scalar
 def _begin(sources, number, samples):
     """The number of a source's first point in the R2 sequence."""
-    return 0 if number == len(sources.lamps) else number * samples
+    return 0 if number == sources.lamps.shape[1] else number * samples
 
 
 @scalar
@@ -77,7 +77,7 @@ def second_rays(shadows, space, sources, near, place, p, agree, rest, counts, ea
     chosen, scale, i = rest
     for draw in range(len(chosen)):
         if scale[draw] > 0:
-            number, begin = chosen[draw], len(sources.lamps) * samples + draw
+            number, begin = chosen[draw], sources.lamps.shape[1] * samples + draw
             energy = unblocked(sources, number, point, normal, each)
             send(shadows, space, sources, number, place, begin, begin + 1, each, energy, ~i, energy * scale[draw])
 

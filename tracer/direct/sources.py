@@ -34,7 +34,7 @@ def tables_of(lamps: Lamps, sun: Sun | None) -> tuple[Tensor, ...]:
         rectangles,
         F.pad(used.sum(dim=1).cumsum(0), (1, 0)),
         torch.where(few[:, None, None], _own(lamps), summed).permute(1, 2, 0),
-        ball,
+        ball.T,
         numbers((*basis.T.tolist(), (sine,) * 3), ball),
         torch.cat([lamps.radiance, numbers((color,), lamps.radiance)]),
     )
@@ -55,7 +55,7 @@ def _own(lamps: Lamps) -> Tensor:
 
 
 def _summed(rectangles: Tensor, side: Tensor, ball: Tensor) -> Tensor:
-    """``(L, 6, 6)``: the sums of rectangles over each ``side`` of a lamp; ``ball`` is `Sources.lamps`."""
+    """``(L, 6, 6)``: the sums of rectangles over each ``side`` of a lamp; ``ball`` is `Sources.lamps`, a row a lamp."""
     plane = rectangles[:, FACING:]
     rows = torch.cat([plane, plane[:, :3].norm(dim=1, keepdim=True)], dim=1)
     sides = rows.new_zeros(SIDES * len(ball), 5).index_add_(0, side, rows).view(-1, SIDES, 5)

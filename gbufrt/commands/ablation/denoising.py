@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.util import find_spec
 
 import torch
@@ -19,8 +18,8 @@ from gbufrt.pipeline import Pipeline
 
 FRAMES = 32
 CHECKED = {"first": 0.0, "third": 1 / 3, "two_thirds": 2 / 3, "last": 1.0}  # of the path
-MORE = 4  # the display curve is not linear: noise left in the truth would become a bias
-TRUTH_SEEDS = (FRAMES, FRAMES + 1)  # after those of the frames
+MORE = 2  # times as many paths, in four parts: see `truth_of`
+TRUTH_SEEDS = range(FRAMES, FRAMES + 4)  # after those of the frames
 MIN_ALBEDO = 1e-2
 KERNEL = 15  # pixels, of the joint bilateral filter
 SIGMA_GUIDE, SIGMA_SPACE = 0.1, 4.0
@@ -35,7 +34,6 @@ def denoiser() -> Pipeline:
 
 def denoise(place: Place, _: Pipeline) -> Outcome:
     """PSNR on four frames of a path, first to last; on the last, only where nothing was disoccluded on the way."""
-    finely = replace(place, samples=place.samples * MORE)
     frames = [noisy(place, number) for number in range(FRAMES)]
     told = iter(range(1, FRAMES + 1))
     found = run(
@@ -46,12 +44,12 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
     for which, share in CHECKED.items():
         number = round(share * (FRAMES - 1))
         source = frames[number]
-        halves = finely.pictures(SHARP, time=place.at(number), seeds=TRUTH_SEEDS)
-        truth = (halves[0] + halves[1]) / 2
+        parts = truth_of(place, number)
+        truth = torch.stack(parts).mean(0)
         mask = source.gbuffer.hit & (steady if which == "last" else True)
         exposure = f.exposure_of(truth, source.gbuffer.hit)
         wanted = f.display(truth, exposure)
-        answers = f.displayed(halves, exposure)
+        answers = f.unbiased((parts[0], parts[1]), exposure), f.unbiased((parts[2], parts[3]), exposure)
         lights = {"ours": found.frames[number].read("radiance"), "input": source.read("radiance"), **rivals(source)}
         shown = {name: f.display(light, exposure) for name, light in lights.items()}
         scores = {name: f.psnr_over(picture, answers, mask) for name, picture in shown.items()}
@@ -69,6 +67,12 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
         gains = [result.figures[f"denoise.{which}_{what}over_kornia"] for which in CHECKED]
         result.figures[f"denoise.least_{what}over_kornia"] = min(gains)
     return result
+
+
+def truth_of(place: Place, number: int) -> list[Tensor]:
+    """The path-traced frame in four independent parts: of two, the display curve's answer to noise can be told."""
+    samples, time = max(place.samples * MORE // len(TRUTH_SEEDS), 1), place.at(number)
+    return [place.picture({**SHARP, "seed": seed}, time=time, samples=samples) for seed in TRUTH_SEEDS]
 
 
 def noisy(place: Place, number: int) -> Frame:

@@ -78,9 +78,8 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
     if "reflection" in wanted:
         truth = place.truth_of("reflection", frame.gbuffer)
         bare = last.replace(gi=None)  # as the pass had it
-        exact = limits.exact_reflection(place, bare)
-        lit = None if sky is None else limits.exact_reflection(place, bare.replace(sky_visibility=sky))
-        result.figures.update(f.reflection_figures(last, truth, exact, lit))
+        lit = [] if sky is None else [bare.replace(sky_visibility=sky)]
+        result.figures.update(f.reflection_figures(last, truth, *limits.exact_reflections(place, bare, *lit)))
         shown, true = f.display(last.read("reflection"), exposure), f.display(truth["reflection"], exposure)
         result.pictures.update(_compared("reflection", shown, true, frame))
     return result

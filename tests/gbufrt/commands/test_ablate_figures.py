@@ -47,6 +47,18 @@ def test_the_noise_of_two_halves_of_a_truth_counts_for_nothing():
     assert f.gain(true + 0.1, true + 0.1, (noisy[0], noisy[1]), hit) == 0.0
 
 
+def test_what_is_displayed_of_two_noisy_halves_has_less_bias_than_their_mean():
+    """Hardly any under even noise, and half as much where one path in ten brings all the light."""
+    g, shape = torch.Generator().manual_seed(1), (32, 1, 3, 100, 100)
+    wanted = float(f.display(torch.full((1, 3, 1, 1), 0.3), 2.0).mean())
+    even, rare = 0.6 * torch.rand(2, *shape, generator=g), 3.0 * (torch.rand(2, *shape, generator=g) < 0.1)
+    for light, share in ((even, 0.1), (rare, 0.6)):
+        first, second = light.mean(dim=1)
+        bias = float(f.display((first + second) / 2, 2.0).mean()) - wanted
+        assert bias < -5e-4
+        assert abs(float(f.unbiased((first, second), 2.0).mean()) - wanted) < share * -bias
+
+
 def test_gain_counts_the_changed_pixels_alone():
     truth = torch.full((1, 3, 20, 20), 0.5)
     worse, better = truth.clone(), truth.clone()

@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 from court import court, posts
 
 from gbufrt import Frame, Pipeline
-from gbufrt.commands.ablation import denoising, lens, subjects
+from gbufrt.commands.ablation import denoising, lens, limits, subjects
 from gbufrt.commands.ablation.cache import Cache
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.sections import SECTIONS
@@ -54,6 +55,17 @@ def test_indirect_light(found: dict[str, float]) -> None:
     assert found["gi.to_constant"] <= 0.5
     assert found["sky.rmse"] < found["sky.if_constant"]
     assert found["gi.exact"] < found["gi.error"]  # most of its error is in finding what is there
+
+
+def test_the_same_rays_read_a_frame_in_each_of_its_lights(folder: Path) -> None:
+    frame = place(folder).still()
+    dark = frame.replace(sky_visibility=0.5 * torch.ones_like(frame.gbuffer.depth))
+    both = limits.exact_reflections(place(folder), frame, dark)
+    for one, halves in zip((frame, dark), both, strict=True):
+        for half, alone in zip(halves, limits.exact_reflections(place(folder), one)[0], strict=True):
+            assert torch.equal(half, alone)
+    assert not torch.equal(both[0][0], both[1][0])
+    assert not torch.equal(*both[0]), "halves are independent"
 
 
 def test_reflections(found: dict[str, float]) -> None:

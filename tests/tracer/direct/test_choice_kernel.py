@@ -30,7 +30,7 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
     sources = few_faces()
     point, toward = (0.0, 40.0, 0.0), (0.0, -1.0, 0.0)
     number = next(n for n in range(128) if choice_kernel.importance(sources, n, point, toward, 0.0) > 0)
-    sources.lamps[number, choice_kernel.MEAN] = 0.1 / choice_kernel.importance(sources, number, point, toward, 0.0)
+    sources.lamps[choice_kernel.MEAN, number] = 0.1 / choice_kernel.importance(sources, number, point, toward, 0.0)
     sent, row = choice_kernel.importance(sources, number, point, toward, 0.0), np.full(128, -1, np.int32)
 
     def listed(room: np.ndarray) -> tuple[int, float]:
@@ -64,7 +64,7 @@ def test_with_a_reach_no_lamp_is_left_out_that_a_point_within_it_gets():
         center, reach = (torch.rand(3, generator=g) * 24 - 12).double(), 0.2 + 3 * float(torch.rand((), generator=g))
         normal = tuple(F.normalize(torch.randn(3, generator=g), dim=0).double().tolist())
         around = center + reach * F.normalize(torch.randn(12, 3, generator=g), dim=1).double()
-        for number in range(len(sources.lamps)):
+        for number in range(sources.lamps.shape[1]):
             at = [
                 choice_kernel.importance(sources, number, p, normal, 0.0) for p in (center.tolist(), *around.tolist())
             ]
@@ -75,34 +75,30 @@ def test_with_a_reach_no_lamp_is_left_out_that_a_point_within_it_gets():
 
 
 def test_a_tile_is_known_by_the_lit_pixel_nearest_its_centre():
-    width, seen, zeros = 12, np.zeros(120, np.float32), np.zeros((120, 3))
-    tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen), (np.empty(6), np.empty(6))
+    width, seen, zeros, groups = 12, np.zeros(120, np.float32), np.zeros((120, 3)), np.full(120, -1, np.int8)
     known = np.arange(120, 0, -1).astype(np.float32)
-    assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges)[0] == -1
+    tile, surface, ranges = (1, 9, 2, 10), (zeros, zeros, seen, known, groups), (np.empty(6), np.empty(6))
+    assert choice_kernel.extent(surface, width, tile, 0, *ranges)[0] == -1
     least, greatest = np.inf, 0.0
     for y, x in ((8, 2), (2, 9), (4, 8), (5, 6)):  # each nearer (5, 6), whence eyes meet; later ones hide none before
-        seen[y * width + x] = 1 / (y + 1)
+        seen[y * width + x], groups[y * width + x] = 1 / (y + 1), 0
         least, greatest = min(least, known[y * width + x]), max(greatest, known[y * width + x])
         wanted = y * width + x, seen.max(), least, greatest
-        assert choice_kernel.extent(surface, known, 0, width, tile, 0, *ranges) == wanted
+        assert choice_kernel.extent(surface, width, tile, 0, *ranges) == wanted
 
 
-def test_pixels_of_a_tile_that_face_another_side_are_apart():
+def test_pixels_of_another_group_do_not_count():
     normals = F.normalize(torch.randn(64, 3, generator=torch.Generator().manual_seed(7)), dim=1).double().numpy()
     points, seen, known = np.arange(192.0).reshape(64, 3), np.ones(64, np.float32), np.arange(64.0)
-    axes = np.abs(normals).argmax(1)
-    sides = 2 * axes + (np.take_along_axis(normals, axes[:, None], 1)[:, 0] > 0)
-    low, high = np.empty(6), np.empty(6)
-    for side in range(6):
-        mine = np.flatnonzero(sides == side)
-        middle, _, least, greatest = choice_kernel.extent(
-            (points, normals, seen), known, 0, 8, (0, 8, 0, 8), side, low, high
-        )
+    groups, low, high = np.random.default_rng(7).integers(0, 6, 64, np.int8), np.empty(6), np.empty(6)
+    for group in range(6):
+        mine = np.flatnonzero(groups == group)
+        surface = points, normals, seen, known, groups
+        middle, _, least, greatest = choice_kernel.extent(surface, 8, (0, 8, 0, 8), group, low, high)
         assert middle in mine
         assert (least, greatest) == (mine[0], mine[-1])
         np.testing.assert_array_equal(low, np.concatenate([points[mine].min(0), normals[mine].min(0)]))
         np.testing.assert_array_equal(high, np.concatenate([points[mine].max(0), normals[mine].max(0)]))
-        assert {choice_kernel.side_of(normals, i) for i in mine} == {side}
 
 
 def crowd() -> Lamps:
@@ -116,7 +112,7 @@ def weighed(
     sources: Sources, place: tuple[Any, Any], around: tuple[Any, Any, Any, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
     """What `choice_kernel.weigh` finds at a place and around a centre."""
-    here, most = np.empty((2, len(sources.lamps)))
+    here, most = np.empty((2, sources.lamps.shape[1]))
     choice_kernel.weigh(sources, *place, *around, here, most)
     return here, most
 
@@ -132,7 +128,7 @@ def test_no_lamp_sends_more_than_its_bound(crowded: bool):
         facing = F.normalize(torch.randn(1, 3, generator=g) + 0.4 * torch.randn(20, 3, generator=g), dim=1).double()
         if case >= 40:  # near a lamp, on a surface that faces away from it
             way = F.normalize(torch.randn(1, 3, generator=g), dim=1).double()
-            lamp = sources.lamps[case % len(sources.lamps)]
+            lamp = sources.lamps[:, case % sources.lamps.shape[1]]
             away = lamp[choice_kernel.RADIUS] * (0.6 + reach / 4)
             center, reach = lamp[:3] + way[0].numpy() * away, float(away) * 0.5
             facing = F.normalize(way + 0.01 * torch.randn(20, 3, generator=g).double(), dim=1)
@@ -160,7 +156,8 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
             point, normal = tuple((far * way).tolist()), tuple((-way).tolist())
             roughly, most = weighed(sources, (point, normal), (point, 0.0, normal, normal))
             sent = [
-                choice_kernel.importance(sources, number, point, normal, 0.0) for number in range(len(sources.lamps))
+                choice_kernel.importance(sources, number, point, normal, 0.0)
+                for number in range(sources.lamps.shape[1])
             ]
             assert (least * np.array(sent) <= roughly).all()
             assert (roughly <= np.array(sent) * (1 + 1e-9)).all()
@@ -169,7 +166,7 @@ def test_what_many_rectangles_send_is_nearly_what_each_of_them_sends():
 
 def test_a_lamp_that_one_pixel_does_not_get_may_still_be_drawn_for_its_tile():
     sources = few_faces()
-    lamps = len(sources.lamps)
+    lamps = sources.lamps.shape[1]
     candidates, others = np.empty(lamps, np.int32), (np.empty(lamps, np.int32), np.empty(lamps))
     point, away = (0.0, 40.0, 0.0), (0.0, 1.0, 0.0)  # above everything, and turned from it
     low, high = np.array([*point, -1.0, -1.0, -1.0]), np.array([*point, 1.0, 1.0, 1.0])

@@ -150,6 +150,34 @@ def test_draws_give_in_the_mean_what_all_of_the_rest_would(known: float):
         assert drawn.mean().item() == pytest.approx(rest.item(), rel=0.02)
 
 
+def tiles_of(picture: torch.Tensor) -> list[torch.Tensor]:
+    """``(..., 8, 8)`` each."""
+    return [tile for row in picture.split(8, dim=-2) for tile in row.split(8, dim=-1)]
+
+
+def test_pixels_of_a_tile_that_face_another_side_or_know_more_light_are_apart():
+    g = torch.Generator().manual_seed(7)
+    height, width = SIZE
+    normals, lit = F.normalize(torch.randn(3, height * width, generator=g), dim=0), torch.rand(SIZE, generator=g) < 0.5
+    known = torch.full(SIZE, 0.1) + 5 * (torch.rand(SIZE, generator=g) < 0.3)
+    known[8:16, :24], lit[:8, :8] = 1.0, False
+    compiled = forms(polished_scene(1))[1]
+    surface = Surface(points=torch.zeros_like(normals), normals=normals, lit=lit.flatten(), size=SIZE)
+    for top in (0, 8):
+        rows = slice(top * width, height * width)
+        groups = replace(compiled, surface=surface).groups(known.flatten(), rows).view(-1, width)
+        assert torch.equal(groups >= 0, lit[top:])
+        pictures = groups, known[top:], normals.view(3, *SIZE)[:, top:]
+        for tile, light, toward in zip(*map(tiles_of, pictures), strict=True):
+            for group in tile[tile >= 0].unique():
+                mine = tile == group
+                faced = torch.where(toward.abs() >= toward.abs().amax(0), toward.sign(), 0)[:, mine]
+                assert faced.unique(dim=1).shape == (3, 1)
+                assert light[mine].max() <= 2 * light[mine].min()
+    assert set(groups[:8, :24].unique().tolist()) <= {-1, *range(6)}, "none knows more than another"
+    assert len(groups[8:].unique()) == 13
+
+
 def test_bands_leave_no_seam(monkeypatch: pytest.MonkeyPatch):
     compiled = forms(polished_scene(2))[1]
     noise = blue_noise(*SIZE, index=0, dims=3, seed=0)

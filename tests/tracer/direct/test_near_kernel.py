@@ -23,7 +23,7 @@ def test_lamps_side_by_side_send_what_each_of_them_does(share: float):
     sources = sources_of(lamps_of_world(World.from_dense(shines.to(torch.int16), table, origin=(-8, -4, -8))), None)
     near, dropped, dark = near_kernel.new_near(sources), 0, 0
     for _ in range(12):
-        candidates = torch.randperm(len(sources.lamps), generator=g)[: len(sources.lamps) // 2].int().numpy()
+        candidates = torch.randperm(sources.lamps.shape[1], generator=g)[: sources.lamps.shape[1] // 2].int().numpy()
         center, power = (torch.rand(3, generator=g) - 0.5) * torch.tensor([16, 8, 16]), np.empty(len(candidates))
         near_kernel.gather(near, sources, candidates, (center - 1.5).tolist(), (center + 1.5).tolist())
         dropped += sum(int(sources.first[n + 1] - sources.first[n]) for n in candidates) - near.first[len(candidates)]
@@ -35,7 +35,7 @@ def test_lamps_side_by_side_send_what_each_of_them_does(share: float):
                     choice_kernel.importance(sources, number, tuple(point), normal, reach) for number in candidates
                 ]
                 np.testing.assert_allclose(power, alone, rtol=1e-12, atol=1e-12)
-            ways = sources.lamps[candidates, :3] - np.array(point)
+            ways = sources.lamps[:3, candidates].T - np.array(point)
             assert near_kernel.closest(near, tuple(point), len(candidates)) == pytest.approx(
                 (ways**2).sum(1).min() ** 0.5
             )
