@@ -19,8 +19,8 @@ from post.history.antilag import without_fireflies
 from post.history.constants import FAST_BLEND
 
 AREA = 2  # wavelets over which changes are averaged: they reach 6 pixels to each side, as small shadows do
-NOTICED = 0.1  # of the light: smaller changes are left to the mean, since cuts and resampling bring such themselves
-STRICTER = 2.0  # than `clamp` in `post.temporal`, whose noise is taken to be shared by three pixels
+NOTICED = 0.05  # of the light: smaller changes are left to the mean, since cuts and resampling bring such themselves
+STRICTER = 1.0  # than `clamp` in `post.temporal`, whose noise is taken to be shared by three pixels
 
 
 def follow_changes(

@@ -36,12 +36,14 @@ class Image(NamedTuple):
     albedo: Tensor
     """``(B, 3, H, W)`` in mirrors, Fresnel reflectance times the albedo of what is reflected; of what is not on screen
     that is 1."""
+    reflectance: Tensor
+    """``(B, 3, H, W)``: Fresnel's, by Schlick."""
     emission: Tensor
     """``(B, 3, H, W)`` in mirrors, linear radiance that what is reflected emits, times the reflectance."""
 
 
-def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
-    """Replace smooth metals by what they reflect, as far as the picture tells.
+def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | None = None) -> Image | None:
+    """Replace smooth metals, and other mirrors, by what they reflect, as far as the picture tells.
 
     One ray a pixel finds it. Where a ray leaves the picture or goes behind something, the image is taken to lie on a
     plane parallel to the mirror, as deep behind it as the other images of the picture are on average: neighbours are
@@ -50,6 +52,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
     Args:
         g: of the frame.
         previous: camera of the frame before; by default the G-buffer's. Without one, motion stays as it is.
+        polished: ``(B, 1, H, W)`` bool: mirrors that are no metals.
 
     Returns:
         The image, or None where there is no mirror.
@@ -57,6 +60,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
     if g.roughness is None or g.metallic is None or g.albedo is None:
         return None
     mask = g.hit & (g.roughness < SMOOTH) & (g.metallic > METAL)
+    mask = mask if polished is None else mask | polished
     if not bool(mask.any()):
         return None
     camera, points = g.camera, g.points_view()
@@ -92,6 +96,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None) -> Image | None:
         g.replace(**{name: torch.where(mask, new, getattr(g, name)) for name, new in changed.items()}),
         mask,
         reflectance * torch.where(found.hit, shown(g.albedo), 1.0),
+        reflectance,
         reflectance * emission,
     )
 

@@ -91,7 +91,7 @@ def noisy(place: Place, number: int) -> Frame:
 def rivals(frame: Frame) -> dict[str, Tensor]:
     """The same frame by the other denoisers that are installed, each with albedo and normal of what is seen directly or
     through glass and water; what mirrors show only ours finds."""
-    from post.passes.denoising.denoise import visible_layer
+    from post.passes.denoising.shown import visible_layer
 
     g, albedo, *_ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
     light, low = frame.read("radiance"), albedo.clamp_min(MIN_ALBEDO)

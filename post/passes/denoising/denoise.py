@@ -2,33 +2,28 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import torch
 from torch import Tensor
 
-from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
+from gbufrt import Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
-from post.filters.signals import MIN_ALBEDO
 from post.filters.surfaces import surface
 from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
+from post.passes.denoising.shown import in_mirrors, visible_layer
 from post.passes.denoising.temporal import temporal
 from post.shading.composite_op import specular_albedo
 from post.shading.glossy import frames_lasting, glossy_metals
-from post.shading.mirrors import mirror_image
 
-CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces without neighbours, less blurs metals
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
-GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
 
 
 def denoise(
@@ -51,8 +46,8 @@ def denoise(
     over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
     neighbours that keep less noise, and recombined.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
-    the reflected image, whichever agrees better. In smooth metals the guide is what they reflect, as far as it is on
-    screen.
+    the reflected image, whichever agrees better. In smooth metals, and in water and polished surfaces that reflect most
+    of their light, the guide is what they reflect, as far as it is on screen.
 
     Args:
         light: ``(B, 3, H, W)`` outgoing linear radiance of all light, emission included or not.
@@ -81,7 +76,8 @@ def denoise(
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
-    shown, divisor, emission, mirrors = _in_mirrors(gbuffer, visible_layer(gbuffer, behind, specular=specular), before)
+    surfaces = visible_layer(gbuffer, behind, specular=specular)
+    shown, divisor, emission, mirrors = in_mirrors(gbuffer, surfaces, before, specular=specular)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -114,71 +110,6 @@ def denoise(
     if mirrors is not None:
         clean = _filled(clean, geometry, mirrors)
     return torch.where(gbuffer.hit, clean, light), history
-
-
-class Shown(NamedTuple):
-    """What each pixel shows: a surface, seen directly, through a clear one, or in a mirror."""
-
-    gbuffer: GBuffer
-    divisor: Tensor
-    """``(B, 3, H, W)``: albedo, never quite black; 1 where nothing was hit."""
-    emission: Tensor
-    """``(B, 3, H, W)`` linear radiance."""
-    mirrors: Tensor | None = None
-    """``(B, 1, H, W)`` bool: where the surface is seen in a mirror; None where there is no mirror."""
-
-
-def visible_layer(g: GBuffer, behind: GBuffer | None, *, specular: bool = False) -> Shown:
-    """What each pixel shows, mirrors being surfaces as others.
-
-    Args:
-        g: of the frame.
-        behind: of what lies straight behind the first transmissive surface; used where that surface is clear enough.
-        specular: add the specular albedo of dielectrics to theirs, if roughness is known: most light of polished dark
-            stone comes by it, and divided by albedo alone that light would not compare with that of pale stone.
-    """
-    one, none = torch.ones_like(g.normal), torch.zeros_like(g.normal)
-    albedo = diffuse = one if g.albedo is None else g.albedo
-    emission = none if g.emission is None else g.emission
-    shown = g
-    if specular and g.roughness is not None:
-        share = specular_albedo(g) * (1 if g.metallic is None else 1 - g.metallic)
-        albedo = share + (1 - share) * albedo
-    if behind is not None and g.transmittance is not None:
-        reflected = specular_albedo(g)
-        own = one[:, :1] if g.opacity is None else g.opacity
-        far_albedo = one if behind.albedo is None else behind.albedo
-        far_emission = none if behind.emission is None else behind.emission
-        through = g.transmittance * far_albedo
-        clear = behind.hit & (g.transmittance.amax(1, keepdim=True) > CLEAR)
-        albedo = torch.where(clear, reflected + (1 - reflected) * (own * diffuse + through), albedo)
-        emission = torch.where(clear, emission + (1 - reflected) * g.transmittance * far_emission, emission)
-        shown = _merged(clear, behind, g)
-    return Shown(shown, _divisor(g.hit, albedo), emission)
-
-
-def _in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None) -> Shown:
-    """What each pixel shows, with the virtual images of what mirrors reflect in place of the mirrors."""
-    image = mirror_image(g, previous)
-    if image is None:
-        return shown
-    return Shown(
-        _merged(image.mask, image.gbuffer, shown.gbuffer),
-        torch.where(image.mask, _divisor(g.hit, image.albedo), shown.divisor),
-        torch.where(image.mask, shown.emission + image.emission, shown.emission),
-        image.mask,
-    )
-
-
-def _divisor(hit: Tensor, albedo: Tensor) -> Tensor:
-    return torch.where(hit, albedo.clamp_min(MIN_ALBEDO), 1.0)
-
-
-def _merged(mask: Tensor, far: GBuffer, near: GBuffer) -> GBuffer:
-    """``near``, with the geometry of ``far`` where ``mask`` ``(B, 1, H, W)`` is True."""
-    pairs = {name: (getattr(far, name), getattr(near, name)) for name in GEOMETRY}
-    both = {name: pair for name, pair in pairs.items() if pair[0] is not None and pair[1] is not None}
-    return near.replace(**{name: torch.where(mask, *pair) for name, pair in both.items()})
 
 
 def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:

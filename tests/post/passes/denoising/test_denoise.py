@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import boxes
@@ -108,6 +109,28 @@ def test_mirrors_keep_what_they_show_while_the_camera_moves():
             out, states[name] = denoise(light * noise, given, states[name])
             errors[name] = float((out - light)[image.mask.expand_as(light)].square().mean().sqrt())
     assert errors["mirrors"] < 0.75 * errors["plain"]
+
+
+def test_polished_black_stone_keeps_what_it_shows(monkeypatch: pytest.MonkeyPatch):
+    g = gbuffer(court(), court().views["turning"].camera(0.0, size=(72, 96)))
+    assert g.metallic is not None
+    assert g.albedo is not None
+    metal = g.hit & (g.metallic > 0.5)
+    g = g.replace(metallic=torch.zeros_like(g.depth), albedo=torch.where(metal, 0.004, g.albedo))
+    image, share = mirror_image(g, None, metal), specular_albedo(g)
+    assert g.albedo is not None
+    assert image is not None
+    light = torch.where(metal, image.albedo, share + (1 - share) * g.albedo)
+    noise = torch.empty(g.depth.shape).exponential_(generator=torch.Generator().manual_seed(7))
+    guided, _ = denoise(light * noise, g)
+    monkeypatch.setattr("post.passes.denoising.shown.MOST", math.inf)
+    plain, _ = denoise(light * noise, g)
+    error = [float((x - light)[metal.expand_as(light)].square().mean().sqrt()) for x in (guided, plain)]
+    assert error[0] < 0.75 * error[1]
+    gi = [denoise(light * noise, g, specular=False)[0]]
+    monkeypatch.undo()
+    gi.append(denoise(light * noise, g, specular=False)[0])
+    assert torch.equal(*gi)  # light that stone scatters tells nothing of what it mirrors
 
 
 def test_polished_tiles_share_their_light_whatever_their_albedo():
