@@ -6,6 +6,7 @@ import os
 import time
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,7 +95,7 @@ def test_water_has_the_colour_of_its_biome(tmp_path: Path, version: int, columns
     """By columns in version 2, by blocks in version 3; blocks in version 2 are what some programs write."""
     here = np.broadcast_to(BIOMES[:1], SIDES) if columns else BIOMES
     data = encoded(200 * (BIOMES[0] if columns and version == 2 else here))
-    told = {"BiomePalette": PALETTE, "BiomeData": data}
+    told: dict[str, Any] = {"BiomePalette": PALETTE, "BiomeData": data}
     if version == 3:
         told = {"Biomes": Compound({"Palette": PALETTE, "Data": data})}
     names = blocks_of(read_schematic(written(tmp_path / "a.schem", sponge(version, **told))).world)
@@ -133,7 +134,9 @@ WRONG = {
     "Palette must be dict, got none": sponge(3, Blocks=Compound()),
     "Blocks and Data hold 1890 and 3": mcedit(Data=ByteArray([0, 0, 0])),
     "AddBlocks holds 2 blocks": mcedit(AddBlocks=ByteArray([0])),
-    "BiomeData holds 3 biomes, but the sides make 378": sponge(2, BiomePalette=Compound(), BiomeData=ByteArray([0] * 3)),
+    "BiomeData holds 3 biomes, but the sides make 378": sponge(
+        2, BiomePalette=Compound(), BiomeData=ByteArray([0, 0, 0])
+    ),
     "the palette of biomes lacks number 0": sponge(2, BiomePalette=Compound(), BiomeData=ByteArray([0] * 378)),
     "Width must be int, got none": File({"Height": Short(1), "Length": Short(1)}),
 }
