@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.named import Named, depth_of
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 
@@ -50,13 +50,17 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
-    depth = layers.find(profile.channels["depth"], 1, any_case=profile.any_case)
+    depth = depth_of(layers, profile)
     if not depth:
         return Detection(name, 0.0, ())
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
-    reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
+    reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [
+        f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
+    ]
     found, light = 1, Named(layers, profile).light()
-    names_of = {channel: names for channel, names in profile.channels.items() if channel != "emission"}
+    names_of = {
+        channel: names for channel, names in profile.channels.items() if channel not in ("emission", "position")
+    }
     for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
         if channel != "depth" and keys:
