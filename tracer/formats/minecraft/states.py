@@ -124,8 +124,10 @@ class States:
         except (ValueError, KeyError):  # properties that no game writes
             parts = None
         plant = shapes.is_plant(name)
-        if plant or parts is None:
+        if plant or parts is None or name in shapes.FRONTS:
             dressed = self._dressed(name, biome, block, told)
+            if name in shapes.FRONTS:  # a pack's own picture tells what glows
+                return parts if dressed.faces == NONE else None
             if dressed.solid is not None and dressed.material.opacity == 1.0:
                 return ((name, shapes.cut_out(dressed.solid, crossed=plant)),)
         return parts
