@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from gbufrt.names import meant
+
 FOLDER = Path(__file__).parent / "profiles"
 SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "arnold", "renderman", "generic")
 AUTO = "auto"  # a setting that is left to the pixels
@@ -114,7 +116,8 @@ def load_profile(name: str | Path) -> Profile:
     """
     path = FOLDER / f"{name}.toml" if name in SHIPPED else Path(name)
     if not path.is_file():
-        raise ValueError(f"profile must be one of {', '.join(SHIPPED)} or a TOML file, got {str(name)!r}")
+        known = f"{AUTO}, {', '.join(SHIPPED)} or a TOML file"
+        raise ValueError(f"profile must be one of {known}, got {str(name)!r}{meant(str(name), SHIPPED)}")
     table = _on_its_base(path, read_toml(path))
     known = [f.name for f in fields(Profile)]
     for key in table:
