@@ -40,8 +40,8 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
     parts = shot_parts(files, header_only=True)
     if any(ATTRIBUTE in part.header for part in parts):
         raise ValueError(
-            f"{path} was written by gbufrt: `gbufrt post` takes it without --from, --camera, --fov and --passes (--without "
-            "leaves passes out), and gbufrt.files.exr.read_exr reads it"
+            f"{path} was written by gbufrt: `gbufrt post` takes it without --from, --camera, --fov and --passes "
+            "(--without leaves passes out), and gbufrt.files.exr.read_exr reads it"
         )
     layers = Layers(path, parts)
     weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
