@@ -44,7 +44,8 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
         if found < off:
             best, off, seen = reading, found, points[:, 2:]
     if off > OFF * camera.width:
-        why = "check --camera, and up and handed of the profile" if posed else "those of the world need --camera"
+        settings = "check --camera, and up, handed and depth_scale of the profile"
+        why = settings if posed else "those of the world need --camera"
         raise ValueError(f"{named.layers.path}: positions do not lie on the pixels that show them; {why}")
     return torch.where(there, seen / profile.depth_scale, 0.0), best
 

@@ -58,7 +58,7 @@ def test_a_profile_of_ones_own_names_positions_axes_and_scale(tmp_path: Path) ->
     g = read_gbuffer(path, own, camera=CAMERA).gbuffer
     assert np.abs(g.depth[0, 0].numpy() - T["planar"])[T["hit"]].max() < 1e-4
     own.write_text(own.read_text().replace("left", "right"))
-    with pytest.raises(ValueError, match=r"positions do not lie on the pixels .* check --camera, and up and handed"):
+    with pytest.raises(ValueError, match=r"positions do not lie on the pixels .* check --camera, and up, handed"):
         read_gbuffer(path, own, camera=CAMERA)
 
 
