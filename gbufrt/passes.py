@@ -180,11 +180,12 @@ class Branch(TemporalPass, ABC):
         Raises:
             ValueError: no such tunable, or a tail that fits several.
         """
-        result, stages = self, dict(self.passes())
+        result, stages, told = self, dict(self.passes()), dict[str, dict[str, Any]]()
         for name, value in values.items():
             path, _, key = self.resolve(name).rpartition(".")
-            stages[path] = stages[path].tuned(**{key: value})
-            result = result.replace(path, stages[path])
+            told.setdefault(path, {})[key] = value
+        for path, tunables in told.items():
+            result = result.replace(path, stages[path].tuned(**tunables))
         return result
 
     def all_tunables(self) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ from gbufrt.commands.post import post
 from gbufrt.commands.render import render
 from gbufrt.commands.video import video
 
+INTERRUPTED = "interrupted; every file that is there is whole (render and ablate go on with --resume)"
 HELP = """From a voxel world to a finished frame: traced G-buffers, and screen-space passes over them.
 
 Start with `gbufrt render`, which writes out/frame_0000.png and an EXR with everything in it.
@@ -39,6 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Entry point; ``arguments`` default to those of the process."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     warnings.showwarning = _say
+    interrupts, before = list[int](), signal.getsignal(signal.SIGINT)
+
+    def interrupt(number: int, _: object) -> NoReturn:
+        interrupts.append(number)
+        raise KeyboardInterrupt
+
+    if before is signal.default_int_handler:  # jobs in the background may ignore it
+        signal.signal(signal.SIGINT, interrupt)
     try:
         app = build()
         config = _config(tokens)
@@ -46,16 +56,21 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             app.config = (Dict(load_config(config), source=str(config), use_commands_as_keys=False),)
         app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
     except KeyboardInterrupt:
-        _fail("interrupted; every file that is there is whole (render and ablate go on with --resume)", 130)
+        _fail(INTERRUPTED, 130)
     except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         sys.stderr.close()
         sys.exit(0)
-    except (CycloptsError, ValueError, TypeError, OSError, MemoryError, OverflowError) as error:
-        _fail(" ".join(str(error).split()) or type(error).__name__, 2)
-    except RuntimeError as error:
-        if "memory" not in str(error):  # torch has no type of its own for this on the CPU
+    except Exception as error:
+        if interrupts:  # modules that were being imported may hide an interrupt, and lack names then
+            _fail(INTERRUPTED, 130)
+        if isinstance(error, (CycloptsError, ValueError, TypeError, OSError, MemoryError, OverflowError)):
+            _fail(" ".join(str(error).split()) or type(error).__name__, 2)
+        if not isinstance(error, RuntimeError) or "memory" not in str(error):  # torch has no type of its own for this
             raise
         _fail("out of memory; try a smaller --size or preset", 2)
+    finally:
+        if before is signal.default_int_handler:
+            signal.signal(signal.SIGINT, before)
     sys.exit(0)
 
 

@@ -140,11 +140,19 @@ class Source:
             print(f"gbufrt: {line}", file=sys.stderr)
 
     def frames(self) -> Iterator[Frame]:
-        """The frames of all files, in order."""
+        """The frames of all files, in order.
+
+        Raises:
+            ValueError: a file cannot be read, or some have passes of direct light and others a finished picture alone.
+        """
         before = None
         for shot in self.shots:
-            before = self.frame(shot, before)
-            yield before
+            frame = self.frame(shot, before)
+            if before is not None and (frame.radiance is None) != (before.radiance is None):
+                alone, lit = (shot, self.shots[0]) if frame.radiance is None else (self.shots[0], shot)
+                raise ValueError(f"{alone} has a finished picture alone, {lit} direct light too; run them apart")
+            before = frame
+            yield frame
 
     def frame(self, shot: Shot, before: Frame | None = None) -> Frame:
         """One of the frames, ready for the passes; ``before`` is the one before it, if there is one."""
@@ -216,7 +224,8 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
         ValueError: no such stage, or one that adds light to a finished picture.
     """
     finished = frame.radiance is None
-    stages = dict(recipe.build().stages.items())
+    whole = recipe.build()
+    stages = dict(whole.stages.items())
     names = [SHORT.get(name, name) for name in wanted]
     for name in names:
         if name not in (*stages, "denoise"):
@@ -239,6 +248,9 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
         always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
         left_out |= set(stages) - set(names) - always
     kept = {name: stage for name, stage in stages.items() if name not in left_out}
+    for name in recipe.set:
+        if (stage := whole.resolve(name).partition(".")[0]) not in kept and stage in stages:
+            warnings.warn(f"--set {name} changes nothing: {stage} is left out; see --passes", stacklevel=2)
     if not finished and isinstance(sums := kept.get("composite"), Composite):
         kept["composite"] = sums.tuned(layered=False)  # a renderer's diffuse passes lack what is reflected
     light = "color" if finished else "radiance"

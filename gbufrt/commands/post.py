@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from gbufrt.commands.arguments.checks import check_files, check_folder, check_options
+from gbufrt.commands.arguments.checks import ENDINGS, check_files, check_folder, check_options
 from gbufrt.commands.arguments.options import FileOptions, PassOptions
 from gbufrt.commands.arguments.values import Flag, Without, parse_names
 from gbufrt.commands.video import numbered
@@ -162,6 +162,8 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
     for path in paths:
         if not path.exists():
             raise FileNotFoundError(f"{path} does not exist; check the path")
+        if path.suffix.lower() in ENDINGS:
+            raise ValueError(f"{path} is a world, which `gbufrt render {path}` shows; post takes EXR files")
         if path.parent.resolve() == out.resolve():
             raise ValueError(
                 f"--out {out} is where {path.name} lies, which would be overwritten; choose another folder"

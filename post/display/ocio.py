@@ -24,12 +24,13 @@ def is_config(operator: str) -> bool:
     return operator in CONFIGS or operator.endswith((".ocio", ".ocioz"))
 
 
-def check_config(operator: str) -> None:
-    """Raise ValueError unless the config can be used here; it is not read yet."""
+def check_view(operator: str, view: str = "") -> None:
+    """Raise ValueError unless a config and its view can be used here; see `ocio_view`."""
     if operator not in CONFIGS and not Path(operator).is_file():
         raise ValueError(f"operator: there is no config {operator}; check the path, or use {' or '.join(CONFIGS)}")
     if find_spec("PyOpenColorIO") is None:
         raise ValueError(f"operator {operator!r} needs OpenColorIO: pip install 'gbufrt[color]'")
+    _processor(operator, view)
 
 
 def ocio_view(light: Tensor, operator: str, view: str = "") -> Tensor:
@@ -47,7 +48,7 @@ def ocio_view(light: Tensor, operator: str, view: str = "") -> Tensor:
         ValueError: a gradient is wanted; OpenColorIO or the config is missing; the config is damaged or has no such
             view, or no linear Rec. 709.
     """
-    check_config(operator)
+    check_view(operator, view)
     if torch.is_grad_enabled() and light.requires_grad:
         raise ValueError(f"operator {operator!r} has no gradient; use agx or another curve, or detach the light")
     pixels = light.detach().to("cpu", torch.float32).permute(0, 2, 3, 1).contiguous().numpy().copy()

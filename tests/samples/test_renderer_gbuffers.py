@@ -124,7 +124,7 @@ def blender(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the sample's two frames of a cube that moves and a ball of gold, under a camera that moves."""
     environment, folder = renderer("bpy", "GBUFRT_BPY"), tmp_path_factory.mktemp("blender")
     python(environment, "-c", SCENE, folder / "scene.blend")
-    python(environment, SAMPLES / "blender_gbuffer.py", folder / "frames", folder / "scene.blend")
+    python(environment, SAMPLES / "blender_gbuffer.py", folder / "scene.blend", folder / "frames")
     return folder / "frames"
 
 

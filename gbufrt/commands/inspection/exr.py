@@ -29,6 +29,7 @@ from gbufrt.files.views import debug_names, debug_view, sheet_of
 from gbufrt.frame import Frame
 
 MISSING = {
+    "depth": "that of positions",
     "normal": "estimated from depth",
     "motion": "that of a world that stands still, from depth and cameras",
     "albedo": "absent",
@@ -93,8 +94,8 @@ class Inspector:
             warnings.simplefilter("ignore")
             self._last, wrong = self.source.read(shot, self._last)
         if not bool(self._last.gbuffer.hit.any()):
-            keys = named.keys("depth")
-            wrong = [f"the file {nothing_hit(layers.stack(keys), named.profile, keys[0])}"]
+            raw = layers.stack(named.depth[:1])
+            wrong = [f"the file {nothing_hit(raw, named.profile, named.depth[0])}"]
         tested = ["the kind of depth with planes"] if self.source.fov is not None else ["depth with normals"]
         _tell_agreement(console, self._last, tested, wrong)
         return self._last
@@ -172,7 +173,8 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else "not used without --camera",
         "motion": f"{profile.motion_unit} to the {profile.motion_target} frame",
     }
-    for channel in (name for name in (*CHANNELS, "thickness") if name != "emission" or named.keys(name)):
+    optional = ("emission", "position")
+    for channel in (name for name in (*CHANNELS, "thickness") if name not in optional or named.keys(name)):
         keys = named.keys(channel) if channel in CHANNELS else []
         text = _short(keys) + (f" ({told[channel]})" if channel in told else "") if keys else MISSING[channel]
         table.add_row(channel, escape(text), style="" if keys else "dim")

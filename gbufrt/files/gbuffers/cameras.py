@@ -143,7 +143,8 @@ def _pose(where: str, table: Mapping[str, Any]) -> torch.Tensor:
         return torch.tensor(rows, dtype=torch.float64)
     for key in ("location", "rotation"):
         if not _is_list(table.get(key), 3):
-            raise ValueError(f"{where}: {key} must be three numbers, got {table.get(key)!r}")
+            found = f"got {table[key]!r}" if key in table else "and is missing; or write world_from_view"
+            raise ValueError(f"{where}: {key} must be three numbers, {found}")
     x, y, z = (math.radians(angle) for angle in table["rotation"])
     turn = _turn(2, z) @ _turn(1, y) @ _turn(0, x)
     turn[:3, 3] = torch.tensor(table["location"], dtype=torch.float64)

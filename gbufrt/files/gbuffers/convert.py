@@ -53,15 +53,19 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor
     raw = (2 * raw - 1 if encoded else raw) * raw.new_tensor(profile.normal_scale).view(1, 3, 1, 1)
     size = length(raw)
     unit = raw / size.clamp_min(UNIT)
-    x, y, z = unit.unbind(1)
     if profile.normal_space == "opengl":
-        unit = camera.rotate_to_world(torch.stack([x, -y, -z], 1))
+        unit = camera.rotate_to_world(unit * unit.new_tensor((1.0, -1.0, -1.0)).view(1, 3, 1, 1))
     elif profile.normal_space == "opencv":
         unit = camera.rotate_to_world(unit)
     else:
-        mirror = -1.0 if profile.handed == "left" else 1.0
-        unit = torch.stack([x, z, -mirror * y] if profile.up == "z" else [x, y, mirror * z], 1)
+        unit = our_axes(unit, profile)
     return unit, size > UNIT
+
+
+def our_axes(vectors: Tensor, profile: Profile) -> Tensor:
+    """``(B, 3, H, W)`` of the file's world in ours."""
+    mirror, (x, y, z) = -1.0 if profile.handed == "left" else 1.0, vectors.unbind(1)
+    return torch.stack([x, z, -mirror * y] if profile.up == "z" else [x, y, mirror * z], 1)
 
 
 def _off_unit(vectors: Tensor) -> float:

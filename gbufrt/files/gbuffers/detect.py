@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.named import Named, depth_of
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
+from gbufrt.files.header import ATTRIBUTE
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
@@ -32,11 +33,16 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is damaged, or no profile finds depth in it.
+        ValueError: it is damaged, gbufrt's own, or no profile finds depth in it.
     """
     files = [Path(path)] if isinstance(path, str | Path) else list(path)
     path = files[0]
     parts = shot_parts(files, header_only=True)
+    if any(ATTRIBUTE in part.header for part in parts):
+        raise ValueError(
+            f"{path} was written by gbufrt: `gbufrt post` takes it without --from, --camera, --fov and --passes "
+            "(--without leaves passes out), and gbufrt.files.exr.read_exr reads it"
+        )
     layers = Layers(path, parts)
     weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
     best = max(weighed, key=lambda detection: detection.certainty)
@@ -50,13 +56,17 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
-    depth = layers.find(profile.channels["depth"], 1, any_case=profile.any_case)
+    depth = depth_of(layers, profile)
     if not depth:
         return Detection(name, 0.0, ())
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
-    reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [f"depth is {depth[0]}"]
+    reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [
+        f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
+    ]
     found, light = 1, Named(layers, profile).light()
-    names_of = {channel: names for channel, names in profile.channels.items() if channel != "emission"}
+    names_of = {
+        channel: names for channel, names in profile.channels.items() if channel not in ("emission", "position")
+    }
     for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
         if channel != "depth" and keys:

@@ -39,15 +39,21 @@ class Named:
 
     def __init__(self, layers: Layers, profile: Profile) -> None:
         self.layers, self.profile = layers, profile
-        names = profile.channels["depth"]
-        depth = layers.find(names, CHANNELS["depth"], profile.layer, any_case=profile.any_case)
+        names, depth = profile.channels.get("depth", ()), depth_of(layers, profile)
         if not depth:
-            raise ValueError(f"{layers.path} has no depth under {', '.join(names)}; choose another profile")
+            raise ValueError(
+                f"{layers.path} has no depth under {', '.join(names) or 'any name'}; choose another profile"
+            )
         self.layer = profile.layer or layers.layer_of(depth[0])
         self.others = (
             () if profile.layer else tuple(name for name in layers.layers_of(names, any_case=profile.any_case) if name)
         )
         """All layers that have depth, where the profile does not choose one."""
+
+    @property
+    def depth(self) -> list[str]:
+        """The file's channels that tell depth: its own, or else the three of positions."""
+        return self.keys("depth") or self.keys("position")
 
     def keys(self, channel: str) -> list[str]:
         """The file's channels that make one of `CHANNELS`; none where it lacks it."""
@@ -80,3 +86,12 @@ class Named:
             finished=finished,
             mirrors=mirrors and bool(products),
         )
+
+
+def depth_of(layers: Layers, profile: Profile) -> list[str]:
+    """The channel of depth by a profile, or else those of positions; none where a file has neither."""
+    for channel in ("depth", "position"):
+        names = profile.channels.get(channel, ())
+        if found := layers.find(names, CHANNELS[channel], profile.layer, any_case=profile.any_case):
+            return found
+    return []

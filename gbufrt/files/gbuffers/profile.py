@@ -8,11 +8,23 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from gbufrt.names import meant
+
 FOLDER = Path(__file__).parent / "profiles"
 SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "arnold", "renderman", "generic")
 AUTO = "auto"  # a setting that is left to the pixels
-CHANNELS = {"depth": 1, "normal": 3, "motion": 2, "albedo": 3, "roughness": 1, "metallic": 1, "emission": 3}
-"""What a profile may name, and how many numbers a pixel has. Emission is a part of the direct light."""
+CHANNELS = {
+    "depth": 1,
+    "position": 3,
+    "normal": 3,
+    "motion": 2,
+    "albedo": 3,
+    "roughness": 1,
+    "metallic": 1,
+    "emission": 3,
+}
+"""What a profile may name, and how many numbers a pixel has. Positions, in the world or in the camera's space, tell
+depth where it is missing. Emission is a part of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
@@ -30,7 +42,7 @@ class Profile:
     from the start alone. ``*`` stands for anything."""
 
     channels: Mapping[str, tuple[str, ...]]
-    """Names to try for each of `CHANNELS`; depth must be there."""
+    """Names to try for each of `CHANNELS`; depth or position must be there."""
     header: Mapping[str, str] = field(default_factory=dict)
     """Header attributes that only this renderer writes, and the text that each must contain."""
     layer: str = ""
@@ -44,6 +56,8 @@ class Profile:
     depth_scale: float = 1.0
     """Factor on depth as the file has it: -1 where it counts down, 0.01 for centimetres, which then holds for the
     camera in the file too."""
+    either_sign: bool = False
+    """Depth may count down too: its sign is that of most pixels."""
     depth_kind: str = "planar"
     """planar z, the length of the ray, device depth between near and far, 1 / z (reciprocal), or auto: the one of
     planar, ray and reciprocal by which what is flat is flattest."""
@@ -102,15 +116,16 @@ def load_profile(name: str | Path) -> Profile:
     """
     path = FOLDER / f"{name}.toml" if name in SHIPPED else Path(name)
     if not path.is_file():
-        raise ValueError(f"profile must be one of {', '.join(SHIPPED)} or a TOML file, got {str(name)!r}")
+        known = f"{AUTO}, {', '.join(SHIPPED)} or a TOML file"
+        raise ValueError(f"profile must be one of {known}, got {str(name)!r}{meant(str(name), SHIPPED)}")
     table = _on_its_base(path, read_toml(path))
     known = [f.name for f in fields(Profile)]
     for key in table:
         if key not in known:
             raise ValueError(f"{path}: unknown key {key!r}; known are base, {', '.join(known)}")
     values = {key: _value(path, key, value) for key, value in table.items()}
-    if not values.get("channels", {}).get("depth"):
-        raise ValueError(f"{path} must name its depth: write a table [channels] with depth = [NAMES]")
+    if not any(values.get("channels", {}).get(name) for name in ("depth", "position")):
+        raise ValueError(f"{path} must name its depth: write a table [channels] with depth or position = [NAMES]")
     profile = Profile(**values)
     if not 0 < profile.near < profile.far:
         raise ValueError(f"{path}: near and far must satisfy 0 < near < far, got {profile.near:g} and {profile.far:g}")
@@ -187,7 +202,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("finished", "shaded", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
-    **dict.fromkeys(("reversed", "any_case"), ("true or false", lambda v: isinstance(v, bool), bool)),
+    **dict.fromkeys(("reversed", "any_case", "either_sign"), ("true or false", lambda v: isinstance(v, bool), bool)),
     "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
     "normal_scale": ("three numbers", _numbers(3), tuple),
     **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),

@@ -13,6 +13,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.convert import distances, hit_of, linear, pixels_to_previous, planar, world_normals
+from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
@@ -90,16 +91,15 @@ def read_gbuffer(
 
 
 def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: float, index: int, whole: bool) -> Frame:
-    path, raw = named.layers.path, named.layers.stack(named.keys("depth"))
-    size = (raw.shape[-2], raw.shape[-1])
+    path, size = named.layers.path, named.layers.part(named.depth[0]).whole
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
-    profile = named.profile
+    raw, profile = stored_depth(named, view, posed=camera is not None)
     hit = hit_of(raw, profile)
     if not bool(hit.any()):
-        warnings.warn(f"{path} {nothing_hit(raw, profile, named.keys('depth')[0])}", stacklevel=4)
+        warnings.warn(f"{path} {nothing_hit(raw, profile, named.depth[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)
     depth = torch.where(hit, planar(far, profile, view), 0.0)
     if (farthest := float(depth.max())) >= view.far:

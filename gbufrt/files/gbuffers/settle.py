@@ -10,6 +10,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.agreement import BEND, bend_of
 from gbufrt.files.gbuffers.convert import distances, hit_of, planar, world_normals
+from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 
@@ -29,11 +30,11 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
         camera: of the picture.
         posed: whether the camera's pose is known.
     """
-    profile, keys = named.profile, named.keys("normal")
+    depth, profile = stored_depth(named, camera, posed=posed)
+    named, keys = Named(named.layers, profile), named.keys("normal")
     if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
-    depth = named.layers.stack(named.keys("depth"))
     if keys and posed:
         normal = named.layers.stack(keys, camera.size)
         read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]

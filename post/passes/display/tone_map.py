@@ -9,7 +9,7 @@ from torch import Tensor
 from gbufrt import Frame, Pass
 from gbufrt.compute.resident import number
 from gbufrt.noise.noise import dithered
-from post.display.ocio import CONFIGS, check_config, is_config, ocio_view
+from post.display.ocio import CONFIGS, check_view, is_config, ocio_view
 from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
 
@@ -47,7 +47,7 @@ def tone_map(
     Source: AgX by Sobotka 2022 in the polynomial fit of Wrensch 2023; ACES fit by Hill (BakingLab); Khronos PBR
     Neutral Tone Mapper specification 2024; Reinhard et al. 2002, eq. 4.
     """
-    _check(operator)
+    _check(operator, view)
     if is_config(operator):
         return ocio_view(color * number(exposure, color), operator, view)
     for name, tunable in (("contrast", contrast), ("white", white)):
@@ -57,9 +57,11 @@ def tone_map(
     return tone_curve(color, gain, curve, contrast, saturation, white)
 
 
-def _check(operator: str) -> None:
+def _check(operator: str, view: str) -> None:
     if is_config(operator):
-        check_config(operator)
+        check_view(operator, view)
+    elif operator in OPERATORS and view:
+        raise ValueError(f"view {view!r}: {operator} has none; set operator to {', '.join(CONFIGS)} or a .ocio file")
     elif operator not in OPERATORS:
         names = ", ".join((*OPERATORS, *CONFIGS))
         raise ValueError(f"operator must be one of {names}, or the path of a .ocio file, got {operator!r}")
@@ -101,7 +103,7 @@ class ToneMap(Pass):
         view: str = "",
     ) -> None:
         super().__init__()
-        _check(operator)
+        _check(operator, view)
         self.operator, self.view = operator, view
         self.exposure, self.contrast, self.saturation, self.white = exposure, contrast, saturation, white
 

@@ -155,6 +155,7 @@ def test_bad_folders_and_files(capfd: pytest.CaptureFixture[str]):
     Path("file").write_text("")
     Path("empty").mkdir()
     Path("bad.exr").write_bytes(b"nothing")
+    Path("bad.vox").write_bytes(b"VOX ")
     assert run("render", *SMALL, "--out", "good") == 0
     whole = Path("good/frame_0000.exr").read_bytes()
     Path("cut.exr").write_bytes(whole[: len(whole) // 2])
@@ -166,6 +167,7 @@ def test_bad_folders_and_files(capfd: pytest.CaptureFixture[str]):
         (("post", "empty", "--out", "b"), "empty holds no EXR files; give files"),
         (("post", "--out", "b"), "no files given"),
         (("post", "bad.exr", "--out", "b"), "bad.exr is not an OpenEXR file"),
+        (("post", "bad.vox", "--out", "b"), "bad.vox is a world, which `gbufrt render bad.vox` shows"),
         (("post", "cut.exr", "--out", "b"), "cut.exr is damaged or cut short"),
         (("post", "good", "good/frame_0000.exr", "--out", "b"), "several inputs are called frame_0000"),
         (("post", "good", "--out", "good"), "would be overwritten; choose another folder"),

@@ -155,6 +155,24 @@ def test_frames_that_count_on_follow_each_other_and_others_do_not(tmp_path: Path
             Source.of(wrong, "blender", None, 50.0)
 
 
+def test_frames_with_and_without_direct_light_are_not_mixed(tmp_path: Path) -> None:
+    paths = [rendered(tmp_path / f"shot_{number:04}.exr", direct=number == 8) for number in (7, 8)]
+    for order, numbers in ((paths, "7.* alone, .*8"), (paths[1:] + paths[:1], "7.* alone, .*8")):
+        shots = [Source.of([path], "blender", None, 50.0).shots[0] for path in order]
+        mixed = Source(shots=shots, profile="blender", cameras=None, fov=50.0)
+        with pytest.raises(ValueError, match=f"shot_000{numbers}.exr direct light too; run them apart"):
+            list(mixed.frames())
+
+
+def test_settings_of_what_is_left_out_are_told(tmp_path: Path) -> None:
+    frame = taken(rendered(tmp_path / "a_0001.exr", direct=False))
+    with pytest.warns(UserWarning, match="--set gtao.radius changes nothing: ao is left out; see --passes"):
+        pipeline_for(frame, Recipe(set={"gtao.radius": 3.0}), ())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        pipeline_for(frame, Recipe(set={"gtao.radius": 3.0}), ("ao", "denoise"))
+
+
 def test_a_folder_or_pattern_of_another_renderer_needs_no_profile(tmp_path: Path, capfd) -> None:
     shot = tmp_path / "shot"
     shot.mkdir()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -95,3 +97,18 @@ def test_interruption_leaves_whole_frames(monkeypatch: pytest.MonkeyPatch, capsy
     assert files("out") == ["frame_0000.exr", "frame_0000.png", "frame_0001.exr", "frame_0001.png"]
     for name in ("frame_0000", "frame_0001"):
         assert read_exr(f"out/{name}.exr").index == int(name[-1])
+
+
+def test_an_interrupt_that_an_import_hides_is_told_too(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    def half_imported(*arguments: Any, **options: Any) -> Frame:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise AttributeError("module 'numpy' has no attribute 'nonzero'")
+
+    monkeypatch.setattr(sys.modules["tracer.frames"], "render", half_imported)
+    before = signal.getsignal(signal.SIGINT)
+    assert run("render", *SMALL, "--out", "a") == 130
+    assert capfd.readouterr().err.strip().splitlines()[-1].startswith("gbufrt: interrupted")
+    assert signal.getsignal(signal.SIGINT) is before

@@ -74,3 +74,25 @@ def test_pictures_that_are_there(capfd: pytest.CaptureFixture[str]):
         assert error.count("\n") == 1, error
     assert not list(Path().glob("*c.*"))
     assert not Path("d").exists()
+
+
+def test_what_post_makes_of_other_renderers_frames_is_a_folder_of_one_sequence(capfd: pytest.CaptureFixture[str]):
+    Path("a").mkdir()
+    for n in (10, 9, 11):
+        for name in (f"shot a.{n}", f"shot a.{n}_ao"):
+            Image.new("RGB", (24, 16), (20 * n, 90, 90)).save(f"a/{name}.png")
+        Path(f"a/shot a.{n}.exr").touch()
+    pictures = [f"a/shot a.{n}.png" for n in (9, 10, 11)]
+    assert run("video", "a", "--out", "a.mov") == 0
+    assert_shows("a.mov", pictures, 24)
+    assert run("video", "a/shot a.##.png", "--out", "b.mov") == 0
+    assert_shows("b.mov", pictures, 24)
+    Path("a/shot a.10.png").unlink()
+    capfd.readouterr()
+    assert run("video", "a", "--out", "c.mov") == 2
+    assert "a lacks number 10 of shot a.####.png; give files to leave it out" in capfd.readouterr().err
+    for n in (9, 11):
+        Path(f"a/shot a.{n}.exr").unlink()
+    assert run("video", "a", "--out", "c.mov") == 2
+    assert "a holds several sequences; give one of them, such as a/shot a.####.png" in capfd.readouterr().err
+    assert not Path("c.mov").exists()

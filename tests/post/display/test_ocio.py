@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import torch
 
+from post import me1
 from post.passes.display.tone_map import ToneMap, display_encode, tone_map
 
 ocio = pytest.importorskip("PyOpenColorIO", reason="OpenColorIO is not installed: pip install gbufrt[color]")
@@ -68,6 +69,12 @@ def test_a_config_of_ones_own(tmp_path: Path):
     assert torch.allclose(ToneMap(operator=path)(frame).read("image"), both[:1], atol=1e-6)
 
 
+def test_operator_and_view_are_set_at_once_in_any_order():
+    told = {"tone_map.view": "Un-tone-mapped", "tone_map.operator": "aces-2.0"}
+    tuned = me1("low").with_tunables(told)
+    assert {name: tuned.all_tunables()[name] for name in told} == told
+
+
 def test_what_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     (tmp_path / "bad.ocio").write_text("ocio_profile_version: 2\nroles: [")
     (tmp_path / "bare.ocio").write_text(OWN.replace("aliases: [lin_rec709_srgb]", "aliases: [mine]"))
@@ -87,6 +94,10 @@ def test_what_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             shown((0.1, 0.2, 0.3), **choices)
     with pytest.raises(ValueError, match="operator must be one of"):
         ToneMap(operator="aces-3")  # before anything is traced
+    with pytest.raises(ValueError, match=r"'Film' is not in config aces-2.0"):
+        ToneMap(operator="aces-2.0", view="Film")
+    with pytest.raises(ValueError, match=r"view 'Film': agx has none; set operator to aces-1.3, aces-2.0 or a .ocio"):
+        ToneMap(view="Film")
     with pytest.raises(ValueError, match="has no gradient; use agx"):
         tone_map(light.requires_grad_(), operator="aces-2.0")
     monkeypatch.setattr("post.display.ocio.find_spec", lambda name: None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -23,6 +23,7 @@ MAX_CHUNKS = 64
 MAX_PLAYER = 1 << 26
 FURTHEST = 30_000_000  # blocks from the middle: the game's own limit
 NAMED = 3  # of what is damaged; the rest is counted
+LISTED = 8  # names of blocks
 
 Box = tuple[int, int, int, int, int, int]
 Keep = tuple[slice, slice, slice]
@@ -129,11 +130,24 @@ def _finished(path: Path, builder: Builder, damaged: list[str], found: int) -> B
 
 def tell_unknown(path: Path, blocks: Blocks) -> None:
     """Warn of blocks that the colour table does not know, and of those that the pack has no texture of."""
-    what = {"unknown blocks are drawn grey": blocks.unknown, "blocks have no texture in the pack": blocks.untextured}
-    for told, found in what.items():
-        if found:
-            names = ", ".join(found[:8]) + (", ..." if len(found) > 8 else "")
-            warnings.warn(f"{path}: {len(found)} {told}: {names}", stacklevel=4)
+    for told in (unknown_told(blocks.unknown), untextured_told(blocks.untextured)):
+        if told:
+            warnings.warn(f"{path}: {told}", stacklevel=4)
+
+
+def unknown_told(names: Sequence[str]) -> str:
+    """The message about blocks that the colour table does not know; empty where there are none."""
+    return _told(names, "unknown block is drawn grey", "unknown blocks are drawn grey")
+
+
+def untextured_told(names: Sequence[str]) -> str:
+    """The message about blocks that the pack has no texture of; empty where there are none."""
+    return _told(names, "block has no texture in the pack", "blocks have no texture in the pack")
+
+
+def _told(names: Sequence[str], one: str, many: str) -> str:
+    listed = ", ".join(names[:LISTED]) + (", ..." if len(names) > LISTED else "")
+    return f"{len(names)} {one if len(names) == 1 else many}: {listed}" if names else ""
 
 
 def region_files(path: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -22,9 +23,10 @@ from tracer.scene.scene import Scene
 
 MAX_FILE = 1 << 26  # bytes, decompressed
 MAX_BLOCKS = 1 << 25
-BIOME = ("minecraft:plains",)
 
 Numbers = NDArray[np.int32]
+Named = tuple[list[str], Numbers]
+PLAINS: Named = ["minecraft:plains"], np.zeros((1, 1, 1), np.int32)
 
 
 def load_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None = None) -> Scene:
@@ -44,11 +46,10 @@ def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None =
     try:
         root = root_of(path)
         sides = [int(part(root, side, int)) & 0xFFFF for side in ("Height", "Length", "Width")]
-        volume = sides[0] * sides[1] * sides[2]
-        if not 0 < volume <= MAX_BLOCKS:
+        if not 0 < math.prod(sides) <= MAX_BLOCKS:
             raise ValueError(f"it must have 1 to {MAX_BLOCKS} blocks, got {sides[2]} x {sides[0]} x {sides[1]}")
-        states, numbers = _sponge(root, volume) if "Version" in root else _mcedit(root, volume)
-        blocks = _built(builder, states, numbers.reshape(sides))
+        named, biomes = _sponge(root, sides) if "Version" in root else (_mcedit(root, math.prod(sides)), PLAINS)
+        blocks = _built(builder, named, biomes, sides)
     except PackError:
         raise
     except ValueError as error:
@@ -63,19 +64,31 @@ def root_of(path: Path) -> Tags:
     return part(tags, "Schematic", dict) if "Schematic" in tags else tags
 
 
-def _sponge(root: Tags, volume: int) -> tuple[list[str], Numbers]:
-    version = int(part(root, "Version", int))
+def _sponge(root: Tags, sides: list[int]) -> tuple[Named, Named]:
+    """Blocks and biomes, in the order y, z, x."""
+    version, volume = int(part(root, "Version", int)), math.prod(sides)
     if version not in (1, 2, 3):
         raise ValueError(f"Version must be 1, 2 or 3, got {version}")
-    where, key = (part(root, "Blocks", dict), "Data") if version == 3 else (root, "BlockData")
-    palette = part(where, "Palette", dict)
-    names = {int(number): str(state) for state, number in palette.items() if isinstance(number, int)}
+    where = part(root, "Blocks", dict) if version == 3 else root
+    blocks = _palette(where, "Palette", "Data" if version == 3 else "BlockData", (volume,), "blocks")
+    holder, key = (root.get("Biomes", {}), "Data") if version == 3 else (root, "BiomeData")
+    if not isinstance(holder, dict) or key not in holder:
+        return blocks, PLAINS
+    columns = sides[1] * sides[2]  # in version 2; some programs write those of all blocks there too
+    sizes = (volume,) if version == 3 else (columns, volume)
+    names, numbers = _palette(holder, "Palette" if version == 3 else "BiomePalette", key, sizes, "biomes")
+    return blocks, (names, numbers.reshape(-1, *sides[1:]))
+
+
+def _palette(where: Tags, palette: str, key: str, sizes: tuple[int, ...], what: str) -> Named:
+    """The names that are used, and which of them is where."""
+    names = {int(n): str(name) for name, n in part(where, palette, dict).items() if isinstance(n, int)}
     numbers = varints(np.asarray(part(where, key, np.ndarray)).view(np.uint8))
-    if numbers.size != volume:
-        raise ValueError(f"{key} holds {numbers.size} blocks, but the sides make {volume}")
+    if numbers.size not in sizes:
+        raise ValueError(f"{key} holds {numbers.size} {what}, but the sides make {sizes[0]}")
     used, which = np.unique(numbers, return_inverse=True)
     if missing := [int(n) for n in used if int(n) not in names]:
-        raise ValueError(f"the palette lacks number {missing[0]}")
+        raise ValueError(f"the palette of {what} lacks number {missing[0]}")
     return [names[int(n)] for n in used], which.astype(np.int32)
 
 
@@ -97,7 +110,7 @@ def varints(data: NDArray[np.uint8]) -> Numbers:
     return np.add.reduceat(values, starts) if len(starts) else values
 
 
-def _mcedit(root: Tags, volume: int) -> tuple[list[str], Numbers]:
+def _mcedit(root: Tags, volume: int) -> Named:
     low, data = (np.asarray(part(root, key, np.ndarray)).view(np.uint8) for key in ("Blocks", "Data"))
     if low.size != volume or data.size != volume:
         raise ValueError(f"Blocks and Data hold {low.size} and {data.size} blocks, but the sides make {volume}")
@@ -112,13 +125,22 @@ def _mcedit(root: Tags, volume: int) -> tuple[list[str], Numbers]:
     return [legacy_state(int(n) >> 4, int(n) & 15) for n in used], which.astype(np.int32)
 
 
-def _built(builder: Builder, states: list[str], blocks: Numbers) -> Blocks:
+def _built(builder: Builder, blocks: Named, biomes: Named, sides: list[int]) -> Blocks:
     """Blocks in the order y, z, x, cut into sections and filled up with air."""
-    padded = np.pad(blocks, [(0, -side % BRICK) for side in blocks.shape], constant_values=len(states))
-    names = [*states, AIR]
+    rest = [(0, -side % BRICK) for side in sides]
+    padded = np.pad(blocks[1].reshape(sides), rest, constant_values=len(blocks[0]))
+    climate = np.pad(np.broadcast_to(biomes[1], sides), rest)
+    names = [*blocks[0], AIR]
     for y, z, x in np.ndindex(*(side // BRICK for side in padded.shape)):
-        cut = padded[tuple(slice(BRICK * n, BRICK * (n + 1)) for n in (y, z, x))]
-        used, which = np.unique(cut, return_inverse=True)
-        section = Section(y=y, states=tuple(names[n] for n in used), blocks=which.reshape(-1), biomes=BIOME, biome=None)
+        place = tuple(slice(BRICK * n, BRICK * (n + 1)) for n in (y, z, x))
+        used, which = np.unique(padded[place], return_inverse=True)
+        near, biome = np.unique(climate[place], return_inverse=True)
+        section = Section(
+            y=y,
+            states=tuple(names[n] for n in used),
+            blocks=which.reshape(-1),
+            biomes=tuple(biomes[0][n] for n in near),
+            biome=biome.reshape((BRICK,) * 3) if len(near) > 1 else None,
+        )
         builder.add(x, z, section)
     return builder.build()

@@ -29,6 +29,11 @@ GREEN_STALK = re.compile(
     ".*(?:tulip|orchid|daisy)|dandelion|poppy|allium|azure_bluet|cornflower|lily_of_the_valley|wither_rose|torchflower"
 )
 TALL_FLOWERS = ("sunflower", "lilac", "rose_bush", "peony")
+FRONTS = {
+    "jack_o_lantern": ("pumpkin", (".##..##.", ".##..##.", "........", ".#.##.#.", ".######.", "..#..#.."), 1),
+    "lit_furnace": ("furnace", ("..####..", ".######.", ".######."), 1),
+}
+"""Cubes of which one side glows: what the rest is of, and where it glows: rows in eighths, and the lowest's height."""
 OPPOSITE = {"north": "south", "south": "north", "east": "west", "west": "east"}
 
 
@@ -197,6 +202,20 @@ def _torch(name: str, told: Mapping[str, str]) -> Shape:
     return (("stick", box(x, low, z, x + 1, low + 4, z + 1)), (head, box(x, low + 4, z, x + 2, low + 6, z + 2)))
 
 
+def _front(name: str, told: Mapping[str, str]) -> Shape:
+    body, rows, low = FRONTS[name]
+    drawn = np.zeros((SIDE, SIDE), bool)  # across, and up
+    drawn[:, low : low + len(rows)] = np.array([[c == "#" for c in row] for row in reversed(rows)]).T
+    along = drawn[:, :, None] if front_of(told) in ("north", "south") else drawn.T[None]
+    glowing = beside(front_of(told), 1) & along
+    return ((body, ~glowing), (f"{name}_front", glowing))
+
+
+def front_of(told: Mapping[str, str]) -> str:
+    """The side that a block's front is on."""
+    return told.get("facing", "north")
+
+
 def _lantern(name: str, told: Mapping[str, str]) -> Shape:
     low = 1 if told.get("hanging") == "true" else 0
     frame = box(3, low, 3, 5, low + 1, 5) | box(3, low + 5, 3, 5, low + 6, 5)
@@ -238,6 +257,7 @@ _MAKERS: tuple[tuple[str, Callable[[str, Mapping[str, str]], Shape | None]], ...
     (".*_stairs", _stairs),
     (".*(?:torch)", _torch),
     ("(?:soul_)?lantern", _lantern),
+    ("|".join(FRONTS), _front),
     ("snow", _layers),
     ("(?:flowing_)?(?:water|lava)", _fluid),
     (".*_fence", _fence),

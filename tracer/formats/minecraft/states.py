@@ -71,13 +71,16 @@ class States:
 
     def voxels(self, section: Section, keep: tuple[slice, slice, slice] | None = None) -> Voxels:
         """A section as voxels; ``keep`` says which of its blocks, in the order x, y, z, by default all."""
-        pairs = [[self._row(state, biome) for biome in section.biomes] for state in section.states]
-        cubes, kinds = np.array(pairs, np.int64).transpose(2, 0, 1)
+        biome = 0 if section.biome is None else section.biome
+        blocks = np.broadcast_to(section.blocks, BRICK**3).reshape(BRICK, BRICK, BRICK)
+        there = np.full((len(section.states), len(section.biomes)), len(section.biomes) == 1)
+        there[blocks, biome] = True  # thousands of states and of biomes would make millions of pairs
+        pairs = np.zeros((*there.shape, 2), np.int64)
+        pairs[there] = [self._row(section.states[i], section.biomes[j]) for i, j in np.argwhere(there)]
+        cubes, kinds = pairs.transpose(2, 0, 1)
         nothing = np.zeros((0, 3), np.int64), np.zeros((0, 8), np.uint16)
         if section.blocks.size == 1 and section.biome is None and keep is None and not kinds[0, 0]:
             return Voxels(cubes=int(cubes[0, 0]), groups=nothing[0], rows=nothing[1])
-        blocks = np.broadcast_to(section.blocks, BRICK**3).reshape(BRICK, BRICK, BRICK)
-        biome = 0 if section.biome is None else section.biome
         ids, kind = (_cropped(lut[blocks, biome].transpose(2, 0, 1), keep) for lut in (cubes, kinds))
         groups, rows = _grouped(kind.astype(np.uint16)) if kind.any() else nothing
         return Voxels(cubes=np.ascontiguousarray(ids, np.int16) if ids.any() else 0, groups=groups, rows=rows)
@@ -121,8 +124,10 @@ class States:
         except (ValueError, KeyError):  # properties that no game writes
             parts = None
         plant = shapes.is_plant(name)
-        if plant or parts is None:
+        if plant or parts is None or name in shapes.FRONTS:
             dressed = self._dressed(name, biome, block, told)
+            if name in shapes.FRONTS:  # a pack's own picture tells what glows
+                return parts if dressed.faces == NONE else None
             if dressed.solid is not None and dressed.material.opacity == 1.0:
                 return ((name, shapes.cut_out(dressed.solid, crossed=plant)),)
         return parts

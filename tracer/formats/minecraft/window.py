@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -18,7 +18,15 @@ from tracer.formats.minecraft.build import Blocks, instance_of
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.region import SIDE, Place, Region, region_place
-from tracer.formats.minecraft.save import NAMED, WIDTH, Selection, chunk_sections, region_files
+from tracer.formats.minecraft.save import (
+    NAMED,
+    WIDTH,
+    Selection,
+    chunk_sections,
+    region_files,
+    unknown_told,
+    untextured_told,
+)
 from tracer.formats.minecraft.states import GROUPS, States, Voxels
 from tracer.scene.grids import BRICK
 from tracer.scene.material import MaterialTable
@@ -108,14 +116,14 @@ class Window:
             for place in _places(region, low, high):
                 if place not in self._held and self._selection.takes(place):
                     self._held[place] = self._read(region, place)
-        self._tell(self._states.unknown, "unknown blocks are drawn grey")
-        self._tell(self._states.untextured, "blocks have no texture in the pack")
+        self._tell(self._states.unknown, unknown_told)
+        self._tell(self._states.untextured, untextured_told)
 
-    def _tell(self, names: Iterable[str], what: str) -> None:
+    def _tell(self, names: Iterable[str], told: Callable[[list[str]], str]) -> None:
         """Warn of blocks that have not been told before."""
         if fresh := sorted(set(names) - self._told):
             self._told.update(fresh)
-            warnings.warn(f"{len(fresh)} {what}: {', '.join(fresh[:8])}{', ...' * (len(fresh) > 8)}", stacklevel=5)
+            warnings.warn(told(fresh), stacklevel=5)
 
     def _open(self, low: Place, high: Place) -> None:
         """Keep the tables of the regions that the window touches, and no others."""

@@ -67,7 +67,8 @@ def test_frames_take_what_they_lack_from_the_top(tmp_path: Path) -> None:
     ("text", "told"),
     [
         (BLENDER.replace("50", '"a"'), "focal_length must be a positive number"),
-        (BLENDER.replace("[80, 0, 0]", "80"), "rotation must be three numbers"),
+        (BLENDER.replace("[80, 0, 0]", "80"), "rotation must be three numbers, got 80"),
+        ("fov = 40\nlocation = [0, 0, 0]", "rotation must be three numbers, and is missing; or write world_from_view"),
         (BLENDER + "fov = 40", "either fov or focal_length"),
         (BLENDER + "zoom = 4", "unknown key 'zoom'"),
         (BLENDER.replace('"z"', '"x"'), "up must be 'y' or 'z'"),

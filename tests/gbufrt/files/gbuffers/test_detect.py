@@ -89,3 +89,12 @@ def test_without_depth_no_profile_fits(tmp_path: Path) -> None:
         ValueError, match=r"fits no profile \(blender, .*\): none finds its depth among .*, \.\.\.; write a"
     ):
         detect(foreign_exr.write(tmp_path / "a.exr", layers, BLENDER))
+
+
+def test_files_of_gbufrt_itself_are_no_guess(tmp_path: Path) -> None:
+    """By names alone they would be plain ones, whose picture is exposed already."""
+    path = foreign_exr.write(tmp_path / "a.exr", {"frame.depth.Z": PLANE, "RGB": RGB}, {"gbufrt": "{}"})
+    with pytest.raises(
+        ValueError, match=r"a\.exr was written by gbufrt: .* without --from, --camera, --fov and --pass"
+    ):
+        detect(path)

@@ -205,6 +205,11 @@ def test_wrong_profiles_name_the_key(text: str, told: str, tmp_path: Path) -> No
         load_profile(path)
 
 
+def test_a_misspelt_profile_is_told_what_it_may_mean() -> None:
+    with pytest.raises(ValueError, match=r"one of auto, .*, got 'mitsbua' \(did you mean mitsuba\?\)"):
+        load_profile("mitsbua")
+
+
 def test_a_static_world_has_motion_without_a_layer_of_it(tmp_path: Path) -> None:
     path = write(tmp_path / "a.exr", {"d.Z": PLAIN["d.Z"], "n.XYZ": PLAIN["n.XYZ"]})
     g = read_gbuffer(path, _own(tmp_path), camera=CAMERA, previous_camera=BEFORE).gbuffer

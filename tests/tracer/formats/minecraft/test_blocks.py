@@ -53,6 +53,27 @@ def test_every_number_before_1_13_is_drawn():
             assert is_nothing(name) or all(known(part) or part in table()["emission"] for part in drawn), name
 
 
+@pytest.mark.parametrize(
+    ("facing", "axis", "place"), [("west", 0, 0), ("east", 0, 7), ("north", 2, 0), ("south", 2, 7)]
+)
+@pytest.mark.parametrize(("block", "name"), [("jack_o_lantern", "jack_o_lantern"), ("furnace", "lit_furnace")])
+def test_faces_and_fires_glow_on_their_own_side_alone(facing: str, axis: int, place: int, block: str, name: str):
+    built = cubes_of(f"minecraft:{block}[facing={facing},lit=true]").build()
+    assert built.shaped is not None
+    names = built.shaped.model.materials.names
+    voxels = built.shaped.model.bricks.max(dim=0).values[:8, :8, :8]
+    glows = voxels == names.index(f"{name}_front")
+    assert bool((voxels > 0).all())
+    where = glows.nonzero()
+    assert (where[:, axis] == place).all()
+    across = where[:, 2 - axis]  # not at the edges, where other sides would show it
+    assert int(across.min()) > 0
+    assert int(across.max()) < 7
+    assert int(where[:, 1].min()) > 0
+    assert int(where[:, 1].max()) < 7
+    assert float(built.shaped.model.materials.emission[1:].amax(dim=1).gt(0).sum()) == 1
+
+
 def test_families_follow_their_table():
     assert color("red_wool") == linear(table()["dyes"]["red"])
     assert color("spruce_stairs") == color("spruce_planks") == linear(table()["woods"]["spruce"][0])

@@ -188,6 +188,22 @@ def test_shaped_blocks_and_families_have_the_texture_of_what_they_are_made_of(tm
     assert built.shaped.model.materials is built.world.materials
 
 
+def test_faces_and_fires_glow_on_their_own_side_alone(tmp_path: Path):
+    """What is brighter than most of the front does: a quarter of it here, in which the power of the front lies."""
+    front = np.repeat(np.repeat(np.array([[[A, 0, 0], [B, 0, 0]], [[B, 0, 0], [B, 0, 0]]]), 4, axis=0), 4, axis=1)
+    plain = {name: flat(A, A, A) for name in ("pumpkin_side", "pumpkin_top", "furnace_side", "furnace_top")}
+    pack = write_pack(tmp_path / "a.zip", textures(**plain, jack_o_lantern=front, furnace_front_on=front))
+    states = {"jack_o_lantern[facing=south]": "south", "furnace[facing=west,lit=true]": "west"}
+    table, numbers = table_of(pack, *states)
+    for number, side, name in zip(numbers, states.values(), ("jack_o_lantern", "lit_furnace"), strict=True):
+        for other in ("west", "east", "down", "up", "north", "south"):
+            glow = tile(table, number, other)[..., GLOW : GLOW + 3]
+            assert bool(glow.any()) == (other == side)
+            if other == side:
+                assert float((glow[..., 0] > 0).float().mean()) == 0.25
+                torch.testing.assert_close(glow.mean(dim=(0, 1)), torch.tensor(material(name, "").emission))
+
+
 def test_what_has_no_texture_keeps_its_colour_and_is_told(tmp_path: Path):
     builder = Builder(Pack(write_pack(tmp_path / "a.zip", textures(stone=CORNERS))))
     blocks = np.arange(4096) % 2

@@ -25,7 +25,7 @@ from region_writer import VERSIONS, chunk, nbt_bytes, pack, section, write_regio
 import tracer
 from tracer.formats.minecraft.compression import MAX_BYTES
 from tracer.formats.minecraft.nbt import parse_nbt
-from tracer.formats.minecraft.save import Selection, read_minecraft
+from tracer.formats.minecraft.save import Selection, read_minecraft, untextured_told
 from tracer.formats.minecraft.sections import sections, unpack
 
 CUBES = ("stone", "dirt", "sand", "gravel", "bricks", "glowstone", "obsidian", "clay", "red_wool", "polished_diorite")
@@ -229,8 +229,14 @@ def test_sections_that_come_twice_and_unknown_blocks_are_told(tmp_path: Path):
     twice = write_region(tmp_path / "a/r.0.0.mca", {(0, 0): chunk("1.21", 0, 0, [same, same])})
     with pytest.raises(ValueError, match="a section comes twice"):
         read_minecraft(twice)
-    with pytest.warns(UserWarning, match="1 unknown blocks are drawn grey: strange"):
+    with pytest.warns(UserWarning, match="1 unknown block is drawn grey: strange"):
         read_minecraft(write_region(tmp_path / "b/r.0.0.mca", {(0, 0): chunk("1.21", 0, 0, [same])}))
+
+
+def test_blocks_are_told_in_numbers_and_names():
+    assert untextured_told(()) == ""
+    assert untextured_told(["poppy"]) == "1 block has no texture in the pack: poppy"
+    assert untextured_told(list("abcdefghi")) == "9 blocks have no texture in the pack: a, b, c, d, e, f, g, h, ..."
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import time
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -83,6 +85,38 @@ def test_every_version_reads_as_it_was_written(tmp_path: Path, tags: File, packe
     assert blocks.shaped is None
 
 
+BIOMES = np.random.default_rng(4).integers(0, 2, SIDES)
+PALETTE = Compound({"minecraft:swamp": Int(0), "minecraft:badlands": Int(200)})
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("columns", [True, False])
+def test_water_has_the_colour_of_its_biome(tmp_path: Path, version: int, columns: bool):
+    """By columns in version 2, by blocks in version 3; blocks in version 2 are what some programs write."""
+    here = np.broadcast_to(BIOMES[:1], SIDES) if columns else BIOMES
+    data = encoded(200 * (BIOMES[0] if columns and version == 2 else here))
+    told: dict[str, Any] = {"BiomePalette": PALETTE, "BiomeData": data}
+    if version == 3:
+        told = {"Biomes": Compound({"Palette": PALETTE, "Data": data})}
+    names = blocks_of(read_schematic(written(tmp_path / "a.schem", sponge(version, **told))).world)
+    water = BLOCKS.reshape(-1) == 3
+    wanted = np.array(["water in swamp", "water in badlands"])[here.reshape(-1)]
+    assert (np.array(names)[water] == wanted[water]).all()
+
+
+def test_thousands_of_biomes_and_blocks_are_no_millions_of_pairs(tmp_path: Path):
+    many = np.arange(4096)
+    palettes = [Compound({f"mod:{what}{n}": Int(n) for n in many.tolist()}) for what in ("block", "biome")]
+    parts = [Compound({"Palette": palette, "Data": encoded(many)}) for palette in palettes]
+    sides = {side: Short(16) for side in ("Height", "Length", "Width")}
+    tags = File({"Schematic": Compound({**sides, "Version": Int(3), "Blocks": parts[0], "Biomes": parts[1]})})
+    begun = time.process_time()
+    with pytest.warns(UserWarning, match="4096 unknown blocks"):
+        blocks = read_schematic(written(tmp_path / "a.schem", tags))
+    assert len(blocks.world.materials) == 4097
+    assert time.process_time() - begun < 5.0
+
+
 def test_numbers_of_several_bytes():
     wanted = [0, 127, 128, 300, 16384, 5, (1 << 28) - 1]
     assert varints(np.asarray(encoded(np.array(wanted))).view(np.uint8)).tolist() == wanted
@@ -94,12 +128,16 @@ def test_numbers_of_several_bytes():
 
 WRONG = {
     "Version must be 1, 2 or 3, got 9": sponge(9),
-    "the palette lacks number 1": sponge(2, Palette=Compound({"minecraft:air": Int(0)})),
+    "the palette of blocks lacks number 1": sponge(2, Palette=Compound({"minecraft:air": Int(0)})),
     "but the sides make 1785": sponge(1, Length=Short(17)),
     "got 65535 x 65535 x 65535": sponge(2, Width=Short(-1), Height=Short(-1), Length=Short(-1)),
     "Palette must be dict, got none": sponge(3, Blocks=Compound()),
     "Blocks and Data hold 1890 and 3": mcedit(Data=ByteArray([0, 0, 0])),
     "AddBlocks holds 2 blocks": mcedit(AddBlocks=ByteArray([0])),
+    "BiomeData holds 3 biomes, but the sides make 378": sponge(
+        2, BiomePalette=Compound(), BiomeData=ByteArray([0, 0, 0])
+    ),
+    "the palette of biomes lacks number 0": sponge(2, BiomePalette=Compound(), BiomeData=ByteArray([0] * 378)),
     "Width must be int, got none": File({"Height": Short(1), "Length": Short(1)}),
 }
 

@@ -105,7 +105,7 @@ def test_damage_is_told_and_left_out(tmp_path: Path):
         blocks = window.at(32.0, 0.0)
     texts = sorted(str(warning.message) for warning in told)
     assert len(texts) == 4
-    assert texts[0].startswith("1 unknown blocks are drawn grey: thing")
+    assert texts[0].startswith("1 unknown block is drawn grey: thing")
     assert texts[1].startswith("chunk 0,1 of r.0.0.mca is damaged and left out: compressed data is damaged")
     assert texts[3].endswith("further ones are left out without a word")
     assert len(named(blocks.world)) == 2 * 4096

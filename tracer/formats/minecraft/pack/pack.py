@@ -15,6 +15,7 @@ from tracer.formats.minecraft.colors import BRIGHTEST, tint_kind, tint_of
 from tracer.formats.minecraft.pack.archive import Archive, PackError
 from tracer.formats.minecraft.pack.models import SIDES, Layer, Part, parts_of, side_uv
 from tracer.formats.minecraft.pack.pictures import Picture, Plane, read_picture
+from tracer.formats.minecraft.shapes import FRONTS, front_of
 from tracer.scene.material import Material
 from tracer.scene.textures import COLOR, COLUMNS, GLOW, MAX_ROWS, METAL, ROUGH, TILT, Textures, with_mips
 
@@ -82,7 +83,10 @@ class Pack:
             parts = parts_of(self._archive, ALIASES[name], told)
         kind = tint_kind(name)
         tint = None if kind in (None, "water") else np.array(tint_of(kind, biome))  # water: as clear as its material
-        tiles = [tile for side in range(6) if (tile := self._tile(plain, parts, side, tint)) is not None]
+        dark = replace(plain, emission=(0.0, 0.0, 0.0))
+        front = SIDES.index(front_of(told)) if plain.name in FRONTS and front_of(told) in SIDES else None
+        lit = [plain if front in (None, side) else dark for side in range(6)]
+        tiles = [tile for side in range(6) if (tile := self._tile(lit[side], parts, side, tint)) is not None]
         if len(tiles) < 6:
             self.missing.add(name)
             return Dressed(material=plain)
@@ -182,13 +186,18 @@ def _laid(
 
 
 def _glow(color: Plane, glow: Plane | None, rows: NDArray, columns: NDArray, plain: Material) -> Plane:
-    """Radiance: a block that gives light keeps its power, spread by the emission map, else by brightness."""
+    """Radiance: a block that gives light keeps its power, spread by the emission map, else by brightness.
+
+    Where one side alone glows, what is far brighter than most of it does: eyes and flames.
+    """
     lit = glow is not None and bool(glow.any())
     share = color if glow is None or not lit else color * glow[rows, columns][..., None]
     power = max(plain.emission)
     if power == 0:
         return share * SHINE if lit else np.zeros_like(color)
     strength = share.max(axis=-1, keepdims=True)
+    above = (strength - (np.median(strength) + strength.max()) / 2).clip(0.0)
+    strength = above if plain.name in FRONTS and not lit and above.any() else strength
     return np.array(plain.emission, np.float32) * strength / max(float(strength.mean()), 1e-3)
 
 

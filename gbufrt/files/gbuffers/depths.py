@@ -1,0 +1,78 @@
+"""Depth as a file has it: a channel, whose sign may be either, or what the camera sees of positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.directions import length
+from gbufrt.files.gbuffers.convert import FARTHEST, our_axes
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import AUTO, Profile
+
+OFF = 0.05  # of the picture's width: how far from their pixels positions may lie
+VIEWS = {"opencv": (1, 1, 1), "opengl": (1, -1, -1), "pbrt": (1, -1, 1)}
+"""Factors on x, y and z of camera spaces that make them OpenCV's; pbrt's is x right, y up, z forward."""
+
+
+def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, Profile]:
+    """``(1, 1, H, W)`` depth in the kind and scale of a profile, 0 where nothing was hit; and that profile.
+
+    Where the file has positions alone, depth is planar, and of the spaces that they may lie in (the world with the
+    axes that the profile allows, or the camera's) that one is taken in which they lie on their own pixels.
+
+    Args:
+        named: channels of a file under the names of a profile.
+        camera: of the picture.
+        posed: whether the camera's pose is known; else positions in the world are of no use.
+
+    Raises:
+        ValueError: positions lie on their pixels in no space.
+    """
+    profile, keys = named.profile, named.keys("depth")
+    if keys:
+        return _facing(named.layers.stack(keys), profile), profile
+    position = named.layers.stack(named.keys("position")) * profile.depth_scale
+    there = (position.abs() < FARTHEST).all(1, keepdim=True) & (position != 0).any(1, keepdim=True)
+    best, off, seen = profile, torch.inf, position[:, 2:]
+    for reading, points in _readings(torch.where(there, position, 1.0), profile, camera, posed=posed):
+        found = _off_pixels(points, there, camera)
+        if found < off:
+            best, off, seen = reading, found, points[:, 2:]
+    if off > OFF * camera.width:
+        settings = "check --camera, and up, handed and depth_scale of the profile"
+        why = settings if posed else "those of the world need --camera"
+        raise ValueError(f"{named.layers.path}: positions do not lie on the pixels that show them; {why}")
+    return torch.where(there, seen / profile.depth_scale, 0.0), best
+
+
+def _facing(raw: Tensor, profile: Profile) -> Tensor:
+    """Depth, negated where the profile allows either sign and most of it is negative, the sky apart."""
+    below = raw.abs() < abs(profile.sky)
+    down = profile.either_sign and int((below & (raw < 0)).sum()) > int((below & (raw > 0)).sum())
+    return -raw if down else raw
+
+
+def _readings(position: Tensor, profile: Profile, camera: Camera, *, posed: bool) -> Iterator[tuple[Profile, Tensor]]:
+    """Positions in view space by each reading, and the profile in which it is settled."""
+    ups = ("y", "z") if profile.up == AUTO else (profile.up,)
+    for up in ups if posed else ():
+        reading = replace(profile, up=up, depth_kind="planar")
+        yield reading, camera.to_view(our_axes(position, reading))
+    for space, signs in VIEWS.items():
+        reading = replace(profile, depth_kind="planar")
+        if space == "pbrt" and profile.normal_space == AUTO:  # where normals lie too
+            reading = replace(reading, normal_space="opengl", normal_scale=(1.0, 1.0, -1.0))
+        yield reading, position * position.new_tensor(signs).view(1, 3, 1, 1)
+
+
+def _off_pixels(points: Tensor, there: Tensor, camera: Camera) -> float:
+    """How far points in view space are from the pixels that show them: the median in pixels, inf behind the camera."""
+    if not bool(there.any()):
+        return 0.0
+    off = length(camera.project(points) - camera.pixel_centers())
+    return float(torch.where((points[:, 2:] > 0) & off.isfinite(), off, torch.inf)[there].median())
