@@ -33,5 +33,6 @@ class Submerged(Pass):
 def _lies_within(front: GBuffer, behind: GBuffer) -> Tensor:
     """``(B, 1, H, W)`` bool: whether no air lies between the first surface and what is behind it."""
     assert front.thickness is not None
-    across = front.points_view().norm(dim=1, keepdim=True) / front.depth if not front.camera.orthographic else 1.0
-    return behind.hit & (front.thickness >= ENOUGH * (behind.depth - front.depth) * across)
+    camera = front.camera
+    along_axis = -camera.to_eye(camera.unproject(torch.ones_like(front.depth)))[:, 2:]  # of a step along the view ray
+    return behind.hit & (front.thickness * along_axis >= ENOUGH * (behind.depth - front.depth))
