@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from gbufrt import Pipeline
+from gbufrt import Pipeline, Stage
 from gbufrt.names import meant
 from post.passes.denoising.atrous import Atrous
 from post.passes.denoising.bilateral import Bilateral
@@ -25,6 +25,7 @@ from post.passes.light.fog import Fog
 from post.passes.light.gtao import GTAO
 from post.passes.light.ssgi import SSGI
 from post.passes.light.ssr import SSR
+from post.passes.light.submerged import Submerged
 from post.upsampling.reduced import Reduced
 
 Preset = Literal["low", "medium", "high", "ultra"]
@@ -155,7 +156,7 @@ def with_fog(pipeline: Pipeline) -> Pipeline:
     return pipeline.with_stage(f"{inner}fog_behind", behind, before="composite")
 
 
-def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipeline]:
+def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
     physical = composite == "physical"
     ao = GTAO(
         radius=AO_RADIUS * metre,
@@ -200,6 +201,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Pipelin
             denoise=Bilateral(signal="reflection", radius=reach, sigma=reach),
             accumulate=Temporal(signal="reflection", blend=0.95),
         ),
+        "submerged": Submerged(),
         "behind": Pipeline(
             layer="behind",
             reduction=at.get("behind"),

@@ -25,3 +25,4 @@ IN_FRONT = 0.05  # of its depth by which a surface is nearer than another, so th
 STRETCH = 1.5  # most by which a plane may carry depth on, as a factor
 TOLERANCE = 0.05  # of its depth by which a surface may lie behind all that was seen there
 EDGE_ON = 1e-3  # cosine to the ray below which a surface has no plane to go on
+ALMOST = 1e-3  # pixels before the next one that count as on it, so that rounding changes little

@@ -92,7 +92,7 @@ down_each, across_each = Each(down_pixel), Each(across_pixel)
 
 @driver
 def upscaled_rows(
-    light, new, lengths, news, toned, small, farthest, curve, length, planes, across, down, lenses, orthographic,
+    light, new, lengths, news, toned, small, farthest, curve, old, length, planes, across, down, lenses, orthographic,
     gamma, frames, lock, stability, weight, threads,
 ):  # fmt: skip
     """See `post.upsampling.upscale_op.upscaled`."""
@@ -103,15 +103,15 @@ def upscaled_rows(
         sums = np.empty((SUMS, toned.shape[3]), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic, curve[b], length[b], planes[b]
-            given = *there, np.float32(lock), y, 0
+            there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic
+            given = *there, curve[b], old[b], length[b], planes[b], np.float32(lock), y, 0
             _upscaled_row((new[b], light[b], lengths[b], news[b]), toned[b], given, (kept, now, sums), numbers, 0)
 
 
 @scalar
 def upscaled_pixel(
-    i, light, new, lengths, news, toned, small, farthest, curve, length, planes, across, down, lenses, orthographic,
-    gamma, frames, lock, stability, weight,
+    i, light, new, lengths, news, toned, small, farthest, curve, old, length, planes, across, down, lenses,
+    orthographic, gamma, frames, lock, stability, weight,
 ):  # fmt: skip
     """As `upscaled_rows`, one pixel."""
     b, y, x = pixel_of(i, new.shape[2], new.shape[3])
@@ -120,9 +120,10 @@ def upscaled_pixel(
     numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
     end, begin = x + 1, bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
     out = new[b, :, :, x:end], light[b, :, :, x:end], lengths[b, :, x:end], news[b, :, :, x:end]
-    there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic, curve[b], length[b], planes[b]
+    there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic
+    there = *there, curve[b], old[b], length[b], planes[b], np.float32(lock), y, x
     some = sums[:, : min(3, toned.shape[3] - begin)]
-    _upscaled_row(out, toned[b], (*there, np.float32(lock), y, x), (kept, now, some), numbers, begin)
+    _upscaled_row(out, toned[b], there, (kept, now, some), numbers, begin)
 
 
 upscaled_each = Each(upscaled_pixel)
@@ -134,7 +135,7 @@ def _upscaled_row(out, toned, there, scratch, numbers, begin):
 
     ``there`` is what `fetch_row` takes.
     """
-    (kept, now, sums), small, lens, across, down, y = scratch, there[0], there[2], there[3], there[4], there[10]
+    (kept, now, sums), small, lens, across, down, y = scratch, there[0], there[2], there[3], there[4], there[11]
     fetch_row(kept, *there)
     sums_row(sums, toned, down, y, begin)
     now_row(now, kept, sums, toned, across, down, lens[22] * lens[23], y, begin)

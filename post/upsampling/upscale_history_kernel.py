@@ -19,7 +19,7 @@ PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVER
 BETWEEN, IN_FRONT = np.float32(constants.BETWEEN), np.float32(1 - constants.IN_FRONT)
 STRAYS, FASTEST = np.float32(constants.STRAYS), np.float32(constants.FASTEST)
 STRETCH, TOLERANCE = np.float32(constants.STRETCH), np.float32(1 + constants.TOLERANCE)
-EDGE_ON = np.float32(constants.EDGE_ON)
+EDGE_ON, ALMOST = np.float32(constants.EDGE_ON), np.float32(constants.ALMOST)
 INDEX, TAPS, BOXES, LOCK, PLACE, AWAY, STEP, COUNTED = 0, 1, 4, 7, 8, 9, 10, 11
 """Rows of `axis_table`."""
 DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
@@ -128,10 +128,11 @@ def _between(plane, i, k, u, j, m, v):
 
 
 @scalar
-def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, length, planes, lock, y, first):
+def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, old, length, planes, lock, y, first):
     """History where each pixel was, and what is left of its locks; zero where the pixel was not seen.
 
-    ``kept`` and ``across`` are of the columns from ``first`` on.
+    ``kept`` and ``across`` are of the columns from ``first`` on. ``curve`` are the coefficients of the splines through
+    ``old``.
     """
     (_, height, width), (low_height, low_width) = curve.shape, farthest.shape
     for x in range(kept.shape[1]):
@@ -178,13 +179,19 @@ def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, le
                 react = _between(small[REACTIVE + c], i, k, s, j, m, t)
             kept[REACT + c, x], most = react, max(most, react)
         kept[SPARED, x] = lock * strength * (ONE - most)
+        x0 += 1 if u > ONE - ALMOST else 0
+        y0 += 1 if v > ONE - ALMOST else 0
+        west, east = bounded(x0, width), bounded(x0 + 1, width)
+        north, south = bounded(y0, height), bounded(y0 + 1, height)
         a, b, c, d = _cubic(u)
         e, f, g, h = _cubic(v)
         for n in range(3):
             r0, r1, r2, r3 = curve[n, ye], curve[n, yf], curve[n, yg], curve[n, yh]
-            kept[OLD + n, x] = (
+            read = (
                 e * (a * r0[xa] + b * r0[xb] + c * r0[xc] + d * r0[xd])
                 + f * (a * r1[xa] + b * r1[xb] + c * r1[xc] + d * r1[xd])
                 + g * (a * r2[xa] + b * r2[xb] + c * r2[xc] + d * r2[xd])
                 + h * (a * r3[xa] + b * r3[xb] + c * r3[xc] + d * r3[xd])
             )
+            p, q, r, s = old[n, north, west], old[n, north, east], old[n, south, west], old[n, south, east]
+            kept[OLD + n, x] = min(max(read, min(p, q, r, s)), max(p, q, r, s))

@@ -100,7 +100,7 @@ def upscaled_cpu(
     curve, light, new, lengths, news = (
         torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, old, length, kept)
     )
-    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, length[:, 0], kept
+    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, old, length[:, 0], kept
     numbers = orthographic, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
         image, smooth = old.flatten(0, 1), curve.flatten(0, 1)

@@ -16,7 +16,7 @@ from post.upsampling.accumulate import clipped, gathered, held, locked, mean_wei
 from post.upsampling.constants import BETWEEN, FASTEST, SLOW, STEADY, STRAYS, WIDER
 from post.upsampling.motion import upscaled_motion
 from post.upsampling.samples import Samples
-from post.upsampling.spline import spline_coefficients, spline_read
+from post.upsampling.spline import spline_coefficients, spline_read, without_overshoot
 
 
 class Small(NamedTuple):
@@ -72,7 +72,7 @@ def upscaled_reference(
     weight = weight / (1 + STRAYS * size_of(motion).clamp_max(FASTEST))
     locks = held(locks, depth, depth_before, motion)
     locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
-    old = spline_read(spline_coefficients(before.toned), there)
+    old = without_overshoot(spline_read(spline_coefficients(before.toned), there), before.toned, there)
 
     now = gathered(small.toned, at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)

@@ -51,10 +51,19 @@ def range_of(haze: Haze, directions: Tensor) -> Tensor:
 def haze_before(scene: Scene, directions: Tensor, hits: Hits) -> Air:
     """The air before what rays ``(B, H, W, 3)`` of a scene with haze hit."""
     assert scene.haze is not None
-    far = hits.t * _along_ground(directions)
-    share = ((far - scene.haze.begin) / (scene.haze.end - scene.haze.begin)).clamp(0.0, 1.0)
-    share = torch.where(hits.hit, share * share * (3 - 2 * share), 0.0)
+    share = _share(scene.haze, hits.t * _along_ground(directions))
+    share = torch.where(hits.hit, share, 0.0)
     return Air(share=share, light=sky_behind(scene, directions.permute(0, 3, 1, 2)))
+
+
+def haze_beyond(haze: Haze, first: Tensor, second: Tensor) -> Tensor:
+    """``(N,)`` share of what comes along a second way ``(N, 3)`` that is the air's, where a first leads from the eye.
+
+    Before both ways together lies as much air as before what is as far away.
+    """
+    near, far = _along_ground(first), _along_ground(second)
+    before = _share(haze, near)
+    return (_share(haze, near + far) - before) / (1 - before).clamp_min(1e-6)
 
 
 def sky_behind(scene: Scene, directions: Tensor) -> Tensor:
@@ -66,6 +75,12 @@ def sky_behind(scene: Scene, directions: Tensor) -> Tensor:
         height = directions[:, 1:2].clamp_min(HORIZON)
         directions = F.normalize(torch.cat([directions[:, :1], height, directions[:, 2:]], dim=1), dim=1)
     return sky_radiance(scene, directions)
+
+
+def _share(haze: Haze, far: Tensor) -> Tensor:
+    """Of light, what comes from the air before what is so far along the ground."""
+    share = ((far - haze.begin) / (haze.end - haze.begin)).clamp(0.0, 1.0)
+    return share * share * (3 - 2 * share)
 
 
 def _along_ground(directions: Tensor) -> Tensor:

@@ -123,6 +123,12 @@ def lobe_dims(bounces: int) -> int:
     return 6 + DIMS + 2 * MORE * bounces
 
 
+def specular_dims(bounces: int) -> tuple[int, int]:
+    """Which of the numbers of `lobes` give the direction of the specular ray: from the first to before the second."""
+    first = 3 + MORE * bounces
+    return first, first + 2
+
+
 def lobes(
     scene: Scene, at: Receivers, start: Vertices, u: Tensor, bounces: int, memory: Memory | None = None
 ) -> Values:
@@ -136,7 +142,7 @@ def lobes(
     sharp_sun, sharp_lamp = sharp(scene, start)
     given: dict[str, Any] = {"bounces": bounces - 1, "poses": at.poses}
     begun: dict[str, Any] = {"poses": at.poses, "inside": start.inside}
-    first = 3 + MORE * bounces
+    first, _ = specular_dims(bounces)
     directions, none = cosine_direction(start.normals, u[:2]), torch.zeros_like(sharp_sun)
     isect = intersect(scene, start.points, directions, u[2], **begun)
     even = ((1 - start.metallic) * start.opacity)[:, None]

@@ -14,7 +14,8 @@ from gbufrt import GBuffer
 from gbufrt.noise.noise import SLICES
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import batched
-from tracer.paths.integrators import DIRECT_DIMS, lobe_dims
+from tracer.paths.hazy import in_haze
+from tracer.paths.integrators import DIRECT_DIMS, lobe_dims, specular_dims
 from tracer.paths.memory import Memory
 from tracer.paths.op import lit, lobes
 from tracer.paths.receivers import Receivers, Sums, placed, receivers_of
@@ -67,8 +68,8 @@ def sample_light(
     One shadow ray goes to the sun and one to a lamp, and one path begins with a diffuse and one with a specular bounce;
     they go on as those of `tracer.path_trace`. Of sun and lamps, rough surfaces reflect what shadow rays bring.
     Emission of the surfaces themselves is not part of it: outgoing light is emission + albedo x diffuse + specular.
-    Light that waves reflect, fog and haze are not either. Of diffuse light, `post.Composite` takes off what a
-    dielectric reflects.
+    Light that waves reflect and fog are not either; haze is before what is reflected. Of diffuse light,
+    `post.Composite` takes off what a dielectric reflects.
 
     The numbers of a pixel depend on the pixel, ``index`` and ``seed`` alone: blue noise over the picture, an
     Owen-scrambled Sobol sequence over 128 frames. So samples can be replayed: given the G-buffer of an earlier frame
@@ -87,7 +88,7 @@ def sample_light(
         poses_then: as ``poses``, when the G-buffer was made, if the instances have moved since.
 
     Returns:
-        See `SampledLight`; the mean over many seeds is what `light_truth` returns.
+        See `SampledLight`; the mean over many seeds is what `light_truth` returns, which has no haze.
 
     Raises:
         ValueError: bounces is below 1, there is no albedo, or the poses do not fit.
@@ -126,7 +127,12 @@ def sample(
             memory = Memory(cache=cache, follows=follows[b].flatten()[at.pixels])
         sums, dims = light_sums(scene, bounces, memory)
         sequence = Sequence.of(SLICES, dims, size, seed=seed, device=gbuffer.camera.device)
-        rows = sums(at, sequence.part(range(number, number + 1)))
+        sequence = sequence.part(range(number, number + 1))
+        rows = sums(at, sequence)
+        if scene.haze is not None:
+            u = sequence.dims(DIRECT_DIMS).dims(*specular_dims(bounces)).draw(at.pixels)
+            eye = gbuffer.camera.position[b]
+            rows["specular"] = in_haze(scene, at.vertices, u, rows["specular"], rows["distance"][0], eye)
         met = rows.pop("met", None)
         if met is not None:
             brought += [met[:9, met[9] > 0].T, _own_samples(at, rows["indirect"])]

@@ -135,7 +135,9 @@ class SSGI(Pass):
     """
 
     reads = frozenset({"depth", "hit", "normal", "albedo", "radiance"})
-    optional = frozenset({"metallic", "emission", "ambient", "ao", "thickness", "motion", "motion_z", "object_id"})
+    optional = frozenset(
+        {"metallic", "emission", "ambient", "surface_sky", "ao", "thickness", "motion", "motion_z", "object_id"}
+    )
     writes = frozenset({"gi", "sky_visibility"})
 
     def __init__(
@@ -161,11 +163,22 @@ class SSGI(Pass):
         sweep |= {"directions": slices.slices_of(frame, self.directions, self.fresh), "index": frame.index}
         sweep |= {"hit": g.hit, "thickness": known_thickness(g, self.thickness)}
         once = {"distance": self.distance, "thickness": sweep["thickness"], "steps": self.steps}
-        light = sent_light(frame, **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
+        light = sent_light(_lit_from_above(frame), **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
         gather = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
         gi, sky, _ = gather(light=light)
         if self.bounces > 1 and starts(frame):
             every = all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
             gi = torch.where(nothing_before(frame), every, gi)
-        return frame.replace(gi=gi, sky_visibility=sky)
+        return frame.replace(gi=gi, sky_visibility=sky * _open_above(frame))
+
+
+def _open_above(frame: Frame) -> Tensor | float:
+    """Openness to the sky of a surface above, see `post.passes.light.submerged.Submerged`."""
+    share = frame.get("surface_sky")
+    return 1.0 if share is None else share
+
+
+def _lit_from_above(frame: Frame) -> Frame:
+    """The frame with as much light of the sky as comes through the surface above."""
+    return frame if frame.ambient is None else frame.replace(ambient=frame.ambient * _open_above(frame))

@@ -19,7 +19,7 @@ from tracer.gbuffers import gbuffer
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample_light
 from tracer.paths.sampled import sampled, sampled_with_cache
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Instance, Scene, Sky, Sun
+from tracer.scene.scene import Haze, Instance, Scene, Sky, Sun
 from tracer.scene.world import World
 from tracer.truth.path_tracer import path_trace
 from tracer.truth.truth import light_truth
@@ -220,3 +220,26 @@ def test_the_frame_before_needs_no_light():
     got = sampled(scene, now, before=unlit(scene, camera(), index=4))
     for name in ("replayed", "replayed_diffuse", "replayed_specular"):
         assert torch.equal(got.read(name), want.read(name))
+
+
+def test_mirrors_show_haze_before_what_is_far():
+    """A mirror before a black wall: what it shows of the wall is as grey as a wall as far away would be."""
+    table = MaterialTable.of(
+        [
+            Material(name="mirror", albedo=(1.0, 1.0, 1.0), roughness=0.0, metallic=1.0, variation=0.0),
+            Material(name="coal", albedo=(0.0, 0.0, 0.0), roughness=0.0, metallic=1.0, variation=0.0),
+        ]
+    )
+    boxes = ((1, (0, 0, 0), (60, 2, 60)), (2, (0, 2, 0), (60, 40, 1)))
+    world = replace(voxels.world((60, 40, 60), *boxes), materials=table)
+    haze = Haze(begin=30.0, end=70.0)  # behind all of the floor that is seen
+    scene = Scene(world=world, sun=None, sky=EVEN, haze=haze)
+    eye = Camera.look_at((30.0, 6.0, 50.0), (30.0, 2.0, 36.0), size=(10, 13), fov_y=10.0, far=200.0)
+    seen = gbuffer(scene, eye)
+    light = sample_light(scene, seen)
+    ways = eye.rays()[1].movedim(-1, 1)
+    x = (49.0 * ways[:, ::2].norm(dim=1, keepdim=True) / -ways[:, 2:3] - haze.begin) / (haze.end - haze.begin)
+    want = (x * x * (3 - 2 * x)) * torch.tensor(COLOR).view(1, 3, 1, 1)
+    assert float(want.min()) > 0.1
+    torch.testing.assert_close(light.specular, want, rtol=0, atol=2e-3)
+    assert float(sample_light(replace(scene, haze=None), seen).specular.max()) < 1e-4

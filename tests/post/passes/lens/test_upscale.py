@@ -103,6 +103,17 @@ def test_what_comes_into_sight_starts_anew():
     assert float((out.read("color") - 0.2).abs().amax(1, keepdim=True)[~near].max()) < 0.02
 
 
+def test_lamps_that_move_have_no_black_rings():
+    """All but a lamp is as dark as 0.2, in a room past which the camera moves."""
+    state, least = None, 1.0
+    for index in range(12):
+        frame = frame_at(SMALL, halton_jitter(index, length=32), STEP * index, STEP * max(index - 1, 0))
+        lamp = (frame.gbuffer.material_id == 4).expand(-1, 3, -1, -1)
+        out, state = Upscale(reactivity=0.0)(frame.replace(color=torch.where(lamp, 40.0, 0.2)), state)
+        least = min(least, float(out.read("color").min()))
+    assert least > 0.199
+
+
 def test_constant_stays_constant_and_bright_light_stays_bright():
     for value in (0.5, 3000.0):
         state, out = None, frame_at(SMALL, None)
