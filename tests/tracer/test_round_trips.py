@@ -14,7 +14,7 @@ from voxels import polished_scene
 
 from gbufrt import Camera, Frame
 from gbufrt.compute import resident
-from tracer import Waves, raining
+from tracer import Fog, Waves, raining
 from tracer.frames import render
 from tracer.gbuffers import layers
 from tracer.scene.material import Material, MaterialTable
@@ -59,7 +59,7 @@ def test_a_traced_frame(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def pond() -> Scene:
     """Water of two biomes before a wall that its waves light, half under a roof, with glass and a block that moves."""
-    swamp = Material(name="water of a swamp", opacity=0.5, tint=(0.4, 0.8, 0.9))
+    swamp = Material(name="water of a swamp", opacity=0.5, tint=(0.4, 0.8, 0.9), roughness=0.1)
     table = MaterialTable.of(
         [
             Material(name="stone"),
@@ -73,6 +73,7 @@ def pond() -> Scene:
         (voxels.STONE, (0, 0, 0), (24, 3, 24)), (voxels.STONE, (0, 3, 0), (24, 10, 2)), (0, (2, 1, 4), (22, 3, 22)),
         (voxels.WATER, (2, 1, 4), (12, 3, 22)), (5, (12, 1, 4), (22, 3, 22)), (voxels.STONE, (3, 7, 2), (8, 8, 24)),
         (voxels.GLASS, (14, 2, 8), (18, 6, 9)), (voxels.LAMP, (20, 4, 2), (21, 6, 3)),
+        (voxels.LAMP, (9, 5, 1), (10, 6, 2)),
     )  # fmt: skip
     block = voxels.world((2, 2, 2), (voxels.STONE, (0, 0, 0), (2, 2, 2)), table=table)
     moving = Instance(model=block, pose=lambda t: voxels.pose((16.0, 3.0 + t, 6.0), yaw=0.4))
@@ -83,6 +84,7 @@ def pond() -> Scene:
 WEATHER: dict[str, Callable[[Scene], Scene]] = {
     "waves": lambda scene: replace(scene, waves=Waves(amplitude=0.3, frequency=0.5)),
     "rain": lambda scene: raining(scene, 1.0),
+    "fog": lambda scene: replace(scene, fog=Fog(extinction=0.1, falloff=0.2, base=3.0)),
     "rain on waves": lambda scene: replace(raining(scene, 0.5), waves=Waves(amplitude=0.2)),
 }
 
@@ -119,10 +121,14 @@ def test_all_pixels_give_what_lists_of_pixels_give(kind: str, monkeypatch: pytes
     clear, wanted = frame_of(pond(), eyes, 2), frame_of(scene, eyes, 2)
     monkeypatch.setattr(resident, "waits", lambda tensor: True)
     found = frame_of(scene, eyes, 2)
-    assert (wanted.gbuffer.normal != clear.gbuffer.normal).any(1).float().mean() > 0.01
-    assert (wanted.read("radiance") - clear.read("radiance")).abs().mean() > 0.01
+    if "fog" in kind:
+        assert all(wanted.read(name).std() > 0.01 for name in ("fog_light", "fog_transmittance", "fog_mirrored"))
+    else:
+        assert (wanted.gbuffer.normal != clear.gbuffer.normal).any(1).float().mean() > 0.01
+        assert (wanted.read("radiance") - clear.read("radiance")).abs().mean() > 0.01
     for one, other in zip((found, found.behind), (wanted, wanted.behind), strict=True):
         assert one is not None
         assert other is not None
         for name in one.present:
-            torch.testing.assert_close(one.read(name), other.read(name), rtol=0, atol=0, msg=name)
+            atol = 1e-7 if name.startswith("fog") else 0  # rays are counted from the mean of all origins
+            torch.testing.assert_close(one.read(name), other.read(name), rtol=0, atol=atol, msg=name)
