@@ -39,10 +39,11 @@ def surface_rows(guide, plane, depth, normal, hit, roughness, lens, pose, parall
 
 @driver
 def unit_rows(out, vector, fallback, threads):
-    batch, _, height, _ = vector.shape
+    batch, _, height, width = vector.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
-            unit_row(out[row // height], vector[row // height], fallback[row // height], row % height)
+            b, y = row // height, row % height
+            unit_row(out[b], vector[b], fallback[b], y, 0, width)
 
 
 @driver

@@ -135,11 +135,11 @@ def edge_weights(weights, guide, plane, y, tap, edge):
 
 
 @scalar
-def unit_row(out, vector, fallback, y):
-    """A row of `post.filters.units.unit_vectors`."""
-    a, b, c = vector[0, y], vector[1, y], vector[2, y]
-    other_a, other_b, other_c = fallback[0, y], fallback[1, y], fallback[2, y]
-    new_a, new_b, new_c = out[0, y], out[1, y], out[2, y]
+def unit_row(out, vector, fallback, y, first, end):
+    """Pixels ``first`` to ``end`` of a row of `post.filters.units.unit_vectors`."""
+    a, b, c = vector[0, y, first:end], vector[1, y, first:end], vector[2, y, first:end]
+    other_a, other_b, other_c = fallback[0, y, first:end], fallback[1, y, first:end], fallback[2, y, first:end]
+    new_a, new_b, new_c = out[0, y, first:end], out[1, y, first:end], out[2, y, first:end]
     for x in range(a.shape[0]):
         size = math.sqrt(max(a[x] * a[x] + b[x] * b[x] + c[x] * c[x], TINY))
         points, size = size > SHORTEST, max(size, SHORTEST)

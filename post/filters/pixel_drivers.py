@@ -23,7 +23,7 @@ from post.filters.denoise_kernel import (
     wavelet_weight,
 )
 from post.filters.fxaa_kernel import edge_row, luma_of, smooth
-from post.filters.kernel import guide_row, surface_row
+from post.filters.kernel import guide_row, surface_row, unit_row
 from post.filters.weight_kernel import ZERO, Near, Taps, edge_weight, edge_with, near_row, weigh_further
 
 cuda: Any = numba.cuda
@@ -36,6 +36,12 @@ def surface_pixel(i, guide, plane, depth, normal, hit, roughness, lens, pose, pa
     b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
     channels = depth[b], normal[b], hit[b], roughness[b]
     surface_row(guide[b], plane[b], *channels, lens[b], pose[b], parallel, y, x, x + 1)
+
+
+@scalar
+def unit_pixel(i, out, vector, fallback):
+    b, y, x = pixel_of(i, out.shape[2], out.shape[3])
+    unit_row(out[b], vector[b], fallback[b], y, x, x + 1)
 
 
 @scalar
@@ -198,3 +204,4 @@ def stairs_pixel(i, out, luma, image, subpixel, edge_threshold, dark_threshold):
 luma_each, stairs_each = Each(luma_pixel), Each(stairs_pixel)
 surface_each, moments_each, wavelet_each = Each(surface_pixel), Each(moments_pixel), Each(wavelet_pixel)
 limits_each, bilateral_each = Each(limits_pixel), Each(bilateral_pixel)
+unit_each = Each(unit_pixel)

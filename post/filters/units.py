@@ -1,4 +1,5 @@
-"""Mean directions made unit vectors again, as a torch operator: a kernel on the CPU, else the torch reference."""
+"""Mean directions made unit vectors again, as a torch operator: kernels on the CPU and on CUDA, else the torch
+reference."""
 
 from __future__ import annotations
 
@@ -15,9 +16,13 @@ def unit_cpu(vector: Tensor, fallback: Tensor) -> Tensor:
     """See `unit_vectors`."""
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import unit_rows
+    from post.filters.pixel_drivers import unit_each
 
     out = torch.empty_like(vector, memory_format=torch.contiguous_format)
-    unit_rows(array(out), array(vector), array(fallback), threads())
+    if form_of(out, cuda=True) is Form.CUDA:
+        unit_each(out[:, 0].numel(), out, vector, fallback)
+    else:
+        unit_rows(array(out), array(vector), array(fallback), threads())
     return out
 
 
@@ -32,12 +37,12 @@ def unit_vectors(vector: Tensor, fallback: Tensor, *, compiled: bool | None = No
     Args:
         vector: of any length.
         fallback: as ``vector``.
-        compiled: see `gbufrt.compute.dispatch.form_of`; there is a kernel for the CPU alone.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
         As ``vector``.
     """
-    if form_of(vector, fallback, compiled=compiled) is Form.CPU:
+    if form_of(vector, fallback, compiled=compiled, cuda=True) is not Form.REFERENCE:
         return unit_cpu(vector, fallback)
     size = length(vector)
     return torch.where(size > SHORTEST, vector / size.clamp_min(SHORTEST), fallback)

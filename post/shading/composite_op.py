@@ -1,4 +1,5 @@
-"""The sum of all light, and what surfaces reflect as dielectrics, as torch operators: kernels on the CPU.
+"""The sum of all light, and what surfaces reflect as dielectrics, as torch operators: kernels on the CPU
+and on CUDA.
 
 The torch references run elsewhere and for gradients.
 """
@@ -19,10 +20,13 @@ from post.shading.composite_reference import specular_reference, sum_reference
 def sum_cpu(light: list[Tensor], physical: bool, of_gi: float, of_reflection: float) -> Tensor:
     """``(B, 3, H, W)``. See `sum_light`; ``light`` in the order of its arguments, without planes where absent."""
     from gbufrt.compute.kernel import array, threads
-    from post.shading.composite_drivers import sum_rows
+    from post.shading.composite_drivers import sum_each, sum_rows
 
-    out = torch.empty_like(light[0], memory_format=torch.contiguous_format)
-    sum_rows(array(out), tuple(map(array, light)), physical, of_gi, of_reflection, threads())
+    out, factors = torch.empty_like(light[0], memory_format=torch.contiguous_format), (of_gi, of_reflection)
+    if form_of(out, cuda=True) is Form.CUDA:
+        sum_each(out[:, 0].numel(), out, tuple(light), physical, *factors)
+    else:
+        sum_rows(array(out), tuple(map(array, light)), physical, *factors, threads())
     return out
 
 
@@ -67,7 +71,8 @@ def sum_light(
     (batch, colors, *size), none = radiance.shape, radiance.new_empty(radiance.shape[0], 0, 0, 0)
     planes = (colors, colors, colors, 1, colors, colors, colors, 1)
     fits = all(t is None or t.shape == (batch, n, *size) for t, n in zip(given, planes, strict=True))
-    if form_of(*given, *intensities, compiled=compiled) is not Form.CPU or not fits or intensities[0] != 1:
+    form = form_of(*given, *intensities, compiled=compiled, cuda=True)
+    if form is Form.REFERENCE or not fits or intensities[0] != 1:
         return sum_reference(*given, physical, intensities)
     return sum_cpu([none if t is None else t for t in given], physical, *map(float, intensities[1:]))
 
@@ -78,11 +83,14 @@ def specular_cpu(
 ) -> Tensor:
     """``(B, 1, H, W)``. See `specular_albedo`; an absent roughness has no planes, ``pose`` is ``(B, 3, 3)``."""
     from gbufrt.compute.kernel import array, threads
-    from post.shading.composite_drivers import specular_rows
+    from post.shading.composite_drivers import specular_each, specular_rows
 
     out = normal.new_empty(normal.shape[0], 1, *normal.shape[2:])
-    given = (normal, hit[:, 0], roughness, lens, pose, table)
-    specular_rows(array(out[:, 0]), *map(array, given), parallel, threads())
+    given = (out[:, 0], normal, hit[:, 0], roughness, lens, pose, table)
+    if form_of(out, cuda=True) is Form.CUDA:
+        specular_each(out.numel(), *given, parallel)
+    else:
+        specular_rows(*map(array, given), parallel, threads())
     return out
 
 
@@ -105,7 +113,7 @@ def specular_albedo(gbuffer: GBuffer, *, compiled: bool | None = None) -> Tensor
     """
     g = gbuffer
     lens, pose = g.camera.lens.to(g.depth), g.camera.world_from_view[:, :3, :3].to(g.depth)
-    if form_of(g.depth, g.normal, g.roughness, lens, pose, compiled=compiled) is not Form.CPU:
+    if form_of(g.depth, g.normal, g.roughness, lens, pose, compiled=compiled, cuda=True) is Form.REFERENCE:
         return specular_reference(g)
     rough, table = g.depth[:, :0] if g.roughness is None else g.roughness, resident(directional_albedo_table, g.depth)
     return specular_cpu(g.normal, g.hit, rough, lens, pose, table, g.camera.orthographic)

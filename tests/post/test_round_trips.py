@@ -11,13 +11,15 @@ from torch import Tensor
 
 from gbufrt.compute.resident import number, numbers, places, resident, sent
 from gbufrt.specimen import specimen
-from post import me1
+from post import me1, with_fog
 
 
-@pytest.mark.parametrize(("preset", "captured"), [("low", False), ("high", True)])
-def test_a_steady_frame(preset: str, captured: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("preset", "captured", "foggy"), [("low", False, False), ("high", True, False), ("low", True, True)]
+)
+def test_a_steady_frame(preset: str, captured: bool, foggy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """In frames that a graph may capture, their number lies on the GPU."""
-    pipeline, frame = me1(preset), specimen()
+    pipeline, frame = with_fog(me1(preset)) if foggy else me1(preset), specimen()
     with torch.no_grad():
         _, first = pipeline(frame)
         _, second = pipeline(frame.replace(index=1), first)

@@ -20,6 +20,7 @@ from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.regression import fitted, with_places
 from post.filters.surfaces import surface
+from post.filters.units import unit_vectors
 from post.history.op import accumulate, anti_alias
 from post.history.read import read_history
 from post.lens.op import blur_alike, reconstruct
@@ -28,6 +29,7 @@ from post.passes.lens.depth_of_field import depth_of_field
 from post.passes.lens.upscale import upscale
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
+from post.shading.composite_op import specular_albedo, sum_light
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies
 from post.upsampling.op import upsample
@@ -65,6 +67,7 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
         for name, value in {
             **found,
             **of_pixels(frame),
+            **of_sums(frame),
             **of_filters(frame),
             **of_lens(frame),
             **of_upscale(device),
@@ -91,6 +94,23 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
         "back": bodies(g.depth, g.hit, g.depth + 0.3),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
         "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
+    }
+
+
+def of_sums(frame: Frame) -> dict[str, Tensor]:
+    """All light of surfaces together, with each part and with one alone; what they reflect; and unit vectors."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    grain = noise(light)
+    mirrored, tilted = specular_albedo(g.replace(roughness=1.2 * grain[:, :1] - 0.1)), grain[:, 1:4] - 0.5
+    parts = light / 3, grain[:, :3] / 5, 1.3 * grain[:, 3:4], light.flip(3), grain[:, 2:], light.flip(2), mirrored
+    none = (None,) * 4
+    formulas = [{"physical": physical, "intensities": (1.0, 0.7, 1.4)} for physical in (False, True)]
+    return {
+        "sum": sum_light(light, *parts, **formulas[1]),
+        "sum of seed": sum_light(light, *parts, **formulas[0]),
+        "sum of few": sum_light(light, None, None, parts[2], *none, **formulas[1]),
+        "specular": mirrored,
+        "units": unit_vectors(torch.where(grain[:, 4:] > 0.8, 0.0, tilted), g.normal),
     }
 
 

@@ -64,11 +64,12 @@ def waters(device: str | torch.device = "cpu") -> dict[str, Tensor]:
         torch.cat([place - 0.4, torch.full_like(place[:, :1], -1.0)], 1)[:, [0, 2, 1]], dim=1
     )
     begin = -2.0 / ways[:, 1]
+    end = begin + 0.4 * place[:, 0]
     walls = torch.stack([9 * place[:, 0], 4.5 + 2 * place[:, 1], torch.full_like(begin, 1.0)], dim=1)
     facing, level = torch.tensor([[0.0, 0.0, 1.0]]).repeat(len(walls), 1), torch.full_like(begin, 3.8)
     sun = torch.nn.functional.normalize(torch.tensor([0.25, 0.6, 0.75]), dim=0)
     return {
-        "waves": meet_waves(field, *(t.to(device) for t in (origins, ways, begin, begin + 0.4 * place[:, 0]))),
+        "waves": meet_waves(field, *(t.to(device) for t in (origins, ways, begin, end, level > 0))),
         "caustics": focus(field, *(t.to(device) for t in (walls, facing, level, sun))),
     }
 

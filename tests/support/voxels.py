@@ -26,12 +26,17 @@ EVEN = (0.5, 0.6, 0.7)
 DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
 
 
-def world(size: tuple[int, int, int], *boxes: tuple[int, tuple[int, int, int], tuple[int, int, int]], **kw) -> World:
+def world(
+    size: tuple[int, int, int],
+    *boxes: tuple[int, tuple[int, int, int], tuple[int, int, int]],
+    table: MaterialTable = TABLE,
+    **kw,
+) -> World:
     """A grid of ``size`` with boxes of (id, low corner, high corner) in it."""
     voxels = torch.zeros(size, dtype=torch.int16)
     for voxel, low, high in boxes:
         voxels[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = voxel
-    return World.from_dense(voxels, TABLE, **kw)
+    return World.from_dense(voxels, table, **kw)
 
 
 def above(*, size: tuple[int, int] = (8, 8), span: float = 4.0, height: float = 30.0) -> Camera:

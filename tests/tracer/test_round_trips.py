@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
 import torch
+import voxels
 from gpu_stand_in import GPU, gpu
 from voxels import polished_scene
 
-from gbufrt import Camera
+from gbufrt import Camera, Frame
+from gbufrt.compute import resident
+from tracer import Fog, Waves, raining
 from tracer.frames import render
 from tracer.gbuffers import layers
-from tracer.scene.scene import Haze, Scene
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.scene import Haze, Instance, Scene, Sun
 from tracer.scene.textures import COLUMNS, TILT, Textures, with_mips
 
 
@@ -50,3 +55,80 @@ def test_a_traced_frame(monkeypatch: pytest.MonkeyPatch) -> None:
         assert wanted.hit.float().std() > 0.1
         for name in wanted.present:
             torch.testing.assert_close(getattr(layer, name), getattr(wanted, name), msg=name)
+
+
+def pond() -> Scene:
+    """Water of two biomes before a wall that its waves light, half under a roof, with glass and a block that moves."""
+    swamp = Material(name="water of a swamp", opacity=0.5, tint=(0.4, 0.8, 0.9), roughness=0.1)
+    table = MaterialTable.of(
+        [
+            Material(name="stone"),
+            Material(name="glass", opacity=0.25, tint=(0.9, 0.7, 0.5)),
+            Material(name="water", opacity=0.5, tint=(0.4, 0.8, 0.9)),
+            Material(name="lamp", emission=(4.0, 3.0, 2.0)),
+            swamp,
+        ]
+    )
+    boxes = (
+        (voxels.STONE, (0, 0, 0), (24, 3, 24)), (voxels.STONE, (0, 3, 0), (24, 10, 2)), (0, (2, 1, 4), (22, 3, 22)),
+        (voxels.WATER, (2, 1, 4), (12, 3, 22)), (5, (12, 1, 4), (22, 3, 22)), (voxels.STONE, (3, 7, 2), (8, 8, 24)),
+        (voxels.GLASS, (14, 2, 8), (18, 6, 9)), (voxels.LAMP, (20, 4, 2), (21, 6, 3)),
+        (voxels.LAMP, (9, 5, 1), (10, 6, 2)),
+    )  # fmt: skip
+    block = voxels.world((2, 2, 2), (voxels.STONE, (0, 0, 0), (2, 2, 2)), table=table)
+    moving = Instance(model=block, pose=lambda t: voxels.pose((16.0, 3.0 + t, 6.0), yaw=0.4))
+    world = voxels.world((24, 12, 24), *boxes, table=table)
+    return Scene(world=world, instances=(moving,), sun=Sun(direction=(0.25, 0.6, 0.75)))
+
+
+WEATHER: dict[str, Callable[[Scene], Scene]] = {
+    "waves": lambda scene: replace(scene, waves=Waves(amplitude=0.3, frequency=0.5)),
+    "rain": lambda scene: raining(scene, 1.0),
+    "fog": lambda scene: replace(scene, fog=Fog(extinction=0.1, falloff=0.2, base=3.0)),
+    "rain on waves": lambda scene: replace(raining(scene, 0.5), waves=Waves(amplitude=0.2)),
+}
+
+
+def frame_of(scene: Scene, eyes: list[Camera], n: int) -> Frame:
+    """The ``n``-th frame of the pond."""
+    before = max(n - 1, 0)
+    moments: dict[str, Any] = {"time": 0.2 * n, "previous_time": 0.2 * before, "index": n}
+    return render(scene, eyes[n], previous_camera=eyes[before], light_samples=4, **moments)
+
+
+def views(size: tuple[int, int]) -> list[Camera]:
+    """Of the pond, from three places."""
+    return [Camera.look_at((11.5 + 0.3 * n, 4.0, 11.0), (11.5, 3.2, 5.0), size=size, fov_y=70) for n in range(3)]
+
+
+@pytest.mark.parametrize("kind", WEATHER)
+def test_weather(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, launches = WEATHER[kind](pond()), []
+    with gpu(monkeypatch) as seen:
+        there, eyes = scene.to(GPU), [eye.to(GPU) for eye in views((12, 16))]
+        for n in range(3):
+            seen.clear()
+            frame_of(there, eyes, n)
+            assert n == 0 or not seen.waits
+            launches.append(list(seen.launches))
+    assert launches[1] == launches[2], "a frame launches the same whatever it shows"
+
+
+@pytest.mark.parametrize("kind", WEATHER)
+def test_all_pixels_give_what_lists_of_pixels_give(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a GPU does it, by the kernels of the CPU."""
+    scene, eyes = WEATHER[kind](pond()), views((48, 64))
+    clear, wanted = frame_of(pond(), eyes, 2), frame_of(scene, eyes, 2)
+    monkeypatch.setattr(resident, "waits", lambda tensor: True)
+    found = frame_of(scene, eyes, 2)
+    if "fog" in kind:
+        assert all(wanted.read(name).std() > 0.01 for name in ("fog_light", "fog_transmittance", "fog_mirrored"))
+    else:
+        assert (wanted.gbuffer.normal != clear.gbuffer.normal).any(1).float().mean() > 0.01
+        assert (wanted.read("radiance") - clear.read("radiance")).abs().mean() > 0.01
+    for one, other in zip((found, found.behind), (wanted, wanted.behind), strict=True):
+        assert one is not None
+        assert other is not None
+        for name in one.present:
+            atol = 1e-7 if name.startswith("fog") else 0  # rays are counted from the mean of all origins
+            torch.testing.assert_close(one.read(name), other.read(name), rtol=0, atol=atol, msg=name)

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer
+from gbufrt.compute.resident import waits
 from gbufrt.directions import length
 from gbufrt.noise.noise import blue_noise
 from gbufrt.reduction import every_nth
@@ -33,7 +34,7 @@ def foggy(scene: Scene, frame: Frame, *, poses: Tensor, index: int = 0) -> Frame
     poses = batched(poses, frame.gbuffer.batch, len(scene.instances))
     lit = _with_light(scene, frame, zero, distances(frame.gbuffer), poses, index, 0)
     small = every_nth(frame, STRIDE).gbuffer
-    if small.roughness is not None and bool((small.hit & (small.roughness <= MIRROR)).any()):
+    if small.roughness is not None and (waits(zero) or bool((small.hit & (small.roughness <= MIRROR)).any())):
         lit = lit.replace(fog_mirrored=_mirrored(scene, small, poses, index))
     behind = frame.behind
     if behind is None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import places
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.segments import Segments, phase
 from tracer.lights.spherical_rectangle import rectangle_points
@@ -98,7 +99,7 @@ class LampsAlong:
         if self.which is not None:
             which = self.which.gather(1, place)
             often = CANDIDATES * table.power[which.T.flatten()]  # Talbot, Cline and Egbert 2005
-        which = which.T.flatten()
+        which = torch.where(share > 0, which.T.flatten(), 0)
         rays = self.segments.of(torch.arange(count, device=u.device).repeat(place.shape[1]))
         middle, off, low, high = (x[:, 0] for x in _reach(table, rays, which[:, None]))
         first, last = (_turned(self.turns, _angle(t, middle, off)) for t in (low, high))
@@ -116,9 +117,12 @@ class LampsAlong:
 
 
 def _shared(ray: Segments, alike: Tensor) -> tuple[Tensor, Segments]:
-    """``(N,)`` the group of each ray, and a ray for each group: its first, as long as all of them."""
-    _, group, count = torch.unique_consecutive(alike, return_inverse=True, return_counts=True)
-    one = ray.of(count.cumsum(0) - count)
+    """``(N,)`` the group of each ray, and a ray for each group: its first, as long as all of them.
+
+    On a GPU as many rays are weighed as there might be groups.
+    """
+    begins = torch.cat([torch.ones_like(alike[:1], dtype=torch.bool), alike[1:] != alike[:-1]])
+    group, one = begins.cumsum(0) - 1, ray.of(places(begins)[0])
     begin = one.begin.scatter_reduce(0, group, ray.begin, "amin")
     return group, replace(one, begin=begin, end=one.end.scatter_reduce(0, group, ray.end, "amax"))
 

@@ -18,6 +18,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import numbers, places, resident_on
 from gbufrt.directions import tangent_frame
 from tracer.lights.along import LampsAlong
 from tracer.lights.emitters import lamps_of
@@ -76,7 +77,7 @@ def scattered(
     taken = 1 - passes(fog, segments)
     blocks = _blocks(size, SHARED if coherent else 1, taken.device)
     order = blocks.argsort(stable=True)
-    order = order[taken[order] > NOTHING]
+    order = order[places(taken[order] > NOTHING)]
     if not len(order):
         return light
     table = LampTable.of(lamps_of(scene, poses), (0, 0, 0), (1, 1, 1))
@@ -86,22 +87,23 @@ def scattered(
         found, more = torch.zeros_like(light), steps.most - steps.first
         for part in order.split(WIDE):
             rays = _March(scene, fog, segments.of(part), taken[part], poses)
-            found[part] = add(rays, u[dims, part], range(index * steps.first, (index + 1) * steps.first), blocks[part])
-        uneven = _uneven(found.mean(dim=1).view(size), taken.view(size))
+            some = add(rays, u[dims, part], range(index * steps.first, (index + 1) * steps.first), blocks[part])
+            found[part] = torch.where(taken[part, None] > NOTHING, some, 0.0)
+        uneven, differ = _uneven(found.mean(dim=1).view(size), taken.view(size))
         for part in uneven.split(WIDE) if len(uneven) else ():
             rays = _March(scene, fog, segments.of(part), taken[part], poses)
             rest = add(rays, u[dims, part], range(-(index + 1) * more, -index * more), None)
-            found[part] = torch.lerp(found[part], rest, more / steps.most)
+            found[part] = torch.where(differ[part, None], torch.lerp(found[part], rest, more / steps.most), found[part])
         return found
 
     sun, sky = scene.sun, SkyTable.of(scene)
     if sun is not None:
-        light += march(lambda rays, u, numbers, _: rays.sun(sun, u, numbers), SUN, slice(0, 3))
+        light += march(lambda rays, u, steps, _: rays.sun(sun, u, steps), SUN, slice(0, 3))
     if sky is not None:
-        light += march(lambda rays, u, numbers, _: rays.sky(sky, u, numbers), SKY, slice(3, 6))
+        light += march(lambda rays, u, steps, _: rays.sky(sky, u, steps), SKY, slice(3, 6))
     if len(table):
-        light += march(lambda rays, u, numbers, alike: rays.lamps(table, u, numbers, alike), LAMPS, slice(6, 10))
-    return light * light.new_tensor(fog.albedo)
+        light += march(lambda rays, u, steps, alike: rays.lamps(table, u, steps, alike), LAMPS, slice(6, 10))
+    return light * numbers((fog.albedo,), light)[0]
 
 
 def _blocks(size: tuple[int, ...], side: int, device: torch.device) -> Tensor:
@@ -110,8 +112,8 @@ def _blocks(size: tuple[int, ...], side: int, device: torch.device) -> Tensor:
     return (rows[:, None] * -(-size[1] // side) + columns).flatten()
 
 
-def _uneven(light: Tensor, taken: Tensor) -> Tensor:
-    """Pixels around which light differs most, by what fog takes at each.
+def _uneven(light: Tensor, taken: Tensor) -> tuple[Tensor, Tensor]:
+    """Pixels around which light differs most, by what fog takes at each; and ``(H * W,)`` bool, where it does.
 
     A pixel's own light has no part in that: were more steps taken where the first saw something, the mean would be off.
     """
@@ -120,7 +122,7 @@ def _uneven(light: Tensor, taken: Tensor) -> Tensor:
     mean, square = around[1:] / around[0].clamp_min(1)
     spread = ((square - mean * mean).clamp_min(0).sqrt() * taken).flatten()
     worst, where = spread.topk(math.ceil(len(spread) * UNEVEN))
-    return where[worst > 0]
+    return where[places(worst > 0)], spread > 0
 
 
 def _ring(like: Tensor) -> Tensor:
@@ -137,31 +139,32 @@ class _March:
     taken: Tensor
     poses: Tensor
 
-    def sun(self, sun: Sun, noise: Tensor, numbers: range) -> Tensor:
-        toward = F.normalize(noise.new_tensor([sun.direction]), dim=1)
+    def sun(self, sun: Sun, noise: Tensor, steps: range) -> Tensor:
+        toward = F.normalize(numbers((sun.direction,), noise), dim=1)
         across, other = tangent_frame(toward)
         sine, light = math.sin(math.radians(sun.angular_radius)), 0.0
-        for rays, u in self._steps(noise, numbers):
+        irradiance = numbers((sun.irradiance,), noise)[0]
+        for rays, u in self._steps(noise, steps):
             x, y = disc(u[1:])[:, :, None] * sine
             ways = across * x + other * y + toward * (1 - x * x - y * y).sqrt()
             light = light + self._sum(rays._seen(rays._place(u[0]), ways))
         share = phase(self.fog, self.segments.directions @ toward[0])
-        return light * share[:, None] * noise.new_tensor(sun.irradiance) / len(numbers)
+        return light * share[:, None] * irradiance / len(steps)
 
-    def sky(self, table: SkyTable, noise: Tensor, numbers: range) -> Tensor:
+    def sky(self, table: SkyTable, noise: Tensor, steps: range) -> Tensor:
         light = torch.zeros_like(self.segments.origins)
-        for rays, u in self._steps(noise, numbers):
+        for rays, u in self._steps(noise, steps):
             points, onward = rays._place(u[0]), rays.segments.directions
             for ways in (phase_direction(self.fog, onward, u[1:]), table.sample(u[1:])[0]):
                 share = phase(self.fog, (ways * onward).sum(1))
                 share = share / (share + table.density_of(ways))  # both know peaks of their own
                 light = light + self._sum(rays._seen(points, ways) * sky_along(self.scene, ways) * share[:, None])
-        return light / len(numbers)
+        return light / len(steps)
 
-    def lamps(self, table: LampTable, noise: Tensor, numbers: range, alike: Tensor | None) -> Tensor:
+    def lamps(self, table: LampTable, noise: Tensor, steps: range, alike: Tensor | None) -> Tensor:
         light = torch.zeros_like(self.segments.origins)
         known = LampsAlong.of(table, self.segments, self.fog, alike=alike) if len(table) <= FEW else None
-        for rays, u in self._steps(noise, numbers):
+        for rays, u in self._steps(noise, steps):
             along = known or LampsAlong.of(table, rays.segments, self.fog, u[0] * 7919 % 1)
             drawn, (height, rise) = along.draw(u), rays.segments.entry()
             far = drawn.away.norm(dim=1).clamp_min(1e-6)
@@ -172,11 +175,11 @@ class _March:
             weight = weight * (-depth).exp() / rays.taken
             seen = rays._seen(drawn.points, ways, (far - SHORT).clamp_min(0))
             light = light + self._sum(seen * weight[:, None] * drawn.light)
-        return light / len(numbers)
+        return light / len(steps)
 
-    def _steps(self, noise: Tensor, numbers: range) -> Iterator[tuple[_March, Tensor]]:
+    def _steps(self, noise: Tensor, steps: range) -> Iterator[tuple[_March, Tensor]]:
         """As many steps at a time as there is room for: rays once for each, and their ``(D, S * N)`` in [0, 1)."""
-        points, count = _points(noise, numbers), len(self.taken)
+        points, count = _points(noise, steps), len(self.taken)
         for u in points.split(max(1, WIDE // count), dim=1):
             index = torch.arange(count, device=u.device).repeat(u.shape[1])
             yield replace(self, segments=self.segments.of(index), taken=self.taken[index]), u.flatten(1)
@@ -191,11 +194,12 @@ class _March:
         return self.segments.points(self.segments.begin + t.minimum(self.segments.length()))
 
     def _seen(self, points: Tensor, ways: Tensor, far: Tensor | float = torch.inf) -> Tensor:
+        far = torch.where(self.taken > NOTHING, far, 0.0)
         return transmission(self.scene, points, ways, poses=self.poses, t_max=far)
 
 
-def _points(noise: Tensor, numbers: range) -> Tensor:
-    """``(D, S, N)`` in [0, 1) for S numbers: one additive sequence over steps and frames.
+def _points(noise: Tensor, steps: range) -> Tensor:
+    """``(D, S, N)`` in [0, 1) for S steps: one additive sequence over steps and frames.
 
     The first number, by which most light differs, goes by the golden ratio, which no other ratio spreads better.
 
@@ -204,6 +208,7 @@ def _points(noise: Tensor, numbers: range) -> Tensor:
     dims, ratio = len(noise), 2.0
     for _ in range(30):
         ratio = (1 + ratio) ** (1 / dims)
-    turns = [GOLDEN, *(ratio ** -(d + 1) for d in range(dims - 1))]
-    shifts = noise.new_tensor([[[number * turn % 1] for number in numbers] for turn in turns])
-    return ((noise[:, None] + shifts) % 1.0).clamp_max(BELOW_ONE)
+    turns = (GOLDEN, *(ratio ** -(d + 1) for d in range(dims - 1)))
+    number = torch.arange(steps.start, steps.stop, dtype=torch.float64, device=noise.device)
+    shifts = resident_on(noise.device, turns, torch.float64)[:, None] * number % 1
+    return ((noise[:, None] + shifts.to(noise)[..., None]) % 1.0).clamp_max(BELOW_ONE)

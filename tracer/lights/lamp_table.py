@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import numbers, places
 from tracer.lights.emitters import Lamps
 
 CELL = 8.0  # side of the cells that share a choice of lamps, world units; doubled until there are few cells
@@ -54,12 +55,15 @@ class LampTable:
 
     @staticmethod
     def of(lamps: Lamps, low: tuple[int, int, int], high: tuple[int, int, int]) -> LampTable:
-        """The table over a box; points outside use its nearest cell."""
-        used = lamps.edge_u.abs().sum(dim=2) > 0
-        radiance = lamps.radiance[:, None].expand(-1, used.shape[1], -1)[used]
-        places = _places(lamps)
-        corner = places["corner"]
-        power = places["area"] * radiance.mean(dim=1)
+        """The table over a box; points outside use its nearest cell.
+
+        On a GPU it has room for as many rectangles of each lamp as one has; those that are none come last.
+        """
+        used = _used(lamps)
+        radiance = lamps.radiance[:, None].expand(-1, lamps.corner.shape[1], -1)[used]
+        rectangles = _rectangles(lamps, used)
+        corner = rectangles["corner"]
+        power = rectangles["area"] * radiance.mean(dim=1)
         cell = CELL
         while True:
             shape = tuple(max(1, -int(-(b - a) // cell)) for a, b in zip(low, high, strict=True))
@@ -67,12 +71,12 @@ class LampTable:
                 break
             cell *= 2
         table = LampTable(
-            **places,
+            **rectangles,
             radiance=radiance,
             slots=torch.zeros(0, SLOTS, dtype=torch.int32, device=corner.device),
             counts=torch.zeros(0, SLOTS, dtype=torch.int16, device=corner.device),
             shape=(shape[0], shape[1], shape[2]),
-            low=torch.tensor(low, dtype=torch.float32, device=corner.device),
+            low=numbers((low,), corner.float())[0],
             cell=cell,
             power=power / power.sum().clamp_min(1e-30),
         )
@@ -80,7 +84,7 @@ class LampTable:
 
     def moved(self, lamps: Lamps) -> LampTable:
         """The same table with the lamps in other places; the probabilities stay."""
-        return replace(self, **_places(lamps))
+        return replace(self, **_rectangles(lamps, _used(lamps)))
 
     def with_slots(self) -> LampTable:
         """The same with its slots filled."""
@@ -158,9 +162,13 @@ class LampTable:
         return self.power[candidates] * above.clamp_min(0) * rise / (square + near).square()
 
 
-def _places(lamps: Lamps) -> dict[str, Tensor]:
+def _used(lamps: Lamps) -> tuple[Tensor, ...]:
+    """Where lamps have rectangles."""
+    return places(lamps.edge_u.abs().sum(dim=2) > 0)
+
+
+def _rectangles(lamps: Lamps, used: tuple[Tensor, ...]) -> dict[str, Tensor]:
     """Corner, edges, normal and area of all rectangles."""
-    used = lamps.edge_u.abs().sum(dim=2) > 0
     corner, edge_u, edge_v = lamps.corner[used], lamps.edge_u[used], lamps.edge_v[used]
     outward = torch.linalg.cross(edge_u, edge_v)
     area = outward.norm(dim=1)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import torch
 from torch import Tensor
 
 from gbufrt.environment import environment_solid_angles
 from tracer.lights.sky import environment
-from tracer.scene.scene import Scene
+from tracer.scene.scene import Scene, Sky, Sun
 
 CELLS = (32, 64)  # of a lat-long picture; within each, all directions are equally likely
+_known: WeakKeyDictionary[Sky, tuple[Sun | None, torch.device, SkyTable | None]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,7 +31,15 @@ class SkyTable:
 
     @staticmethod
     def of(scene: Scene) -> SkyTable | None:
-        """The table of a scene; None where the sky is black."""
+        """The table of a scene; None where the sky is black. It is kept, because the host has to ask whether it is."""
+        sun, device, table = _known.get(scene.sky, (None, None, None))
+        if device != scene.world.device or sun is not scene.sun:
+            table = SkyTable._made(scene)
+            _known[scene.sky] = scene.sun, scene.world.device, table
+        return table
+
+    @staticmethod
+    def _made(scene: Scene) -> SkyTable | None:
         light = environment(scene, size=CELLS).mean(dim=1).flatten()
         angles = environment_solid_angles(CELLS, device=light.device).expand(1, 1, *CELLS).flatten()
         total = (light * angles).sum()

@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import numbers, places
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW, Scene
 from tracer.traversal.rays import trace, transmission
 from tracer.weather import reference
@@ -42,24 +43,29 @@ def caustics(
     arrived = torch.zeros_like(points)
     if scene.sun is None or scene.waves is None or scene.waves.caustics == 0.0:
         return arrived
-    sun = F.normalize(points.new_tensor(scene.sun.direction), dim=0)
-    if float(sun[1]) < LOWEST or not any(scene.sun.irradiance):
+    x, y, z = F.normalize(torch.tensor(scene.sun.direction, dtype=points.dtype), dim=0).tolist()
+    if y < LOWEST or not any(scene.sun.irradiance):
         return arrived
-    down = sun * sun.new_tensor([1.0, -1.0, 1.0])
-    rows = (lit & (normals @ down > 1e-3)).nonzero()[:, 0]
+    sun, down, irradiance = numbers(((x, y, z), (x, -y, z), scene.sun.irradiance), points)
+    above = lit & (normals @ down > 1e-3)
+    rows = places(above)[0]
     ways = down.expand(len(rows), 3)
-    hits = trace(scene, points[rows], ways, poses=poses, mask=MASK_SECONDARY, t_max=scene.waves.caustics)
+    reach = torch.where(above[rows], scene.waves.caustics, 0.0)  # rays of no length hit nothing
+    hits = trace(scene, points[rows], ways, poses=poses, mask=MASK_SECONDARY, t_max=reach)
     top = hits.hit & ~hits.back_face & (hits.face == TOP) & (hits.instance == 0)
     top = top & scene.materials.water[hits.material.long()]
-    rows, places = rows[top], (points[rows] + ways * torch.where(top, hits.t, 0.0)[:, None])[top]
-    levels = places[:, 1].round()
-    begin = torch.stack([places[:, 0], levels + LIFT, places[:, 2]], dim=-1)
-    sees = transmission(scene, begin, sun.expand_as(begin), poses=poses, mask=MASK_SHADOW)
-    seen = sees.amax(dim=1) > 0
-    rows, levels, sees = rows[seen], levels[seen] - scene.waves.amplitude, sees[seen]
+    here = places(top)[0]
+    rows, at = rows[here], (points[rows] + ways * torch.where(top, hits.t, 0.0)[:, None])[here]
+    levels, top = at[:, 1].round(), top[here]
+    begin = torch.stack([at[:, 0], levels + LIFT, at[:, 2]], dim=-1)
+    reach = torch.where(top, torch.inf, 0.0)
+    sees = transmission(scene, begin, sun.expand_as(begin), poses=poses, mask=MASK_SHADOW, t_max=reach)
+    seen = top & (sees.amax(dim=1) > 0)
+    here = places(seen)[0]
+    rows, levels, sees = rows[here], torch.where(seen, levels - scene.waves.amplitude, -torch.inf)[here], sees[here]
     water = Water.of(scene.waves, time, eye)
     share = _focused(water, points[rows], normals[rows], levels, sun)
-    arrived[rows] = share[:, None] * sees * points.new_tensor(scene.sun.irradiance)
+    arrived[rows] = share[:, None] * sees * irradiance
     return arrived
 
 

@@ -15,17 +15,17 @@ meet_each, focused_each = Each(kernel.meet), Each(kernel.focused)
 
 def meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor) -> Tensor:
     """See `tracer.weather.reference.meet`."""
-    found, waves, eye = torch.empty_like(t), water.waves, water.eye.tolist()
+    found, waves = torch.empty_like(t), water.waves
     rays = [x.contiguous() for x in (origins, directions, t, end)]
     numbers = waves.amplitude, waves.frequency, water.shift
-    meet_each(len(t), *rays, water.lattice.numbers, eye[0], eye[2], *map(float, numbers), found)
+    meet_each(len(t), *rays, water.lattice.numbers, water.eye, *map(float, numbers), found)
     return found
 
 
 def focused(water: Water, points: Tensor, normals: Tensor, levels: Tensor, sun: Tensor) -> Tensor:
     """See `tracer.weather.reference.focused`."""
-    found, waves, eye = torch.empty_like(levels), water.waves, water.eye.tolist()
+    found, waves = torch.empty_like(levels), water.waves
     given = [x.contiguous() for x in (points, normals, levels)]
-    numbers = *sun.tolist(), eye[0], eye[2], waves.amplitude, waves.frequency, water.shift, finest(water)
-    focused_each(len(levels), *given, water.lattice.numbers, *map(float, numbers), found)
+    numbers = waves.amplitude, waves.frequency, water.shift, finest(water)
+    focused_each(len(levels), *given, water.lattice.numbers, sun, water.eye, *map(float, numbers), found)
     return found

@@ -43,7 +43,8 @@ def value_at(numbers, x, z):
 
 
 @scalar
-def meet(i, origins, directions, begin, end, numbers, eye_x, eye_z, amplitude, frequency, shift, found):
+def meet(i, origins, directions, begin, end, numbers, eye, amplitude, frequency, shift, found):
+    eye_x, eye_z = np.float64(eye[0]), np.float64(eye[2])
     x, y, z = origins[i, 0], origins[i, 1], origins[i, 2]
     dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
     t, last = begin[i], end[i]
@@ -135,9 +136,12 @@ def sent(place, water, one, other, point, normal, sun, least):
 
 
 @scalar
-def focused(
-    i, points, normals, levels, numbers, sun_x, sun_y, sun_z, eye_x, eye_z, amplitude, frequency, shift, finest, found
-):
+def focused(i, points, normals, levels, numbers, toward, eye, amplitude, frequency, shift, finest, found):
+    found[i] = 0.0
+    if math.isinf(levels[i]):
+        return
+    sun_x, sun_y, sun_z = np.float64(toward[0]), np.float64(toward[1]), np.float64(toward[2])
+    eye_x, eye_z = np.float64(eye[0]), np.float64(eye[2])
     point, normal, sun = triple(points, i, 0), triple(normals, i, 0), (sun_x, sun_y, sun_z)
     far, flat = (point[1] - levels[i]) / sun_y, math.sqrt(sun_x * sun_x + sun_z * sun_z)
     middle = (point[0] + sun_x * far, levels[i], point[2] + sun_z * far)

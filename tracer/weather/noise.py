@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import number
 from tracer.texture import mix
 
 PRIMES = (73856093, 19349663, 83492791)  # Teschner et al. 2003
@@ -46,9 +47,9 @@ def fade(t: Tensor) -> Tensor:
     return t * t * t * (t * (t * 6 - 15) + 10)
 
 
-def unit(number: Tensor, dtype: torch.dtype) -> Tensor:
+def unit(bits: Tensor, dtype: torch.dtype) -> Tensor:
     """32 bits as a number in [0, 1]."""
-    return number.to(dtype) / MOST
+    return bits.to(dtype) / MOST
 
 
 def _hashes(cell: Tensor, prime: int) -> tuple[Tensor, Tensor]:
@@ -72,7 +73,7 @@ class Lattice:
         cells = torch.arange(SIDE, device=device)
         flat = cells[:, None] * PRIMES[0] + cells * PRIMES[1]
         before, after = (unit(mix(flat + (slow + k) * PRIMES[2]), torch.float32) for k in range(2))
-        share = fade(before.new_tensor(third - slow))
+        share = fade(number(third - slow, before))
         return Lattice(numbers=torch.lerp(before, after, share).flatten())
 
     def value(self, places: Tensor) -> Tensor:

@@ -63,7 +63,7 @@ def focused(water: Water, points: Tensor, normals: Tensor, levels: Tensor, sun: 
         water: with waves.
         points: ``(n, 3)`` world space, over the water.
         normals: ``(n, 3)``.
-        levels: ``(n,)`` height of the water's mean level.
+        levels: ``(n,)`` height of the water's mean level, ``-inf`` where there is none, and no light.
         sun: ``(3,)`` toward the sun, unit length, above the horizon.
 
     Returns:
@@ -87,7 +87,7 @@ def focused(water: Water, points: Tensor, normals: Tensor, levels: Tensor, sun: 
             places = middle + one * i + other * j
             slopes, bends = water.curvatures(places, away)
             total = total + _sent(places, levels, slopes, bends, one, other, points, normals, sun) * cell_a * cell_b
-    return total * sun[1]
+    return torch.where(levels.isinf(), 0.0, total * sun[1])
 
 
 def finest(water: Water) -> float:

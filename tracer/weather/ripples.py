@@ -7,6 +7,7 @@ import math
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import numbers
 from tracer.texture import mix
 from tracer.weather.noise import PRIMES, unit
 
@@ -36,7 +37,7 @@ def ripple_slopes(points: Tensor, times: Tensor, level: float, pixels_per_unit: 
     for layer in range(LAYERS):
         angle = 0.7 * layer
         c, s = math.cos(angle), math.sin(angle)
-        turn = points.new_tensor([[c, -s], [s, c]])
+        turn = numbers(((c, -s), (s, c)), points)
         slopes = slopes + _layer(points @ turn + 17.3 * layer, times, level, layer) @ turn.T
     visible = (pixels_per_unit * WIDTH - 0.5).clamp(0.0, 1.0)
     return slopes * visible[:, None]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from tracer.scene.weather import Waves
 from tracer.weather.noise import Lattice
 
@@ -86,14 +87,14 @@ class Water:
 
     def away(self, places: Tensor) -> Tensor:
         """``(...)`` distance from the camera, along the ground."""
-        return (places - self.eye[[0, 2]].to(places)).square().sum(dim=-1).sqrt()
+        return (places - self.eye[::2].to(places)).square().sum(dim=-1).sqrt()
 
     def _octaves(self, places: Tensor, distances: Tensor | None = None) -> list[tuple[tuple[Tensor, Tensor], Tensor]]:
         """Of each: coordinates in the lattice and their frequency, and the weight there."""
         distances = self.away(places) if distances is None else distances
         found = []
         for scale, weight, *ends in OCTAVES:
-            often = places.new_tensor(ALONG) * (self.waves.frequency * scale)
+            often = resident(ALONG, places) * (self.waves.frequency * scale)
             found.append(((places * often + self.shift, often), weight * _left(distances, *ends)))
         return found
 

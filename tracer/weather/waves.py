@@ -13,6 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import places
 from gbufrt.tree import map_tensors
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import facing
@@ -65,48 +66,59 @@ def on_waves(
     rises, dry = torch.zeros_like(first.t), torch.zeros_like(first.hit)
     first, second = (map_tensors(torch.clone, hits) for hits in (first, second))
     for b in range(len(origins)):
-        here = (b, *top[b].nonzero(as_tuple=True))
+        here = (b, *places(top[b]))
+        wavy = top[here]
         water = Water.of(scene.waves, times[b], eyes[b])
         origin, direction = rays = origins[here], directions[here]
         on, behind = first.at(here), second.at(here)
-        met = _met(scene, water, rays, on, behind, poses=poses[b], t_max=t_max[here])
+        met = _met(scene, water, rays, on, behind, wavy, poses=poses[b], t_max=t_max[here])
         dry[here] = met >= behind.t
-        places = (origin + direction * met[:, None])[:, [0, 2]]
-        slopes = water.slopes(places)
+        at = (origin + direction * met[:, None])[:, ::2]
+        slopes = water.slopes(at)
         up = F.normalize(torch.stack([-slopes[:, 0], torch.ones_like(met), -slopes[:, 1]], dim=-1), dim=-1)
-        first.put(here, replace(on, t=met, normal=facing(up, on.normal, direction)))
+        first.put(here, replace(on, t=met, normal=facing(up, on.normal, direction)).where(wavy, first.at(here)))
         second.put(here, behind)
         if times[b] != before[b]:
             earlier = Water.of(scene.waves, before[b], eyes[b])
-            rises[here] = earlier.height(places) - water.height(places)
+            rises[here] = torch.where(wavy, earlier.height(at) - water.height(at), 0.0)
     return second.where(dry, first), _without(second, dry), torch.where(dry, 0.0, rises)
 
 
 def _met(
-    scene: Scene, water: Water, rays: tuple[Tensor, Tensor], on: Hits, behind: Hits, *, poses: Tensor, t_max: Tensor
+    scene: Scene,
+    water: Water,
+    rays: tuple[Tensor, Tensor],
+    on: Hits,
+    behind: Hits,
+    wavy: Tensor,
+    *,
+    poses: Tensor,
+    t_max: Tensor,
 ) -> Tensor:
-    """``(n,)`` where rays meet the wave, or what bounds the water.
+    """``(n,)`` where rays meet the wave, or what bounds the water; of those that are not ``wavy``, 0.
 
     Where that is water again, it takes the place of the first in ``on``, and what bounds it that of ``behind``.
     """
-    met = _meet(water, *rays, on.t, behind.t)
+    met = _meet(water, *rays, on.t, behind.t, wavy)
     for _ in range(MOST):
-        again = (met >= behind.t) & behind.hit & ~behind.back_face & scene.materials.water[behind.material.long()]
-        rows = again.nonzero(as_tuple=True)
+        again = wavy & (met >= behind.t) & behind.hit & ~behind.back_face
+        again = again & scene.materials.water[behind.material.long()]
+        rows = places(again)
         if not len(rows[0]):
             break
-        entered, way = behind.at(rows), (rays[0][rows], rays[1][rows])
-        for name in ("material", "cell", "local"):
-            getattr(on, name)[rows] = getattr(entered, name)
-        beyond = trace(scene, *way, poses=poses, mask=MASK_PRIMARY, t_max=t_max[rows], beyond=entered)
-        behind.put(rows, beyond)
-        met[rows] = _meet(water, *way, on.t[rows], beyond.t)
+        here, over, entered, way = again[rows], on.at(rows), behind.at(rows), (rays[0][rows], rays[1][rows])
+        crossed = replace(over, material=entered.material, cell=entered.cell, local=entered.local)
+        on.put(rows, crossed.where(here, over))
+        far = torch.where(here, t_max[rows], 0.0)
+        beyond = trace(scene, *way, poses=poses, mask=MASK_PRIMARY, t_max=far, beyond=entered)
+        behind.put(rows, beyond.where(here, entered))
+        met[rows] = torch.where(here, _meet(water, *way, over.t, beyond.t, here), met[rows])
     return met
 
 
-def _meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor) -> Tensor:
-    """See `tracer.weather.reference.meet`."""
-    rays = origins, directions, t, end
+def _meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Tensor, wavy: Tensor) -> Tensor:
+    """See `tracer.weather.reference.meet`; rays that are not ``wavy`` end where they begin, at 0."""
+    rays = origins, directions, torch.where(wavy, t, 0.0), torch.where(wavy, end, 0.0)
     if form_of(*rays, cuda=True) is Form.REFERENCE:
         return meet(water, *rays)
     from tracer.weather import drivers

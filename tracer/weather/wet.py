@@ -8,6 +8,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import numbers, places
 from gbufrt.noise.noise import PLASTIC, blue_noise
 from tracer.sampling.sequence import disc
 from tracer.scene.scene import MASK_SHADOW, Scene
@@ -66,7 +67,7 @@ def wet(
     surfaces = zip(lifted, hits.normal, exposed, poses, strict=True)
     reached = torch.stack([_reached(scene, rain, *surface) for surface in surfaces])
     ground = (up > LEVEL) & (hits.instance == 0)
-    here, puddle = (ground & (reached > 0)).nonzero(as_tuple=True), torch.zeros_like(reached)
+    here, puddle = places(ground & (reached > 0)), torch.zeros_like(reached)  # elsewhere none counts
     noise = noise3(points[here] / rain.puddle_scale)
     puddle[here] = _smoothstep(rain.puddle_low, rain.puddle_high, noise)
     share = torch.where(ground, puddle, rain.runoff)
@@ -87,18 +88,20 @@ def _reached(scene: Scene, rain: Rain, points: Tensor, normals: Tensor, exposed:
     falls = points.new_zeros(exposed.numel())
     points, normals = points.reshape(-1, 3), normals.reshape(-1, 3)
 
-    def send(where: Tensor, numbers: range) -> None:
-        pixels = where.flatten().nonzero()[:, 0]
+    def send(where: Tensor, which: range) -> None:
+        pixels = places(where.flatten())[0]
         if len(pixels) == 0:
             return
-        for number in numbers:
-            turn = noise[:, pixels] + noise.new_tensor([[number / PLASTIC], [number / PLASTIC**2]])
+        wanted = where.flatten()[pixels]
+        reach = torch.where(wanted, torch.inf, 0.0)
+        for number in which:
+            turn = noise[:, pixels] + numbers(((number / PLASTIC,), (number / PLASTIC**2,)), noise)
             x, z = disc(turn % 1.0) * rain.disc_radius
             way = F.normalize(torch.stack([x, torch.ones_like(x), z], dim=-1), dim=-1)
             away = (way * normals[pixels]).sum(dim=-1, keepdim=True).clamp_max(0.0)
             way = way - 2 * away * normals[pixels]
-            found = trace(scene, points[pixels], way, poses=poses, mask=MASK_SHADOW)
-            falls[pixels] += (~found.hit).float()
+            found = trace(scene, points[pixels], way, poses=poses, mask=MASK_SHADOW, t_max=reach)
+            falls[pixels] += (wanted & ~found.hit).float()
 
     send(exposed, range(FIRST))
     open_, covered = (falls.view(size) / FIRST), 1 - falls.view(size) / FIRST
@@ -137,11 +140,11 @@ def _rippled(
     times: list[float],
 ) -> Look:
     """Surfaces with the rings of drops in their normals, where ``rings`` is above 0."""
-    here = (rings > 0).nonzero(as_tuple=True)
-    when = points.new_tensor(times)[here[0]]
+    here = places(rings > 0)
+    when = numbers((times,), points)[0][here[0]]
     toward, flat = directions[here], hits.normal[here]
     narrow = pixels_per_unit[here] * (flat * toward).sum(dim=-1).abs()  # as far as the surface is foreshortened
-    slopes = ripple_slopes(points[here][:, [0, 2]], when, rain.level, narrow) * (rain.ripples * rings[here])[:, None]
+    slopes = ripple_slopes(points[here][:, ::2], when, rain.level, narrow) * (rain.ripples * rings[here])[:, None]
     level = torch.stack([-slopes[:, 0], torch.zeros_like(when), -slopes[:, 1]], dim=-1)
     normal = facing(F.normalize(seen.normal[here] + level, dim=-1), flat, toward)
     turned = (slopes != 0).any(dim=-1)

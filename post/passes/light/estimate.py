@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.compute.resident import resident
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
@@ -66,8 +67,8 @@ def _slope(points: Tensor, straight: Tensor, dx: int, dy: int) -> Tensor:
     for side in (-1, 1):
         one, two = shifted(straight, side * dx, side * dy), shifted(straight, 2 * side * dx, 2 * side * dy)
         place = pixel_centers(straight)
-        reach = inside(place + place.new_tensor([side * dx, side * dy])[None, :, None, None], _size(straight))
-        further = inside(place + 2 * place.new_tensor([side * dx, side * dy])[None, :, None, None], _size(straight))
+        step = resident((side * dx, side * dy), place)[None, :, None, None]
+        reach, further = (inside(place + count * step, _size(straight)) for count in (1, 2))
         second = torch.where(further, (straight - 2 * one + two).abs(), (straight - one).abs())
         bend.append(torch.where(reach, second, torch.inf))
     before, after = points - shifted(points, -dx, -dy), shifted(points, dx, dy) - points

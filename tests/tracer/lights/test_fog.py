@@ -10,9 +10,13 @@ import torch
 
 import tracer
 from gbufrt import Camera
+from gbufrt.compute import resident
 from gbufrt.noise.noise import blue_noise
 from tracer.direct.fog import segments_of
+from tracer.lights.along import LampsAlong
+from tracer.lights.emitters import Lamps
 from tracer.lights.fog import NEIGHBOURS, _uneven, scattered
+from tracer.lights.lamp_table import LampTable
 from tracer.lights.segments import Segments, passes, phase
 
 
@@ -105,11 +109,11 @@ def test_bad_values_are_named(wrong):
 def test_most_steps_are_taken_by_what_lies_around_a_pixel_and_not_by_itself():
     light, taken = torch.zeros(12, 16), torch.ones(12, 16)
     light[5, 6], taken[5, 7] = 1.0, 0.0
-    chosen = {(int(k) // 16, int(k) % 16) for k in _uneven(light, taken)}
+    chosen = {(int(k) // 16, int(k) % 16) for k in _uneven(light, taken)[0]}
     near = {(y, x) for y in range(12) for x in range(16) if max(abs(y - 5), abs(x - 6)) <= NEIGHBOURS // 2}
     assert chosen
     assert chosen < near - {(5, 6), (5, 7)}
-    assert not len(_uneven(torch.zeros(12, 16), taken))
+    assert not any(x.any() for x in _uneven(torch.zeros(12, 16), taken))
 
 
 def shaded(**lamp: bool) -> tuple[tracer.Scene, Segments]:
@@ -132,3 +136,25 @@ def test_steps_at_once_are_steps_one_by_one(monkeypatch: pytest.MonkeyPatch):
     found = light_of(*shaded(lamp=True))
     monkeypatch.setattr("tracer.lights.fog.WIDE", 16)
     torch.testing.assert_close(found, light_of(*shaded(lamp=True)), rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("on_gpu", [False, True])
+def test_rays_behind_all_lamps_get_nothing_and_no_rectangle_that_is_none(on_gpu: bool, monkeypatch: pytest.MonkeyPatch):
+    """The first lamp has one rectangle and the second two; all face up, and one ray runs below them."""
+    monkeypatch.setattr(resident, "waits", lambda tensor: on_gpu)
+    used = torch.tensor([[1.0, 0.0], [1.0, 1.0]])[..., None]
+    place = torch.tensor([[[0.0, 1.0, 0.0], [0.0, 0.0, 0.0]], [[3.0, 1.0, 0.0], [5.0, 1.0, 0.0]]])
+    across, along = torch.tensor([0.0, 0.0, 1.0]), torch.tensor([1.0, 0.0, 0.0])
+    lamps = Lamps(
+        corner=place, edge_u=used * across, edge_v=used * along, side=torch.full((2, 2), 3),
+        radiance=torch.ones(2, 3), center=place[:, 0], radius=torch.ones(2),
+    )  # fmt: skip
+    table = LampTable.of(lamps, (0, 0, 0), (1, 1, 1))
+    assert len(table) == (4 if on_gpu else 3)
+    starts = torch.tensor([[-8.0, 4.0, 0.5], [-8.0, -1.0, 0.5]])
+    given = Segments(origins=starts, directions=along.expand(2, 3), begin=torch.ones(2), end=torch.full((2,), 20.0))
+    drawn = LampsAlong.of(table, given, tracer.Fog(extinction=0.1)).draw(torch.rand(4, 200))
+    light = drawn.light.view(-1, 2, 3)
+    assert (light[:, 0] > 0).all()
+    assert (light[:, 1] == 0).all()
+    assert drawn.away.isfinite().all()
