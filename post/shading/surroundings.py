@@ -17,7 +17,7 @@ from gbufrt import Camera
 from gbufrt.environment import environment_directions
 from gbufrt.luminance import luminance
 
-SIZE = (12, 24)  # pixels of the lat-long picture of a guess
+SIZE = (36, 24)  # pixels of the lat-long picture of a guess: high ones mix what is over the horizon with what is below
 BLOCKS = (12, 20)  # of the picture, whose means speak for it
 LINES = 135  # of the picture that are enough for those means
 ELEVATION, AZIMUTH = 0.12, 0.35  # standard deviations in radians: how far light is taken to be alike
@@ -69,11 +69,14 @@ def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
     intrinsics[:, 0] *= BLOCKS[1] / camera.width
     intrinsics[:, 1] *= BLOCKS[0] / camera.height
     _, ways = replace(camera, intrinsics=intrinsics, size=BLOCKS, jitter=None).rays()
-    there = _angles(environment_directions(SIZE, dtype=like.dtype, device=like.device))
-    up, aside = (a.mT - b for a, b in zip(there, _angles(ways.movedim(-1, 1).to(like)), strict=True))
+    shown = _angles(ways.movedim(-1, 1).to(like))
+    cells = _angles(environment_directions(SIZE, dtype=like.dtype, device=like.device))
+    elevation, azimuth = (angle.unflatten(2, SIZE) for angle in cells)
+    up, aside = elevation[..., :1].flatten(1)[..., None] - shown[0], azimuth[..., 0, :].mT - shown[1]
     aside = torch.remainder(aside + math.pi, 2 * math.pi) - math.pi
     rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / ELEVATION)
-    return rows * (ANYWHERE + torch.exp(-0.5 * (aside / AZIMUTH) ** 2)), there[0][0].mT
+    columns = ANYWHERE + torch.exp(-0.5 * (aside / AZIMUTH) ** 2)
+    return (rows[:, :, None] * columns[:, None]).flatten(1, 2), cells[0][0].mT
 
 
 def _angles(directions: Tensor) -> tuple[Tensor, Tensor]:
