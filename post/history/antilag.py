@@ -11,7 +11,7 @@ from post.filters.constants import COARSE_POWER, HIT
 from post.filters.edges import Surface, edge_weight, offsets, padded, windows
 from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, SAME, YOUNG
 
-UNSURE = 60.0  # frames: the shorter the history, the less certain its variance and the wider the blur
+UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
 SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts

@@ -20,7 +20,7 @@ from post.history.constants import FAST_BLEND
 
 AREA = 2  # wavelets over which changes are averaged: they reach 6 pixels to each side, as small shadows do
 NOTICED = 0.05  # of the light: smaller changes are left to the mean, since cuts and resampling bring such themselves
-STRICTER = 1.0  # than `clamp` in `post.temporal`, whose noise is taken to be shared by three pixels
+STRICTER = 1.5  # than `clamp` in `post.temporal`, whose noise is taken to be shared by three pixels
 
 
 def follow_changes(
