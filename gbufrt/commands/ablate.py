@@ -91,6 +91,8 @@ def ablate(
     for world in worlds or ("builtin",):
         check_world(world, (*parse_names(views), *parse_names(paths)))
     check_folder(out)
+    if cache is not None:
+        check_folder(cache, "--cache")
     check_cluster(spread or ClusterOptions())
 
     from gbufrt.commands.ablation import Plan

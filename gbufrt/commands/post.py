@@ -64,7 +64,7 @@ def post(
     options, written = options or PassOptions(), written or FileOptions()
     check_options(options)
     check_files(written)
-    check_folder(out)
+    check_folder(out / "debug" if options.debug else out)
     paths = gathered(files, out)
     if source is None and (camera is not None or fov is not None or passes or not is_own(paths[0])):
         source = "auto"

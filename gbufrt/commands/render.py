@@ -90,7 +90,7 @@ def render(
         at_least("--lead-in", lead_in, 0, MOST_FRAMES)
     check_options(options)
     check_files(files, resume=resume)
-    check_folder(out)
+    check_folder(out / "debug" if options.debug else out)
     check_cluster(spread, device=options.device, lead_in=lead_in)
 
     from gbufrt.commands.ahead import compile_ahead

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -125,23 +126,40 @@ def check_part(world: str, part: Mapping[str, Any]) -> None:
         raise ValueError(f"--{chosen[0]} is for Minecraft regions and saves; leave it out for {world}")
 
 
-def check_folder(path: Path) -> Path:
-    """``--out`` as a path that is, or can become, a folder; nothing is made yet.
+def check_folder(path: Path, option: str = "--out") -> Path:
+    """A path that is, or can become, a folder to write to; what is made to find out is gone again.
 
     Raises:
-        ValueError: a file is in the way.
+        ValueError: a file is in the way, or nothing can be written there.
     """
     if (found := _in_the_way(path)) is not None:
-        raise ValueError(f"--out {path} must be a folder, but {found} is a file; choose another name")
+        raise ValueError(f"{option} {path} must be a folder, but {found} is a file; choose another name")
+    _check_writable(option, path, path / ".gbufrt.part")
     return path
 
 
 def check_file(option: str, path: Path) -> None:
-    """Raise ValueError unless a file can be written to a path; nothing is made yet."""
+    """Raise ValueError unless a file can be written to a path; what is made to find out is gone again."""
     if path.is_dir():
         raise ValueError(f"{option} must be a file, but {path} is a folder; choose another name")
     if (found := _in_the_way(path.parent)) is not None:
         raise ValueError(f"{option} {path} needs a folder, but {found} is a file; choose another name")
+    _check_writable(option, path, path.with_name(f".{path.name}.part"))
+
+
+def _check_writable(option: str, path: Path, trial: Path) -> None:
+    """Write the file ``trial`` with the folders that it lacks, and take them away; only this tells for certain."""
+    missing = [folder for folder in trial.parents if not folder.exists()]
+    try:
+        trial.parent.mkdir(parents=True, exist_ok=True)
+        trial.touch()
+        trial.unlink()
+    except OSError as error:
+        raise ValueError(f"{option} {path} cannot be written ({error.strerror}); choose another place") from error
+    finally:
+        for folder in missing:
+            with suppress(OSError):  # not made, or another process writes there already
+                folder.rmdir()
 
 
 def _in_the_way(path: Path) -> Path | None:

@@ -97,6 +97,17 @@ WRONG = (
     ("bench --json .", "--json must be a file, but . is a folder"),
     ("bench --device tpu", "--device must be cpu or cuda"),
 )
+UNWRITABLE = (
+    ("render --out /proc/x", "--out /proc/x cannot be written ("),
+    ("render --debug --out deep/file", "--out deep/file/debug must be a folder, but deep/file is a file"),
+    ("render --out out --video /proc/x.mp4", "--video /proc/x.mp4 cannot be written"),
+    ("post file.exr --out /proc/x/y", "--out /proc/x/y cannot be written ("),
+    ("inspect file.exr --out /proc/x", "--out /proc/x cannot be written ("),
+    ("video file.exr --out /proc/x.mp4", "--out /proc/x.mp4 cannot be written ("),
+    ("ablate --out /proc/x", "--out /proc/x cannot be written ("),
+    ("ablate --out out --cache /proc/x", "--cache /proc/x cannot be written ("),
+    ("bench --json /proc/x.json", "--json /proc/x.json cannot be written ("),
+)
 CODE = """
 import sys
 from gbufrt.commands.cli import main
@@ -109,18 +120,21 @@ for line in sys.argv[1:]:
 
 
 def test_wrong_arguments_are_answered_before_torch_is_loaded(tmp_path: Path):
-    (tmp_path / "file").write_text("")
-    (tmp_path / "file.exr").write_text("")
-    lines = [line for line, _ in WRONG]
+    for name in ("file", "file.exr", "deep/file"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("")
+    wrong = WRONG + (UNWRITABLE if sys.platform == "linux" else ())
+    lines = [line for line, _ in wrong]
     root = str(Path(checks.__file__).parents[2])
     command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {root!r})\n{CODE}", *lines]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     errors = done.stderr.splitlines()
-    assert len(errors) == len(WRONG), done.stderr
-    for (line, message), said, code in zip(WRONG, errors, done.stdout.splitlines(), strict=True):
+    assert len(errors) == len(wrong), done.stderr
+    for (line, message), said, code in zip(wrong, errors, done.stdout.splitlines(), strict=True):
         assert message in said, (line, said)
         assert code == "2", f"{line}: exit code and heavy modules: {code}"
     assert not (tmp_path / "out").exists()
+    assert not list(tmp_path.rglob("*.part"))
 
 
 def test_names_are_those_of_the_code():
