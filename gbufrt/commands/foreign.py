@@ -17,10 +17,9 @@ from gbufrt.commands.session import Recipe
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
-from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.detect import better, detect, named_by
 from gbufrt.files.gbuffers.grain import grain_line
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
 from gbufrt.files.gbuffers.sequence import Shot, shot_parts, shots_of
@@ -103,6 +102,11 @@ class Source:
         if profile == "auto":
             found = detect(first.files)
             source.tell(f"{first}: {found.name} ({found.certainty:.0%} sure: {'; '.join(found.reasons[:3])})")
+        else:
+            layers = Layers(first.files[0], shot_parts(first.files, header_only=True))
+            named_by(layers, load_profile(profile))
+            if (other := better(layers, profile)) is not None:
+                source.tell(f"{first}: --from {profile}, but {other.name} fits ({other.reasons[0]})")
         if fov is not None:
             source.tell("--fov: the camera is taken to stand still; moving ones need --camera")
         elif camera is None and source.carried(first) is None:
@@ -200,7 +204,7 @@ class Source:
         """Let all frames have the settings that the pixels of the first one tell; says what they are."""
         name, profile = self.profile_of(shot), self._profile(shot)
         if name not in self._profiles and profile.is_open:
-            named = Named(Layers(shot.files[0], shot_parts(shot.files)), profile)
+            named = named_by(Layers(shot.files[0], shot_parts(shot.files)), profile)
             self._profiles[name] = settled(named, camera, posed=self.fov is None).profile
             if found := found_settings(profile, self._profiles[name]):
                 self.tell(f"{shot}: by its pixels {found}")

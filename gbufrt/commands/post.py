@@ -96,8 +96,9 @@ def post(
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
         frames = origin.frames()
         if environment is not None:
-            turn = load_profile(origin.profile_of(origin.shots[0])).environment_turn
-            frames = under(frames, read_environment(environment, turn=turn))
+            profile = load_profile(origin.profile_of(origin.shots[0]))
+            sky = read_environment(environment, turn=profile.environment_turn)
+            frames = under(frames, sky, known=bool(profile.mirrors))
         first = next(frames)
         pipeline, frames = pipeline_for(first, recipe, wanted), chain([first], frames)
         if environment is not None and "reflection" not in pipeline.stages:

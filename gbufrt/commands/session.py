@@ -231,7 +231,8 @@ def check_only(files: FileOptions, pipeline: Pipeline) -> None:
 def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], debug: bool, files: FileOptions) -> None:
     """Write a finished frame: pictures first and the EXR last, so that an EXR stands for a frame that is done."""
     picture = frame.image if frame.image is not None else to_srgb(best_picture(frame))
-    picture = dithered(picture, index=frame.index) if files.bits == 8 else picture
+    if files.bits == 8 and not (frame.image is not None and is_dithered(notes)):
+        picture = dithered(picture, index=frame.index)
     if debug:
         views = {name: to_pil(debug_view(frame, name)) for name in debug_names(frame)}
         views |= {"sheet": sheet_of(views)} | ({} if frame.behind is None else {"layers": layers_sheet(frame)})
@@ -246,6 +247,12 @@ def save(folder: Path, stem: str, frame: Frame, *, notes: Mapping[str, Any], deb
         compression=files.compression,  # pyright: ignore[reportArgumentType]
         only=parse_names(files.only),
     )
+
+
+def is_dithered(notes: Mapping[str, Any]) -> bool:
+    """Whether the pipeline of a frame with these ``notes`` has dithered its image: twice would be noisier."""
+    settings = notes.get("pipeline", {}).get("set", {})
+    return any(name.rpartition(".")[2] == "dither" and value is True for name, value in settings.items())
 
 
 def encode(files: FileOptions, pictures: Sequence[Path], fps: float) -> None:

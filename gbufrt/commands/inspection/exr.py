@@ -15,10 +15,10 @@ from rich.table import Table
 
 from gbufrt.commands.foreign import Source
 from gbufrt.files.exr import read_exr
-from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
-from gbufrt.files.gbuffers.profile import CHANNELS, load_profile
+from gbufrt.files.gbuffers.profile import AUTO, CHANNELS, Profile, load_profile
 from gbufrt.files.gbuffers.read import nothing_hit
 from gbufrt.files.gbuffers.sequence import Shot, shot_parts
 from gbufrt.files.guard import Part
@@ -78,7 +78,7 @@ class Inspector:
             profile = found.name
             lines = [f"taken for {profile}, {found.certainty:.0%} sure:", *found.reasons]
             console.print(escape("\n  ".join(lines)), soft_wrap=True)
-        named = Named(layers, load_profile(profile))
+        named = named_by(layers, load_profile(profile))
         if len(named.others) > 1:
             console.print(escape(f"depth is in the layers {', '.join(named.others)}; {named.layer} is taken"))
         console.print(_channel_table(named, estimates=self.source.fov is not None))
@@ -170,7 +170,7 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
     table, profile = _table("gbufrt's", "from"), named.profile
     told = {
         "depth": f"{profile.depth_kind}, sky at {profile.sky:g}",
-        "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else "not used without --camera",
+        "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else _unposed(profile),
         "motion": f"{profile.motion_unit} to the {profile.motion_target} frame",
     }
     optional = ("emission", "position")
@@ -189,6 +189,13 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
     else:
         table.add_row("radiance", "no light that the profile knows: passes have nothing to work on", style="red")
     return table
+
+
+def _unposed(profile: Profile) -> str:
+    """What is done with normals where the camera's pose is not known."""
+    if profile.normals_turn:
+        return f"{profile.normal_space} space"
+    return "used if in the camera's space" if profile.normal_space == AUTO else "not used without --camera"
 
 
 def _short(keys: list[str]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ class Detection:
     name: str
     certainty: float
     reasons: tuple[str, ...]
+    marked: bool = field(default=False, compare=False)
+    """Whether the header tells it."""
 
 
 def detect(path: str | Path | Sequence[Path]) -> Detection:
@@ -44,8 +46,7 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
             "(--without leaves passes out), and gbufrt.files.exr.read_exr reads it"
         )
     layers = Layers(path, parts)
-    weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
-    best = max(weighed, key=lambda detection: detection.certainty)
+    best = _fitting(layers)
     if best.certainty == 0:
         some = ", ".join(layers.names[:6]) + (", ..." if len(layers.names) > 6 else "")
         raise ValueError(
@@ -53,6 +54,33 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
             "pass its path with --from"
         )
     return best
+
+
+def named_by(layers: Layers, profile: Profile) -> Named:
+    """The channels of a file under the names of a profile.
+
+    Raises:
+        ValueError: it has no depth by that profile; says which other one fits.
+    """
+    try:
+        return Named(layers, profile)
+    except ValueError as error:
+        best = _fitting(layers)
+        if best.certainty == 0:
+            raise
+        raise ValueError(f"{error}: {best.name} fits ({best.reasons[0]})") from error
+
+
+def better(layers: Layers, name: str) -> Detection | None:
+    """A shipped profile whose mark the file's header has, where another one was named."""
+    best = _fitting(layers)
+    return best if name in SHIPPED and best.name != name and best.marked else None
+
+
+def _fitting(layers: Layers) -> Detection:
+    """The shipped profile that fits best; of certainty 0 where none does."""
+    weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
+    return max(weighed, key=lambda detection: detection.certainty)
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
@@ -74,6 +102,6 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
             reasons.append(f"{channel} is {', '.join(keys)}")
     share = found / len(names_of)
     if marks:
-        return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons))
+        return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons), marked=True)
     sure = (PLAIN if name == "generic" else 0.9) * (1 if light.products or light.finished else DARK)
     return Detection(name, round((BY_HEADER + BY_NAMES) * share * sure, 2), tuple(reasons))

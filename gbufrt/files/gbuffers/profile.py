@@ -101,6 +101,11 @@ class Profile:
     """Layers with all light in them, bounces included; the empty name is the picture without a layer."""
 
     @property
+    def normals_turn(self) -> bool:
+        """Whether normals turn with the camera, so that they serve where nobody knows its pose."""
+        return self.normal_space in ("opengl", "opencv")
+
+    @property
     def is_open(self) -> bool:
         """Whether it leaves the kind of depth or the space of normals to the pixels; see `settle.settled`."""
         return AUTO in (self.depth_kind, self.normal_space, self.up)

@@ -14,7 +14,7 @@ from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.convert import distances, hit_of, linear, pixels_to_previous, planar, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
-from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
@@ -56,7 +56,7 @@ def read_gbuffer(
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
             ``motion_z`` is that of a static world where the file's motion agrees.
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
-            are estimated from depth, because those of the file lie in a world that is not known.
+            in the world's space, which is not known, are estimated from depth.
         index: of the frame.
         whole: take the finished picture where the file has passes of direct light too, for what adds no light to it.
 
@@ -76,7 +76,7 @@ def read_gbuffer(
     layers = Layers(path, shot_parts(files))
     if not isinstance(profile, Profile):
         profile = load_profile(detect(files).name if profile == "auto" else profile)
-    named = Named(layers, profile)
+    named = named_by(layers, profile)
     if camera is None and fov is None and (camera := carried_camera(layers.header, profile, layers.size)) is None:
         raise ValueError(f"{path} {NO_CAMERA}")
     if layers.views:
@@ -190,9 +190,9 @@ def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | N
 
 
 def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:
-    """Normals, and where they are estimates; of the file where it has them and the camera's pose is known."""
+    """Normals, and where they are estimates; those of the file lie in the camera's space, or its pose is known."""
     normal, there = view.normals_from_depth(depth), torch.zeros_like(hit)
-    raw = _channel(named, "normal", view.size) if posed else None
+    raw = _channel(named, "normal", view.size) if posed or named.profile.normals_turn else None
     if raw is not None:
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)

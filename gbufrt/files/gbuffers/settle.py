@@ -15,6 +15,7 @@ from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 KINDS = ("planar", "ray", "reciprocal")
+PARALLEL = 0.9985  # cosine of normals and those of depth, half of which are above it where they lie in a camera's space
 FLATTER = 0.1  # of the bend of planar depth, which another kind must stay below: curved surfaces bend by every kind
 
 
@@ -22,8 +23,8 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     """The same layers under a profile in which what was ``auto`` is as the pixels have it.
 
     Of all readings of depth and normals that are open, those are taken whose normals are most parallel. Without
-    normals, or without the pose that they need, theirs stay open, and the kind of depth is that by which planes are
-    flat.
+    normals theirs stay open, and the kind of depth is that by which planes are flat. Without a pose so do normals that
+    fit no space of the camera.
 
     Args:
         named: channels of a file under the names of a profile.
@@ -35,10 +36,13 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
-    if keys and posed:
+    if keys:
         normal = named.layers.stack(keys, camera.size)
+        ways = ways if posed else [(space, up) for space, up in ways if space != "world"]
         read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]
-        return Named(named.layers, max(read, key=lambda reading: _fit(reading, depth, normal, camera)))
+        found = max(read, key=lambda reading: float(_cosines(reading, depth, normal, camera).mean()), default=profile)
+        if posed or float(_cosines(found, depth, normal, camera).median()) > PARALLEL:
+            return Named(named.layers, found)
     kind = kinds[0] if len(kinds) == 1 else _flattest(profile, depth, camera)
     return Named(named.layers, replace(profile, depth_kind=kind))
 
@@ -62,13 +66,13 @@ def _depth(profile: Profile, raw: Tensor, camera: Camera) -> tuple[Tensor, Tenso
     return planar(torch.where(hit, distances(raw, profile), 1.0), profile, camera), hit
 
 
-def _fit(profile: Profile, raw: Tensor, normal: Tensor, camera: Camera) -> float:
-    """How parallel normals are to those of the depth: the mean cosine, whatever side they face."""
+def _cosines(profile: Profile, raw: Tensor, normal: Tensor, camera: Camera) -> Tensor:
+    """``(N,)`` how parallel normals are to those of the depth, whatever side they face; a 0 where there are none."""
     depth, hit = _depth(profile, raw, camera)
     like = camera.normals_from_depth(torch.where(hit, depth, camera.far))
     read, there = world_normals(normal, profile, camera)
     both = hit & there
-    return float((read * like).sum(1, keepdim=True).abs()[both].mean()) if bool(both.any()) else 0.0
+    return (read * like).sum(1, keepdim=True).abs()[both] if bool(both.any()) else raw.new_zeros(1)
 
 
 def _flattest(profile: Profile, raw: Tensor, camera: Camera) -> str:

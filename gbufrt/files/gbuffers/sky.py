@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -9,10 +10,15 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.environment import lookup_environment
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.guard import read_parts
 from gbufrt.frame import Frame
+from gbufrt.luminance import luminance
+from gbufrt.validation.geometry import FEW
 
+SHOWN = 0.25  # of the mirrors' pixels: what is on screen or hidden from the sky may cover the rest
+SMOOTH = 0.15  # roughness of mirrors
 MOST_ROWS = 512  # larger skies are averaged: every frame's file holds its sky
 COUNTED = (1, 3, 1, 2)
 """Shape of the black sky of a frame whose light holds the sky in mirrors already."""
@@ -46,13 +52,20 @@ def read_environment(path: str | Path, *, turn: float = 0.0) -> Tensor:
     return F.adaptive_avg_pool2d(sky, (MOST_ROWS, 2 * MOST_ROWS)) if height > MOST_ROWS else sky
 
 
-def under(frames: Iterable[Frame], environment: Tensor) -> Iterator[Frame]:
+def under(frames: Iterable[Frame], environment: Tensor, *, known: bool = True) -> Iterator[Frame]:
     """The frames, with mirrors that show a sky where they show nothing that is on screen.
+
+    Warns where neither the profile nor the first frame tells whether its light holds that already.
+
+    Args:
+        frames: of other renderers.
+        environment: see `read_environment`.
+        known: whether the profile tells which layers hold the sky in mirrors.
 
     Raises:
         ValueError: a frame's light holds that already.
     """
-    for frame in frames:
+    for place, frame in enumerate(frames):
         if frame.radiance is None:
             raise ValueError(
                 "the sky would be added to a finished picture, which holds what mirrors show; leave it out"
@@ -62,4 +75,32 @@ def under(frames: Iterable[Frame], environment: Tensor) -> Iterator[Frame]:
                 "the files' direct light holds the sky in mirrors already (Blender: Glossy Direct), and it would count "
                 "twice; leave the environment out"
             )
+        share = share_shown(frame, environment) if place == 0 and not known else 0.0
+        if share is None:
+            warnings.warn(
+                "whether direct light holds the sky in mirrors already cannot be told, as the files show no mirror "
+                "with roughness and metalness; if it does, leave the environment out",
+                stacklevel=2,
+            )
+        elif share > SHOWN:
+            raise ValueError(
+                f"the files' direct light is as bright as the sky at {share:.0%} of the mirrors' pixels: it holds the "
+                "sky already, which would count twice; leave the environment out"
+            )
         yield frame.replace(environment=environment)
+
+
+def share_shown(frame: Frame, environment: Tensor) -> float | None:
+    """The share of the pixels of metal mirrors whose direct light is that of the sky in them, or more.
+
+    Without its sky a mirror has no direct light but the highlights of lamps. None where no mirror tells.
+    """
+    g, light = frame.gbuffer, frame.radiance
+    if g.roughness is None or g.metallic is None or g.albedo is None or light is None:
+        return None
+    eye = g.camera.rotate_to_world(g.camera.to_eye(g.camera.unproject(g.depth)))
+    mirrored = 2 * (eye * g.normal).sum(1, keepdim=True) * g.normal - eye
+    sky = luminance(lookup_environment(environment, mirrored) * g.albedo)
+    tells = g.hit & (g.roughness < SMOOTH) & (g.metallic > 0.5) & (sky > sky.mean() / 8)
+    own = luminance(light if g.emission is None else light - g.emission)
+    return float((own > sky / 2)[tells].float().mean()) if int(tells.sum()) >= FEW else None

@@ -20,7 +20,7 @@ from PIL import Image
 
 from gbufrt import Frame
 from gbufrt.commands.arguments.options import FileOptions
-from gbufrt.commands.session import Runner, bare, save
+from gbufrt.commands.session import Recipe, Runner, bare, save
 from gbufrt.files.exr import read_exr, read_notes, write_exr
 from gbufrt.noise.noise import blue_noise, halton_jitter
 
@@ -98,6 +98,9 @@ def test_eight_bits_are_dithered_so_that_skies_have_no_bands(monkeypatch: pytest
     levels = np.asarray(Image.open("even.png"))
     assert set(np.unique(levels)) == {100, 101}
     assert levels.mean() == pytest.approx(100.3, abs=0.06)
+    notes = {"pipeline": Recipe(set={"encode.dither": True}).to_notes()}  # the image has it already
+    save(Path(), "once", frame, notes=notes, debug=False, files=FileOptions())
+    assert set(np.unique(np.asarray(Image.open("once.png")))) == {100}
 
 
 def test_choices_of_files(capfd: pytest.CaptureFixture[str]):

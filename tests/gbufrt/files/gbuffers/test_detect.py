@@ -8,7 +8,10 @@ from pathlib import Path
 import foreign_exr
 import numpy as np
 import pytest
+from command_line import run
 
+from gbufrt.commands.foreign import Source
+from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.detect import Detection, detect
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.named import Named
@@ -98,3 +101,18 @@ def test_files_of_gbufrt_itself_are_no_guess(tmp_path: Path) -> None:
         ValueError, match=r"a\.exr was written by gbufrt: .* without --from, --camera, --fov and --pass"
     ):
         detect(path)
+
+
+def test_a_wrong_profile_is_told_the_one_that_fits(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    layers = {"V.Depth.Z": PLANE, "V.Normal.XYZ": RGB, "V.Combined.RGB": RGB, "depth.Z": PLANE}
+    path = foreign_exr.write(tmp_path / "a.exr", layers, BLENDER)
+    fits = "blender fits (the header has BlenderMultiChannel = 'Blender V2.55.1 and newer')"
+    for command in (("post", "--out", tmp_path / "out"), ("inspect",)):
+        assert run(*command, path, "--from", "mitsuba", "--fov", 50) == 2
+        assert f"has no depth under *.T, dd.y, depth.y; choose another profile: {fits}" in capfd.readouterr().err
+    with pytest.raises(ValueError, match=r"has no depth under .*; choose another profile: blender fits"):
+        read_gbuffer(path, "mitsuba", fov=50.0)
+    source = Source.of([path], "nuke", None, 50.0)
+    assert f"{source.shots[0]}: --from nuke, but {fits}" in capfd.readouterr().err
+    Source.of([path], "blender", None, 50.0)
+    assert "but" not in capfd.readouterr().err

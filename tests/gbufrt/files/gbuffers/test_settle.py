@@ -73,4 +73,25 @@ def test_one_setting_serves_a_sequence(tmp_path: Path, capsys: pytest.CaptureFix
     planar = read_gbuffer(tmp_path / "a_0002.exr", fov=50.0).gbuffer
     assert bool((second.depth[second.hit] < 0.999 * planar.depth[second.hit]).any())
     told = capsys.readouterr().err
-    assert told.count('by its pixels depth_kind = "ray"\n') == 1
+    assert told.count('by its pixels depth_kind = "ray", normal_space = "opengl", up = "y"\n') == 1
+
+
+@pytest.mark.parametrize("way", NORMALS)
+def test_without_a_pose_normals_count_in_the_cameras_space_alone(tmp_path: Path, way: tuple[str, str]):
+    """Those of the world are estimated from depth, as nobody knows how the camera is turned."""
+    path = write(tmp_path / "a.exr", plain("planar", way, coded=False))
+    frame = read_gbuffer(path, fov=50.0)
+    estimated = frame.extra.get("normal_estimated")
+    assert (estimated is None) == (way[0] != "world")
+    if estimated is None:
+        wanted = VIEW * (1, -1, -1)  # of a camera that looks along -z
+        off = np.abs(frame.gbuffer.normal[0].permute(1, 2, 0).numpy() - wanted)[T["hit"]]
+        assert off.max() < 2e-3
+
+
+def test_a_profile_in_the_cameras_space_needs_no_pose(tmp_path: Path):
+    channels = 'depth = ["depth.*"]\nnormal = ["normal"]\n'
+    (tmp_path / "own.toml").write_text(f'normal_space = "opengl"\n[channels]\n{channels}')
+    noisy = VIEW * (1, -1, -1) + np.random.default_rng(0).normal(0, 0.3, VIEW.shape)  # no depth tells it
+    path = write(tmp_path / "a.exr", {"depth.Y": np.where(SKY, 0, T["planar"]), "normal.RGB": noisy})
+    assert "normal_estimated" not in read_gbuffer(path, tmp_path / "own.toml", fov=50.0).extra

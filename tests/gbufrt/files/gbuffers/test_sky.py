@@ -17,7 +17,7 @@ from gbufrt.environment import lookup_environment
 from gbufrt.files.exr import read_exr
 from gbufrt.files.gbuffers.profile import load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
-from gbufrt.files.gbuffers.sky import MOST_ROWS, read_environment
+from gbufrt.files.gbuffers.sky import MOST_ROWS, read_environment, under
 from post import SSR
 
 
@@ -119,3 +119,27 @@ def test_post_shows_a_sky_in_mirrors(tmp_path: Path, capfd: pytest.CaptureFixtur
     ):
         assert run("post", files, *options, "--environment", sky, "--out", tmp_path / "no") == 2
         assert message in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_mirrors_tell_whether_plain_direct_light_holds_the_sky(tmp_path: Path, held: bool):
+    t = foreign_exr.truth()
+    depth, normal = np.where(t["hit"], t["planar"], 0), np.where(t["hit"][..., None], t["normal"], 0)
+    layers = {"depth.Z": depth, "normal.XYZ": normal}
+    eye = (foreign_exr.CAMERA.rays()[1][0].double() * -1).numpy()
+    sky = read_environment(sky_file(tmp_path / "sky.exr"))
+    ways = torch.from_numpy(2 * (t["normal"] * eye).sum(-1, keepdims=True) * t["normal"] - eye).movedim(-1, 0)[None]
+    seen = lookup_environment(sky, ways.float())[0].movedim(0, -1).numpy()
+    direct = np.where(np.arange(seen.shape[1])[:, None] % 2, seen, 0.0) if held else 0.01 * seen  # half is hidden
+    layers["direct.RGB"] = direct
+    plain = read_gbuffer(foreign_exr.write(tmp_path / "a.exr", layers), "generic", camera=foreign_exr.CAMERA)
+    with pytest.warns(UserWarning, match="cannot be told"):
+        next(under([plain], sky, known=False))
+    ones = np.ones(foreign_exr.SIZE)
+    layers |= {"roughness.R": 0 * ones, "metallic.R": ones, "albedo.RGB": np.ones((*foreign_exr.SIZE, 3))}
+    frame = read_gbuffer(foreign_exr.write(tmp_path / "b.exr", layers), "generic", camera=foreign_exr.CAMERA)
+    if held:
+        with pytest.raises(ValueError, match=r"as bright as the sky at 5\d% of the mirrors' pixels: it holds"):
+            next(under([frame], sky, known=False))
+    else:
+        assert next(under([frame], sky, known=False)).environment is sky
