@@ -15,7 +15,7 @@ from tracer.scene.world import BRICK, World
 
 GROUPS = (4, 8, 16, 32)  # side, in voxels, of the cells that group lamps: the first that gives at most MANY lamps
 MANY = 1 << 14
-_known: WeakKeyDictionary[World, Lamps] = WeakKeyDictionary()  # voxels do not change, and finding lamps takes time
+_known: WeakKeyDictionary[World, dict[int, Lamps]] = WeakKeyDictionary()  # finding lamps takes time; by least side
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def lamps_of(scene: Scene, poses: Tensor) -> Lamps:
     """
     parts = [lamps_of_world(scene.world)]
     for instance, pose in zip(scene.instances, poses, strict=True):
-        lamps = lamps_of_world(instance.model)
+        lamps = lamps_of_world(instance.model, side=round(1 / instance.scale))
         if instance.mask & MASK_SECONDARY and len(lamps):
             parts.append(_moved(lamps, pose.to(scene.world.device), instance.scale))
     widest = max(part.corner.shape[1] for part in parts)
@@ -67,24 +67,31 @@ def lamps_of(scene: Scene, poses: Tensor) -> Lamps:
     return Lamps(**{name: torch.cat(tables) for name, tables in columns.items()})
 
 
-def lamps_of_world(world: World) -> Lamps:
+def lamps_of_world(world: World, *, side: int = GROUPS[0]) -> Lamps:
     """The lamps of a voxel grid in its own coordinates.
 
     A face emits where the voxel in front of it is not opaque and is of another material. Faces of one material in a
-    cell of 4x4x4 voxels (larger where there would be many lamps) form a lamp. Those that fill a rectangle are merged.
+    cell of 4x4x4 voxels form a lamp. Those that fill a rectangle are merged.
+
+    Args:
+        world: the grid.
+        side: in voxels, that cells have at least, such as a unit of the scene: a torch is one lamp, not a part in each
+            cell that meets in its middle. They are larger too where there would be many lamps.
     """
-    if world not in _known:
-        _known[world] = _found(world)
-    return _known[world]
+    side = min(max(side, GROUPS[0]), GROUPS[-1])
+    known = _known.setdefault(world, {})
+    if side not in known:
+        known[side] = _found(world, side)
+    return known[side]
 
 
-def _found(world: World) -> Lamps:
+def _found(world: World, side: int) -> Lamps:
     faces, sides, ids = _exposed_faces(world)
     if not len(ids):
         none = torch.zeros(0, 1, 3, device=world.device)
         return Lamps(none, none, none, none[..., 0].long(), none[:, 0], none[:, 0], none[:, 0, 0])
     cells, lamp = ids[:, None], ids
-    for group in GROUPS:
+    for group in (side, *(g for g in GROUPS if g > side)):
         key = torch.cat([torch.div(faces, group, rounding_mode="floor"), ids[:, None]], dim=1)
         cells, lamp, _ = _unique_rows(key)
         if len(cells) <= MANY:

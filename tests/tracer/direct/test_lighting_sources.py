@@ -127,6 +127,18 @@ def test_total_area_survives_merging_and_lamps_stay_few():
     assert reach[area > 0].max() < 1e-4
 
 
+def test_a_torch_of_small_voxels_is_one_lamp():
+    """Wherever it stands in its block: cells of four of its voxels would cut it into eight."""
+    torch_ = world((16, 8, 8), (LAMP, (3, 3, 3), (5, 6, 5)), (LAMP, (11, 2, 2), (13, 4, 4)))
+    for scale, count in ((1 / 8, 2), (1.0, 10)):
+        stands = Instance(model=torch_, pose=lambda _: pose((0.0, 0.0, 0.0)), scale=scale)
+        scene = Scene(world=world((4, 4, 4)), instances=(stands,))
+        lamps = lamps_of(scene, scene.poses([0.0])[0])
+        area = torch.linalg.cross(lamps.edge_u, lamps.edge_v).norm(dim=-1).sum()
+        assert len(lamps) == count
+        assert area.item() == pytest.approx((32 + 24) * scale**2)
+
+
 def test_instances_shine_where_they_are_unless_bounces_do_not_see_them():
     model = world((4, 4, 4), (LAMP, (1, 1, 1), (2, 2, 2)))
 
