@@ -49,10 +49,8 @@ class Pace:
 
     @property
     def left(self) -> timedelta | None:
-        """Time until the end; None while nothing tells it."""
-        if self.done >= self.steps:
-            return timedelta()
-        if not self._counted:
+        """Time until the end; None there, and while nothing tells it."""
+        if not self._counted or self.done >= self.steps:
             return None
         return timedelta(seconds=round(self._taken / self._counted * (self.steps - self.done)))
 

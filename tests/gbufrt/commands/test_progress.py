@@ -41,10 +41,12 @@ def test_the_first_step_of_each_kind_and_compilation_do_not_count(clock: Clock):
     assert pace.kernels == 3
 
 
-def test_nothing_is_left_at_the_end():
-    pace = Pace(1)
-    pace.step("passes of frame 0")
-    assert pace.left == timedelta()
+def test_nothing_is_told_before_the_second_step_and_at_the_end():
+    pace = Pace(2)
+    for _ in range(2):
+        assert pace.left is None
+        pace.step("passes of frame 0")
+    assert pace.left is None
 
 
 def test_a_log_names_compilation_and_tells_no_time_that_compilation_makes(

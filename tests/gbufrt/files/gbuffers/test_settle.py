@@ -95,3 +95,16 @@ def test_a_profile_in_the_cameras_space_needs_no_pose(tmp_path: Path):
     noisy = VIEW * (1, -1, -1) + np.random.default_rng(0).normal(0, 0.3, VIEW.shape)  # no depth tells it
     path = write(tmp_path / "a.exr", {"depth.Y": np.where(SKY, 0, T["planar"]), "normal.RGB": noisy})
     assert "normal_estimated" not in read_gbuffer(path, tmp_path / "own.toml", fov=50.0).extra
+
+
+@pytest.mark.parametrize(("profile", "name"), [("generic", "depth.Y"), ("arnold", "Z.Z"), ("renderman", "z.Z")])
+def test_depth_may_count_down(tmp_path: Path, profile: str, name: str):
+    path = write(tmp_path / "a.exr", {name: np.where(SKY, 0, -T["planar"])})
+    depth = read_gbuffer(path, profile, camera=CAMERA).gbuffer.depth[0, 0].numpy()
+    assert np.abs(depth - T["planar"])[T["hit"]].max() < 1e-4
+
+
+def test_nukes_normals_may_lie_in_the_cameras_space(tmp_path: Path):
+    layers = {"depth.Z": np.where(SKY, 0, 1 / T["planar"]), "N.XYZ": VIEW * (1, -1, -1)}
+    frame = read_gbuffer(write(tmp_path / "a.exr", layers), "nuke", camera=CAMERA)
+    assert np.abs(frame.gbuffer.normal[0].permute(1, 2, 0).numpy() - T["normal"])[T["hit"]].max() < 2e-3
