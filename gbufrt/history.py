@@ -31,6 +31,10 @@ class History:
     signals: Mapping[str, Tensor] = field(default_factory=dict)
     gbuffer: GBuffer | None = None
 
+    def take(self) -> History:
+        """This history, for a pass that reads it once; see `PipelineState.handed_over`."""
+        return self
+
     def to(self, *args: Any, **kwargs: Any) -> History:
         """The history on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(to_function(*args, **kwargs), self)
@@ -56,8 +60,7 @@ class PipelineState:
 
         Old state and new are then not in memory together.
         """
-        pipelines = {name: one.handed_over() for name, one in self.stages.items() if isinstance(one, PipelineState)}
-        return replace(self, stages=_Once({**self.stages, **pipelines}))
+        return replace(self, stages=_Once({name: _handed_over(state) for name, state in self.stages.items()}))
 
     def to(self, *args: Any, **kwargs: Any) -> PipelineState:
         """The state on another device; arguments as `torch.Tensor.to`."""
@@ -75,6 +78,21 @@ class PipelineState:
             g = previous.gbuffer
             previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
         return PipelineState(stages=stages, previous=previous)
+
+
+class _Handed(History):
+    """A history that `take` empties, so that what still refers to it, as all callers of a pass do, keeps no memory."""
+
+    def take(self) -> History:
+        taken = History(length=self.length, signals=self.signals, gbuffer=self.gbuffer)
+        vars(self).update(length=self.length.new_empty(0), signals={}, gbuffer=None)
+        return taken
+
+
+def _handed_over(state: Any) -> Any:
+    if type(state) is History:
+        return _Handed(length=state.length, signals=state.signals, gbuffer=state.gbuffer)
+    return state.handed_over() if isinstance(state, PipelineState) else state
 
 
 class _Once(dict[str, Any]):

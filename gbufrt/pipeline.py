@@ -13,6 +13,7 @@ from typing import Any, Literal
 import torch
 from torch import nn
 
+from gbufrt.compute.memory import return_freed
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
@@ -96,6 +97,7 @@ class Pipeline(Branch):
             state = state.reset(frame.cut)
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
+        return_freed(frame.gbuffer.depth)
         with remembering():
             seen, inside = self.place.enter(frame, self.names), PipelineState()
             if seen is not None:

@@ -9,6 +9,7 @@ import torch
 
 from gbufrt import Frame, History, Pass, Pipeline, PipelineState, TemporalPass
 from gbufrt.tree import map_tensors
+from post import temporal
 
 
 class Remembers(TemporalPass):
@@ -50,6 +51,29 @@ def streamed(runs: int) -> list[tuple[float, float]]:
 def test_a_stream_lets_go_of_each_old_state_once_it_has_been_read(monkeypatch) -> None:
     monkeypatch.setattr(PipelineState, "detach", lambda self: self)  # whose tensors are others
     assert streamed(3) == [(1, 1), (2, 1), (3, 1)]
+
+
+def test_a_history_that_was_handed_over_is_in_memory_no_more_once_taken() -> None:
+    plane, g = torch.ones(1, 1, 4, 6), boxes.frame(boxes.camera((4, 6))).gbuffer
+    state = PipelineState(stages={"in": PipelineState(stages={"a": History(length=plane, signals={"b": plane + 1})})})
+    alive = weakref.ref(state.stages["in"].stages["a"].signals["b"])
+    handed, own = state.handed_over().stages["in"].stages["a"], state.stages["in"].stages["a"]
+    assert own.take() is own, "a history that was not handed over stays"
+    taken = handed.take()
+    assert taken.length is plane
+    assert (dict(handed.signals), handed.gbuffer, handed.length.numel()) == ({}, None, 0)
+    del state, own
+    assert alive() is not None
+    del taken
+    assert alive() is None
+
+    lit = torch.rand(1, 3, 4, 6)
+    _, before = temporal(lit, g)
+    (left,) = PipelineState(stages={"a": before}).handed_over().stages.values()
+    expected = temporal(lit, g, before)[0]
+    assert torch.equal(temporal(lit, g, left)[0], expected)
+    assert not left.signals, "temporal takes it"
+    assert before.signals
 
 
 def test_a_state_that_is_not_handed_over_stays_as_it_is() -> None:

@@ -90,21 +90,23 @@ def temporal(
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal
-    before, noise = torch.zeros_like(signal[:, :1]), None
-    if history is not None and history.gbuffer is not None:
-        state = _fetch(signal, gbuffer, history, history.gbuffer, distance, lead, sharp, names)
+    before, noise, past = 0.0, None, None if history is None else history.gbuffer
+    if history is not None and past is not None:
+        history = history.take()
+        state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names)
+    del history  # what was read of it is in the state: both need not be in memory with what comes out
     if excess:
         first = signal.shape[1] + lead  # of the moments
         noise = None if state is None else typical_variance(state[:, first : first + 2], state[:, -1:])
         signal = cut_outliers(signal, geometry, state, noise, lead, firefly)
-    if state is None or history is None or history.gbuffer is None:
+    if state is None or past is None:
         light, length = luminance(signal, lead), torch.ones_like(signal[:, :1])
         state = torch.cat([signal, signal[:, :lead], light, light * light, length, length], dim=1)
     else:
         if excess:
             before, state = state[:, -2:-1], torch.cat([state[:, :-2], state[:, -1:]], dim=1)
-        motion, _ = motion_of(gbuffer, history.gbuffer.camera)
-        most = 1 / (1 + motion_response * norm(motion)) / max(1 - blend, 1e-9)
+        moved = norm(motion_of(gbuffer, past.camera)[0])
+        most = 1 / (1 + motion_response * moved) / max(1 - blend, 1e-9)
         most = most if longest is None else torch.minimum(most, longest)
         if noise is not None and clamp > 0:
             signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)

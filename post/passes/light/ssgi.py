@@ -93,16 +93,18 @@ def ssgi(
     depth, hit, normal = held(depth, hit, normal, camera.far)
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     solid = planar_thickness(camera, depth, hit, thickness)
-    sent = torch.where(hit, finite(light).to(depth.dtype), 0.0)
-    around = scene(camera, depth, normal, hit, solid, light=sent, compiled=compiled)
+    lit = torch.where(hit, finite(light).to(depth.dtype), 0.0)
+    around = scene(camera, depth, normal, hit, solid, light=lit, compiled=compiled)
     corner = (0, 0) if resolution == 1 else _corner(index, camera)
     pixels = Receiving(camera, depth, normal, hit, resolution, corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
     sky = sky_beyond(camera, hit, normal) if distance is None else None
     radii = () if distance is None else (number(distance, depth),)
     soft = torch.is_grad_enabled() and any(t.requires_grad for t in (depth, solid, *radii))
+    del lit, solid  # `around` holds them
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "soft": soft, "compiled": compiled}
     found = sweep(around, pixels, pixels.of(noise), radii, sky, **sizes, gathers=True)[0]
+    del around, noise  # half of what a frame needs at once
     if resolution == 2:
         found = upsample(found, surface(depth, normal, hit, camera), stride=2, offset=corner, compiled=compiled)
         bent = torch.nn.functional.normalize(found[:, 1:4], dim=1)

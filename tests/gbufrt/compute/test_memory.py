@@ -1,0 +1,48 @@
+"""Memory that is freed goes back to the system, for large pictures alone."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import boxes
+import pytest
+import torch
+
+from gbufrt import Frame, Pass, Pipeline
+from gbufrt.compute import memory
+
+MEGA = 1 << 20
+
+
+class Same(Pass):
+    writes = frozenset({"ao"})
+
+    def forward(self, frame: Frame) -> Frame:
+        return frame.replace(ao=torch.ones_like(frame.gbuffer.depth))
+
+
+def resident() -> int:
+    """Bytes of this process in memory."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
+@pytest.mark.skipif(sys.platform != "linux" or memory._trim() is None, reason="glibc's allocator")
+def test_holes_between_blocks_are_given_back_for_large_pictures() -> None:
+    del [torch.ones(4 * MEGA)][:]  # a block of this size, once freed, is kept, as are smaller ones from then on
+    blocks = [torch.ones(MEGA) for _ in range(64)]
+    kept = blocks[::2]
+    del blocks
+    memory.return_freed(torch.empty(1, 1, 540, 960))
+    before = resident()
+    memory.return_freed(torch.empty(1, 1, 1080, 1920))
+    assert before - resident() > 64 * MEGA, "of 128"
+    assert all(bool((block == 1).all()) for block in kept)
+
+
+def test_a_pipeline_does_so_once_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = list[torch.Tensor]()
+    monkeypatch.setattr("gbufrt.pipeline.return_freed", given.append)
+    frame = boxes.frame(boxes.camera((4, 6)))
+    Pipeline(a=Pipeline(one=Same(), two=Same()), b=Same(), c=Pipeline(one=Same()))(frame)
+    assert [plane.shape for plane in given] == [frame.gbuffer.depth.shape]
