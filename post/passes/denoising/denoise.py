@@ -13,9 +13,8 @@ from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
-from post.passes.denoising.shown import in_mirrors, visible_layer
+from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
-from post.shading.composite_op import specular_albedo
 from post.shading.glossy import frames_lasting, glossy_metals
 
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
@@ -76,8 +75,9 @@ def denoise(
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
-    surfaces = visible_layer(gbuffer, behind, specular=specular)
-    shown, divisor, emission, mirrors = in_mirrors(gbuffer, surfaces, before, specular=specular)
+    reflected = reflectance_of(gbuffer, specular=specular)
+    surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)
+    shown, divisor, emission, mirrors = in_mirrors(gbuffer, surfaces, before, reflected if specular else None)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -89,7 +89,7 @@ def denoise(
         firefly=firefly,
         motion_response=motion_response,
         sharp=True,
-        distance=_image_distance(gbuffer),
+        distance=_image_distance(gbuffer, reflected),
         excess=True,
         longest=None if before is None else frames_lasting(gbuffer, before),
     )
@@ -122,11 +122,11 @@ def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:
     return torch.where(alone & (pooled(others, torch.ones_like(others)) > 0), pooled(light, others), light)
 
 
-def _image_distance(g: GBuffer) -> Tensor | None:
+def _image_distance(g: GBuffer, reflected: Tensor | None) -> Tensor | None:
     """Assumed distance of what clear surfaces reflect, to back-project it; zero where they reflect little."""
-    if g.transmittance is None:
+    if g.transmittance is None or reflected is None:
         return None
-    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (specular_albedo(g) > MIRRORS)
+    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (reflected > MIRRORS)
     return torch.where(g.hit & mirrors, FAR, 0.0).to(g.depth)
 
 
