@@ -22,6 +22,7 @@ FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, f
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces without neighbours, less blurs metals
+NOISELESS = 1e-12  # variance, square radiance: below it filters tell nothing of what they leave
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 
 
@@ -95,13 +96,14 @@ def denoise(
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)
-    smooth, _ = atrous(
-        mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
+    told = tolerated(variance, grain, length, shown.hit, least=TOLERANCE)
+    smooth, left = atrous(
+        mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
         iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL,
-        variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
+    kept = torch.where(told > NOISELESS, left / told.clamp_min(NOISELESS), 1.0).clamp_max(1.0)
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
-    smooth = certain_mean(smooth, variance, geometry)
+    smooth = certain_mean(smooth, variance, kept, geometry)
     sure, metals = trusted(grain, length), glossy_metals(gbuffer)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
     smooth = into_shadow(smooth, noisy, geometry, sure)
