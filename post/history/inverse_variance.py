@@ -1,4 +1,4 @@
-"""Average filtered light with that of neighbours that keep less noise: inverse-variance weights, one small kernel."""
+"""Average filtered light with that of neighbours, as the noise that each keeps requires: one small kernel."""
 
 from __future__ import annotations
 
@@ -11,43 +11,53 @@ from post.filters.op import spatial_moments, wavelet
 from post.history.antilag import pooled
 
 AROUND = 7  # pixels: square over which noise is compared with light
-DIMMEST = 0.25  # of the light around: darker pixels owe that to samples that happened to bring nothing
-SPACING = 4  # pixels between the taps that tell how much of its surface a filter finds around a pixel
 LEAST = 0.1  # relative variance of the best of neighbours: they count alike below
+NOISE = 0.6  # share of measured variance that is taken to be noise: the rest is contrast of the light itself
+SAME_LIGHT = 0.02  # of the light: surfaces are taken to differ by this at least
 PHI_COLOR, PHI_NORMAL = 0.3, 16.0  # see `post.atrous`
 
 
-def certain_mean(light: Tensor, variance: Tensor, geometry: Surface) -> Tensor:
+def certain_mean(light: Tensor, variance: Tensor, kept: Tensor, geometry: Surface) -> Tensor:
     """Average filtered light over 5x5 pixels, weighted by the inverse of the variance that the filter likely left.
 
     Filters average over surfaces, so a narrow one keeps more noise than a wide one beside it, and so does the border
-    of any. Where a filter left the same variance all around, this is a plain small blur that keeps edges.
+    of any. Where a filter left the same variance all around, this is a plain small blur that keeps edges. Where noise
+    is more than the difference between the surfaces side by side, light is first drawn toward the mean of them all.
 
     Variance measured from few samples is itself uncertain: where all of them missed the light it is zero. So pixels
-    have at least the relative variance of those around. What the filter left of it follows from the surface alone.
+    have at least the relative variance of those around.
 
     Args:
         light: ``(B, 3, H, W)``, filtered, without albedo.
         variance: ``(B, 1, H, W)`` of its luminance before the filter.
+        kept: ``(B, 1, H, W)`` in [0, 1]: share of the variance that the filter leaves of independent noise.
         geometry: of the same size.
 
     Returns:
         ``(B, 3, H, W)``; pixels that hit nothing are as before.
 
     Source: Rousselle et al. 2012 and 2013 choose filters by the error they leave; weights are those of the
-    Gauss-Markov theorem, for neighbours taken to be independent.
+    Gauss-Markov theorem, for neighbours taken to be independent; Efron and Morris 1973 (shrinkage toward a mean).
     """
-    lit, own, none = geometry.hit.to(light.dtype), luminance(light), torch.zeros_like(variance)
+    lit, own = geometry.hit.to(light.dtype), luminance(light)
     noise, around = pooled(torch.cat([variance, own], dim=1), lit, AROUND).split(1, dim=1)
-    relative = noise / around.square().clamp_min(1e-10)
-    left = torch.maximum(variance, relative * torch.maximum(own, DIMMEST * around).square())
-    alone = torch.cat([none, none, torch.ones_like(none)], dim=1)
-    left = left * _filtered(alone, geometry, none, SPACING)[:, 2:]
-    certain = 1 / (left / around.square().clamp_min(1e-8) + LEAST)
-    compared, _ = spatial_moments(light, geometry)
-    sums = _filtered(torch.cat([light * certain, certain, compared, left], dim=1), geometry, none, 1)
+    square = around.square().clamp_min(1e-8)
+    left = kept * torch.maximum(variance, noise / square * torch.maximum(own, around).square())
+    light = torch.where(geometry.hit, _shrunk(light, NOISE * left, square, lit), light)
+    certain, (compared, _) = 1 / (left / square + LEAST), spatial_moments(light, geometry)
+    values, none = torch.cat([light * certain, certain, compared, left], dim=1), torch.zeros_like(left)
+    sums = wavelet(values, geometry, none, step=1, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL)
     return torch.where(geometry.hit, sums[:, :3] / sums[:, 3:4].clamp_min(1e-12), light)
 
 
-def _filtered(values: Tensor, geometry: Surface, reach: Tensor, step: int) -> Tensor:
-    return wavelet(values, geometry, reach, step=step, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL)
+def _shrunk(light: Tensor, noise: Tensor, square: Tensor, lit: Tensor) -> Tensor:
+    """Draw light toward its mean over 3x3 pixels, whatever their surface, by the share of noise in how they differ.
+
+    A surface of a pixel or two has no neighbours to average over, and what its few samples say may be far off. That of
+    the surfaces around is then the better guess.
+    """
+    own, weight = luminance(light), lit / (noise / square + LEAST)
+    mean, squares, typical = pooled(torch.cat([light, own * own, noise], dim=1), weight).split([3, 1, 1], dim=1)
+    level = luminance(mean)
+    differ = (squares - level * level - typical).clamp_min(0.0) + (SAME_LIGHT * level).square()
+    return light + noise / (noise + differ).clamp_min(1e-12) * (mean - light)

@@ -91,9 +91,10 @@ def noisy(place: Place, number: int) -> Frame:
 def rivals(frame: Frame) -> dict[str, Tensor]:
     """The same frame by the other denoisers that are installed, each with albedo and normal of what is seen directly or
     through glass and water; what mirrors show only ours finds."""
-    from post.passes.denoising.shown import visible_layer
+    from post.passes.denoising.shown import reflectance_of, visible_layer
 
-    g, albedo, *_ = visible_layer(frame.gbuffer, None if frame.behind is None else frame.behind.gbuffer)
+    behind = None if frame.behind is None else frame.behind.gbuffer
+    g, albedo, *_ = visible_layer(frame.gbuffer, behind, reflectance_of(frame.gbuffer, specular=False))
     light, low = frame.read("radiance"), albedo.clamp_min(MIN_ALBEDO)
     smooth = joint_bilateral(torch.where(g.hit, light / low, light), g, kernel=KERNEL)  # with the albedo divided out
     found = {"kornia": torch.where(g.hit, smooth * low, light)}

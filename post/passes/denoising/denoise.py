@@ -13,9 +13,8 @@ from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.passes.denoising.atrous import atrous
-from post.passes.denoising.shown import in_mirrors, visible_layer
+from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
-from post.shading.composite_op import specular_albedo
 from post.shading.glossy import frames_lasting, glossy_metals
 
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
@@ -23,6 +22,7 @@ FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, f
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces without neighbours, less blurs metals
+NOISELESS = 1e-12  # variance, square radiance: below it filters tell nothing of what they leave
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 
 
@@ -76,8 +76,9 @@ def denoise(
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
-    surfaces = visible_layer(gbuffer, behind, specular=specular)
-    shown, divisor, emission, mirrors = in_mirrors(gbuffer, surfaces, before, specular=specular)
+    reflected = reflectance_of(gbuffer, specular=specular)
+    surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)
+    shown, divisor, emission, mirrors = in_mirrors(gbuffer, surfaces, before, reflected if specular else None)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -89,19 +90,20 @@ def denoise(
         firefly=firefly,
         motion_response=motion_response,
         sharp=True,
-        distance=_image_distance(gbuffer),
+        distance=_image_distance(gbuffer, reflected),
         excess=True,
         longest=None if before is None else frames_lasting(gbuffer, before),
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)
-    smooth, _ = atrous(
-        mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera,
+    told = tolerated(variance, grain, length, shown.hit, least=TOLERANCE)
+    smooth, left = atrous(
+        mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
         iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL,
-        variance=tolerated(variance, grain, length, shown.hit, least=TOLERANCE), linear=True,
     )  # fmt: skip
+    kept = torch.where(told > NOISELESS, left / told.clamp_min(NOISELESS), 1.0).clamp_max(1.0)
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
-    smooth = certain_mean(smooth, variance, geometry)
+    smooth = certain_mean(smooth, variance, kept, geometry)
     sure, metals = trusted(grain, length), glossy_metals(gbuffer)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
     smooth = into_shadow(smooth, noisy, geometry, sure)
@@ -122,11 +124,11 @@ def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:
     return torch.where(alone & (pooled(others, torch.ones_like(others)) > 0), pooled(light, others), light)
 
 
-def _image_distance(g: GBuffer) -> Tensor | None:
+def _image_distance(g: GBuffer, reflected: Tensor | None) -> Tensor | None:
     """Assumed distance of what clear surfaces reflect, to back-project it; zero where they reflect little."""
-    if g.transmittance is None:
+    if g.transmittance is None or reflected is None:
         return None
-    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (specular_albedo(g) > MIRRORS)
+    mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (reflected > MIRRORS)
     return torch.where(g.hit & mirrors, FAR, 0.0).to(g.depth)
 
 

@@ -29,12 +29,19 @@ class Shown(NamedTuple):
     """``(B, 1, H, W)`` bool: where the surface is seen in a mirror; None where there is no mirror."""
 
 
-def visible_layer(g: GBuffer, behind: GBuffer | None, *, specular: bool = False) -> Shown:
+def reflectance_of(g: GBuffer, *, specular: bool) -> Tensor | None:
+    """`specular_albedo`, where light by that way or through what transmits is to be told apart; else None."""
+    needed = g.transmittance is not None or (specular and g.roughness is not None)
+    return specular_albedo(g) if needed else None
+
+
+def visible_layer(g: GBuffer, behind: GBuffer | None, reflected: Tensor | None, *, specular: bool = False) -> Shown:
     """What each pixel shows, mirrors being surfaces as others.
 
     Args:
         g: of the frame.
         behind: of what lies straight behind the first transmissive surface; used where that surface is clear enough.
+        reflected: what `reflectance_of` finds for ``g``.
         specular: add the specular albedo of dielectrics to theirs, if roughness is known: most light of polished dark
             stone comes by it, and divided by albedo alone that light would not compare with that of pale stone.
     """
@@ -42,11 +49,10 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, *, specular: bool = False)
     albedo = diffuse = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
     shown = g
-    if specular and g.roughness is not None:
-        share = specular_albedo(g) * (1 if g.metallic is None else 1 - g.metallic)
+    if specular and g.roughness is not None and reflected is not None:
+        share = reflected * (1 if g.metallic is None else 1 - g.metallic)
         albedo = share + (1 - share) * albedo
-    if behind is not None and g.transmittance is not None:
-        reflected = specular_albedo(g)
+    if behind is not None and g.transmittance is not None and reflected is not None:
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
         far_emission = none if behind.emission is None else behind.emission
@@ -58,7 +64,7 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, *, specular: bool = False)
     return Shown(shown, _divisor(g.hit, albedo), emission)
 
 
-def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, *, specular: bool = False) -> Shown:
+def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, reflected: Tensor | None = None) -> Shown:
     """What each pixel shows, with the virtual images of what mirrors reflect in place of the mirrors.
 
     Water and polished stone that mirror more than they scatter or let through count as mirrors: edges of what they
@@ -68,9 +74,10 @@ def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, *, specular: b
         g: of the frame.
         shown: what `visible_layer` found.
         previous: camera of the frame before, see `post.shading.mirrors.mirror_image`.
-        specular: the light holds what dielectrics reflect; otherwise metals alone are mirrors.
+        reflected: `specular_albedo` of ``g``, where the light holds what dielectrics reflect; without it metals
+            alone are mirrors.
     """
-    polished = _polished(g, shown) if specular else None
+    polished = None if reflected is None else _polished(g, shown, reflected)
     image = mirror_image(g, previous, polished)
     if image is None:
         return shown
@@ -85,11 +92,10 @@ def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, *, specular: b
     )
 
 
-def _polished(g: GBuffer, shown: Shown) -> Tensor | None:
+def _polished(g: GBuffer, shown: Shown, reflected: Tensor) -> Tensor | None:
     """``(B, 1, H, W)`` bool: smooth surfaces, no metals, whose reflectance is most of the divisor."""
     if g.roughness is None or g.metallic is None or g.albedo is None:
         return None
-    reflected = specular_albedo(g)
     rest = (shown.divisor - reflected).mean(1, keepdim=True)
     return g.hit & (g.roughness < SMOOTH) & (g.metallic <= METAL) & (reflected > MOST * rest)
 

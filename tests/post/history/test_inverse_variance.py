@@ -11,6 +11,7 @@ from post.history.inverse_variance import certain_mean
 SIZE = (36, 48)
 G = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1]).gbuffer
 GEOMETRY = surface(G.depth, G.normal, G.hit, G.camera)
+WHOLE = torch.ones_like(G.depth)  # of the variance is left
 INNER = (..., slice(8, -8), slice(8, -8))
 
 
@@ -21,18 +22,33 @@ def noise(deviation: torch.Tensor) -> torch.Tensor:
 
 def test_noise_is_averaged_and_uncertain_pixels_follow_certain_ones():
     light, even = noise(torch.tensor(0.2)), torch.full_like(G.depth, 1.0)
-    before, after = (float((mean - 1)[INNER].square().mean()) for mean in (light, certain_mean(light, even, GEOMETRY)))
+    before, after = (
+        float((mean - 1)[INNER].square().mean()) for mean in (light, certain_mean(light, even, WHOLE, GEOMETRY))
+    )
     assert after < 0.5 * before
     column = (torch.arange(SIZE[1]) == 24).expand_as(G.depth)
     light = torch.where(column, 1.5, 1.0).expand_as(G.normal).contiguous()
-    mean = certain_mean(light, torch.where(column, 25.0, 0.01), GEOMETRY)
+    mean = certain_mean(light, torch.where(column, 25.0, 0.01), WHOLE, GEOMETRY)
     assert float(mean[..., 12:24, 24].max()) < 1.1  # the kernel alone leaves 3/8 of the difference: 1.19
 
 
 def test_edges_stay_where_there_is_no_noise_and_sky_stays():
     light = torch.where(torch.arange(SIZE[1]) < 24, 1.0, 4.0).expand_as(G.normal).contiguous()
-    kept = certain_mean(light, torch.full_like(G.depth, 1e-4), GEOMETRY)
+    kept = certain_mean(light, torch.full_like(G.depth, 1e-4), WHOLE, GEOMETRY)
     assert torch.allclose(kept, light, rtol=0.02)
     sky = G.replace(hit=torch.zeros_like(G.hit))
     nothing = surface(sky.depth, sky.normal, sky.hit, sky.camera)
-    assert torch.equal(certain_mean(light, torch.ones_like(G.depth), nothing), light)
+    assert torch.equal(certain_mean(light, WHOLE, WHOLE, nothing), light)
+
+
+def test_a_surface_of_one_pixel_leans_on_those_around_it_as_its_noise_requires():
+    alone = torch.zeros_like(G.depth)
+    alone[..., 18, 24] = 1
+    normal = torch.where(alone > 0, -G.normal, G.normal)
+    geometry = surface(G.depth, normal, G.hit, G.camera)
+    light = torch.where(alone > 0, 0.2, 1.0).expand_as(G.normal).contiguous()
+    kept = torch.where(alone > 0, 1.0, 0.01)
+    noisy, sure = (certain_mean(light, WHOLE * variance, kept, geometry) for variance in (1.0, 1e-6))
+    assert noisy[..., 18, 24].min() > 0.9
+    assert noisy[..., 17, 24].min() > 0.95
+    torch.testing.assert_close(sure[..., 18, 24], light[..., 18, 24])
