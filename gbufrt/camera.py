@@ -345,8 +345,10 @@ class Camera:
         """World-space unit normals facing the camera, estimated from planar depth ``(B, 1, H, W)``.
 
         Raises:
-            ValueError: the picture is smaller than 2x2.
+            ValueError: depth has another shape, or the picture is smaller than 2x2.
         """
+        if depth.ndim != 4 or depth.shape[1] != 1:
+            raise ValueError(f"depth must be (B,1,H,W), planar view z, got {_shape(depth)}")
         if min(depth.shape[-2:]) < 2:
             raise ValueError(f"normals from depth need a picture of at least 2x2, got {tuple(depth.shape[-2:])}")
         points = self.unproject(depth)

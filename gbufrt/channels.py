@@ -82,6 +82,23 @@ def check_tensor(
         raise ValueError(f"{name} is on {tensor.device} but the camera is on {device}; move one with .to()")
 
 
+def check_picture(name: str, picture: Any, meaning: str, components: int = 3) -> None:
+    """Raise unless ``picture`` is ``(B, C, H, W)`` of floats.
+
+    Raises:
+        TypeError: not a tensor, or of whole numbers.
+        ValueError: wrong shape.
+    """
+    if not isinstance(picture, Tensor):
+        raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
+    shape, row = tuple(picture.shape), Channel(components, meaning)
+    if len(shape) != 4 or shape[1] != components:
+        hint = _shape_hint(shape, row)
+        raise ValueError(f"{name} must be (B,{components},H,W), {meaning}; got {_shape_text(shape)}{hint}")
+    if not picture.is_floating_point():
+        raise TypeError(f"{name} must be of floats, got {str(picture.dtype).removeprefix('torch.')}")
+
+
 def _fits(shape: tuple[int, ...], size: tuple[int, int], row: Channel) -> bool:
     larger = row.larger and shape[0] >= size[0] and shape[1] >= size[1]
     return larger or not row.full_size or shape == size

@@ -52,6 +52,8 @@ class GBuffer:
 
     def _check(self, names: Iterable[str]) -> None:
         """Raise if one of the channels called ``names``, or the camera before, breaks its form."""
+        if not isinstance(self.camera, Camera):
+            raise TypeError(f"camera must be a gbufrt.Camera, got {type(self.camera).__name__}")
         for name in names:
             tensor, row = getattr(self, name), CHANNELS[name]
             if tensor is None and not row.required:

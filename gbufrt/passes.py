@@ -73,11 +73,18 @@ Stages = Mapping[str, Stage | None]
 """By name, in order; None leaves one out."""
 
 
+def check_frame(frame: Any) -> None:
+    """Raise TypeError unless it is a frame."""
+    if not isinstance(frame, Frame):
+        raise TypeError(f"frame must be a gbufrt.Frame, got {type(frame).__name__}; Frame(gbuffer=..., radiance=...)")
+
+
 class Pass(Stage, ABC):
     """A pass whose result depends on one frame alone."""
 
     def __call__(self, frame: Frame) -> Frame:
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
+        check_frame(frame)
         return super().__call__(contained(frame, self.reads | self.optional))
 
     @abstractmethod

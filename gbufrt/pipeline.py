@@ -18,7 +18,7 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.mending import remembering
-from gbufrt.passes import Branch, Stage, Stages, TemporalPass
+from gbufrt.passes import Branch, Stage, Stages, TemporalPass, check_frame
 from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
 
@@ -78,6 +78,11 @@ class Pipeline(Branch):
         self, frame: Frame, state: PipelineState | None = None, *, keep_graph: bool = False
     ) -> tuple[Frame, PipelineState]:
         """`forward`; each stage contains non-finite pixels itself."""
+        check_frame(frame)
+        if not isinstance(state, PipelineState | None):
+            raise TypeError(
+                f"state must be None or what the pipeline returned beside a frame, got {type(state).__name__}"
+            )
         _warn_if_repeated(frame, None if state is None else state.previous)
         self._tell_what_is_left_out(frame)
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)

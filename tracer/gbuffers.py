@@ -65,6 +65,8 @@ def layers(
     Raises:
         ValueError: no voxels, or times or cameras that do not fit each other.
     """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a tracer.Scene, got {type(scene).__name__}; tracer.load(name) gives one")
     if scene.empty:
         raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
     rays = _primary_rays(scene, camera, previous_camera, time, previous_time)

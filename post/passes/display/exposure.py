@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, History, TemporalPass
+from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite
 from post.display.constants import DARKEST
@@ -60,6 +61,7 @@ def exposure(
     Source: Reinhard et al. 2002 (log average and key); percentile window and two speeds as common in engines; a key
         that falls with luminance as in Krawczyk et al. 2005.
     """
+    check_picture("color", color, "linear")
     if not 0 <= low < high <= 1:
         raise ValueError(f"low and high must satisfy 0 <= low < high <= 1, got {low} and {high}")
     if key <= 0:

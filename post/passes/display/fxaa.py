@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.channels import check_picture
 from post.filters.fxaa_op import smooth_stairs
 
 
@@ -30,8 +31,7 @@ def fxaa(
 
     Source: Lottes 2009, "FXAA" (NVIDIA white paper).
     """
-    if image.ndim != 4 or image.shape[1] != 3:
-        raise ValueError(f"image must be (B,3,H,W), display-referred; got {tuple(image.shape)}")
+    check_picture("image", image, "display-referred")
     return smooth_stairs(image, subpixel=subpixel, edge_threshold=edge_threshold, dark_threshold=dark_threshold)
 
 

@@ -7,6 +7,7 @@ from typing import cast
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.noise.noise import dithered
 from post.display.ocio import CONFIGS, check_view, is_config, ocio_view
@@ -47,6 +48,7 @@ def tone_map(
     Source: AgX by Sobotka 2022 in the polynomial fit of Wrensch 2023; ACES fit by Hill (BakingLab); Khronos PBR
     Neutral Tone Mapper specification 2024; Reinhard et al. 2002, eq. 4.
     """
+    check_picture("color", color, "linear")
     _check(operator, view)
     if is_config(operator):
         return ocio_view(color * number(exposure, color), operator, view)
@@ -81,6 +83,7 @@ def display_encode(image: Tensor, *, dither: bool = False, index: int | Tensor =
 
     Source: IEC 61966-2-1.
     """
+    check_picture("image", image, "display-linear")
     shown = encoded(image)
     return dithered(shown, index=index, seed=seed) if dither else shown
 

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.channels import check_picture
 from gbufrt.compute.resident import resident
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
@@ -48,6 +49,7 @@ def normals_from_depth(
     """
     if method not in ("edge_aware", "plain"):
         raise ValueError(f"method must be 'edge_aware' or 'plain', got {method!r}")
+    check_picture("depth", depth, "planar view z in world units", 1)
     if method == "plain" or min(depth.shape[-2:]) < 2:
         normal = camera.normals_from_depth(depth)
     else:

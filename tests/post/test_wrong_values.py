@@ -1,0 +1,53 @@
+"""What is no frame, state, picture or camera is named in one sentence, before a kernel or torch fails over it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import boxes
+import numpy as np
+import pytest
+import torch
+
+import tracer
+from gbufrt import GBuffer, Pipeline
+from post import FXAA, display_encode, exposure, fxaa, normals_from_depth, tone_map
+
+FRAME = boxes.frame()
+G = FRAME.gbuffer
+FLAT, ROWS = torch.rand(8, 8), torch.rand(1, 8, 8, 3)
+PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, exposure)
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: Pipeline(fxaa=FXAA())(np.zeros(3)), TypeError, r"frame must be a gbufrt\.Frame, got ndarray"),  # pyright: ignore
+        (lambda: FXAA()(G), TypeError, r"frame must be a gbufrt\.Frame, got GBuffer"),  # pyright: ignore
+        (lambda: Pipeline(fxaa=FXAA())(FRAME, 3), TypeError, "state must be None or what a pipeline returned"),  # pyright: ignore
+        (
+            lambda: GBuffer(camera=None, depth=G.depth, hit=G.hit, normal=G.normal),  # pyright: ignore
+            TypeError,
+            r"camera must be a gbufrt\.Camera, got NoneType",
+        ),
+        (lambda: normals_from_depth(G.depth[0], G.camera), ValueError, r"depth must be \(B,1,H,W\).*: x\[None\]"),
+        (lambda: G.camera.normals_from_depth(G.depth[0]), ValueError, r"depth must be \(B,1,H,W\)"),
+        (lambda: tracer.render("valley", G.camera), TypeError, r"scene must be a tracer\.Scene, got str"),  # pyright: ignore
+    ],
+)
+def test_wrong_values_are_named(call: Callable[[], Any], error: type[Exception], message: str):
+    with pytest.raises(error, match=message):
+        call()
+
+
+@pytest.mark.parametrize("function", PICTURES)
+def test_wrong_pictures_are_named(function: Callable[[Any], Any]):
+    with pytest.raises(TypeError, match=r"must be a torch\.Tensor, got ndarray"):
+        function(ROWS.numpy())
+    with pytest.raises(ValueError, match=r"must be \(B,3,H,W\).*; got \(8,8\)"):
+        function(FLAT)
+    with pytest.raises(ValueError, match="it looks channels-last: use"):
+        function(ROWS)
+    with pytest.raises(TypeError, match="must be of floats, got uint8"):
+        function(torch.zeros(1, 3, 8, 8, dtype=torch.uint8))
