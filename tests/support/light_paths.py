@@ -4,6 +4,7 @@ the CUDA form by numba's simulator and saves what it finds, with the names of th
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
 
@@ -15,20 +16,24 @@ from torch import Tensor
 
 from gbufrt import Camera
 from tracer.direct import drivers
+from tracer.direct.fog import segments_of
 from tracer.direct.lighting import light
 from tracer.gbuffers import gbuffer, layers
+from tracer.lights import fog_drivers
+from tracer.lights.fog import scattered
 from tracer.lights.samples import Lights
 from tracer.paths import integrators, op
 from tracer.paths import radiance as path_radiance
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import receivers_of
 from tracer.sampling.sequence import Sequence
+from tracer.scene.fog import Fog
 
 SIZE, BOUNCES = (7, 9), 2
 
 
 def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """The radiance along a few rays, a row for each; `from_surfaces`, `under_water` and `direct`."""
+    """The radiance along a few rays, a row for each; `from_surfaces`, `under_water`, `direct` and `fog`."""
     scene = voxels.polished_scene(2).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).to(device)
     g, poses = gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device)
@@ -42,6 +47,7 @@ def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
         **from_surfaces(device),
         **under_water(device),
         **direct(device),
+        **fog(device),
     }
 
 
@@ -87,6 +93,19 @@ def direct(device: str | torch.device = "cpu") -> dict[str, Tensor]:
     found = {"direct light": light(scene, g, **given)[0]}
     with patch.multiple(drivers, FEW=0, MANY=0, BAND=1):
         found["direct light of tiles"] = light(scene, g, seen=seen, **given)[0]
+    return {name: value.cpu() for name, value in found.items()}
+
+
+def fog(device: str | torch.device = "cpu") -> dict[str, Tensor]:
+    """Light of sun, sky and lamps in fog: all lamps are weighed, and a few candidates."""
+    size = (5, 6)
+    scene = replace(voxels.polished_scene(1).to(device), fog=Fog(extinction=0.05, falloff=0.1, anisotropy=0.4))
+    g = gbuffer(scene, Camera.look_at((14, 16, 19), (0, 2, 0), size=size).to(device), time=0.3)
+    given: dict[str, Any] = {"poses": scene.poses([0.3])[0].to(device), "index": 1}
+    noise = numbers(10, size[0] * size[1]).view(10, *size).to(device)
+    found = {"fog of few candidates": scattered(scene, segments_of(g, 0), noise, **given)}
+    with patch.object(fog_drivers, "FEW", 1 << 11):
+        found["fog"] = scattered(scene, segments_of(g, 0), noise, **given)
     return {name: value.cpu() for name, value in found.items()}
 
 

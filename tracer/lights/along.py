@@ -47,7 +47,7 @@ class LampsAlong:
         segments: N rays.
         upto: ``(N, K)`` summed weights.
         which: ``(N, K)`` the rectangles; None where they are all.
-        turns: summed `phase` over the angles of `CELLS`.
+        turns: see `turns_of`.
 
     Source: Kulla and Fajardo 2012 (equiangular sampling), with the phase function in the density of angles.
     """
@@ -66,9 +66,7 @@ class LampsAlong:
 
         Rays that follow each other with one number in ``alike`` ``(N,)`` share the weights of the first of them.
         """
-        angle = ((torch.arange(CELLS, device=table.power.device) + 0.5) / CELLS - 0.5) * math.pi
-        turns = torch.nn.functional.pad((phase(fog, -angle.sin()) * (math.pi / CELLS)).cumsum(0), (1, 0))
-        which, power = None, table.power
+        turns, which, power = turns_of(fog, table.power.device), None, table.power
         if u is not None and len(table) > CANDIDATES:
             steps = torch.arange(CANDIDATES, device=u.device) / CANDIDATES
             upto = table.power.cumsum(0)
@@ -76,7 +74,7 @@ class LampsAlong:
             power = torch.full_like(u, 1 / CANDIDATES)[:, None]  # over what they are drawn by
         rays, group = segments, None
         if alike is not None and which is None:
-            group, rays = _shared(segments, alike)
+            group, rays = shared(segments, alike)
         step = max(1, BLOCK // (len(table) if which is None else CANDIDATES))  # rays at a time: they stay in the cache
         each = [
             _weights(table, rays.of(part), fog, turns, None if which is None else which[part], power)
@@ -116,7 +114,14 @@ class LampsAlong:
         return Drawn(t=t, points=points, away=away, light=light[:, None] * table.radiance[which])
 
 
-def _shared(ray: Segments, alike: Tensor) -> tuple[Tensor, Segments]:
+def turns_of(fog: Fog, device: torch.device) -> Tensor:
+    """``(CELLS + 1,)`` the phase function, summed over angles from behind a lamp's nearest place on a ray to before it,
+    where light goes straight on."""
+    angle = ((torch.arange(CELLS, device=device) + 0.5) / CELLS - 0.5) * math.pi
+    return torch.nn.functional.pad((phase(fog, -angle.sin()) * (math.pi / CELLS)).cumsum(0), (1, 0))
+
+
+def shared(ray: Segments, alike: Tensor) -> tuple[Tensor, Segments]:
     """``(N,)`` the group of each ray, and a ray for each group: its first, as long as all of them.
 
     On a GPU as many rays are weighed as there might be groups.
@@ -165,7 +170,7 @@ def _reach(table: LampTable, ray: Segments, which: Tensor | None) -> tuple[Tenso
 
 
 def _turned(turns: Tensor, angle: Tensor) -> Tensor:
-    """Summed phase function up to an angle: from behind the nearest place, where light goes straight on."""
+    """`turns_of` up to an angle."""
     place = ((angle / math.pi + 0.5) * CELLS).clamp(0, CELLS)
     cell = place.long().clamp_max(CELLS - 1)
     return torch.lerp(turns[cell], turns[cell + 1], place - cell)

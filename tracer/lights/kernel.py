@@ -223,14 +223,14 @@ def lamp_sample(lit, point, normal, a, b, c, d):
     angle = area * above / (square * math.sqrt(square))
     middle = along(triple(lit.lamps, lamp, MIDDLE), point, -1.0)
     if above > 0 and area > NEAR * dot(middle, middle):
-        way, angle = _rectangle_point(first, edge_u, edge_v, c, d)
+        way, angle = rectangle_point(first, edge_u, edge_v, c, d)
     distance = math.sqrt(max(dot(way, way), 1e-12))
     light = scaled(triple(lit.lamps, lamp, RADIANCE), max(angle, 0.0) * factor)
     return scaled(way, 1 / distance), max(distance - SHORT, 0.0), light, lamp
 
 
 @scalar
-def _rectangle_point(first, edge_u, edge_v, s, t):
+def rectangle_point(first, edge_u, edge_v, s, t):
     """The vector to a point on a rectangle, and the solid angle; see `tracer.lights.spherical_rectangle`."""
     width, height = math.sqrt(dot(edge_u, edge_u)), math.sqrt(dot(edge_v, edge_v))
     right, up = scaled(edge_u, 1 / width), scaled(edge_v, 1 / height)

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from tracer.lights import sky
-from tracer.lights.kernel import DISC, GLOW, TOWARD
-from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import Lights
-from tracer.lights.sky_table import SkyTable
+from tracer.lights.tables import lit_tables
 from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
 from tracer.scene.material import MaterialTable
@@ -41,10 +37,7 @@ def arrays_of(scene: Scene, poses: Tensor, lights: Lights | None = None) -> tupl
         *scene.grids.tensors,
         materials,
         texels,
-        _picture(scene, materials),
-        _sky(scene).to(materials.device),
-        *_lamps(None if lights is None else lights.lamps, materials),
-        *_sky_table(None if lights is None else lights.sky, materials),
+        *lit_tables(scene, lights, materials),
     )
     return tuple(table.contiguous() for table in tables)
 
@@ -91,36 +84,3 @@ def picture_of(picture: Picture | None, device: torch.device) -> Tensor:
     if picture is None:
         return torch.zeros(4, 0, device=device)
     return torch.cat([picture.depth[None], picture.normal]).to(device)
-
-
-def _picture(scene: Scene, like: Tensor) -> Tensor:
-    if scene.sky.picture is None:
-        return like.new_zeros(0, 0, 3)
-    return scene.sky.picture[0].permute(1, 2, 0).float().to(like.device)
-
-
-def _sky(scene: Scene) -> Tensor:
-    colors, sun = scene.sky, scene.sun
-    rows = np.zeros((GLOW + len(sky.GLOW), 3))
-    rows[:3] = colors.zenith, colors.horizon, colors.ground
-    if sun is not None:
-        toward = np.array(sun.direction, np.float64)
-        rows[TOWARD:DISC] = toward / np.linalg.norm(toward), sun.irradiance
-        rows[DISC, :2] = np.sin(np.radians(sun.angular_radius)), 1.0
-        rows[GLOW:, :2] = np.array(sky.GLOW).reshape(-1, 2)
-    return torch.from_numpy(rows)
-
-
-def _lamps(lamps: LampTable | None, like: Tensor) -> tuple[Tensor, ...]:
-    if lamps is None:
-        none = like.new_zeros(0, 1)
-        return none, none[:, 0], none.int(), none.short(), like.new_zeros(7, dtype=torch.float64)
-    half = (lamps.edge_u + lamps.edge_v) / 2
-    columns = [lamps.corner + half, lamps.facing, half.norm(dim=1, keepdim=True), lamps.power[:, None]]
-    columns += [lamps.corner, lamps.edge_u, lamps.edge_v, lamps.area[:, None], lamps.radiance]
-    cells = like.new_tensor([*lamps.low.tolist(), lamps.cell, *lamps.shape], dtype=torch.float64)
-    return torch.cat(columns, dim=1), lamps.power.cumsum(0), lamps.slots, lamps.counts, cells
-
-
-def _sky_table(table: SkyTable | None, like: Tensor) -> tuple[Tensor, Tensor]:
-    return (like.new_zeros(0), like.new_zeros(0)) if table is None else (table.upto, table.density)

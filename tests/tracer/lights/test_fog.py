@@ -11,8 +11,10 @@ import torch
 import tracer
 from gbufrt import Camera
 from gbufrt.compute import resident
+from gbufrt.compute.dispatch import Form
 from gbufrt.noise.noise import blue_noise
 from tracer.direct.fog import segments_of
+from tracer.lights import fog_drivers, fog_reference
 from tracer.lights.along import LampsAlong
 from tracer.lights.emitters import Lamps
 from tracer.lights.fog import NEIGHBOURS, _uneven, scattered
@@ -88,6 +90,23 @@ def test_sun_sky_and_lamp_against_brute_force(falloff):
     error = (found - wanted).square().mean().sqrt() / wanted.mean()
     assert float((found.mean(0) / wanted.mean(0) - 1).abs().max()) < 0.01
     assert float(error) < 0.05
+
+
+@pytest.mark.parametrize("few", [512, 0])
+@pytest.mark.parametrize("anisotropy", [0.6, 0.0])
+def test_the_compiled_steps_are_the_reference_s(few: int, anisotropy: float, monkeypatch: pytest.MonkeyPatch):
+    for form in (fog_reference, fog_drivers):
+        monkeypatch.setattr(form, "FEW", few)
+    sun = tracer.Sun(direction=(0.3, 1.0, 0.2), irradiance=(3.0, 2.0, 1.0), angular_radius=5.0)
+    made = scene(sun=sun, level=0.3, lamp=True, falloff=0.2, anisotropy=anisotropy)
+    odd = (torch.arange(27).view(3, 3, 3) % 2 == 0).short()  # voxels that touch at edges alone: 84 rectangles
+    made = replace(made, world=tracer.World.from_dense(odd, made.world.materials, origin=(-1, -1, -1)))
+    found = light_of(made, rays(y=0.0))
+    monkeypatch.setattr("tracer.lights.fog.form_of", lambda *inputs, cuda: Form.REFERENCE)
+    wanted = light_of(made, rays(y=0.0))
+    assert wanted.std() > 0.1 * wanted.mean()
+    off = (found - wanted).abs() > 1e-4 * wanted.mean() + 1e-3 * wanted
+    assert off.any(dim=1).float().mean() < 0.05  # few shadow rays graze an edge
 
 
 def test_no_fog_no_light():

@@ -18,9 +18,8 @@ def check(found: dict[str, Tensor]) -> None:
     assert found.keys() == wanted.keys()
     for name, want in wanted.items():
         off = (found[name] - want).abs() > 1e-4 + 2e-3 * want.abs()
-        assert off.any(dim=1).float().mean() < (0.02 if "direct light" in name else 0.05), (
-            f"{name}: few paths graze an edge or a choice"
-        )
+        few = 0.02 if "direct light" in name else 0.1 if "fog" in name else 0.05  # fog is the mean of up to 136 rays
+        assert off.any(dim=1).float().mean() < few, f"{name}: few paths graze an edge or a choice"
         assert want.isfinite().all(), name
     assert all(want.std() > 0 for want in wanted.values())
 
@@ -29,7 +28,8 @@ def test_the_simulated_cuda_form_finds_what_the_cpu_finds(tmp_path: Path) -> Non
     found, ran = answers_of(SCRIPT, tmp_path / "answers.pt")
     integrators = ("occlusion", "indirect", "lit", "reflected", "lobes")
     lamps = "candidates_tile", "list_pixel", "pack_pixel", "first_pixel", "finish_pixel"
-    assert ran >= {"radiance_path", *lamps, *(f"{name}_paths" for name in integrators)}
+    fog = "weigh", *(f"from_{light}_steps" for light in ("sun", "sky", "lamps"))
+    assert ran >= {"radiance_path", *lamps, *fog, *(f"{name}_paths" for name in integrators)}
     check(found)
 
 
