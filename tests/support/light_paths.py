@@ -18,9 +18,9 @@ from gbufrt import Camera
 from tracer.direct import drivers
 from tracer.direct.fog import segments_of
 from tracer.direct.lighting import light
+from tracer.fog import drivers as fog_drivers
+from tracer.fog.scattered import scattered
 from tracer.gbuffers import gbuffer, layers
-from tracer.lights import fog_drivers
-from tracer.lights.fog import scattered
 from tracer.lights.samples import Lights
 from tracer.paths import integrators, op
 from tracer.paths import radiance as path_radiance

@@ -11,8 +11,8 @@ from gbufrt.directions import length
 from gbufrt.noise.noise import blue_noise
 from gbufrt.reduction import every_nth
 from tracer.direct.lighting import batched, lifted
-from tracer.lights.fog import scattered
-from tracer.lights.segments import Segments, passes
+from tracer.fog.scattered import scattered
+from tracer.fog.segments import Segments, passes
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import trace
 

@@ -12,10 +12,10 @@ from gbufrt import GBuffer
 from gbufrt.directions import tangent_frame
 from tracer.direct.fog import segments_of
 from tracer.direct.lighting import batched
-from tracer.lights.along import LampsAlong
+from tracer.fog.along import LampsAlong
+from tracer.fog.segments import Segments, passes, phase, phase_direction
 from tracer.lights.emitters import lamps_of
 from tracer.lights.lamp_table import LampTable
-from tracer.lights.segments import Segments, passes, phase, phase_direction
 from tracer.lights.shadows import SHORT
 from tracer.lights.sky import sky_along
 from tracer.lights.sky_table import SkyTable

@@ -11,10 +11,10 @@ import torch
 import tracer
 from gbufrt import Camera
 from tracer.direct.fog import segments_of
-from tracer.lights.along import LampsAlong
+from tracer.fog.along import LampsAlong
+from tracer.fog.segments import Segments, phase
 from tracer.lights.emitters import lamps_of
 from tracer.lights.lamp_table import LampTable
-from tracer.lights.segments import Segments, phase
 
 EXTINCTION = 0.05
 NONE = torch.zeros(0, 4, 4)
@@ -106,7 +106,7 @@ def test_few_of_many_lamps_stand_for_all(monkeypatch: pytest.MonkeyPatch):
     _, rays = seen(made, (-6.0, 3.0, 3.5), (0.0, 1.5, 3.5))
     table = LampTable.of(lamps_of(made, NONE), (0, 0, 0), (1, 1, 1))
     assert made.fog is not None
-    monkeypatch.setattr("tracer.lights.along.CANDIDATES", 3)
+    monkeypatch.setattr("tracer.fog.along.CANDIDATES", 3)
     some, every = [], []
     generator = torch.Generator().manual_seed(1)
     known = LampsAlong.of(table, rays, made.fog)

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import places
+from tracer.fog.segments import Segments, phase
 from tracer.lights.lamp_table import LampTable
-from tracer.lights.segments import Segments, phase
 from tracer.lights.spherical_rectangle import rectangle_points
 from tracer.scene.fog import Fog
 

@@ -1,4 +1,4 @@
-"""Run `tracer.lights.fog_kernel` over many rays, on the CPU or on a GPU."""
+"""Run `tracer.fog.kernel` over many rays, on the CPU or on a GPU."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from torch import Tensor
 from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import CPU, Kernel, array, driver, replaced, scalar, specialized, threads
-from tracer.lights import fog_kernel, fog_reference
-from tracer.lights.along import RARE, shared, turns_of
-from tracer.lights.fog_kernel import Medium
-from tracer.lights.fog_rays_kernel import Arriving, finish, new_waiting
-from tracer.lights.fog_reference import FEW, shifts
+from tracer.fog import along_kernel, kernel, reference
+from tracer.fog.along import RARE, shared, turns_of
+from tracer.fog.medium_kernel import Medium
+from tracer.fog.rays_kernel import Arriving, finish, new_waiting
+from tracer.fog.reference import FEW, shifts
+from tracer.fog.segments import Segments
 from tracer.lights.kernel import Lit
 from tracer.lights.samples import Lights
-from tracer.lights.segments import Segments
 from tracer.lights.tables import lit_tables
 from tracer.scene.scene import Scene
 from tracer.traversal.rays import grid_from_world
@@ -54,7 +54,7 @@ def _all(rays, medium, space, tables, weights, turned, noise, lanes, light):
 def _weigh_some(begin, end, rays, medium, tables, turns, rare, upto):
     fog, lit = Medium(*medium), Lit(*tables)
     for i in range(begin, end):
-        fog_kernel.weigh(rays, i, fog, lit, turns, rare, upto[i])
+        along_kernel.weigh(rays, i, fog, lit, turns, rare, upto[i])
 
 
 @driver
@@ -81,13 +81,13 @@ def _forms(body: Callable[..., None]) -> Forms:
     return Kernel(_all, CPU, item=body), Each(specialized(steps, body))
 
 
-sun_steps, sky_steps, lamp_steps = map(_forms, (fog_kernel.from_sun, fog_kernel.from_sky, fog_kernel.from_lamps))
+sun_steps, sky_steps, lamp_steps = map(_forms, (kernel.from_sun, kernel.from_sky, kernel.from_lamps))
 weigh_each = Each(weigh)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class March(fog_reference.March):
-    """See `tracer.lights.fog_reference.March`.
+class March(reference.March):
+    """See `tracer.fog.reference.March`.
 
     Args:
         space: the scene's grids, and the ways into them.
@@ -105,15 +105,15 @@ class March(fog_reference.March):
         return March(scene=scene, lights=lights, poses=poses, space=space, tables=tables, **rest)
 
     def sun(self, noise: Tensor, steps: range) -> Tensor:
-        """See `tracer.lights.fog_reference.March.sun`."""
+        """See `tracer.fog.reference.March.sun`."""
         return self._found(sun_steps, noise, steps)
 
     def sky(self, noise: Tensor, steps: range) -> Tensor:
-        """See `tracer.lights.fog_reference.March.sky`."""
+        """See `tracer.fog.reference.March.sky`."""
         return self._found(sky_steps, noise, steps)
 
     def lamps(self, noise: Tensor, steps: range, alike: Tensor | None) -> Tensor:
-        """See `tracer.lights.fog_reference.March.lamps`."""
+        """See `tracer.fog.reference.March.lamps`."""
         assert self.lights.lamps is not None
         count, turns = len(self.lights.lamps), turns_of(self.fog, noise.device)
         if count > FEW:

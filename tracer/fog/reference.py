@@ -13,9 +13,9 @@ from torch import Tensor
 
 from gbufrt.compute.resident import numbers, resident_on
 from gbufrt.directions import tangent_frame
-from tracer.lights.along import LampsAlong
+from tracer.fog.along import LampsAlong
+from tracer.fog.segments import Segments, phase, phase_direction
 from tracer.lights.samples import Lights
-from tracer.lights.segments import Segments, phase, phase_direction
 from tracer.lights.shadows import SHORT
 from tracer.lights.sky import sky_along
 from tracer.sampling.sequence import BELOW_ONE, disc

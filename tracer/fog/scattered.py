@@ -1,7 +1,7 @@
 """Light that fog scatters toward the eye: sun, sky and lamps, scattered once.
 
 Places along a ray are drawn in proportion to the light that fog takes there, so that the mean over them is the source
-term's; lamps are drawn apart, see `tracer.lights.along`. The steps are `tracer.lights.fog_reference`'s, or compiled.
+term's; lamps are drawn apart, see `tracer.fog.along`. The steps are `tracer.fog.reference`'s, or compiled.
 
 Most noise lies in a few pixels: at shafts of light, thin openings and lamps. All take a few steps of each light, and
 those around which these differ most take many more.
@@ -19,11 +19,11 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import numbers, places
+from tracer.fog.reference import NOTHING, WIDE, March
+from tracer.fog.segments import Segments, passes
 from tracer.lights.emitters import lamps_of
-from tracer.lights.fog_reference import NOTHING, WIDE, March
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import Lights
-from tracer.lights.segments import Segments, passes
 from tracer.lights.sky_table import SkyTable
 from tracer.scene.scene import Scene
 
@@ -102,9 +102,9 @@ def _march(scene: Scene, segments: Segments, taken: Tensor, poses: Tensor) -> Ma
     given: dict[str, Any] = {"scene": scene, "fog": scene.fog, "lights": lights, "poses": poses, "taken": taken}
     if form_of(taken, *scene.grids.tensors, cuda=True) is Form.REFERENCE:
         return March(segments=segments, **given)
-    from tracer.lights import fog_drivers
+    from tracer.fog import drivers
 
-    return fog_drivers.March.made(segments=segments, **given)
+    return drivers.March.made(segments=segments, **given)
 
 
 def _blocks(size: tuple[int, ...], side: int, device: torch.device) -> Tensor:

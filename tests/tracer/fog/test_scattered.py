@@ -14,12 +14,12 @@ from gbufrt.compute import resident
 from gbufrt.compute.dispatch import Form
 from gbufrt.noise.noise import blue_noise
 from tracer.direct.fog import segments_of
-from tracer.lights import fog_drivers, fog_reference
-from tracer.lights.along import LampsAlong
+from tracer.fog import drivers, reference
+from tracer.fog.along import LampsAlong
+from tracer.fog.scattered import NEIGHBOURS, _uneven, scattered
+from tracer.fog.segments import Segments, passes, phase
 from tracer.lights.emitters import Lamps
-from tracer.lights.fog import NEIGHBOURS, _uneven, scattered
 from tracer.lights.lamp_table import LampTable
-from tracer.lights.segments import Segments, passes, phase
 
 
 def scene(sun=None, level=0.0, lamp=False, **fog) -> tracer.Scene:
@@ -95,14 +95,14 @@ def test_sun_sky_and_lamp_against_brute_force(falloff):
 @pytest.mark.parametrize("few", [512, 0])
 @pytest.mark.parametrize("anisotropy", [0.6, 0.0])
 def test_the_compiled_steps_are_the_reference_s(few: int, anisotropy: float, monkeypatch: pytest.MonkeyPatch):
-    for form in (fog_reference, fog_drivers):
+    for form in (reference, drivers):
         monkeypatch.setattr(form, "FEW", few)
     sun = tracer.Sun(direction=(0.3, 1.0, 0.2), irradiance=(3.0, 2.0, 1.0), angular_radius=5.0)
     made = scene(sun=sun, level=0.3, lamp=True, falloff=0.2, anisotropy=anisotropy)
     odd = (torch.arange(27).view(3, 3, 3) % 2 == 0).short()  # voxels that touch at edges alone: 84 rectangles
     made = replace(made, world=tracer.World.from_dense(odd, made.world.materials, origin=(-1, -1, -1)))
     found = light_of(made, rays(y=0.0))
-    monkeypatch.setattr("tracer.lights.fog.form_of", lambda *inputs, cuda: Form.REFERENCE)
+    monkeypatch.setattr("tracer.fog.scattered.form_of", lambda *inputs, cuda: Form.REFERENCE)
     wanted = light_of(made, rays(y=0.0))
     assert wanted.std() > 0.1 * wanted.mean()
     off = (found - wanted).abs() > 1e-4 * wanted.mean() + 1e-3 * wanted
@@ -142,18 +142,18 @@ def shaded(**lamp: bool) -> tuple[tracer.Scene, Segments]:
 
 
 def test_mean_is_that_of_most_steps_everywhere(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("tracer.lights.fog.UNEVEN", 0.2)
+    monkeypatch.setattr("tracer.fog.scattered.UNEVEN", 0.2)
     found = light_of(*shaded(), frames=48)
-    monkeypatch.setattr("tracer.lights.fog.UNEVEN", 1.0)
+    monkeypatch.setattr("tracer.fog.scattered.UNEVEN", 1.0)
     wanted = light_of(*shaded(), frames=16)
     torch.testing.assert_close(found.mean(0), wanted.mean(0), rtol=0.002, atol=0)
     torch.testing.assert_close(found, wanted, rtol=0.03, atol=0)
 
 
 def test_steps_at_once_are_steps_one_by_one(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("tracer.lights.fog.SHARED", 1)  # a square of pixels may lie in two parts
+    monkeypatch.setattr("tracer.fog.scattered.SHARED", 1)  # a square of pixels may lie in two parts
     found = light_of(*shaded(lamp=True))
-    monkeypatch.setattr("tracer.lights.fog.WIDE", 16)
+    monkeypatch.setattr("tracer.fog.scattered.WIDE", 16)
     torch.testing.assert_close(found, light_of(*shaded(lamp=True)), rtol=1e-4, atol=1e-6)
 
 
