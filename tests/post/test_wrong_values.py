@@ -17,15 +17,24 @@ from post import FXAA, display_encode, exposure, fxaa, normals_from_depth, tone_
 FRAME = boxes.frame()
 G = FRAME.gbuffer
 FLAT, ROWS = torch.rand(8, 8), torch.rand(1, 8, 8, 3)
+FILTER: Any = Pipeline(given={"image"}, fxaa=FXAA())
 PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, exposure)
 
 
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: Pipeline(fxaa=FXAA())(np.zeros(3)), TypeError, r"frame must be a gbufrt\.Frame, got ndarray"),  # pyright: ignore
+        (
+            lambda: FILTER(np.zeros(3)),
+            TypeError,
+            r"frame must be a gbufrt\.Frame, got ndarray",
+        ),  # pyright: ignore
         (lambda: FXAA()(G), TypeError, r"frame must be a gbufrt\.Frame, got GBuffer"),  # pyright: ignore
-        (lambda: Pipeline(fxaa=FXAA())(FRAME, 3), TypeError, "state must be None or what a pipeline returned"),  # pyright: ignore
+        (
+            lambda: FILTER(FRAME, 3),
+            TypeError,
+            "state must be None or what the pipeline returned",
+        ),  # pyright: ignore
         (
             lambda: GBuffer(camera=None, depth=G.depth, hit=G.hit, normal=G.normal),  # pyright: ignore
             TypeError,

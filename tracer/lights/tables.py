@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from gbufrt.compute.resident import numbers, resident
+from gbufrt.compute.resident import numbers
 from tracer.lights import sky
 from tracer.lights.lamp_table import LampTable
 from tracer.lights.samples import Lights
@@ -15,7 +15,6 @@ from tracer.lights.sky_table import SkyTable
 from tracer.scene.scene import Scene, Sun
 
 NO_SUN = Sun(direction=(0.0, 0.0, 0.0), irradiance=(0.0, 0.0, 0.0))
-GLOW = tuple((*lobe, 0.0) for lobe in sky.GLOW)
 
 
 def lit_tables(scene: Scene, lights: Lights | None, like: Tensor) -> tuple[Tensor, ...]:
@@ -37,8 +36,8 @@ def _sky(scene: Scene, like: Tensor) -> Tensor:
     size = math.hypot(*sun.direction) or 1.0
     toward = tuple(part / size for part in sun.direction)
     disc = math.sin(math.radians(sun.angular_radius)) * has, has, 0.0
-    rows = numbers((colors.zenith, colors.horizon, colors.ground, toward, sun.irradiance, disc), like)
-    return torch.cat([rows, resident(GLOW, like)])
+    rows = colors.zenith, colors.horizon, colors.ground, toward, sun.irradiance, disc
+    return numbers((*rows, *((*lobe, 0.0) for lobe in sky.GLOW)), like)
 
 
 def _lamps(lamps: LampTable | None, like: Tensor) -> tuple[Tensor, ...]:

@@ -22,7 +22,7 @@ from post import Denoise, DepthOfField, MotionBlur, gtao, me1
 
 FRAMES = 4
 HALO = 0.04  # RMSE of visibility
-LATER = 6.0  # dB over the joint bilateral filter after a dozen frames, of which one wavelet over the last alone gives 5
+LATER = 8.5  # dB over the joint bilateral filter after a dozen frames, of which one wavelet over the last alone gives 7
 MIRRORS = 0.3  # the report's bound is 0.1; here pixels are coarse, and edges many
 
 
