@@ -24,6 +24,7 @@ from torch import Tensor
 
 from gbufrt.compute.bodies import WIDTH, Lanes, allocating, contracted, in_lanes, inlined, scalar, specialized
 from gbufrt.compute.cache import kept, missing
+from gbufrt.compute.parts import DriverCompiler, HelperCompiler
 from gbufrt.compute.target import Target
 from gbufrt.compute.threads import threads
 
@@ -32,7 +33,8 @@ __all__ = [
     "scalar", "specialized", "tensors_of", "threads",
 ]  # fmt: skip
 
-_PLAIN = {"nogil": True, "error_model": "numpy"}
+_DRIVER = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "pipeline_class": DriverCompiler}
+_PLAIN = _DRIVER | {"no_cpython_wrapper": True, "pipeline_class": HelperCompiler}
 _BORROWING = _PLAIN | {"_nrt": False}
 CPU = Target(
     numba.njit,
@@ -41,7 +43,7 @@ CPU = Target(
     within=_BORROWING | {"forceinline": True},
     entry=_BORROWING
     | {"forceinline": True},  # called in one place; the registers of ten arrays would pass through memory
-    driver=_PLAIN | {"parallel": True},
+    driver=_DRIVER | {"parallel": True},
     contract={"fastmath": {"contract"}},
 )
 
