@@ -1,6 +1,6 @@
 """Compile the kernels of the passes in a second process while the first one builds and traces its world.
 
-Compilation takes a quarter of the first render after an installation; a lock in numba prevents doing it in threads.
+Compilation takes most of the first render after an installation; a lock in numba prevents doing it in threads.
 Where the kernels are cached already, or there is one core, nothing happens.
 """
 

@@ -19,10 +19,13 @@ from numba.core.compiler import Compiler
 class _Part(JITCodeLibrary):
     """Code to be linked into that of its callers.
 
-    Where a version of numba names these methods otherwise, parts are optimized and made into machine code like all else.
+    Where a version of numba names these methods otherwise, parts become machine code like all else.
     """
 
-    codegen = SimpleNamespace(set_env=lambda name, environment: None)  # belongs to functions that Python calls
+    @property
+    def codegen(self) -> Any:
+        """What keeps the environments of functions that Python calls: a part has none."""
+        return SimpleNamespace(set_env=lambda name, environment: None)
 
     def get_pointer_to_function(self, name: str) -> int:
         return 0

@@ -1,0 +1,49 @@
+"""Helpers become machine code as part of their driver, and other users of numba get what they always got."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from numba.core.codegen import JITCodeLibrary
+
+from gbufrt.compute.kernel import driver, scalar
+
+
+@scalar
+def _twice(x: float) -> float:
+    return 2.0 * x
+
+
+@scalar
+def _shifted(x: float) -> float:
+    return _twice(x) + 1.0
+
+
+def _fill(out: np.ndarray, threads: int) -> None:
+    for t in numba.prange(threads):
+        for i in range(t, len(out), threads):
+            out[i] = _shifted(float(i))
+
+
+def test_all_that_a_driver_calls_becomes_machine_code_once(monkeypatch):
+    made = []
+    of_numba = JITCodeLibrary._finalize_specific  # ends with machine code
+
+    def finalized(library):
+        if library.name != "nrt":  # numba's own, once a process
+            made.append(library.name)
+        of_numba(library)
+
+    monkeypatch.setattr(JITCodeLibrary, "_finalize_specific", finalized)
+    out = np.zeros(5)
+    kernel = driver(_fill)
+    monkeypatch.setattr(kernel.dispatcher, "_cache", type(numba.njit(_fill)._cache)())  # keeps nothing
+    kernel(out, 2)
+    assert out.tolist() == [1.0, 3.0, 5.0, 7.0, 9.0]
+    assert len(made) == 1
+    assert "_fill" in made[0]
+
+
+def test_functions_compiled_after_a_driver_can_be_called():
+    driver(_fill)(np.zeros(5), 1)
+    assert numba.njit(lambda x: max(x, 1.0) + abs(x))(-2.0) == 3.0
