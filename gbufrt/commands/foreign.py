@@ -1,10 +1,9 @@
-"""Frames of other renderers for `gbufrt post`: their numbers, cameras and missing channels, and which passes fit."""
+"""Frames of other renderers for `gbufrt post`: their numbers, cameras and missing channels."""
 
 from __future__ import annotations
 
 import sys
-import warnings
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
@@ -13,12 +12,11 @@ from typing import Any
 import torch
 
 from gbufrt.camera import Camera
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.fitting import LIT
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.detect import better, detect, named_by
-from gbufrt.files.gbuffers.grain import grain_line
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
@@ -26,15 +24,7 @@ from gbufrt.files.gbuffers.sequence import Shot, shot_parts, shots_of
 from gbufrt.files.gbuffers.settle import found_settings, settled
 from gbufrt.frame import Frame
 from gbufrt.names import unknown
-from gbufrt.pipeline import Pipeline
-from post import Composite, Denoise, EstimateMissing, normals_from_depth
-
-LIT = ("ao", "gi", "reflection", "behind", "composite")
-"""Stages that make light of direct light; a finished picture holds it already."""
-DISPLAY = ("exposure", "tone_map", "encode")
-ESTIMATED = ("motion", "motion_z", "thickness")
-GUESSED = ("roughness", "metallic")
-SHORT = {"dof": "depth_of_field"}
+from post import normals_from_depth
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,57 +199,3 @@ class Source:
             if found := found_settings(profile, self._profiles[name]):
                 self.tell(f"{shot}: by its pixels {found}")
         return self._profiles.setdefault(name, profile)
-
-
-def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:
-    """The passes that fit a frame of another renderer.
-
-    Direct light goes through all of them. Motion and thickness that the G-buffer lacks are estimated first; roughness
-    and metalness, whose estimates are worse than none, only for reflections that are asked for. A finished picture has
-    its indirect light, shadows and reflections: none is added again. Ambient occlusion may be asked for as a layer,
-    which leaves the picture as it is.
-
-    Args:
-        frame: the first one.
-        recipe: of the command line.
-        wanted: stages to keep beside those of the display, and ``denoise``; by default all that fit.
-
-    Raises:
-        ValueError: no such stage, or one that adds light to a finished picture.
-    """
-    finished = frame.radiance is None
-    whole = recipe.build()
-    stages = dict(whole.stages.items())
-    names = [SHORT.get(name, name) for name in wanted]
-    for name in names:
-        if name not in (*stages, "denoise"):
-            raise ValueError(unknown("stage", name, "--passes", (*stages, "denoise")))
-        if finished and name in LIT and name != "ao":
-            raise ValueError(
-                f"--passes {name} would add light that the finished picture holds already; render the passes of direct "
-                "light too"
-            )
-    if "denoise" not in names and (line := grain_line(frame)):
-        warnings.warn(line, stacklevel=2)
-    left_out = set(LIT) - set(names) if finished else set()
-    if not finished and not names and frame.gbuffer.roughness is None:
-        left_out.add("reflection")
-        warnings.warn(
-            "the files hold no roughness, so that reflections are left out; --passes reflection,ao,gi,... guesses it",
-            stacklevel=2,
-        )
-    if names:
-        always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
-        left_out |= set(stages) - set(names) - always
-    kept = {name: stage for name, stage in stages.items() if name not in left_out}
-    for name in recipe.set:
-        if (stage := whole.resolve(name).partition(".")[0]) not in kept and stage in stages:
-            warnings.warn(f"--set {name} changes nothing: {stage} is left out; see --passes", stacklevel=2)
-    if not finished and isinstance(sums := kept.get("composite"), Composite):
-        kept["composite"] = sums.tuned(layered=False)  # a renderer's diffuse passes lack what is reflected
-    light = "color" if finished else "radiance"
-    guessed = GUESSED if "reflection" in kept and frame.gbuffer.roughness is None else ()
-    first: dict[str, Any] = {"missing": EstimateMissing(channels=(*ESTIMATED, *guessed))}
-    if "denoise" in names:
-        first["denoise"] = Denoise(signal=light)
-    return Pipeline(given={"color"} if finished else (), **first, **kept)  # pyright: ignore[reportArgumentType]

@@ -85,7 +85,8 @@ def post(
         if recipe.pipeline != "me1" and options.warmup is None:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     else:
-        from gbufrt.commands.foreign import Source, pipeline_for
+        from gbufrt.commands.fitting import pipeline_for
+        from gbufrt.commands.foreign import Source
         from gbufrt.commands.session import Recipe
         from gbufrt.files.gbuffers.profile import load_profile
         from gbufrt.files.gbuffers.sky import read_environment, under

@@ -35,13 +35,10 @@ def grain(frame: Frame) -> float:
     return float((a - b).abs().sum() / ((a + b).sum() / 2).clamp_min(1e-12))
 
 
-def grain_line(frame: Frame) -> str | None:
-    """What to do about light that is noisy; None where it is not."""
+def noisy(frame: Frame) -> float | None:
+    """The `grain` of light that is noisy; None where it is not, or where it may be a texture's."""
     found = grain(frame)
-    if found < (TEXTURED if frame.gbuffer.albedo is None else NOISY):
-        return None
-    first = "denoise" if frame.radiance is None else "denoise,ao,gi,behind,taa"
-    return f"the light is noisy, by {found:.0%} from pixel to pixel: --passes {first} denoises it first"
+    return None if found < (TEXTURED if frame.gbuffer.albedo is None else NOISY) else found
 
 
 def _close(channel: Tensor) -> Tensor:

@@ -13,7 +13,8 @@ import torch
 from command_line import run
 
 from gbufrt import Frame
-from gbufrt.commands.foreign import LIT, Source, pipeline_for
+from gbufrt.commands.fitting import LIT, pipeline_for
+from gbufrt.commands.foreign import Source
 from gbufrt.commands.post import gathered
 from gbufrt.commands.session import Recipe
 from gbufrt.files.exr import read_exr
@@ -76,16 +77,21 @@ def test_reflections_on_a_guess_of_roughness_must_be_asked_for(tmp_path: Path) -
     assert known.writes.isdisjoint(("roughness", "metallic"))
 
 
-def test_noisy_light_is_told_unless_it_is_denoised(tmp_path: Path) -> None:
+def test_noisy_light_is_denoised_unless_other_passes_are_asked_for(tmp_path: Path) -> None:
     frame = taken(rendered(tmp_path / "a_0001.exr", direct=True))
     assert frame.radiance is not None
     grainy = frame.replace(radiance=frame.radiance * torch.rand(frame.radiance.shape))
-    with pytest.warns(UserWarning, match="the light is noisy"):
-        pipeline_for(grainy, Recipe(), ())
+    with pytest.warns(UserWarning, match="the light is noisy, by .* and is denoised first"):
+        assert list(pipeline_for(grainy, Recipe(), ()).stages)[:3] == ["missing", "denoise", "ao"]
+    with pytest.warns(UserWarning, match="the light is noisy, by .* from which --passes denoise"):
+        assert "denoise" not in pipeline_for(grainy, Recipe(), ("ao",)).stages
+    unknown = grainy.replace(gbuffer=grainy.gbuffer.replace(albedo=None))
+    with pytest.warns(UserWarning, match="from which --passes denoise"):
+        assert "denoise" not in pipeline_for(unknown, Recipe(), ()).stages, "it may be a texture"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         pipeline_for(grainy, Recipe(), ("denoise", "ao"))
-        pipeline_for(frame, Recipe(), ())
+        assert "denoise" not in pipeline_for(frame, Recipe(), ()).stages
 
 
 def test_normals_that_the_file_lacks_are_estimated_with_care_for_edges(tmp_path: Path) -> None:

@@ -1,0 +1,87 @@
+"""The passes that fit frames of other renderers, for `gbufrt post`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from gbufrt.commands.session import Recipe
+from gbufrt.files.gbuffers.grain import noisy
+from gbufrt.frame import Frame
+from gbufrt.names import unknown
+from gbufrt.pipeline import Pipeline
+from post import Composite, Denoise, EstimateMissing
+
+LIT = ("ao", "gi", "reflection", "behind", "composite")
+"""Stages that make light of direct light; a finished picture holds it already."""
+DISPLAY = ("exposure", "tone_map", "encode")
+ESTIMATED = ("motion", "motion_z", "thickness")
+GUESSED = ("roughness", "metallic")
+SHORT = {"dof": "depth_of_field"}
+
+
+def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipeline:
+    """The passes that fit a frame of another renderer.
+
+    Direct light goes through all of them. Motion and thickness that the G-buffer lacks are estimated first; roughness
+    and metalness, whose estimates are worse than none, only for reflections that are asked for. A finished picture has
+    its indirect light, shadows and reflections: none is added again. Ambient occlusion may be asked for as a layer,
+    which leaves the picture as it is. Noisy light is denoised first, unless passes without that are asked for; without
+    albedo it may be a texture's, and must be asked for.
+
+    Args:
+        frame: the first one.
+        recipe: of the command line.
+        wanted: stages to keep beside those of the display, and ``denoise``; by default all that fit.
+
+    Raises:
+        ValueError: no such stage, or one that adds light to a finished picture.
+    """
+    finished = frame.radiance is None
+    whole = recipe.build()
+    stages = dict(whole.stages.items())
+    names = [SHORT.get(name, name) for name in wanted]
+    for name in names:
+        if name not in (*stages, "denoise"):
+            raise ValueError(unknown("stage", name, "--passes", (*stages, "denoise")))
+        if finished and name in LIT and name != "ao":
+            raise ValueError(
+                f"--passes {name} would add light that the finished picture holds already; render the passes of direct "
+                "light too"
+            )
+    denoised = "denoise" in names or _denoised_unasked(frame, names)
+    left_out = set(LIT) - set(names) if finished else set()
+    if not finished and not names and frame.gbuffer.roughness is None:
+        left_out.add("reflection")
+        warnings.warn(
+            "the files hold no roughness, so that reflections are left out; --passes reflection,ao,gi,... guesses it",
+            stacklevel=2,
+        )
+    if names:
+        always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
+        left_out |= set(stages) - set(names) - always
+    kept = {name: stage for name, stage in stages.items() if name not in left_out}
+    for name in recipe.set:
+        if (stage := whole.resolve(name).partition(".")[0]) not in kept and stage in stages:
+            warnings.warn(f"--set {name} changes nothing: {stage} is left out; see --passes", stacklevel=2)
+    if not finished and isinstance(sums := kept.get("composite"), Composite):
+        kept["composite"] = sums.tuned(layered=False)  # a renderer's diffuse passes lack what is reflected
+    light = "color" if finished else "radiance"
+    guessed = GUESSED if "reflection" in kept and frame.gbuffer.roughness is None else ()
+    first: dict[str, Any] = {"missing": EstimateMissing(channels=(*ESTIMATED, *guessed))}
+    if denoised:
+        first["denoise"] = Denoise(signal=light)
+    return Pipeline(given={"color"} if finished else (), **first, **kept)  # pyright: ignore[reportArgumentType]
+
+
+def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:
+    """Whether light is denoised though nobody asked for it; says so, or that it should be."""
+    noise = noisy(frame)
+    if noise is None:
+        return False
+    denoised = not names and frame.gbuffer.albedo is not None
+    leave = "and is denoised first; --passes that do not name denoise leave it as it is"
+    what = leave if denoised else "from which --passes denoise,... would free it"
+    warnings.warn(f"the light is noisy, by {noise:.0%} from pixel to pixel, {what}", stacklevel=3)
+    return denoised
