@@ -20,11 +20,11 @@ from gbufrt.luminance import luminance
 SIZE = (36, 24)  # pixels of the lat-long picture of a guess: high ones mix what is over the horizon with what is below
 BLOCKS = (12, 20)  # of the picture, whose means speak for it
 LINES = 135  # of the picture that are enough for those means
-ELEVATION, AZIMUTH = 0.12, 0.35  # standard deviations in radians: how far light is taken to be alike
+ELEVATION, AZIMUTH = 0.08, 0.35  # standard deviations in radians: how far light is taken to be alike
 ANYWHERE = 0.1  # what the same elevation in any other azimuth says, of what the same azimuth does
-REMOTE = 1e-3  # likewise what other elevations say; it counts where nothing else is known
+REMOTE, FADING = 1e-3, 0.12  # likewise what other elevations say, and its decay; counts where nothing else is known
 SKYLINE = 0.3  # elevation in radians from which nothing hides the sky, where the picture does not tell
-UNTOLD = 0.05  # of the picture's blocks: what that is worth beside what the picture tells
+UNTOLD = 0.004  # of the picture's blocks: what that is worth beside what the picture tells
 BRIGHT = 4.0  # times the picture's mean luminance: lamps and noise are no surroundings
 TINY = 1e-12
 
@@ -74,7 +74,7 @@ def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
     elevation, azimuth = (angle.unflatten(2, SIZE) for angle in cells)
     up, aside = elevation[..., :1].flatten(1)[..., None] - shown[0], azimuth[..., 0, :].mT - shown[1]
     aside = torch.remainder(aside + math.pi, 2 * math.pi) - math.pi
-    rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / ELEVATION)
+    rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / FADING)
     columns = ANYWHERE + torch.exp(-0.5 * (aside / AZIMUTH) ** 2)
     return (rows[:, :, None] * columns[:, None]).flatten(1, 2), cells[0][0].mT
 
