@@ -196,7 +196,7 @@ class Job:
             time=self.time + index / self.fps,
             previous_time=self.time + before / self.fps,
             index=number,
-            **({"light_samples": 1} if sampling.paths else more),
+            **({"light_samples": 0} if sampling.paths else more),  # paths bring it
         )
         if sampling.paths is None:
             return frame

@@ -24,6 +24,8 @@ def fake_samples(scene: Scene, frame: Frame, *, before: Frame | None, bounces: i
     def light(of: Frame) -> Tensor:
         return boxes.frame(of.gbuffer.camera).read("radiance") * 2 * blue_noise(*of.gbuffer.camera.size, index=of.index)
 
+    direct = boxes.frame(frame.gbuffer.camera).read("radiance")
+    assert torch.equal(frame.read("radiance"), direct), "traced without light, which samples bring"
     lit = frame.replace(diffuse=light(frame), specular=0.1 * light(frame), behind=None)
     lit = lit.replace(reflection_distance=torch.ones_like(frame.gbuffer.depth))
     if before is None:
