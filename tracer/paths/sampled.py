@@ -11,6 +11,7 @@ from gbufrt import Frame
 from gbufrt.luminance import luminance
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import lifted
+from tracer.lights.samples import Lights
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
 from tracer.scene.scene import Scene
 
@@ -93,6 +94,7 @@ def _sampled(
 ) -> tuple[Frame, Tensor]:
     """See `sampled`; also the samples for a cache, see `sample`."""
     poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
+    given = {"lights": Lights.of(scene, poses[0]), **given}  # of both layers, and of what is replayed
     follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
     light, samples = sample(
         scene, frame.gbuffer, poses=poses, index=int(frame.index), cache=cache, follows=follows, **given
