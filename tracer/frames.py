@@ -34,11 +34,12 @@ def render(
         time: seconds, one number or B.
         previous_time: of the frame before; by default ``time``, so that nothing moves.
         index: frame number, from which the noise comes.
-        light_samples: most shadow rays a pixel to each light, at least 1.
+        light_samples: most shadow rays a pixel to each light; 0 for emission and sky alone, where `sampled` or
+            `one_path` will light the frame.
 
     Returns:
         A frame with ``radiance``, ``ambient`` and ``environment``; in fog with its light and transmittance; and
-        ``behind`` where the scene has transmissive materials; lamps are sampled, so ``emitters_sampled`` is True.
+        ``behind`` where the scene has transmissive materials; ``emitters_sampled`` is True where lamps are sampled.
 
     Raises:
         ValueError: no voxels, or times, cameras or counts that do not fit.
@@ -59,6 +60,7 @@ def render(
             radiance=radiance,
             ambient=ambient,
             environment=picture,
+            emitters_sampled=light_samples > 0,
             behind=behind,
         )
 

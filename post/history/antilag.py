@@ -213,7 +213,7 @@ def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
         ``(B, 1, H, W)``, 0 where nothing was hit.
     """
     lit = hit.to(mean.dtype)
-    noise, light = pooled(variance, lit, AROUND), pooled(luminance(mean), lit, AROUND)
+    noise, light = pooled(torch.cat([variance, luminance(mean)], dim=1), lit, AROUND).split(1, dim=1)
     grain = torch.where(hit, noise / (GRAINY * light).square().clamp_min(1e-8), torch.inf)
     for size in ((WIDE, 1), (1, WIDE)):
         grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))

@@ -45,6 +45,21 @@ def test_a_frame_is_lit_and_has_its_layer_behind() -> None:
     assert (frame.behind.gbuffer.material_id == LAMP).any()
 
 
+def test_without_light_emission_and_sky_are_left() -> None:
+    given = {"time": 0.5, "previous_time": 0.4, "index": 3}
+    lit, dark = (render(scene(), cameras((8.0, 6.0, 18.0)), light_samples=n, **given) for n in (2, 0))
+    assert (lit.emitters_sampled, dark.emitters_sampled) == (True, False)
+    assert lit.behind is not None
+    assert dark.behind is not None
+    for want, got in ((lit, dark), (lit.behind, dark.behind)):
+        assert torch.equal(
+            got.read("radiance"), torch.where(want.gbuffer.hit, want.read("emission"), want.read("radiance"))
+        )
+        assert not torch.equal(got.read("radiance"), want.read("radiance"))
+        for name in (*want.gbuffer.present, "ambient", "environment"):
+            assert torch.equal(got.read(name), want.read(name))
+
+
 def test_batch_equals_loop() -> None:
     eyes = ((8.0, 6.0, 18.0), (3.0, 5.0, 17.0))
     together = render(scene(), cameras(*eyes), time=[0.0, 1.0], light_samples=2)

@@ -56,7 +56,8 @@ def light(
         scene: what is there, and its sun and sky.
         gbuffer: what the cameras show of it, with ``albedo``.
         poses: ``(B, I, 4, 4)`` or ``(I, 4, 4)`` of the instances; may be left out where there are none.
-        samples: most shadow rays a pixel to the sun, and to each lamp that matters there.
+        samples: most shadow rays a pixel to the sun, and to each lamp that matters there; 0 for no light of either, so
+            that ``radiance`` is emission and sky alone.
         index: frame number, from which the noise comes.
         seed: another seed, another noise.
         times: B, seconds, of the waves that reflect the sun, where there are any; by default 0.
@@ -67,30 +68,63 @@ def light(
         ``radiance`` and ``ambient``, both ``(B, 3, H, W)`` outgoing linear radiance.
 
     Raises:
-        ValueError: ``samples`` is below 1, there is no albedo, or the poses do not fit.
+        ValueError: ``samples`` is negative, there is no albedo, or the poses do not fit.
     """
-    if samples < 1:
-        raise ValueError(f"samples must be at least 1, got {samples}")
+    if samples < 0:
+        raise ValueError(f"samples must not be negative, got {samples}")
     if gbuffer.albedo is None:
         raise ValueError("gbuffer must have albedo to be lit; it has " + ", ".join(gbuffer.present))
-    batch, camera, hit = gbuffer.batch, gbuffer.camera, gbuffer.hit
-    poses = batched(poses, batch, len(scene.instances))
+    camera, hit = gbuffer.camera, gbuffer.hit
+    poses = batched(poses, gbuffer.batch, len(scene.instances))
     diffuse = gbuffer.albedo / math.pi
     if gbuffer.metallic is not None:
         diffuse = diffuse * (1 - gbuffer.metallic)
     if gbuffer.opacity is not None:
         diffuse = diffuse * gbuffer.opacity
+    sky_light = sky_irradiance(scene, gbuffer.normal)
+    shown = torch.zeros_like(diffuse)
+    if samples:
+        given = {"samples": samples, "index": index, "seed": seed, "times": times, "seen": seen}
+        shown = diffuse * _arriving(scene, gbuffer, diffuse, sky_light, poses, **given)
+    directions = camera.rays()[1].permute(0, 3, 1, 2)
+    sky = sky_behind(scene, directions)
+    if scene.sky.stars is not None:
+        night = stars(directions, scene.sky.stars, 1 / camera.intrinsics[0, 1, 1])
+        sky = sky + torch.where(directions[:, 1:2] > 0, night, 0.0)  # none below the horizon, where land may be hazy
+    if scene.sun is not None:
+        sky = sky + sun_radiance(scene.sun, directions)
+    if gbuffer.emission is not None:
+        shown = shown + gbuffer.emission
+    ambient = diffuse * sky_light
+    return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
+
+
+def _arriving(
+    scene: Scene,
+    gbuffer: GBuffer,
+    diffuse: Tensor,
+    sky_light: Tensor,
+    poses: Tensor,
+    *,
+    samples: int,
+    index: int,
+    seed: int,
+    times: Sequence[float] | None,
+    seen: Tensor | None,
+) -> Tensor:
+    """``(B, 3, H, W)`` light of sun and lamps that arrives at surfaces whose ``diffuse`` share is above 0."""
+    camera = gbuffer.camera
     points = above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
-    arrived, sky_light = [], sky_irradiance(scene, gbuffer.normal)
+    arrived = []
     besides = SKY_SHARE * sky_light.mean(dim=1)
     if gbuffer.emission is not None:  # as the irradiance that would make a surface as bright
         besides = besides + gbuffer.emission.mean(dim=1) / diffuse.mean(dim=1).clamp_min(1e-6)
-    for b in range(batch):
+    for b in range(gbuffer.batch):
         surface = Surface(
             points=points[b].flatten(1).float(),
             normals=gbuffer.normal[b].flatten(1).float(),
-            lit=(hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
+            lit=(gbuffer.hit[b, 0] & (diffuse[b].amax(dim=0) > 0)).flatten(),
             size=camera.size,
             seen=None if seen is None else seen[b].flatten(),
             besides=besides[b].flatten(),
@@ -100,18 +134,7 @@ def light(
             rows = surface.points.T.contiguous(), surface.normals.T.contiguous(), surface.lit
             moment = {"time": 0.0 if times is None else times[b], "eye": camera.position[b].float()}
             arrived[b] = arrived[b] + caustics(scene, *rows, poses=poses[b], **moment).T.view_as(arrived[b])
-    directions = camera.rays()[1].permute(0, 3, 1, 2)
-    sky = sky_behind(scene, directions)
-    if scene.sky.stars is not None:
-        night = stars(directions, scene.sky.stars, 1 / camera.intrinsics[0, 1, 1])
-        sky = sky + torch.where(directions[:, 1:2] > 0, night, 0.0)  # none below the horizon, where land may be hazy
-    if scene.sun is not None:
-        sky = sky + sun_radiance(scene.sun, directions)
-    shown = diffuse * torch.stack(arrived)
-    if gbuffer.emission is not None:
-        shown = shown + gbuffer.emission
-    ambient = diffuse * sky_light
-    return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
+    return torch.stack(arrived)
 
 
 def _direct(scene: Scene, poses: Tensor, surface: Surface) -> Direct:

@@ -224,7 +224,7 @@ def _summed(
             picture_of(at.picture, device),
         )
     out, (on_cpu, each) = surfaces.new_zeros(rows, len(at.pixels)), forms
-    given = *_known[at], surfaces, sequence.points, sequence.rotation, at.pixels, setting
+    given = *_known[at], surfaces, sequence.points, sequence.rotation, sequence.places[at.pixels], setting
     if simulated() or out.is_cuda:
         each(len(at.pixels), *given, out)
     else:

@@ -14,6 +14,7 @@ from gbufrt import GBuffer
 from gbufrt.noise.noise import SLICES
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import batched
+from tracer.lights.samples import Lights
 from tracer.paths.hazy import in_haze
 from tracer.paths.integrators import DIRECT_DIMS, lobe_dims, specular_dims
 from tracer.paths.memory import Memory
@@ -111,12 +112,13 @@ def sample(
     poses_then: Tensor | None = None,
     cache: IrradianceCache | None = None,
     follows: Tensor | None = None,
+    lights: Lights | None = None,
 ) -> tuple[SampledLight, Tensor]:
     """See `sample_light`; also the samples for a cache that the paths bring, ``(N, 9)``. Paths from the pixels that
-    ``follows`` ``(B, 1, H, W)`` do not read it."""
+    ``follows`` ``(B, 1, H, W)`` do not read it. For ``lights`` see `receivers_of`."""
     size = gbuffer.camera.size
     asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
-    receivers = receivers_of(scene, asked, poses)
+    receivers = receivers_of(scene, asked, poses, lights)
     if poses_then is not None:
         then = batched(poses_then, gbuffer.batch, len(scene.instances))
         receivers = [_moved(at, then[b]) for b, at in enumerate(receivers)]

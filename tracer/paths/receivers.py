@@ -55,8 +55,8 @@ Sums = Callable[[Receivers, Sequence], Values]
 """Takes a picture, and points for paths from each of its M surfaces. Returns sums of what these found, ``(C, M)``."""
 
 
-def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[Receivers]:
-    """All pictures of a batch.
+def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None, lights: Lights | None = None) -> list[Receivers]:
+    """All pictures of a batch. Where they have the same ``lights``, these may be given, which take a while to make.
 
     Raises:
         ValueError: the poses do not fit, or there is no albedo.
@@ -75,7 +75,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None) -> list[R
                 surfaces=partial(_surfaces, scene, gbuffer, b, pixels, places, poses[b]),
                 picture=Picture.of(gbuffer, b),
                 poses=poses[b],
-                lights=Lights.of(scene, poses[b]),
+                lights=Lights.of(scene, poses[b]) if lights is None else lights,
             )
         )
     return found

@@ -11,6 +11,7 @@ from gbufrt import Frame
 from gbufrt.luminance import luminance
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import lifted
+from tracer.lights.samples import Lights
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
 from tracer.scene.scene import Scene
 
@@ -20,7 +21,7 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
 
     Args:
         scene: as it is at the time of ``frame``; sun, sky and materials may differ from frame to frame.
-        frame: with a G-buffer of the scene, as `tracer.render` gives it.
+        frame: with a G-buffer of the scene, as `tracer.render` gives it; ``light_samples=0`` of that will do.
         before: the frame before, with whose index and G-buffer one pixel of every 3x3 is replayed; None at first. It is
             the one whose ``diffuse`` and ``specular`` light was brightest, or, where the frame has none, each in turn.
         seed: see `sample_light`, as ``bounces``.
@@ -28,7 +29,8 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
 
     Returns:
         The frame with ``diffuse``, ``indirect``, ``specular``, ``reflection_distance`` and ``shadow``; after a frame
-        before, also with ``replayed``, ``replayed_diffuse`` and ``replayed_specular``, at that frame's pixels. Its
+        before, also with ``replayed``, ``replayed_diffuse`` and ``replayed_specular``, at that frame's pixels. Where it
+        has ``radiance``, that of surfaces becomes emission and diffuse light of sun and lamps by the same sample. Its
         layer behind has the same.
 
     Raises:
@@ -92,6 +94,7 @@ def _sampled(
 ) -> tuple[Frame, Tensor]:
     """See `sampled`; also the samples for a cache, see `sample`."""
     poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
+    given = {"lights": Lights.of(scene, poses[0]), **given}  # of both layers, and of what is replayed
     follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
     light, samples = sample(
         scene, frame.gbuffer, poses=poses, index=int(frame.index), cache=cache, follows=follows, **given
@@ -102,6 +105,8 @@ def _sampled(
         "specular": light.specular,
     }
     changes |= {"reflection_distance": light.distance, "shadow": light.shadow}
+    if frame.radiance is not None:
+        changes["radiance"] = _of_sun_and_lamps(frame, light.direct, frame.radiance)
     if before is not None:
         chosen = _replayed(before, given["seed"], cached=cache is not None)
         then = scene.poses([before.time]).to(poses.device)
@@ -113,7 +118,13 @@ def _sampled(
         last = None if before is None else before.behind
         changes["behind"], more = _sampled(scene, frame.behind, last, cache, given)
         samples = torch.cat([samples, more])
-    return frame.replace(**changes), samples
+    return frame.replace(emitters_sampled=True, **changes), samples
+
+
+def _of_sun_and_lamps(frame: Frame, direct: Tensor, radiance: Tensor) -> Tensor:
+    """``(B, 3, H, W)`` emission and ``direct`` light of surfaces, and the ``radiance`` of the sky elsewhere."""
+    g, shown = frame.gbuffer, frame.read("albedo") * direct
+    return torch.where(g.hit, shown if g.emission is None else shown + g.emission, radiance)
 
 
 def _replayed(before: Frame, seed: int, *, cached: bool) -> Tensor:

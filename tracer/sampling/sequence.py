@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import torch
 from torch import Tensor
 from torch.quasirandom import SobolEngine
 
-from gbufrt.noise.noise import blue_noise
+from gbufrt.noise.noise import TILE, blue_noise
 
 BELOW_ONE = 1 - 2**-24
 
@@ -22,31 +23,50 @@ class Sequence:
 
     Args:
         points: ``(S, D)`` in [0, 1).
-        rotation: ``(D, H * W)`` in [0, 1).
+        rotation: ``(D, T)`` in [0, 1), of the T pixels of a tile that repeats over the picture.
+        places: ``(H * W,)`` int64, which of them each pixel has.
     """
 
     points: Tensor
     rotation: Tensor
+    places: Tensor
 
     @staticmethod
     def of(samples: int, dims: int, size: tuple[int, int], *, seed: int, device: torch.device) -> Sequence:
-        """A sequence of ``samples`` points of ``dims`` numbers, for a picture of ``size`` ``(H, W)``."""
-        points = SobolEngine(dims, scramble=True, seed=seed).draw(samples)
-        rotation = blue_noise(*size, dims=dims, seed=seed, device=device).flatten(1)
-        return Sequence(points=points.clamp_max(BELOW_ONE).to(device), rotation=rotation)
+        """A sequence of ``samples`` points of ``dims`` numbers, for a picture of ``size`` ``(H, W)``.
+
+        The last one is kept: all layers of a film's frames have the same.
+        """
+        return _sequence(samples, dims, size, seed, device)
 
     def part(self, numbers: range) -> Sequence:
         """Some of the points."""
-        return Sequence(points=self.points[numbers.start : numbers.stop], rotation=self.rotation)
+        return replace(self, points=self.points[numbers.start : numbers.stop])
 
     def dims(self, first: int, end: int | None = None) -> Sequence:
         """Some of the numbers of each point."""
-        return Sequence(points=self.points[:, first:end], rotation=self.rotation[first:end])
+        return replace(self, points=self.points[:, first:end], rotation=self.rotation[first:end])
+
+    @property
+    def turns(self) -> Tensor:
+        """``(D, H * W)``, the rotation at every pixel."""
+        return self.rotation[:, self.places]
 
     def draw(self, pixels: Tensor) -> Tensor:
         """``(D, S * n)`` in [0, 1): the points at n pixels, the first at all of them, then the second at all."""
         points = self.points.T[:, :, None]
-        return ((points + self.rotation[:, None, pixels]) % 1.0).clamp_max(BELOW_ONE).flatten(1)
+        return ((points + self.rotation[:, None, self.places[pixels]]) % 1.0).clamp_max(BELOW_ONE).flatten(1)
+
+
+@lru_cache(maxsize=1)
+def _sequence(samples: int, dims: int, size: tuple[int, int], seed: int, device: torch.device) -> Sequence:
+    height, width = tile = min(size[0], TILE), min(size[1], TILE)
+    with torch.inference_mode(False), torch.no_grad():
+        rows, columns = (torch.arange(n, device=device) for n in size)
+        points = SobolEngine(dims, scramble=True, seed=seed).draw(samples).clamp_max(BELOW_ONE).to(device)
+        rotation = blue_noise(*tile, dims=dims, seed=seed, device=device).flatten(1)
+        places = rows[:, None] % height * width + columns % width
+    return Sequence(points=points, rotation=rotation, places=places.flatten())
 
 
 def disc(u: Tensor) -> Tensor:

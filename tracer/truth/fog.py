@@ -71,7 +71,7 @@ def fog_truth(
     def estimate(numbers: range) -> Values:
         points, light = sequence.part(numbers).points, clear[0].new_zeros(len(marches), 3, size[0] * size[1])
         for u in points[:, :, None]:
-            drawn = (u + sequence.rotation) % 1.0
+            drawn = (u + sequence.turns) % 1.0
             light = light + torch.stack([march.step(drawn).T for march in marches])
         return {
             "fog": light.view(-1, 3, *size),

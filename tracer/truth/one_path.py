@@ -14,7 +14,8 @@ def one_path(scene: Scene, frame: Frame, *, bounces: int = 4) -> Frame:
 
     Args:
         scene: that the frame shows.
-        frame: as `tracer.render` gives it; its index seeds the paths, its camera's jitter places them.
+        frame: as `tracer.render` gives it, with ``light_samples=0`` too; its index seeds the paths, its camera's jitter
+            places them.
         bounces: see `tracer.path_trace`.
 
     Returns:
@@ -30,5 +31,5 @@ def one_path(scene: Scene, frame: Frame, *, bounces: int = 4) -> Frame:
     ).values["radiance"]
     behind = frame.behind
     if behind is not None:
-        behind = behind.replace(radiance=torch.zeros_like(light), ambient=None)
-    return frame.replace(radiance=light, ambient=None, behind=behind)
+        behind = behind.replace(radiance=torch.zeros_like(light), ambient=None, emitters_sampled=True)
+    return frame.replace(radiance=light, ambient=None, emitters_sampled=True, behind=behind)

@@ -153,7 +153,7 @@ class _Exposure:
     def sums(self, numbers: range) -> Tensor:
         """``(6, H, W)`` sums over samples: radiance, and its on-screen part."""
         first = float(self.sequence.points[numbers.start, 0])
-        total = torch.zeros(self.sequence.rotation.shape[1], 6, device=self.sequence.rotation.device)
+        total = torch.zeros(len(self.sequence.places), 6, device=self.sequence.places.device)
         for number, pixels in enumerate(self._groups):
             now = self._moment(self.begin + self.shutter * ((first + number / MOMENTS) % 1))
             for part in pixels.split(max(1, WIDE // len(numbers))):
@@ -178,7 +178,7 @@ class _Exposure:
     @cached_property
     def _groups(self) -> list[Tensor]:
         """Numbers of the pixels that share a moment, evenly spread over the picture."""
-        order = self.sequence.rotation[0].argsort()
+        order = self.sequence.dims(0, 1).turns[0].argsort()
         return [order[i::MOMENTS].sort().values for i in range(MOMENTS)] if self.shutter > 0 else [order.sort().values]
 
     def _light(self, numbers: range, pixels: Tensor, now: _Moment) -> Tensor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
+from weakref import ref
 
 from gbufrt.commands.arguments.checks import WINDOW, check_part, check_world
 from gbufrt.commands.arguments.values import MOST_COUNT, MOST_FRAMES, at_least
@@ -29,6 +30,14 @@ class Left:
     light: IrradianceCache | None = None
     samples: tuple[int, list[dict[str, Tensor | None]]] = (-1, [])
     """Number of the last frame, and the sampled light of each of its layers, as its file holds it."""
+    surfaces: tuple[ref[Scene], Frame] | None = None
+    """The scene of the last frame that was traced, and its surfaces, not rounded as in its file."""
+
+    def seen(self, scene: Scene, index: int) -> Frame | None:
+        """The surfaces of a frame, where it is the last one and the scene is still its own."""
+        if self.surfaces is None or self.surfaces[0]() is not scene or self.surfaces[1].index != index:
+            return None
+        return self.surfaces[1]
 
     def keep(self, frame: Frame) -> Frame:
         """The frame, of which the sampled light is kept."""
@@ -196,17 +205,21 @@ class Job:
             time=self.time + index / self.fps,
             previous_time=self.time + before / self.fps,
             index=number,
-            **({"light_samples": 1} if sampling.paths else more),
+            **({"light_samples": 0} if sampling.paths else more),  # paths bring it
         )
         if sampling.paths is None:
             return frame
         if sampling.paths == "denoise":
             return one_path(there, frame, bounces=BOUNCES)
         last = None
-        if still is None and index > 0:  # traced again, so that no frame needs another's files
-            last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)
+        if still is None and index > 0:
+            last = None if left is None else left.seen(there, before)
+            if last is None:  # traced again, so that no frame needs another's files
+                last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)
             if left is not None and left.samples[0] == before:
                 last = with_samples(last, left.samples[1])
+        if still is None and left is not None:
+            left.surfaces = ref(there), frame.only(("behind", *frame.gbuffer.present))
         if not sampling.cached or left is None:
             return without_ambient(sampled(there, frame, before=last, bounces=BOUNCES))
         frame, left.light = sampled_with_cache(there, frame, left.light, before=last, bounces=BOUNCES)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
+from weakref import ref
 
 import boxes
 import pytest
 import torch
-from command_line import assert_same_results, install, run
+from command_line import assert_same_results, fake_load, install, run
 from PIL import Image
 from torch import Tensor
 
 from gbufrt import Camera, Frame
+from gbufrt.commands.flights.job import Left
 from gbufrt.commands.flights.sampling import Sampling
 from gbufrt.files.exr import read_exr, read_notes
 from gbufrt.noise.noise import blue_noise
 from tracer.scene.scene import Scene
 
+traced_again: list[int] = []
 RTX = ("--pipeline", "minecraft-rtx", "--size", "24x16", "--warmup", "1")
 
 
@@ -24,6 +27,8 @@ def fake_samples(scene: Scene, frame: Frame, *, before: Frame | None, bounces: i
     def light(of: Frame) -> Tensor:
         return boxes.frame(of.gbuffer.camera).read("radiance") * 2 * blue_noise(*of.gbuffer.camera.size, index=of.index)
 
+    direct = boxes.frame(frame.gbuffer.camera).read("radiance")
+    assert torch.equal(frame.read("radiance"), direct), "traced without light, which samples bring"
     lit = frame.replace(diffuse=light(frame), specular=0.1 * light(frame), behind=None)
     lit = lit.replace(reflection_distance=torch.ones_like(frame.gbuffer.depth))
     if before is None:
@@ -31,7 +36,7 @@ def fake_samples(scene: Scene, frame: Frame, *, before: Frame | None, bounces: i
     assert before.index == frame.index - 1
     stored = light(before).half().float()
     assert torch.equal(before.read("diffuse"), stored), "pixels are chosen by what the file holds"
-    assert torch.equal(before.read("depth"), fake_unlit(scene, before.gbuffer.camera, index=0).read("depth"))
+    assert torch.equal(before.read("depth"), boxes.frame(before.gbuffer.camera).read("depth"))
     chosen = torch.zeros_like(frame.gbuffer.depth)
     chosen[..., 1::3, 1::3] = 1.0
     again = 0.5 * light(before)
@@ -47,6 +52,7 @@ def fake_cache(
 
 
 def fake_unlit(scene: Scene, camera: Camera, *, time: float = 0.0, index: int) -> Frame:
+    traced_again.append(index)
     return Frame(gbuffer=boxes.frame(camera).gbuffer, index=index, time=time)
 
 
@@ -63,6 +69,7 @@ def stand_ins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("tracer.paths.sampled.sampled_with_cache", fake_cache)
     monkeypatch.setattr("tracer.truth.one_path.one_path", fake_path)
     monkeypatch.setattr("tracer.frames.unlit", fake_unlit)
+    traced_again.clear()
 
 
 def test_small_frames_large_pictures_resumed_and_run_again():
@@ -79,6 +86,7 @@ def test_small_frames_large_pictures_resumed_and_run_again():
         Path(f"parts/frame_0002.{ending}").unlink()
     assert run("render", "--frames", "3", *RTX, "--out", "parts", "--resume") == 0
     assert_same_results("whole", "parts")
+    assert traced_again == [1], "the surfaces of the frame before are kept, but not those that a file has rounded"
     assert run("post", "whole", "--out", "again") == 0
     again = read_exr("again/frame_0002.exr")
     for name in ("diffuse", "replayed_diffuse", "reflection_distance"):
@@ -130,3 +138,13 @@ def test_what_is_traced_of_a_picture():
     assert Sampling(ratio=3.0).rendered((270, 480)) == (90, 160)
     assert Sampling(ratio=1.5).rendered((540, 960)) == (360, 640)
     assert Sampling().rendered((73, 127)) == (73, 127)
+
+
+def test_surfaces_are_kept_of_the_frame_before_and_its_own_scene():
+    scene, other = fake_load("builtin"), fake_load("builtin")
+    frame = boxes.frame(boxes.camera((8, 12)), index=4)
+    left = Left(surfaces=(ref(scene), frame))
+    assert left.seen(scene, 4) is frame
+    assert left.seen(scene, 3) is None
+    assert left.seen(other, 4) is None, "a window of the world that has moved shows other chunks"
+    assert Left().seen(scene, 4) is None

@@ -289,8 +289,8 @@ def test_no_light_at_all_is_black_and_finite():
 
 def test_bad_arguments_say_what_was_expected():
     scene, _, g, poses = busy()
-    with pytest.raises(ValueError, match="samples must be at least 1, got 0"):
-        light(scene, g, poses=poses, samples=0)
+    with pytest.raises(ValueError, match="samples must not be negative, got -1"):
+        light(scene, g, poses=poses, samples=-1)
     with pytest.raises(ValueError, match=r"poses must be \(1,4,4\) or \(2,1,4,4\), got none"):
         light(scene, g)
     with pytest.raises(ValueError, match="gbuffer must have albedo"):
