@@ -183,4 +183,6 @@ def _open_above(frame: Frame) -> Tensor | float:
 
 def _lit_from_above(frame: Frame) -> Frame:
     """The frame with as much light of the sky as comes through the surface above."""
-    return frame if frame.ambient is None else frame.replace(ambient=frame.ambient * _open_above(frame))
+    if frame.ambient is None or frame.get("surface_sky") is None:
+        return frame
+    return frame.replace(ambient=frame.ambient * _open_above(frame))
