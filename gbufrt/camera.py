@@ -301,6 +301,17 @@ class Camera:
             return torch.zeros_like(points_view) - points_view.new_tensor([0.0, 0.0, 1.0])[None, :, None, None]
         return -points_view / length(points_view).clamp_min(1e-12)
 
+    def along_axis(self, dtype: torch.dtype) -> Tensor:
+        """``(B, 1, H, W)``: planar depth of a world unit along each pixel's ray, away from the eye."""
+        if self.orthographic:
+            return torch.ones(self.batch, 1, *self.size, dtype=dtype, device=self.device)
+        lens = self.lens.to(dtype)[..., None, None, None]
+        slopes = [  # of a row and of a column: planes of both, as `unproject` makes, would take six times the memory
+            (torch.arange(n, dtype=dtype, device=self.device) + 0.5 + lens[:, 4 + i] - lens[:, 2 + i]) / lens[:, i]
+            for i, n in enumerate((self.width, self.height))
+        ]
+        return 1 / (slopes[0] * slopes[0] + (slopes[1] * slopes[1]).mT + 1).sqrt()
+
     def pixels_per_unit(self, depth: Tensor) -> Tensor:
         """How many pixels a world unit across the view spans at planar ``depth``; the shape of ``depth``."""
         focal = self.intrinsics[:, 1, 1].to(depth.dtype).reshape(-1, *(1,) * (depth.ndim - 1))

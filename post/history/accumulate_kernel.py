@@ -1,6 +1,6 @@
-"""The compiled form of `post.history.antilag.accumulate_reference`: pixels ``first`` to ``end`` of a row as a body.
+"""The compiled forms of `post.history.antilag.sample_reference` and `blend_reference`: pixels of a row as a body.
 
-Names and steps are those of that torch reference, which is the definition. As in `post.filters.kernel`, neighbours are
+Names and steps are those of that torch code, which is the definition. As in `post.filters.kernel`, neighbours are
 shifted rows, and every loop over a row becomes vector instructions. Rows of scratch begin at ``first``. A state's
 planes are the mean (C), the fast mean (lead), two moments, the sum of squared weights, and the age.
 """

@@ -129,21 +129,23 @@ def follow_light(
     return old, fast, moments, torch.where(age > 1, 1 + (age - 1) * explained, age)
 
 
-def accumulate_reference(
-    signal: Tensor,
-    state: Tensor,
-    longest: Tensor,
-    geometry: Surface,
-    lead: int,
-    clamp: float,
-    firefly: float,
-) -> tuple[Tensor, Tensor]:
-    """Arguments and results are those of `post.history.op.accumulate`."""
-    old, fast, moments, share, age = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
+def sample_reference(
+    signal: Tensor, state: Tensor, geometry: Surface, lead: int, clamp: float, firefly: float
+) -> tuple[Tensor, Tensor, Tensor]:
+    """What `post.history.op.taken_in` finds: the signal without fireflies, its noise, and `alike`, empty if unused."""
+    old, _, moments, _, age = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
     noise = typical_variance(moments, age)
     sample = without_fireflies(signal, old, noise, age, lead, firefly)
+    return sample, noise, alike(geometry) if clamp > 0 else noise[:, :0]
+
+
+def blend_reference(
+    sample: Tensor, noise: Tensor, same: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float
+) -> Tensor:
+    """The state that `post.history.op.blended` returns."""
+    old, fast, moments, share, age = state.split([sample.shape[1], lead, 2, 1, 1], dim=1)
     if clamp > 0:
-        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, alike(geometry), lead, clamp)
+        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, same, lead, clamp)
         share, age = share * age / younger.clamp_min(1e-6), younger
     length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
     light, alpha = luminance(sample, lead), 1 / length
@@ -155,7 +157,7 @@ def accumulate_reference(
         share * (1 - alpha) ** 2 + alpha**2,
         length,
     ]
-    return torch.cat(new, dim=1), sample
+    return torch.cat(new, dim=1)
 
 
 def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor) -> Tensor:

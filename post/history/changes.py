@@ -30,7 +30,7 @@ def follow_changes(
 
     Args:
         sample: ``(B, C, H, W)`` of this frame.
-        state: ``(B, C + lead + 4, H, W)`` as for `post.history.op.accumulate`.
+        state: ``(B, C + lead + 4, H, W)`` as for `post.history.op.taken_in`.
         noise: ``(B, 1, H, W)``, see `antilag.typical_variance`.
         geometry: of this frame.
         lead: number of leading channels that are compared.

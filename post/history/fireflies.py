@@ -30,7 +30,7 @@ def cut_outliers(
         signal: ``(B, C, H, W)`` of this frame.
         geometry: of this frame.
         state: ``(B, C + lead + 2 + K, H, W)`` of the frame before at this frame's pixels, which begins as that of
-            `post.history.op.accumulate` and ends with the age; None at first.
+            `post.history.op.taken_in` and ends with the age; None at first.
         noise: ``(B, 1, H, W)`` of the state, see `antilag.typical_variance`.
         lead: channels that make the luminance, and are scaled.
         firefly: standard deviations above its history at which a sample is cut; 0 keeps all.

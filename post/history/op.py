@@ -2,45 +2,78 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
 from post.filters.fits import fits_cuda
-from post.history.antilag import accumulate_reference
+from post.history.antilag import blend_reference, sample_reference
 from post.history.constants import WINDOW
 from post.history.taa_reference import anti_alias_reference, longest
 
 
-@torch.library.custom_op("gbufrt::accumulate", mutates_args=())
-def accumulate_cpu(
-    signal: Tensor, state: Tensor, longest: Tensor, guide: Tensor, plane: Tensor, perspective: bool, lead: int,
-    clamp: float, firefly: float,
-) -> tuple[Tensor, Tensor]:  # fmt: skip
-    """See `accumulate`; ``guide`` and ``plane`` are those of `Surface`."""
+class Sample(NamedTuple):
+    """A frame's signal, ready to be taken into its history; see `taken_in`."""
+
+    signal: Tensor
+    """``(B, C, H, W)`` without fireflies."""
+    noise: Tensor
+    """Variance of its luminance, which `blended` reads with what follows: as the kernels have it, or the reference."""
+    alike: Tensor
+    longest: Tensor
+    form: Form
+
+
+@torch.library.custom_op("gbufrt::sample_of_frame", mutates_args=())
+def sample_cpu(
+    signal: Tensor, state: Tensor, guide: Tensor, plane: Tensor, perspective: bool, lead: int, firefly: float,
+    follows: bool,
+) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
+    """The first three of `Sample`: ``(B, C, H, W)``, ``(B, H, W)``, and bits ``(B, H, W)``, which only histories that
+    follow changes need. ``guide`` and ``plane`` are those of `Surface`."""
     from gbufrt.compute.kernel import array, threads
-    from post.history.accumulate_drivers import blend_each, blend_rows, fast_each, fast_rows, sample_each, sample_rows
+    from post.history.accumulate_drivers import sample_each, sample_rows
 
-    out, sample = state.new_empty(state.shape), signal.new_empty(signal.shape)
-    noise, fast = signal.new_empty(signal[:, 0].shape), signal.new_empty(signal.shape[0], lead + 2, *signal.shape[2:])
-    now, geometry = (sample, noise, torch.empty_like(noise, dtype=torch.int32)), (guide, plane)
-    count, longest = noise.numel(), longest[:, 0]
+    sample, noise = signal.new_empty(signal.shape), signal.new_empty(signal[:, 0].shape)
+    now, options = (sample, noise, torch.empty_like(noise, dtype=torch.int32)), (perspective, lead, firefly, follows)
     if form_of(signal, cuda=fits_cuda(signal)) is Form.CUDA:
-        sample_each(count, *now, signal, state, *geometry, perspective, lead, firefly, clamp > 0)
-        fast_each(count, fast, *now, state, lead, clamp)
-        blend_each(count, out, fast, *now, state, longest, lead, clamp)
+        sample_each(noise.numel(), *now, signal, state, guide, plane, *options)
     else:
-        given, done, wide = array(state), [array(x) for x in now], threads()
-        sample_rows(*done, array(signal), given, *map(array, geometry), perspective, lead, firefly, clamp > 0, wide)
-        fast_rows(array(fast), *done, given, lead, clamp, wide)
-        blend_rows(array(out), array(fast), *done, given, array(longest), lead, clamp, wide)
-    return out, sample
+        sample_rows(*map(array, (*now, signal, state, guide, plane)), *options, threads())
+    return now
 
 
-@accumulate_cpu.register_fake
-def _(signal, state, longest, guide, plane, perspective, lead, clamp, firefly):
-    return state.new_empty(state.shape), signal.new_empty(signal.shape)
+@sample_cpu.register_fake
+def _(signal, state, guide, plane, perspective, lead, firefly, follows):
+    noise = signal.new_empty(signal[:, 0].shape)
+    return signal.new_empty(signal.shape), noise, torch.empty_like(noise, dtype=torch.int32)
+
+
+@torch.library.custom_op("gbufrt::blend_sample", mutates_args=())
+def blend_cpu(
+    sample: Tensor, noise: Tensor, bits: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float
+) -> Tensor:
+    """See `blended`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.history.accumulate_drivers import blend_each, blend_rows, fast_each, fast_rows
+
+    out, fast = state.new_empty(state.shape), sample.new_empty(sample.shape[0], lead + 2, *sample.shape[2:])
+    now, longest, count = (sample, noise, bits, state), longest[:, 0], noise.numel()
+    if form_of(sample, cuda=fits_cuda(sample)) is Form.CUDA:
+        fast_each(count, fast, *now, lead, clamp)
+        blend_each(count, out, fast, *now, longest, lead, clamp)
+    else:
+        fast_rows(*map(array, (fast, *now)), lead, clamp, threads())
+        blend_rows(*map(array, (out, fast, *now, longest)), lead, clamp, threads())
+    return out
+
+
+@blend_cpu.register_fake
+def _(sample, noise, bits, state, longest, lead, clamp):
+    return state.new_empty(state.shape)
 
 
 @torch.library.custom_op("gbufrt::anti_alias", mutates_args=())
@@ -76,7 +109,7 @@ def _(color, weights, depth, motion, before, age, blend, gamma):
     return out, torch.empty_like(out), torch.empty_like(age, memory_format=torch.contiguous_format)
 
 
-def accumulate(
+def taken_in(
     signal: Tensor,
     state: Tensor,
     longest: Tensor,
@@ -86,8 +119,8 @@ def accumulate(
     clamp: float,
     firefly: float,
     compiled: bool | None = None,
-) -> tuple[Tensor, Tensor]:
-    """Average a signal with its history, which follows changes of light; see `post.temporal`.
+) -> Sample:
+    """A signal as its history takes it in, for `blended`: signal and geometry need not be in memory with its result.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame.
@@ -99,12 +132,30 @@ def accumulate(
         compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
-        The state after this frame, and the signal without fireflies.
+        The sample.
     """
-    planes = (signal, state, longest, geometry.guide, geometry.plane)
-    if form_of(*planes, clamp, firefly, compiled=compiled, cuda=fits_cuda(signal)) is Form.REFERENCE:
-        return accumulate_reference(signal, state, longest, geometry, lead, clamp, firefly)
-    return accumulate_cpu(*planes, geometry.perspective, lead, float(clamp), float(firefly))
+    planes = (signal, state, geometry.guide, geometry.plane)
+    form = form_of(*planes, longest, clamp, firefly, compiled=compiled, cuda=fits_cuda(signal))
+    if form is Form.REFERENCE:
+        sample, noise, alike = sample_reference(signal, state, geometry, lead, clamp, firefly)
+    else:
+        sample, noise, alike = sample_cpu(*planes, geometry.perspective, lead, float(firefly), clamp > 0)
+    return Sample(sample, noise, alike, longest, form)
+
+
+def blended(sample: Sample, state: Tensor, *, lead: int, clamp: float) -> Tensor:
+    """The state after a frame: its history, which follows changes of light, averaged with the sample.
+
+    Args:
+        sample: of `taken_in`, which got the other arguments too.
+        state: see there, as the rest.
+        lead: likewise.
+        clamp: likewise.
+    """
+    planes = (sample.signal, sample.noise, sample.alike, state, sample.longest)
+    if sample.form is Form.REFERENCE:
+        return blend_reference(*planes, lead, clamp)
+    return blend_cpu(*planes, lead, float(clamp))
 
 
 def anti_alias(

@@ -105,6 +105,7 @@ def depth_hierarchy(
         slope = facing[:, :2] * (q / (focal * torch.minimum((facing * ray).sum(1, keepdim=True), -1e-3 * length)))
         slope = slope * (q / slope.abs().sum(1, keepdim=True).clamp_min(1e-30)).clamp_max(1.0)  # none reaches behind us
         back = 1 / (depth + (thickness / length if isinstance(thickness, Tensor) else thickness)).clamp_min(1e-9)
+    del ray, facing  # six planes less, of what reflections need at once
     reach = slope.abs().sum(1, keepdim=True)
     back = torch.minimum(back, q - reach - pixel)  # no solid is thinner than the gap that `crack` tolerates
     front = torch.where(hit, q, -NOTHING)

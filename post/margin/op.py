@@ -10,7 +10,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
-from post.margin.reference import padded, width
+from post.margin.reference import LEAST, padded, width
 from post.margin.view import PaddedView
 
 
@@ -22,6 +22,7 @@ def scene(
     reach: Tensor,
     *,
     light: Tensor | None = None,
+    within: bool = False,
     compiled: bool | None = None,
 ) -> PaddedView:
     """Continue and pad the pictures that taps read.
@@ -34,21 +35,23 @@ def scene(
         reach: ``(B, 1, H, W)`` planar depth from front to back of visible surfaces, world units.
         light: ``(B, 3, H, W)`` that pixels send, read together with their normals in view space; the margin sends
             none.
+        within: whether taps end at the picture's border. Of the margin, which has twice the picture's pixels, only
+            what is next to the border is then made.
         compiled: see `gbufrt.compute.dispatch.form_of`.
     """
     focal, center, jitter = camera.lens.to(depth.dtype).split(2, dim=1)
     first = (0.5 + jitter - center) / focal
     m = width(camera)
+    kept = LEAST if within else m
     given = (depth, normal, reach) if light is None else (depth, normal, reach, light)
     if form_of(*given, camera.world_from_view, focal, compiled=compiled, cuda=True) is not Form.REFERENCE:
         lens = torch.cat([focal, first], dim=1)
         pose = camera.rotation_to_view.to(depth.dtype)
-        empty = depth.new_empty(depth.shape[0], 0, *camera.size)
-        picture = padded_cpu(
-            *given[:3], hit, empty if light is None else light, lens, pose, m, float(camera.near), camera.orthographic
-        ).movedim(-1, 1)
+        sent = depth.new_empty(depth.shape[0], 0, *camera.size) if light is None else light
+        view = (lens, pose, kept, float(camera.near), camera.orthographic)
+        picture = padded_cpu(*given[:3], hit, sent, *view).movedim(-1, 1)
     else:
-        picture = padded(camera, depth, normal, hit, reach, light, m)
+        picture = padded(camera, depth, normal, hit, reach, light, kept)
     pitch = 1 / focal
     origin = first - pitch * (m + 1)
     return PaddedView(
@@ -58,6 +61,7 @@ def scene(
         pitch_x=pitch[:, 0, None, None],
         pitch_y=pitch[:, 1, None, None],
         margin=m,
+        left_out=m - kept,
     )
 
 

@@ -12,6 +12,7 @@ from gbufrt.camera import Camera
 from post.margin.constants import LEAST_FACING
 
 SHARE = 0.25  # of the picture's longer side; more makes no difference to occlusion within a few metres
+LEAST = 1  # pixels: taps that end at the border lie at most half a pixel and `sweep.constants.FIRST` past it
 
 
 def width(camera: Camera) -> int:
@@ -19,7 +20,7 @@ def width(camera: Camera) -> int:
     return max(1, round(max(camera.size) * SHARE))
 
 
-def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor) -> tuple[Tensor, Tensor]:
+def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor, m: int) -> tuple[Tensor, Tensor]:
     """Depth in the margin: each pixel shows the plane of the border pixel nearest to it, where that plane faces it.
 
     Walls, floors and ceilings cut by the border mostly continue past it. An empty margin would make pixels near the
@@ -30,11 +31,11 @@ def continued(camera: Camera, depth: Tensor, hit: Tensor, normal: Tensor) -> tup
         depth: ``(B, 1, H, W)`` planar view z, world units.
         hit: ``(B, 1, H, W)`` bool.
         normal: ``(B, 3, H, W)`` world space.
+        m: the margin's width, pixels.
 
     Returns:
-        depth and hit ``(B, 1, H + 2 m, W + 2 m)`` with m the margin's `width`; depth is 0 where empty.
+        depth and hit ``(B, 1, H + 2 m, W + 2 m)``; depth is 0 where empty.
     """
-    m = width(camera)
     inner = (..., slice(m, m + camera.height), slice(m, m + camera.width))
     normal = camera.rotate_to_view(normal)
     level = spread((normal * camera.unproject(depth)).sum(1, keepdim=True), m)
@@ -70,7 +71,7 @@ def padded(
     camera: Camera, depth: Tensor, normal: Tensor, hit: Tensor, reach: Tensor, light: Tensor | None, m: int
 ) -> Tensor:
     """``(B, 2 or 8, H', W')``: the picture of `post.margin.op.scene`."""
-    front, stands = continued(camera, depth, hit, normal)
+    front, stands = continued(camera, depth, hit, normal, m)
     planes = [front, torch.where(stands, spread(reach, m), 0.0)]
     if light is not None:
         planes += [empty(light, m), spread(camera.rotate_to_view(normal), m)]

@@ -14,7 +14,6 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import resident
-from gbufrt.sampling import gather
 from post.margin.view import PaddedView
 from post.sweep.constants import SNAP, VANISHED
 from post.sweep.layout import Receivers, Receiving, Side, Slice, Tap
@@ -34,7 +33,7 @@ def sides(around: PaddedView, at: Receivers, cut: Slice) -> tuple[Side, Side]:
 
 def _borders(around: PaddedView, at: Receivers, dx: Tensor, dy: Tensor) -> tuple[Tensor, Tensor]:
     """Distances in pixels to the picture's border and to the end of its margin."""
-    height, width = around.picture.shape[-2:]
+    height, width = around.size
     ways = []
     for edge in (around.margin + 1, 1):
         x = torch.maximum((width - edge - 0.5 - at.column) * dx, (edge - 0.5 - at.column) * dx)
@@ -51,7 +50,7 @@ def look(around: PaddedView, at: Receivers, side: Side, px: Tensor, parallel: bo
     """
     cut = side.cut
     column, row = (at.column + side.dx * px).round(), (at.row + side.dy * px).round()
-    picked = gather(around.picture, column.int(), row.int())
+    picked = around.at(column, row)
     z, solid = picked[:, 0], picked[:, 1]
     x, y = around.origin_x + around.pitch_x * column, around.origin_y + around.pitch_y * row
     rise, run = x * cut.nx + y * cut.ny, x * cut.tx + y * cut.ty

@@ -83,7 +83,7 @@ def bitmask_ao(
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     behind_back = 0.0 if reach is None else hidden * reach
     solid = planar_thickness(camera, depth, hit, thickness, behind_back)
-    around = scene(camera, depth, normal, hit, solid, compiled=compiled)
+    around = scene(camera, depth, normal, hit, solid, within=reach is None, compiled=compiled)
     if soft is None:
         soft = torch.is_grad_enabled() and any(
             t is not None and t.requires_grad for t in (around.picture, depth, normal, reach)

@@ -85,11 +85,12 @@ def sweep_all(
     directions, steps, limited, parallel, gathers, threads,
 ):  # fmt: skip
     tall, wide, pairs = picture.shape[1:]
+    left_out = margin + 1 - (wide - depth.shape[2]) // 2
     for thread in prange(threads):
         lanes = new_lanes(radii.shape[0], SUMS + LIGHT if gathers else SUMS, steps)
         for b in range(picture.shape[0]):
             pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
-            around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
+            around = Around(pixels, wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
             grid = Grid(depth[b], normal[b], lens[b], pose[b], hit.shape[2], stride, row, column)
             _sweep_rows(out[:, b], lanes, around, grid, hit[b], noise, directions, thread, threads, gathers)
 
@@ -102,6 +103,7 @@ def sweep_pixel(
     """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size."""
     (height, width), (tall, wide, pairs) = hit.shape[1:], picture.shape[1:]
     b, place = i // (height * width), i % (height * width)
+    left_out = margin + 1 - (wide - depth.shape[2]) // 2
     if not hit[b, place // width, place % width]:
         _clear(out[:, b], out.shape[0] // radii.shape[0], place)
         return
@@ -115,7 +117,7 @@ def sweep_pixel(
     used = parts[:steps], index, read, read.view(np.float32), covered[: radii.shape[0]], sums[: radii.shape[0] * each]
     lanes = Scratch(rows, *used, places)
     pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
-    around = Around(pixels, wide, tall, rays[b, 4], rays[b], *known, margin, parallel)
+    around = Around(pixels, wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
     grid = Grid(depth[b], normal[b], lens[b], pose[b], width, stride, row, column)
     _sweep_lanes(out[:, b], lanes, around, grid, noise, directions, 1, gathers)
 

@@ -54,8 +54,9 @@ GROUP_RISE, GROUP_RUN, GROUP_OPEN, WHOLE_RISE, WHOLE_RUN = _rows(69, 74)
 OPENED, OPEN_RISE, OPEN_RUN = _rows(74, 77)
 ROWS = 77
 
-Around = namedtuple("Around", "pixels width height aspect rays radii limited sky terms turns margin parallel")
-"""What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`."""
+Around = namedtuple("Around", "pixels wide tall left_out aspect rays radii limited sky terms turns margin parallel")
+"""What is the same for all receivers of a picture, see `post.sweep.op.sweep_cpu`; ``wide`` by ``tall`` are stored, of
+a margin that has ``left_out`` pixels more, see `post.margin.view`."""
 Grid = namedtuple("Grid", "depth normal lens pose columns stride row column")
 """A picture's surfaces, its camera, and which pixels receive: ``columns`` a row, every ``stride``-th from the first."""
 Scratch = namedtuple("Scratch", "rows parts spot pairs pixel covered sums place")
@@ -117,6 +118,7 @@ def keep_slice(rows, cut, x):
 def fill_receivers(lanes, around, grid):
     """Make the receivers of all lanes, see `slices.receivers`, and how far the solids reach back there."""
     rows, place, edge = lanes.rows, lanes.place, np.int64(around.margin + 1)
+    first = edge - around.left_out
     for x in range(LANES):
         line = place[x] // grid.columns * grid.stride + grid.row
         column = place[x] % grid.columns * grid.stride + grid.column
@@ -124,7 +126,7 @@ def fill_receivers(lanes, around, grid):
         rows[AT_Z + x] = grid.depth[line, column]
         rows[AT_NX + x], rows[AT_NY + x] = grid.normal[0, line, column], grid.normal[1, line, column]
         rows[AT_NZ + x] = grid.normal[2, line, column]
-        lanes.pairs[x] = around.pixels[(line + edge) * around.width + column + edge, 0]
+        lanes.pairs[x] = around.pixels[(line + first) * around.wide + column + first, 0]
     lens, edge_px = grid.lens, np.float32(edge)
     focal_x, focal_y, center_x, center_y, jitter_x, jitter_y = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
     xx, xy, xz = grid.pose[0, 0], grid.pose[0, 1], grid.pose[0, 2]

@@ -7,7 +7,6 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from gbufrt.sampling import gather
 from post.margin.view import PaddedView
 from post.sweep import arcs
 from post.sweep.constants import EDGE
@@ -44,7 +43,7 @@ def start(at: Receivers, side: Side, solid: Tensor) -> Front:
 
 def own_solid(around: PaddedView, at: Receivers) -> Tensor:
     """Planar depth from front to back at the receivers."""
-    return gather(around.picture[:, 1:2], at.column.int(), at.row.int())[:, 0]
+    return around.at(at.column, at.row, slice(1, 2))[:, 0]
 
 
 def blocked(

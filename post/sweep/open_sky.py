@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.sampling import gather
 from post.margin.view import PaddedView
 from post.sweep import arcs
 from post.sweep.constants import FREE
@@ -63,7 +62,7 @@ def _border(picture: Tensor) -> Tensor:
 def leaves_hit(around: PaddedView, at: Receivers, side: Side) -> Tensor:
     """1 where a slice leaves the picture at a pixel that hit something, else 0."""
     column, row = (at.column + side.dx * side.frame).round(), (at.row + side.dy * side.frame).round()
-    return arcs.step(gather(around.picture[:, 1:2], column.int(), row.int())[:, 0])
+    return arcs.step(around.at(column, row, slice(1, 2))[:, 0])
 
 
 def open_share(sky: Sky, cut: Slice, groups: int, seam: Tensor, hits: tuple[Tensor, Tensor]) -> Tensor:

@@ -101,7 +101,8 @@ def right_share(cut):
 @inlined
 def pixels_to(edge, around, at, dx, dy):
     """Pixels in direction (dx, dy) to ``edge`` pixels before the end of the padded picture, see `arcs._borders`."""
-    right, low = np.float32(around.width - edge) - HALF, np.float32(around.height - edge) - HALF
+    last = 2 * around.left_out - edge
+    right, low = np.float32(around.wide + last) - HALF, np.float32(around.tall + last) - HALF
     first = np.float32(edge) - HALF
     x = max((right - at.column) * dx, (first - at.column) * dx) / max(dx * dx, np.float32(1e-12))
     y = max((low - at.row) * dy, (first - at.row) * dy) / max(dy * dy, np.float32(1e-12))

@@ -55,9 +55,10 @@ def _place(lanes, around, side, px, x):
     rows, rays = lanes.rows, around.rays
     column = np.rint(rows[lane.COLUMN + x] + side * rows[lane.DX + x] * px)
     row = np.rint(rows[lane.ROW + x] + side * rows[lane.DY + x] * px)
-    i = min(max(np.int32(column), np.int32(0)), np.int32(around.width - 1))
-    j = min(max(np.int32(row), np.int32(0)), np.int32(around.height - 1))
-    lanes.spot[x] = j * around.width + i
+    left_out = np.int32(around.left_out)
+    i = min(max(np.int32(column) - left_out, np.int32(0)), np.int32(around.wide - 1))
+    j = min(max(np.int32(row) - left_out, np.int32(0)), np.int32(around.tall - 1))
+    lanes.spot[x] = j * around.wide + i
     rows[lane.TAP_X + x], rows[lane.TAP_Y + x] = rays[0] + rays[2] * column, rays[1] + rays[3] * row
 
 

@@ -31,7 +31,7 @@ def planar_thickness(
     Returns:
         ``(B, 1, H, W)`` world units.
     """
-    toward = -camera.to_eye(camera.unproject(torch.ones_like(depth)))[:, 2:]
+    toward = camera.along_axis(depth.dtype)
     limit = (UNBOUNDED * depth).detach()
     if not isinstance(thickness, Tensor) or thickness.ndim == 0:
         return torch.minimum(torch.as_tensor(thickness).to(depth).expand_as(depth), limit) * toward

@@ -69,6 +69,14 @@ def test_rays_pass_through_unprojected_points(orthographic):
     assert (offset * direction).sum(-1).min() > 0
 
 
+@pytest.mark.parametrize("orthographic", [False, True])
+@pytest.mark.parametrize("jitter", [None, (0.3, -0.4)])
+def test_depth_along_rays_is_that_of_their_directions(orthographic, jitter):
+    camera = make(orthographic=orthographic).with_jitter(jitter)
+    away = -camera.to_eye(camera.unproject(torch.ones(1, 1, 48, 64)))
+    assert torch.equal(camera.along_axis(torch.float32), away[:, 2:])
+
+
 def test_look_at_sees_up_as_up():
     camera = Camera.look_at((0, 0, 5), (0, 0, 0), size=(48, 64))
     point = camera.project(camera.to_view(torch.tensor([[0.5, 1.0, 0.0]]).reshape(1, 3, 1)))[0, :, 0]

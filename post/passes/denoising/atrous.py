@@ -74,14 +74,16 @@ def atrous(
     light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
     reach = _reach(depth, roughness, confidence)
     values = torch.cat([with_places(signal) if linear else signal, light, variance], dim=1)
+    before = signal if linear else None
+    del signal, light, variance  # a quarter of what the kernels need at once
     for iteration in range(iterations):
         values = wavelet(
             values, geometry, reach, step=2**iteration,
             phi_color=phi_color * growth**iteration, phi_depth=phi_depth, phi_normal=phi_normal,
         )  # fmt: skip
     smooth, left = values[:, :-2], values[:, -1:].clone()  # a view that is kept would keep all channels
-    if linear:
-        smooth = torch.where(hit, fitted(smooth, left, lead), signal)
+    if before is not None:
+        smooth = torch.where(hit, fitted(smooth, left, lead), before)
     return smooth, left
 
 
@@ -130,10 +132,11 @@ class Atrous(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, names = frame.gbuffer, signal_names(self.signal)
-        divide = wants_albedo(names, self.demodulate)
-        filtered, left = atrous(
+        divide, known = wants_albedo(names, self.demodulate), guides(frame, names)
+        filtered, left = atrous(  # without **, which would keep the signals as they are stacked
             stack(frame, names, demodulate=divide), g.depth, g.normal, hit=g.hit, camera=g.camera,
             iterations=self.iterations, phi_color=self.phi_color, phi_normal=self.phi_normal,
-            phi_depth=self.phi_depth, **guides(frame, names),
+            phi_depth=self.phi_depth, lead=known["lead"], variance=known["variance"], roughness=known["roughness"],
+            confidence=known["confidence"],
         )  # fmt: skip
         return unstack(frame, names, filtered, demodulate=divide).write(f"{names[0]}_variance", left)

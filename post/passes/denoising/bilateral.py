@@ -83,8 +83,10 @@ def bilateral(
     if roughness is not None and distance is not None:
         lobe = LOBE * roughness.square() * distance * camera.pixels_per_unit(depth + distance)
         width = torch.minimum(width, lobe.clamp_min(1e-3))
+    values = torch.cat([signal, local], dim=1)
+    del signal, local, spread, variance  # a quarter of what the kernel needs at once
     return joint_bilateral(
-        torch.cat([signal, local], dim=1), geometry, width, tolerance,
+        values, geometry, width, tolerance,
         radius=radius, depth_sensitivity=depth_sensitivity, normal_power=normal_power,
     )  # fmt: skip
 
@@ -130,12 +132,13 @@ class Bilateral(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, names = frame.gbuffer, signal_names(self.signal)
-        divide = wants_albedo(names, self.demodulate)
-        filtered = bilateral(
+        divide, known = wants_albedo(names, self.demodulate), guides(frame, names)
+        filtered = bilateral(  # without **, which would keep the signals as they are stacked
             stack(frame, names, demodulate=divide), g.depth, g.normal, hit=g.hit, camera=g.camera,
             radius=self.radius, sigma=self.sigma, depth_sensitivity=self.depth_sensitivity,
             normal_power=self.normal_power, variance_sensitivity=self.variance_sensitivity,
             phi_color=self.phi_color, distance=frame.reflection_distance if names[0] == "reflection" else None,
-            **guides(frame, names),
+            lead=known["lead"], variance=known["variance"], roughness=known["roughness"],
+            confidence=known["confidence"],
         )  # fmt: skip
         return unstack(frame, names, filtered, demodulate=divide)

@@ -13,7 +13,6 @@ from gbufrt.directions import length as norm
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
-from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.filters.signals import signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
@@ -21,7 +20,7 @@ from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes
 from post.history.constants import YOUNG
 from post.history.fireflies import cut_outliers, taken
-from post.history.op import accumulate
+from post.history.op import blended, taken_in
 from post.history.planes import together
 from post.history.read import read_history
 from post.history.reproject import geometry_of, history_for, motion_of
@@ -89,7 +88,7 @@ def temporal(
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
-    names, state, given = (*STORED, "excess") if excess else STORED, None, signal
+    names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
     before, noise, past = 0.0, None, None if history is None else history.gbuffer
     if history is not None and past is not None:
         history = history.take()
@@ -111,12 +110,16 @@ def temporal(
         if noise is not None and clamp > 0:
             signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
             clamp = firefly = 0.0
-        state, signal = accumulate(signal, state, most, geometry, lead=lead, clamp=clamp, firefly=firefly)
+        sample = taken_in(signal, state, most, geometry, lead=lead, clamp=clamp, firefly=firefly)
+        signal = sample.signal
+        del geometry, moved, most  # and the signal as it came: a third of what is in memory here at once
+        state = blended(sample, state, lead=lead, clamp=clamp)
+        del sample
     *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)  # side by side, see `together`
     new = dict[str, Tensor](zip(STORED, parts, strict=True))
-    if excess:
+    if given is not None:
         new["excess"] = before + (taken(given, signal, lead) - before) / length
-    return _finish(signal, new, length, gbuffer, geometry, feedback, lead)
+    return _finish(signal, new, length, gbuffer, feedback, lead)
 
 
 def _fetch(
@@ -164,13 +167,13 @@ def _finish(
     new: dict[str, Tensor],
     length: Tensor,
     g: GBuffer,
-    geometry: Surface,
     feedback: bool,
     lead: int,
 ) -> tuple[Tensor, History]:
     """Compute the variance left in the mean, and the history for the next frame."""
     mean, variance = new["signal"], sample_variance(new["moments"], length)
     if waits(length) or bool((length < YOUNG).any()):
+        geometry = surface(g.depth, g.normal, g.hit, g.camera)  # made again: to keep it would cost memory
         _, around = spatial_moments(sample, geometry, radius=2, lead=lead)
         variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
     variance = variance * new["share"]

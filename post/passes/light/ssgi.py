@@ -94,7 +94,7 @@ def ssgi(
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     solid = planar_thickness(camera, depth, hit, thickness)
     lit = torch.where(hit, finite(light).to(depth.dtype), 0.0)
-    around = scene(camera, depth, normal, hit, solid, light=lit, compiled=compiled)
+    around = scene(camera, depth, normal, hit, solid, light=lit, within=True, compiled=compiled)
     corner = (0, 0) if resolution == 1 else _corner(index, camera)
     pixels = Receiving(camera, depth, normal, hit, resolution, corner)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=depth.device).to(depth.dtype)
@@ -183,4 +183,6 @@ def _open_above(frame: Frame) -> Tensor | float:
 
 def _lit_from_above(frame: Frame) -> Frame:
     """The frame with as much light of the sky as comes through the surface above."""
-    return frame if frame.ambient is None else frame.replace(ambient=frame.ambient * _open_above(frame))
+    if frame.ambient is None or frame.get("surface_sky") is None:
+        return frame
+    return frame.replace(ambient=frame.ambient * _open_above(frame))

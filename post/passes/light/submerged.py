@@ -34,5 +34,5 @@ def _lies_within(front: GBuffer, behind: GBuffer) -> Tensor:
     """``(B, 1, H, W)`` bool: whether no air lies between the first surface and what is behind it."""
     assert front.thickness is not None
     camera = front.camera
-    along_axis = -camera.to_eye(camera.unproject(torch.ones_like(front.depth)))[:, 2:]  # of a step along the view ray
-    return behind.hit & (front.thickness * along_axis >= ENOUGH * (behind.depth - front.depth))
+    through = front.thickness * camera.along_axis(front.depth.dtype)
+    return behind.hit & (through >= ENOUGH * (behind.depth - front.depth))

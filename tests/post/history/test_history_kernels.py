@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from post.filters.surfaces import surface
-from post.history.op import accumulate, accumulate_cpu
+from post.history.op import blend_cpu, blended, sample_cpu, taken_in
 from post.history.read import read_history, read_history_cpu
 
 SIZE = (45, 61)
@@ -88,7 +88,8 @@ def test_accumulate(lead: int, clamp: float, firefly: float, orthographic: bool)
     state = state_of(lead, 0.5 + 0.1 * noise(4))
     signal[..., ::7, ::5] *= 4.0  # fireflies, not so bright that rounding shows in what they leave
     inputs = (signal, state, 4 + 8 * noise(1), geometry)
-    got, want = (accumulate(*inputs, lead=lead, clamp=clamp, firefly=firefly, compiled=form) for form in FORMS)
+    samples = [taken_in(*inputs, lead=lead, clamp=clamp, firefly=firefly, compiled=form) for form in FORMS]
+    got, want = ((blended(sample, state, lead=lead, clamp=clamp), sample.signal) for sample in samples)
     for a, b in zip(got, want, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5)
     assert (float((want[1] - signal).abs().max()) > 1) == (firefly > 0), "fireflies are cut"
@@ -111,5 +112,7 @@ def test_operators_are_registered_properly() -> None:
     look = ([one, noise(3), g.hit, none, noise(2), one, noise(2)], [one, noise(3), g.hit, none, one], lenses)
     options = (torch.eye(3)[None], False, 2.0, 0.9, True, False)
     torch.library.opcheck(read_history_cpu, (signal, *look, *options), test_utils=checks)
-    given = (signal, state_of(3, signal), noise(1), geometry.guide, geometry.plane, True, 3, 2.0, 6.0)
-    torch.library.opcheck(accumulate_cpu, given, test_utils=checks)
+    state = state_of(3, signal)
+    given = (signal, state, geometry.guide, geometry.plane, True, 3, 6.0, True)
+    torch.library.opcheck(sample_cpu, given, test_utils=checks)
+    torch.library.opcheck(blend_cpu, (*sample_cpu(*given), state, noise(1), 3, 2.0), test_utils=checks)

@@ -48,7 +48,7 @@ def test_planes_at_the_border_go_on_exactly(orthographic: bool) -> None:
     )
     floor = WALL[:1]
     visible, more = boxes.frame(wide, boxes=floor).gbuffer, boxes.frame(bigger, boxes=floor).gbuffer
-    depth, stands = margin.continued(wide, visible.depth, visible.hit, visible.normal)
+    depth, stands = margin.continued(wide, visible.depth, visible.hit, visible.normal, m)
     both = stands & more.hit
     assert float(both.float().mean()) > 0.9
     torch.testing.assert_close(depth[both], more.depth[both], rtol=1e-3, atol=1e-3)
