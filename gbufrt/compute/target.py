@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import inspect
 from collections.abc import Callable, Mapping
 from types import FunctionType, ModuleType
 from typing import Any
@@ -45,7 +46,7 @@ class Target:
         contract = dict(contract or {})
         self._helper, self._owner, self._within, self._entry, self._driver = (jit(**o) for o in options)
         self._fused_helper, self._fused_within = jit(**helper, **contract), jit(**within, **contract)
-        self._options = " ".join(map(str, (*options, contract)))
+        self._options = " ".join(map(_written, (*options, contract)))
         self._instead, self._lanes = dict(instead or {}), int(lanes)
         self._compiled: dict[FunctionType, Any] = {}
 
@@ -121,3 +122,9 @@ class Target:
 
 def _calls_item(value: Any) -> bool:
     return is_scalar(value) and "item" in references(value)
+
+
+def _written(options: Mapping[str, Any]) -> str:
+    """Options as text, with the source of a compiler that is not numba's own."""
+    compiler = options.get("pipeline_class")
+    return str(options) if compiler is None else f"{options} {inspect.getsource(inspect.getmodule(compiler))}"  # pyright: ignore

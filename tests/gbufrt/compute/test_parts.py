@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
+from pathlib import Path
+
 import numba
 import numpy as np
+import pytest
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 
 from gbufrt.compute.kernel import driver, scalar
+from gbufrt.compute.target import Target
 
 
 @scalar
@@ -48,3 +54,17 @@ def test_all_that_a_driver_calls_becomes_machine_code_once(monkeypatch):
 def test_functions_compiled_after_a_driver_can_be_called():
     driver(_fill)(np.zeros(5), 1)
     assert numba.njit(lambda x: max(x, 1.0) + abs(x))(-2.0) == 3.0
+
+
+def test_machine_code_of_an_older_compiler_is_not_taken_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def name(rounds: int) -> str:
+        source = f"from numba.core.compiler import Compiler\n\nclass Rounds(Compiler):\n    ROUNDS = {rounds}\n"
+        Path(tmp_path, "rounds.py").write_text(source)
+        importlib.invalidate_caches()
+        monkeypatch.delitem(sys.modules, "rounds", raising=False)
+        options = {"pipeline_class": importlib.import_module("rounds").Rounds}
+        target = Target(numba.njit, helper=options, owner={}, within={}, entry={}, driver={})
+        return target.compile(_fill, None, "fill").py_func.__qualname__
+
+    monkeypatch.syspath_prepend(tmp_path)
+    assert name(1) != name(22)
