@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import inspect
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -127,4 +128,4 @@ def _calls_item(value: Any) -> bool:
 def _written(options: Mapping[str, Any]) -> str:
     """Options as text, with the source of a compiler that is not numba's own."""
     compiler = options.get("pipeline_class")
-    return str(options) if compiler is None else f"{options} {inspect.getsource(inspect.getmodule(compiler))}"  # pyright: ignore
+    return str(options) if compiler is None else f"{options} {Path(inspect.getfile(compiler)).read_text()}"
