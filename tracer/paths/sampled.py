@@ -94,7 +94,8 @@ def _sampled(
 ) -> tuple[Frame, Tensor]:
     """See `sampled`; also the samples for a cache, see `sample`."""
     poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
-    given = {"lights": Lights.of(scene, poses[0]), **given}  # of both layers, and of what is replayed
+    if "lights" not in given:  # those of both layers, and of what is replayed
+        given = {**given, "lights": Lights.of(scene, poses[0])}
     follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
     light, samples = sample(
         scene, frame.gbuffer, poses=poses, index=int(frame.index), cache=cache, follows=follows, **given

@@ -13,6 +13,7 @@ from voxels import DARK, GLASS, LAMP, STONE
 from gbufrt import Camera
 from gbufrt.frame import Frame
 from tracer.frames import render
+from tracer.lights.samples import Lights
 from tracer.paths.sampled import sampled
 from tracer.scene.scene import Scene, Sun
 from tracer.truth.one_path import one_path
@@ -42,6 +43,15 @@ def test_samples_bring_all_light_to_a_frame_without():
         assert got.emitters_sampled
         for name in want.present:
             assert torch.equal(got.read(name), want.read(name)), name
+
+
+def test_layers_and_replayed_samples_share_one_table_of_lights(monkeypatch: pytest.MonkeyPatch):
+    made, of = [], Lights.of
+    monkeypatch.setattr(Lights, "of", lambda *given: made.append(given) or of(*given))
+    before = sampled(scene(), frame(0))
+    made.clear()
+    assert sampled(scene(), frame(0, index=1), before=before).behind is not None
+    assert len(made) == 1
 
 
 def test_radiance_is_emission_and_the_light_of_sun_and_lamps():
