@@ -1,6 +1,7 @@
 """The passes: functions on tensors, and thin modules on frames. One paper, one file."""
 
 import gbufrt as gbufrt  # first: sets how threads wait, before torch is loaded
+from post.lens.thin_lens import autofocus, circle_of_confusion
 from post.passes.denoising.asvgf import ASVGF, asvgf
 from post.passes.denoising.atrous import Atrous, atrous
 from post.passes.denoising.bilateral import Bilateral, bilateral
@@ -32,7 +33,6 @@ from post.passes.light.ssgi import SSGI, ssgi
 from post.passes.light.ssr import SSR, ssr
 from post.path_traced import minecraft_rtx
 from post.presets import me1, with_fog
-from post.shading.thin_lens import autofocus, circle_of_confusion
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.chords import thickness_from_depth
 from post.upsampling.enlarged import Enlarged

@@ -57,7 +57,7 @@ def motion_blur(place: Place, pipeline: Pipeline) -> Outcome:
 
 def depth_of_field(place: Place, pipeline: Pipeline) -> Outcome:
     """Gain in PSNR over the pinhole frame for a small and a large aperture, on the pixels that the lens changes."""
-    from post.shading.thin_lens import autofocus
+    from post.lens.thin_lens import autofocus
 
     stage = _stage(pipeline, "depth_of_field")
     place = replace(place, samples=place.samples * MORE)

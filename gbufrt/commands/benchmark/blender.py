@@ -138,7 +138,7 @@ def shutter(place: Place) -> Effect:
 def aperture(place: Place) -> Effect:
     """Depth of field, focused on what is at the middle of the picture."""
     from post import depth_of_field
-    from post.shading.thin_lens import autofocus, circle_of_confusion
+    from post.lens.thin_lens import autofocus, circle_of_confusion
 
     g = place.geometry(0)
     focus = float(autofocus(g.depth, g.camera, hit=g.hit)[0])

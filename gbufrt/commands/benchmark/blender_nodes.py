@@ -6,7 +6,7 @@ reads a picture for each socket, ``NAME_SOCKET.npy`` ``(H, W, C)`` float32 with 
 
 Conventions of Blender 5.0, as blurred squares show them: a speed is previous minus current in its first two channels
 and current minus next in the others, in pixels with y up; a shutter of 1 is half a frame before and half a frame after;
-depth is planar; a lens has the discs of `post.shading.thin_lens.circle_of_confusion`, in whole pixels.
+depth is planar; a lens has the discs of `post.lens.thin_lens.circle_of_confusion`, in whole pixels.
 """
 
 from __future__ import annotations

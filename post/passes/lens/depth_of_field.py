@@ -10,7 +10,7 @@ from gbufrt.compute.resident import waits
 from gbufrt.mending import finite
 from post.lens.constants import TINY
 from post.lens.op import layer_radii, spread_layers
-from post.shading.thin_lens import autofocus, circle_of_confusion
+from post.lens.thin_lens import autofocus, circle_of_confusion
 
 
 def depth_of_field(

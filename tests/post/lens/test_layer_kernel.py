@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from post.lens.op import layer_radii, layers_cpu, spread_layers
+from post.lens.thin_lens import circle_of_confusion
 from post.passes.lens.depth_of_field import depth_of_field
-from post.shading.thin_lens import circle_of_confusion
 
 STEP = 0.12
 CASES = {

@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pipeline
+from post.lens.thin_lens import autofocus, circle_of_confusion
 from post.passes.lens.depth_of_field import DepthOfField, depth_of_field
-from post.shading.thin_lens import autofocus, circle_of_confusion
 
 SIZE = (90, 120)
 WORLD = torch.cat([boxes.ROOM, torch.tensor([[[1.2, 2.2, 4.5], [1.9, 3.4, 4.9]]])])  # and a block near the camera

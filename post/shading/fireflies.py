@@ -1,0 +1,40 @@
+"""Lone bright pixels of reflections: rays of a lobe's tail that found a lamp."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.luminance import luminance
+from gbufrt.specular import MIRROR_ROUGHNESS
+
+BROAD = 0.2  # perceptual roughness from which bright samples are many, and filters average them
+LIMIT = 2.0  # times the brightest of the pixels around
+UNKNOWN = -1.0  # less than any light: around lie no other pixels of such lobes
+
+
+def without_fireflies(reflection: Tensor, roughness: Tensor) -> Tensor:
+    """Scale down pixels that are far brighter than each of the eight around them, as far as these have such a lobe.
+
+    The lobe of water or polished stone is narrow, and its tail wide and faint. A ray of the tail that finds a lamp
+    brings a thousand times what its pixel should show, and a filter makes a disc of it. Broad lobes keep theirs, whose
+    mean is what they show; mirrors have one ray, without noise.
+
+    Args:
+        reflection: ``(B, 3, H, W)`` linear radiance, not negative.
+        roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
+
+    Returns:
+        ``(B, 3, H, W)``.
+
+    Source: Zhdan 2021 (rank filters against fireflies).
+    """
+    glossy = (roughness >= MIRROR_ROUGHNESS) & (roughness < BROAD)
+    light = luminance(reflection)
+    wide = F.pad(torch.where(glossy, light, UNKNOWN), (1, 1, 1, 1), value=UNKNOWN)
+    across = torch.maximum(wide[..., :-2], wide[..., 2:])  # to the left and to the right
+    rows = torch.maximum(across, wide[..., 1:-1])
+    around = torch.maximum(torch.maximum(rows[..., :-2, :], rows[..., 2:, :]), across[..., 1:-1, :])
+    cut = glossy & (around != UNKNOWN) & (light > LIMIT * around)
+    return reflection * torch.where(cut, LIMIT * around / light.clamp_min(1e-12), 1.0)
