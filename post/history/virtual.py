@@ -11,7 +11,7 @@ from post.history.antilag import pooled
 from post.history.read import read_history
 from post.history.reproject import motion_of
 
-STEADY = 0.006  # radians a frame that the normal of a mirror may turn, besides its lobe, until it keeps half its image
+STEADY = 0.02  # radians a frame that the normal of a mirror may turn, besides its lobe, until it keeps half its image
 
 
 def agreeing_motion(
