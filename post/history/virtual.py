@@ -6,9 +6,12 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.directions import length as norm
 from post.history.antilag import pooled
 from post.history.read import read_history
 from post.history.reproject import motion_of
+
+STEADY = 0.02  # radians a frame that the normal of a mirror may turn, besides its lobe, until it keeps half its image
 
 
 def agreeing_motion(
@@ -43,6 +46,25 @@ def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tenso
     image = points - camera.to_eye(points) * distance
     was = before.camera.project(before.camera.to_view(camera.to_world(image)))
     return was - camera.pixel_centers(dtype=points.dtype)
+
+
+def image_kept(gbuffer: GBuffer, before: GBuffer) -> Tensor:
+    """``(B, 1, H, W)`` in [0, 1]: how far a surface still mirrors what it mirrored in the frame before.
+
+    Where its normal has turned, as on waves, it mirrors something else at the same place, which neither motion nor
+    samples taken again tell of: those start from the normals of the frame before. 1 on rough surfaces, where the lobe
+    is wider than the turn, and where the frame before does not show the surface.
+
+    Args:
+        gbuffer: of this frame; without roughness it mirrors nothing.
+        before: of the frame before.
+    """
+    if gbuffer.roughness is None:
+        return torch.ones_like(gbuffer.depth)
+    found = read_history(gbuffer, before, before.normal.detach())
+    turn = norm(found.image - gbuffer.normal.detach())
+    kept = 1 / (1 + (turn / (STEADY + gbuffer.roughness.detach().square())).square())
+    return torch.where(found.valid & gbuffer.hit, kept, 1.0)
 
 
 def misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:

@@ -114,7 +114,7 @@ def _arriving(
 ) -> Tensor:
     """``(B, 3, H, W)`` light of sun and lamps that arrives at surfaces whose ``diffuse`` share is above 0."""
     camera = gbuffer.camera
-    points = above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
+    points = ray_origins(scene, gbuffer)
     noise = blue_noise(*camera.size, index=index, dims=3, seed=seed, device=camera.device)
     arrived = []
     besides = SKY_SHARE * sky_light.mean(dim=1)
@@ -145,6 +145,14 @@ def _direct(scene: Scene, poses: Tensor, surface: Surface) -> Direct:
     from tracer.direct import drivers
 
     return drivers.Direct(scene=scene, poses=poses, surface=surface, lamps=lamps)
+
+
+def ray_origins(scene: Scene, gbuffer: GBuffer) -> Tensor:
+    """``(B, 3, H, W)`` world points that rays to lights and paths start from: `lifted`, and out of the water's voxels.
+
+    Rays from a wave that started inside its voxel would meet the face of still water, which is not there.
+    """
+    return above_waves(scene, gbuffer.material_id, gbuffer.normal, lifted(gbuffer))
 
 
 def lifted(gbuffer: GBuffer) -> Tensor:

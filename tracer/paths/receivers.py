@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
-from tracer.direct.lighting import batched, lifted
+from tracer.direct.lighting import batched, ray_origins
 from tracer.lights.samples import Lights
 from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
@@ -64,7 +64,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None, lights: L
     if gbuffer.albedo is None:
         raise ValueError("gbuffer must have albedo to be lit; it has " + ", ".join(gbuffer.present))
     poses = batched(poses, gbuffer.batch, len(scene.instances))
-    points, found = lifted(gbuffer), []
+    points, found = ray_origins(scene, gbuffer), []
     for b in range(gbuffer.batch):
         pixels = gbuffer.hit[b].flatten().nonzero()[:, 0]
         places = torch.cat([points[b].flatten(1)[:, pixels], gbuffer.normal[b].flatten(1)[:, pixels]]).float()

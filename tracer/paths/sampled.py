@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import Frame
 from gbufrt.luminance import luminance
 from tracer.cache.irradiance import IrradianceCache
-from tracer.direct.lighting import lifted
+from tracer.direct.lighting import ray_origins
 from tracer.lights.samples import Lights
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
 from tracer.scene.scene import Scene
@@ -74,19 +74,19 @@ def sampled_with_cache(
     cache = IrradianceCache.empty(device=frame.gbuffer.camera.device) if cache is None else cache
     frame, samples = _sampled(scene, frame, before, cache, {"seed": seed, "bounces": bounces})
     cache = cache.update(*samples.split(3, dim=1))
-    return _with_cached(frame, cache), cache
+    return _with_cached(scene, frame, cache), cache
 
 
-def _with_cached(frame: Frame, cache: IrradianceCache) -> Frame:
+def _with_cached(scene: Scene, frame: Frame, cache: IrradianceCache) -> Frame:
     g, behind = frame.gbuffer, frame.behind
     metallic = 0.0 if g.metallic is None else g.metallic
     even = (1 - metallic) * (1.0 if g.opacity is None else g.opacity)
-    places, normals = (x.movedim(1, -1).reshape(-1, 3) for x in (lifted(g), g.normal))
+    places, normals = (x.movedim(1, -1).reshape(-1, 3) for x in (ray_origins(scene, g), g.normal))
     light, known = cache.look_up(places, normals)
     light, known = (x.view(g.batch, *g.camera.size, -1).movedim(-1, 1) for x in (light, known[:, None]))
     diffuse = frame.read("diffuse")
     cached = torch.where(known & g.hit, diffuse + even * light - frame.read("indirect"), diffuse)
-    return frame.replace(cached_diffuse=cached, behind=None if behind is None else _with_cached(behind, cache))
+    return frame.replace(cached_diffuse=cached, behind=None if behind is None else _with_cached(scene, behind, cache))
 
 
 def _sampled(

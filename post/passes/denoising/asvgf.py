@@ -14,6 +14,7 @@ from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.history.antilag import grain_of, tolerated
 from post.history.read import read_history
 from post.history.reproject import history_for
+from post.history.virtual import image_kept
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.temporal import temporal
 from post.upsampling.gradient import forgetting, temporal_gradient
@@ -21,6 +22,7 @@ from post.upsampling.gradient import forgetting, temporal_gradient
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
 FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
 ITERATIONS = {"diffuse": 7, "specular": 3}
+PHI_NORMAL = {"diffuse": 128.0, "specular": 2048.0}  # see `atrous`: normals 3 degrees apart mirror different things
 
 
 def asvgf(
@@ -52,7 +54,7 @@ def asvgf(
             is taken to change, as in plain SVGF.
         chosen: ``(B, 1, H, W)``, above 0 where ``replayed`` holds a sample: at most one pixel of each 3x3 square.
         distance: ``(B, 1, H, W)`` world units to the reflected hit, for specular light: it is also back-projected as
-            its virtual image, and roughness keeps mirrors sharp.
+            its virtual image, roughness keeps mirrors sharp, and their history gives way where normals turn.
         cached: ``(B, 3, H, W)`` as ``light``, with less noise, of surfaces that a cache in the world knows: what pixels
             show at first that have no history. Its share falls by `FADING` a frame.
         blend: largest share of history, see `temporal`.
@@ -78,14 +80,20 @@ def asvgf(
     if cached is not None:
         new = _new(gbuffer, history)
         light = torch.lerp(light, finite(cached), new)
+    roughness = longest = None
+    if distance is not None:
+        roughness = gbuffer.roughness
+        if history is not None and history.gbuffer is not None:
+            longest = 1 / (1 - blend * image_kept(gbuffer, history.gbuffer)).clamp_min(1e-9)
     mean, history = temporal(
         light, gbuffer, history,
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
+        longest=longest,
     )  # fmt: skip
-    roughness = None if distance is None else gbuffer.roughness
     variance = history.signals["variance"]
     variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
-    smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, roughness)
+    phi_normal = PHI_NORMAL["diffuse" if distance is None else "specular"]
+    smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, phi_normal, roughness)
     kept = {"sample": sample} if new is None else {"sample": sample, "new": new}
     history = replace(history, signals={**history.signals, **kept})
     return torch.where(gbuffer.hit, smooth, light), history
@@ -102,18 +110,25 @@ def _new(gbuffer: GBuffer, history: History | None) -> Tensor:
 
 
 def _filtered(
-    mean: Tensor, g: GBuffer, variance: Tensor, iterations: int, phi_color: float, roughness: Tensor | None
+    mean: Tensor,
+    g: GBuffer,
+    variance: Tensor,
+    iterations: int,
+    phi_color: float,
+    phi_normal: float,
+    roughness: Tensor | None,
 ) -> Tensor:
     """Luminance, and R - B and G - (R + B) / 2 for chroma, filtered apart."""
     light, orange = luminance(mean), mean[:, :1] - mean[:, 2:]
     green = mean[:, 1:2] - (mean[:, :1] + mean[:, 2:]) / 2
     light, left = atrous(
         light, g.depth, g.normal, hit=g.hit, camera=g.camera,
-        iterations=iterations, phi_color=phi_color, variance=variance, roughness=roughness,
+        iterations=iterations, phi_color=phi_color, phi_normal=phi_normal, variance=variance, roughness=roughness,
     )  # fmt: skip
     all_three, _ = atrous(
         torch.cat([light, orange, green], dim=1), g.depth, g.normal, hit=g.hit, camera=g.camera,
-        iterations=iterations, phi_color=CHROMA_PHI, variance=left, roughness=roughness, lead=1,
+        iterations=iterations, phi_color=CHROMA_PHI, phi_normal=phi_normal, variance=left, roughness=roughness,
+        lead=1,
     )  # fmt: skip
     orange, green = all_three[:, 1:2], all_three[:, 2:]
     middle = light - (REC709[0] - REC709[2]) / 2 * orange - REC709[1] * green

@@ -15,6 +15,7 @@ from gbufrt import Camera, GBuffer
 from tracer import Scene, Waves
 from tracer.frames import render
 from tracer.gbuffers import layers
+from tracer.paths.one_sample import sample_light
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Sun
 from tracer.scene.world import World
@@ -221,6 +222,18 @@ def test_direct_light_reaches_the_troughs():
     normal, albedo = frame.gbuffer.normal[0, 1], frame.gbuffer.albedo[0]
     wanted = albedo * 0.5 / math.pi * 3 * normal
     torch.testing.assert_close(frame.radiance[0][:, here], wanted[:, here], rtol=0.01, atol=0)
+
+
+def test_paths_start_above_the_face_of_still_water():
+    """Half of what waves reflect would else be the inside of that face, less than a world unit away."""
+    scene = replace(lake(), sun=None)
+    found, _ = seen(scene=scene)
+    light = sample_light(scene, found, index=3)
+    points = points_of(found)
+    inner = waved(found) & (points[..., 0] > 6) & (points[..., 0] < 42) & (points[..., 2] > 6) & (points[..., 2] < 42)
+    assert inner.sum() > 500
+    away = light.distance[0, 0][inner & (light.distance[0, 0] > 0)]
+    assert float((away < 2).float().mean()) < 0.1  # what goes down again from a steep wave
 
 
 @pytest.mark.parametrize(

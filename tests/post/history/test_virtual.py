@@ -1,0 +1,73 @@
+"""What mirrors show: how long it lasts where their normals turn, as on waves."""
+
+from __future__ import annotations
+
+import math
+
+import boxes
+import pytest
+import torch
+from torch import Tensor
+
+from gbufrt import Frame, GBuffer
+from post import ASVGF
+from post.history.virtual import image_kept
+
+SIZE, FAR = (24, 32), 50.0
+TURN = 0.08  # radians
+
+
+def mirror(turn: float | Tensor = 0.0, *, roughness: float = 0.05) -> GBuffer:
+    """A room whose surfaces are smooth, with all normals turned about y."""
+    g = boxes.frame(boxes.camera(SIZE)).gbuffer
+    x, y, z = g.normal.split(1, dim=1)
+    turn = torch.as_tensor(turn)
+    normal = torch.cat([turn.cos() * x + turn.sin() * z, y, turn.cos() * z - turn.sin() * x], dim=1)
+    return g.replace(normal=torch.where(g.hit, normal, 0.0), roughness=torch.where(g.hit, roughness, 1.0))
+
+
+def upright(g: GBuffer) -> Tensor:
+    """Surfaces whose normals turn about y."""
+    return g.hit & (g.normal[:, 1:2].abs() < 0.5)
+
+
+def lit(g: GBuffer, value: float) -> Frame:
+    light = torch.where(g.hit, value, 0.0).expand(1, 3, *SIZE)
+    return Frame(gbuffer=g).replace(specular=light, reflection_distance=torch.where(g.hit, FAR, 0.0))
+
+
+def test_smooth_surfaces_keep_no_image_when_their_normals_turn():
+    still, turned = image_kept(mirror(), mirror()), image_kept(mirror(TURN), mirror())
+    assert bool((still == 1).all())
+    here = upright(mirror())
+    assert float(turned[here].max()) < 0.2
+    rough = image_kept(mirror(TURN, roughness=1.0), mirror(roughness=1.0))
+    assert float(rough[here].min()) > 0.99
+    assert bool((turned[~mirror().hit] == 1).all())
+    assert bool((image_kept(mirror(TURN).replace(roughness=None), mirror()) == 1).all())
+
+
+@pytest.mark.parametrize(("turn", "least", "most"), [(0.0, 0.05, 0.2), (TURN, 0.7, 1.0)])
+def test_specular_histories_give_way_where_normals_turn(turn: float, least: float, most: float):
+    stage, state = ASVGF(signal="specular"), None
+    with torch.no_grad():
+        for _ in range(12):
+            _, state = stage(lit(mirror(), 1.0), state)
+        found, _ = stage(lit(mirror(turn), 2.0), state)
+    share = found.read("specular")[upright(mirror()).expand(-1, 3, -1, -1)].mean() - 1
+    assert least < float(share) < most
+
+
+def test_specular_light_is_not_averaged_over_waves():
+    """Two facets in turn, 3 degrees apart, with noise on each: each keeps its own light."""
+    columns = torch.arange(SIZE[1]) // 4 % 2
+    turn = (columns * math.radians(3.0)).view(1, 1, 1, -1)
+    g = mirror(turn, roughness=0.2)
+    noise = torch.rand(1, 1, *SIZE, generator=torch.Generator().manual_seed(1))
+    light = torch.where(g.hit, 1 + 0.5 * columns + 2 * noise, 0.0).expand(1, 3, *SIZE)
+    frame = lit(g, 1.0).replace(specular=light)
+    with torch.no_grad():
+        found, _ = ASVGF(signal="specular")(frame)
+    here, light = upright(g)[0, 0], found.read("specular")[0, 0]
+    first, second = light[here & (columns == 0)], light[here & (columns == 1)]
+    assert float(second.mean() - first.mean()) > 0.4
