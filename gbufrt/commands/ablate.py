@@ -97,7 +97,7 @@ def ablate(
 
     from gbufrt.commands.ablation import Plan
     from gbufrt.commands.ablation import ablate as measure
-    from gbufrt.commands.session import Recipe
+    from gbufrt.commands.recipe import Recipe
 
     recipe = Recipe(preset=preset, composite=composite, set=settings)
     results = measure(

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gbufrt.commands.session import Recipe
+    from gbufrt.commands.recipe import Recipe
     from gbufrt.pipeline import Pipeline
 
 COMPILED = ("GTAO", "SSGI")
@@ -56,7 +56,7 @@ def compile_ahead(recipe: Recipe, pipeline: Pipeline, device: str) -> Callable[[
 
 def main(notes: str) -> None:
     """Compile the kernels of a pipeline, and keep them."""
-    from gbufrt.commands.session import Recipe
+    from gbufrt.commands.recipe import Recipe
 
     Recipe.of_notes({"pipeline": json.loads(notes)}).build().compile()
 

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.files.gbuffers.grain import noisy
 from gbufrt.frame import Frame
 from gbufrt.names import unknown

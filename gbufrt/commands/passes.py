@@ -20,7 +20,7 @@ def passes(options: PassOptions | None = None) -> None:
     from rich.padding import Padding
     from rich.table import Table
 
-    from gbufrt.commands.session import Recipe
+    from gbufrt.commands.recipe import Recipe
 
     recipe, console = Recipe.of(options or PassOptions()), Console(highlight=False)
     pipeline = recipe.build()

@@ -18,7 +18,7 @@ from gbufrt.commands.arguments.values import Flag, Without, parse_names
 from gbufrt.commands.video import numbered
 
 if TYPE_CHECKING:
-    from gbufrt.commands.session import Recipe
+    from gbufrt.commands.recipe import Recipe
     from gbufrt.frame import Frame
 
 
@@ -87,7 +87,7 @@ def post(
     else:
         from gbufrt.commands.fitting import pipeline_for
         from gbufrt.commands.foreign import Source
-        from gbufrt.commands.session import Recipe
+        from gbufrt.commands.recipe import Recipe
         from gbufrt.files.gbuffers.profile import load_profile
         from gbufrt.files.gbuffers.sky import read_environment, under
 
@@ -222,7 +222,7 @@ def recorded(paths: list[Path], options: PassOptions) -> tuple[Recipe, dict[Path
     Raises:
         ValueError: a file cannot be read, or they were rendered with different pipelines and no preset is given.
     """
-    from gbufrt.commands.session import Recipe
+    from gbufrt.commands.recipe import Recipe
     from gbufrt.files.exr import read_notes
 
     notes = {path: read_notes(path) for path in paths}

@@ -94,7 +94,8 @@ def render(
     check_cluster(spread, device=options.device, lead_in=lead_in)
 
     from gbufrt.commands.ahead import compile_ahead
-    from gbufrt.commands.session import Recipe, Runner, check_only, encode, open_device, precision_of
+    from gbufrt.commands.recipe import Recipe
+    from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of
 
     recipe = replace(Recipe.of(options), fog=job.fog.parsed() is not None)
     device = open_device(options.device)

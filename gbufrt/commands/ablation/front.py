@@ -16,7 +16,7 @@ import torch
 from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation.place import Place, Truth
 from gbufrt.commands.ablation.subjects import SIGNALS, Outcome, ao_truth, one_bounce, only
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.frame import Frame
 from gbufrt.pipeline import Pipeline
 

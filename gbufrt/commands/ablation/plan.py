@@ -12,7 +12,7 @@ from gbufrt.commands.ablation.subjects import SIGNALS
 from gbufrt.commands.ablation.variants import FULL, Variant, parse_variants
 from gbufrt.commands.arguments.checks import SLOW, SUBJECTS, WORLD
 from gbufrt.commands.arguments.values import at_least
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 
 if TYPE_CHECKING:
     from tracer.scene.scene import Scene

@@ -15,7 +15,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 from gbufrt.commands.arguments.checks import PRESETS
 from gbufrt.commands.arguments.settings import parse_settings
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline
 

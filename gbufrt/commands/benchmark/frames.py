@@ -68,7 +68,8 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
     import torch
 
     from gbufrt.commands.profile import around_passes
-    from gbufrt.commands.session import Recipe, bare
+    from gbufrt.commands.recipe import Recipe
+    from gbufrt.commands.session import bare
     from gbufrt.files.exr import read_exr
 
     pipeline, frame = Recipe(preset=preset).build(), bare(read_exr(path)).to(device)

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from gbufrt.commands.flights.sampling import Sampling
     from gbufrt.commands.flights.shots import Shot
     from gbufrt.commands.progress import Tick
-    from gbufrt.commands.session import Recipe, Runner
+    from gbufrt.commands.recipe import Recipe
+    from gbufrt.commands.session import Runner
     from gbufrt.frame import Frame
     from tracer.scene.scene import Scene
     from tracer.worlds.stream import Stream

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
-    from gbufrt.commands.session import Recipe, Runner
+    from gbufrt.commands.recipe import Recipe
+    from gbufrt.commands.session import Runner
 
 JITTERS = 8  # samples of each pixel of the picture before the jitter repeats
 TAA_JITTERS = 16

@@ -15,7 +15,7 @@ from gbufrt.commands.ablation import Plan, Results, ablate
 from gbufrt.commands.ablation.cache import sources
 from gbufrt.commands.ablation.variants import parse_sweep, parse_variants
 from gbufrt.commands.cli import main
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.frame import Frame
 
 SMALL = {"size": (24, 32), "frames": 2, "samples": 2, "views": ("front", "above")}

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from gbufrt.commands import ahead
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.compute import cache
 from post import me1
 

@@ -11,7 +11,7 @@ import torch
 from command_line import SMALL, install, run
 
 from gbufrt import Frame
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.files.exr import read_exr, write_exr
 
 

@@ -20,7 +20,8 @@ from PIL import Image
 
 from gbufrt import Frame
 from gbufrt.commands.arguments.options import FileOptions
-from gbufrt.commands.session import Recipe, Runner, bare, save
+from gbufrt.commands.recipe import Recipe
+from gbufrt.commands.session import Runner, bare, save
 from gbufrt.files.exr import read_exr, read_notes, write_exr
 from gbufrt.noise.noise import blue_noise, halton_jitter
 

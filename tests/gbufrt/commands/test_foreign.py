@@ -16,7 +16,7 @@ from gbufrt import Frame
 from gbufrt.commands.fitting import LIT, pipeline_for
 from gbufrt.commands.foreign import Source
 from gbufrt.commands.post import gathered
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.files.exr import read_exr
 
 CAMERA = """

@@ -19,7 +19,7 @@ from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.report import fronts, write_front
 from gbufrt.commands.ablation.table import table
-from gbufrt.commands.session import Recipe
+from gbufrt.commands.recipe import Recipe
 from gbufrt.reduction import Reduction
 
 
