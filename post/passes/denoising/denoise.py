@@ -37,7 +37,7 @@ def denoise(
     firefly: float = 2.5,
     motion_response: float = 0.0,
     iterations: int = 4,
-    phi_color: float = 0.3,
+    phi_color: float = 0.25,
     specular: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
@@ -57,8 +57,8 @@ def denoise(
         behind: of what lies straight behind the first transmissive surface.
         blend: largest share of history, see `temporal`.
         clamp: see `temporal`; 0 for a world whose light never changes.
-        firefly: standard deviations above history, or half as many above the surface around, at which a sample is cut;
-            what is cut brightens all that lies around, if little.
+        firefly: standard deviations above history, or above the surface around, at which a sample is cut; what is cut
+            brightens all that lies around, if little.
         motion_response: see `temporal`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for the first kernel and little noise; it grows with the noise's share of the light.
@@ -151,7 +151,7 @@ class Denoise(TemporalPass):
         firefly: float = 2.5,
         motion_response: float = 0.0,
         iterations: int = 4,
-        phi_color: float = 0.3,
+        phi_color: float = 0.25,
     ) -> None:
         super().__init__()
         self.signal = signal
