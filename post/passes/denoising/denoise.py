@@ -8,7 +8,7 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
 from post.filters.surfaces import surface
-from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
+from post.history.antilag import alike, grain_of, into_shadow, pooled, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
@@ -96,7 +96,8 @@ def denoise(
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)
-    told = tolerated(variance, grain, length, shown.hit, least=TOLERANCE)
+    likely = shared_at_first(mean, variance, length, shown.hit)
+    told = tolerated(likely, grain, length, shown.hit, least=TOLERANCE)
     smooth, left = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
         iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL,
