@@ -6,6 +6,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.edges import Surface, edge_weight, offsets, padded, windows
@@ -14,6 +15,7 @@ from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
 SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
+FIRST = 5  # pixels: square over which pixels of one sample share their relative variance
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
@@ -220,6 +222,31 @@ def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
     for size in ((WIDE, 1), (1, WIDE)):
         grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))
     return torch.where(hit, grain, 0.0)
+
+
+def shared_at_first(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor) -> Tensor:
+    """Variance of the mean, that of pixels of one sample from the relative variance of such pixels around.
+
+    That of a pixel and the few of its surface around it follows their samples: it is small where all of them happened
+    to miss the light, and great where one met it, so that wavelets trust the one and not the other. Noise relative to
+    the light hardly depends on the surface, so it is taken over a square; pixels of older, surer means do not count.
+
+    Args:
+        mean: ``(B, 3, H, W)`` accumulated light without albedo.
+        variance: ``(B, 1, H, W)`` of its luminance.
+        length: ``(B, 1, H, W)`` frames in the mean.
+        hit: ``(B, 1, H, W)`` bool.
+
+    Returns:
+        ``(B, 1, H, W)``.
+    """
+    first = hit & (length < 2)
+    if not (waits(length) or bool(first.any())):
+        return variance
+    count, light = first.to(mean.dtype), luminance(mean)
+    noise, around = pooled(torch.cat([variance, light], dim=1), count, FIRST).split(1, dim=1)
+    relative = noise / around.square().clamp_min(1e-8)
+    return torch.where(first, relative * pooled(light, count).square(), variance)
 
 
 def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor, *, least: float = 0.0) -> Tensor:

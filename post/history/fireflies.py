@@ -13,8 +13,7 @@ from post.history.changes import spread
 from post.history.constants import YOUNG
 
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
-AROUND = 0.5  # of the standard deviations allowed above history: those allowed above the surroundings
-MOST = 20.0  # times the light that is kept: more than this is lost
+MOST = 10.0  # times the light that is kept: more than this is lost, since what few samples bring is uncertain
 WIDE = 5  # wavelets over which light is given back: they reach 62 pixels to each side
 
 
@@ -33,7 +32,7 @@ def cut_outliers(
             `post.history.op.taken_in` and ends with the age; None at first.
         noise: ``(B, 1, H, W)`` of the state, see `antilag.typical_variance`.
         lead: channels that make the luminance, and are scaled.
-        firefly: standard deviations above its history at which a sample is cut; 0 keeps all.
+        firefly: standard deviations above history, or above the surroundings, at which a sample is cut; 0 keeps all.
 
     Returns:
         ``(B, C, H, W)``.
@@ -46,7 +45,7 @@ def cut_outliers(
     count = float((2 * RADIUS + 1) ** 2)
     square = variance * (count - 1) / count + mean * mean
     others, around = (count * mean - light) / (count - 1), (count * square - light * light) / (count - 1)
-    limit = others + AROUND * firefly * (around - others * others).clamp_min(0.0).add(1e-12).sqrt()
+    limit = others + firefly * (around - others * others).clamp_min(0.0).add(1e-12).sqrt()
     if state is not None and noise is not None:
         own = luminance(state[:, : signal.shape[1]], lead) + firefly * noise.add(1e-12).sqrt()
         limit = torch.where(state[:, -1:] >= YOUNG, torch.maximum(limit, own), limit)

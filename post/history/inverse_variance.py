@@ -12,7 +12,7 @@ from post.history.antilag import pooled
 
 AROUND = 7  # pixels: square over which noise is compared with light
 LEAST = 0.1  # relative variance of the best of neighbours: they count alike below
-NOISE = 0.25  # share of measured variance that is taken to be noise: the rest is contrast of the light itself
+NOISE = 0.5  # share of measured variance that is taken to be noise: the rest is contrast of the light itself
 SAME_LIGHT = 0.02  # of the light: surfaces are taken to differ by this at least
 PHI_COLOR, PHI_NORMAL = 0.3, 16.0  # see `post.atrous`
 

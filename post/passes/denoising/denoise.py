@@ -8,7 +8,7 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
 from post.filters.surfaces import surface
-from post.history.antilag import alike, grain_of, into_shadow, pooled, tolerated, trusted
+from post.history.antilag import alike, grain_of, into_shadow, pooled, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
@@ -37,7 +37,7 @@ def denoise(
     firefly: float = 2.5,
     motion_response: float = 0.0,
     iterations: int = 4,
-    phi_color: float = 0.3,
+    phi_color: float = 0.25,
     specular: bool = True,
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
@@ -57,8 +57,8 @@ def denoise(
         behind: of what lies straight behind the first transmissive surface.
         blend: largest share of history, see `temporal`.
         clamp: see `temporal`; 0 for a world whose light never changes.
-        firefly: standard deviations above history, or half as many above the surface around, at which a sample is cut;
-            what is cut brightens all that lies around, if little.
+        firefly: standard deviations above history, or above the surface around, at which a sample is cut; what is cut
+            brightens all that lies around, if little.
         motion_response: see `temporal`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for the first kernel and little noise; it grows with the noise's share of the light.
@@ -96,7 +96,8 @@ def denoise(
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)
-    told = tolerated(variance, grain, length, shown.hit, least=TOLERANCE)
+    likely = shared_at_first(mean, variance, length, shown.hit)
+    told = tolerated(likely, grain, length, shown.hit, least=TOLERANCE)
     smooth, left = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
         iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL,
@@ -151,7 +152,7 @@ class Denoise(TemporalPass):
         firefly: float = 2.5,
         motion_response: float = 0.0,
         iterations: int = 4,
-        phi_color: float = 0.3,
+        phi_color: float = 0.25,
     ) -> None:
         super().__init__()
         self.signal = signal
