@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gbufrt.compute.resident import waits
 from gbufrt.directions import length
-from gbufrt.matrices import check_matrices
+from gbufrt.matrices import check_matrices, check_pixels
 from gbufrt.tree import map_tensors
 
 PARALLEL = 1e-9  # sine of the smallest angle between the view direction and up
@@ -58,8 +58,8 @@ class Camera:
             raise ValueError(f"world_from_view must be ({batch},4,4), got {_shape(self.world_from_view)}")
         if len(self.size) != 2 or min(self.size) < 1:
             raise ValueError(f"size must be (H, W) with both at least 1, got {self.size}")
-        if not 0 < self.near < self.far:
-            raise ValueError(f"near and far must satisfy 0 < near < far, got near={self.near}, far={self.far}")
+        if not 0 < self.near < self.far < math.inf:
+            raise ValueError(f"near and far must be finite with 0 < near < far, got near={self.near}, far={self.far}")
         if self.jitter is not None and self.jitter.shape != (batch, 2):
             raise ValueError(f"jitter must be ({batch},2) in pixels, got {_shape(self.jitter)}")
         if not (waits(self.intrinsics) or waits(self.world_from_view)):
@@ -94,6 +94,8 @@ class Camera:
         pose = torch.as_tensor(world_from_view)
         k, pose = (k[None] if k.ndim == 2 else k), (pose[None] if pose.ndim == 2 else pose)
         batch = max(k.shape[0], pose.shape[0])
+        if not orthographic and not waits(k):
+            check_pixels(k, size)
         dtype = torch.float64 if torch.float64 in (k.dtype, pose.dtype) else torch.float32
         return Camera(
             intrinsics=k.to(dtype).expand(batch, *k.shape[1:]),

@@ -11,6 +11,7 @@ from itertools import chain
 from torch import Tensor
 
 RIGID = 1e-4  # how far axes may be off unit length and right angles: float32 and rounded digits
+SMALL = 8  # pixels: no picture that is larger has such a focal length, and its middle in its first pixel
 LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -28,6 +29,23 @@ def check_matrices(intrinsics: Tensor, world_from_view: Tensor, jitter: Tensor |
         _check_rigid(pose)
     if jitter is not None and not all(math.isfinite(n) for n in chain(*jitter.tolist())):
         raise ValueError(f"jitter must be finite, in pixels, got {jitter.tolist()}")
+
+
+def check_pixels(intrinsics: Tensor, size: tuple[int, int]) -> None:
+    """Raise ValueError where a camera's numbers are shares of the picture's sides, not pixels.
+
+    Args:
+        intrinsics: ``(B, 3, 3)``.
+        size: of the picture, (H, W).
+    """
+    if min(size) <= SMALL:
+        return
+    for k in intrinsics.tolist():
+        if max(k[0][0], k[1][1]) < SMALL and all(0 < k[i][2] <= 1 for i in (0, 1)):
+            raise ValueError(
+                f"intrinsics must be in pixels, got {k} for a picture of {size[1]}x{size[0]}; multiply the first row "
+                "by the width and the second by the height"
+            )
 
 
 def _check_intrinsics(k: list[list[float]]) -> None:

@@ -19,6 +19,7 @@ from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import contained
 from gbufrt.names import meanings, resolve, unknown
+from gbufrt.validation.stages import check_tunable
 
 
 class Stage(nn.Module):
@@ -185,11 +186,13 @@ class Branch(TemporalPass, ABC):
         (``gtao.radius``).
 
         Raises:
-            ValueError: no such tunable, or a tail that fits several.
+            ValueError: no such tunable, a tail that fits several, or a value that is neither a number nor a 0-dim
+                tensor where the present one is a number.
         """
         result, stages, told = self, dict(self.passes()), dict[str, dict[str, Any]]()
         for name, value in values.items():
             path, _, key = self.resolve(name).rpartition(".")
+            check_tunable(name, value, stages[path].tunables()[key])
             told.setdefault(path, {})[key] = value
         for path, tunables in told.items():
             result = result.replace(path, stages[path].tuned(**tunables))

@@ -21,6 +21,7 @@ from gbufrt.mending import remembering
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass, check_frame
 from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
+from gbufrt.validation.stages import returned
 
 NOISE_PERIOD = 4096  # frames; a multiple of every noise's, so that an index may count down past 0
 
@@ -208,10 +209,10 @@ class Pipeline(Branch):
                     seen, after[name] = stage._inside(seen, before or PipelineState())
                     continue
                 stage.check(seen)
-                if isinstance(stage, TemporalPass):
-                    seen, after[name] = stage(seen, before)
-                else:
-                    seen = stage(seen)
+                temporal = isinstance(stage, TemporalPass)
+                result = stage(seen, before) if temporal else stage(seen)
+                seen, state_after = returned(name, stage, result, temporal=temporal)
+                after |= {name: state_after} if temporal else {}
             pipelines = (stage for stage in stages.values() if isinstance(stage, Pipeline))
             frame = place.leave(frame, seen, {signal for pipeline in pipelines for signal in pipeline._written()})
         return frame, PipelineState(stages=after)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from gbufrt.matrices import check_matrices
 from gbufrt.validation.geometry import Geometry, check_depth, check_normal, check_planar
-from gbufrt.validation.motion import check_motion, check_movers
+from gbufrt.validation.motion import check_motion, check_movers, check_previous
 from gbufrt.validation.pixels import check_finite, check_not_negative, check_range, check_unit
 
 UNIT_RANGE = ("albedo", "roughness", "metallic", "opacity", "transmittance")
@@ -41,6 +41,8 @@ def validate_gbuffer(g: Geometry, before: Geometry | None = None, prefix: str = 
             check_not_negative(prefix + name, channels[name])
     if g.motion is not None and g.previous_camera is not None:
         check_motion(g, g.motion, prefix)
+    if before is not None and g.previous_camera is not None:
+        check_previous(g.previous_camera, before.camera, prefix)
     if g.motion is not None and before is not None:
         check_movers(g, g.motion, before, prefix)
 

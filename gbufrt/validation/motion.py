@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from torch import Tensor
 
+from gbufrt.camera import Camera
 from gbufrt.sampling import gather
 from gbufrt.validation.geometry import Geometry
 from gbufrt.validation.pixels import count, place, share
@@ -12,6 +13,7 @@ MOTION_TOLERANCE = 0.5  # pixels, and
 MOTION_RELATIVE = 0.1  # of the expected length
 SAME_DEPTH = 0.03  # relative difference of depth, and
 SAME_NORMAL = 0.9  # cosine between normals, up to which two pixels show one surface
+SAME_PLACE = 1e-3  # radians, and of the distance from the origin: cameras closer than this are one
 BETTER = 0.1  # share of the pixels by which another sign must fit better to be told
 
 
@@ -33,6 +35,17 @@ def check_motion(g: Geometry, motion: Tensor, prefix: str) -> None:
         f"{prefix}motion must be pixels, previous - current: it differs from the camera's own movement by a median of "
         f"{error:.3g} px, and {count(wrong)} off by more than {limit:.3g} px, such as at {place(wrong)}; {remedy}"
     )
+
+
+def check_previous(previous: Camera, before: Camera, prefix: str) -> None:
+    """Raise ValueError unless the camera that motion leads to is that of the frame before."""
+    apart = float((previous.position - before.position).norm(dim=1).max())
+    turned = float((previous.forward - before.forward).norm(dim=1).max())
+    if apart > SAME_PLACE * (1 + float(before.position.norm(dim=1).max())) or turned > SAME_PLACE:
+        raise ValueError(
+            f"{prefix}previous_camera must be the camera of the frame before, but is {apart:.3g} world units from it "
+            f"and turned by {turned:.3g} radians: motion leads to where it stands; tracer.render takes previous_camera="
+        )
 
 
 def check_movers(g: Geometry, motion: Tensor, before: Geometry, prefix: str) -> None:

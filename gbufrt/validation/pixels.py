@@ -35,7 +35,7 @@ def check_unit(name: str, vector: Tensor, hit: Tensor) -> None:
     wrong = hit & ((length - 1).abs() > UNIT_TOLERANCE)
     if share(wrong, hit) <= WRONG_SHARE:
         return
-    encoded = bool((vector >= 0).all())
+    encoded = bool(((vector >= 0) & (vector <= 1)).all())
     remedy = "; it looks encoded into [0, 1]: use 2 * n - 1" if encoded else "; normalize it over dim 1"
     raise ValueError(
         f"{name} must have unit length where hit, but {count(wrong)} of another length, such as "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import boxes
 import pytest
 import torch
@@ -10,6 +12,9 @@ from gbufrt import Camera
 
 EYE = torch.eye(4)
 K = torch.tensor([[100.0, 0.0, 32.0], [0.0, 100.0, 24.0], [0.0, 0.0, 1.0]])
+
+
+SHARES = torch.tensor([[1.56, 0.0, 0.5], [0.0, 2.1, 0.5], [0.0, 0.0, 1.0]])  # of the picture's sides
 
 
 def pose(**axes: tuple[float, float, float]) -> torch.Tensor:
@@ -138,6 +143,8 @@ def test_pixels_per_unit():
     [
         ({"size": (0, 10)}, "size must be"),
         ({"near": 2.0, "far": 1.0}, "near < far"),
+        ({"far": math.inf}, "finite"),
+        ({"intrinsics": SHARES, "size": (90, 160)}, "multiply the first row by the width"),
         ({"world_from_view": torch.eye(3)}, "world_from_view"),
         ({"intrinsics": torch.eye(4)}, "intrinsics"),
         ({"jitter": torch.zeros(3)}, "jitter"),

@@ -140,6 +140,17 @@ def test_the_sign_of_what_moves_is_told_under_a_camera_that_stands_still(signs, 
         Frame(gbuffer=wrong).validate(Frame(gbuffer=before))
 
 
+def test_the_camera_before_must_be_that_of_the_frame_before():
+    """Left out, it is taken to stand where the camera stands, and motion to be none."""
+    here, there = boxes.camera(), boxes.camera(dx=0.5)
+    before, still, moved = (boxes.frame(camera).gbuffer for camera in (there, here, here))
+    still.replace(previous_camera=here, motion=torch.zeros_like(still.normal[:, :2])).validate()
+    with pytest.raises(ValueError, match="previous_camera must be the camera of the frame before"):
+        still.replace(previous_camera=here, motion=torch.zeros_like(still.normal[:, :2])).validate(before)
+    motion, _ = here.static_motion(there, moved.depth, moved.hit)
+    moved.replace(previous_camera=there, motion=motion).validate(before)
+
+
 def put(tensor: torch.Tensor, *places: tuple[int, int], value: float) -> torch.Tensor:
     changed = tensor.clone()
     for y, x in places:
