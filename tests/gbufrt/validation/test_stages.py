@@ -16,7 +16,7 @@ class Forgets(Pass):
     writes = frozenset({"ao"})
     answer: object = None
 
-    def forward(self, frame):
+    def forward(self, frame):  # pyright: ignore[reportIncompatibleMethodOverride]
         return self.answer
 
 
