@@ -80,6 +80,19 @@ class PipelineState:
         return PipelineState(stages=stages, previous=previous)
 
 
+def returned(name: str, stage: object, result: Any, *, temporal: bool) -> tuple[Frame, Any]:
+    """The frame that a stage returned and its state, None unless it is ``temporal``.
+
+    Raises:
+        TypeError: it returned something else.
+    """
+    found = result if temporal else (result, None)
+    if isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Frame):
+        return found
+    wanted = "a Frame and its state" if temporal else "a Frame, such as frame.write(name, tensor)"
+    raise TypeError(f"{name} ({type(stage).__name__}) must return {wanted}, got {type(result).__name__}")
+
+
 class _Handed(History):
     """A history that `take` empties, so that what still refers to it, as all callers of a pass do, keeps no memory."""
 

@@ -19,7 +19,7 @@ from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import contained
 from gbufrt.names import meanings, resolve, unknown
-from gbufrt.validation.stages import check_tunable
+from gbufrt.validation.tunables import check_tunable
 
 
 class Stage(nn.Module):

@@ -16,12 +16,11 @@ from torch import nn
 from gbufrt.compute.memory import return_freed
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.history import PipelineState
+from gbufrt.history import PipelineState, returned
 from gbufrt.mending import remembering
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass, check_frame
 from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
-from gbufrt.validation.stages import returned
 
 NOISE_PERIOD = 4096  # frames; a multiple of every noise's, so that an index may count down past 0
 
