@@ -208,10 +208,10 @@ class Pipeline(Branch):
                     seen, after[name] = stage._inside(seen, before or PipelineState())
                     continue
                 stage.check(seen)
-                temporal = isinstance(stage, TemporalPass)
-                result = stage(seen, before) if temporal else stage(seen)
-                seen, state_after = returned(name, stage, result, temporal=temporal)
-                after |= {name: state_after} if temporal else {}
+                if isinstance(stage, TemporalPass):
+                    seen, after[name] = returned(name, stage, stage(seen, before), temporal=True)
+                else:
+                    seen, _ = returned(name, stage, stage(seen), temporal=False)
             pipelines = (stage for stage in stages.values() if isinstance(stage, Pipeline))
             frame = place.leave(frame, seen, {signal for pipeline in pipelines for signal in pipeline._written()})
         return frame, PipelineState(stages=after)

@@ -14,7 +14,7 @@ LIMIT = 2.0  # times the brightest of the pixels around
 UNKNOWN = -1.0  # less than any light: around lie no other pixels of such lobes
 
 
-def without_fireflies(reflection: Tensor, roughness: Tensor) -> Tensor:
+def without_lone_fireflies(reflection: Tensor, roughness: Tensor) -> Tensor:
     """Scale down pixels that are far brighter than each of the eight around them, as far as these have such a lobe.
 
     The lobe of water or polished stone is narrow, and its tail wide and faint. A ray of the tail that finds a lamp

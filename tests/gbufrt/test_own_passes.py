@@ -39,6 +39,24 @@ def test_a_pass_that_returns_no_frame_is_named(answer, what):
         Pipeline(mine=ForgetsItsState())(boxes.frame(boxes.camera()))
 
 
+class Graded(Pass):
+    """Has a table of colours for a tunable."""
+
+    writes = frozenset({"ao"})
+
+    def __init__(self, *, table: torch.Tensor) -> None:
+        super().__init__()
+        self.table = table
+
+    def forward(self, frame):
+        return frame
+
+
+def test_a_tensor_may_replace_a_tensor():
+    stage = Pipeline(graded=Graded(table=torch.zeros(3))).with_tunables({"graded.table": torch.ones(3)})
+    assert torch.equal(stage.all_tunables()["graded.table"], torch.ones(3))
+
+
 @pytest.mark.parametrize(
     ("value", "message"),
     [(torch.ones(1), r"0-dim tensor, got a tensor of shape \(1,\)"), ("2", r"must be a number \(it is 2.0 now\)")],

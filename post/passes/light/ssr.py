@@ -13,7 +13,7 @@ from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
-from post.shading.fireflies import without_fireflies
+from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
 from post.shading.reference import Method, Picture
@@ -58,7 +58,7 @@ def ssr(
     `post.shading.surroundings.look_around`. A ray that ends at a surface hidden from the camera brings some of the
     light of the surface next to it, at confidence 0. A ray that hits a metal goes on as from a smooth mirror, and after
     its last bounce brings what lies beyond the picture. Lone bright pixels of narrow lobes are limited: see
-    `post.shading.fireflies.without_fireflies`.
+    `post.shading.fireflies.without_lone_fireflies`.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.
@@ -120,7 +120,7 @@ def ssr(
     shifts = _shifts(index, samples, method, noise)
     options = {"bounces": bounces, "steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
     found = reflect(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
-    reflection = without_fireflies(found[:, :3], roughness)
+    reflection = without_lone_fireflies(found[:, :3], roughness)
     return reflection, found[:, 3:4], found[:, 4:].clone()  # the distance is kept, and a view would keep the rest
 
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.shading.fireflies import BROAD, LIMIT, without_fireflies
+from post.shading.fireflies import BROAD, LIMIT, without_lone_fireflies
 
 
 def water(size: tuple[int, int] = (9, 9), roughness: float = 0.05) -> tuple[Tensor, Tensor]:
@@ -19,7 +19,7 @@ def water(size: tuple[int, int] = (9, 9), roughness: float = 0.05) -> tuple[Tens
 def test_a_lone_bright_pixel_keeps_its_colour_and_twice_the_light_around(place: tuple[int, int]) -> None:
     light, roughness = water()
     light[0, :, place[0], place[1]] = torch.tensor([800.0, 400.0, 200.0])
-    found = without_fireflies(light, roughness)
+    found = without_lone_fireflies(light, roughness)
     pixel = found[0, :, place[0], place[1]]
     assert 0.9 * LIMIT < float(pixel.dot(torch.tensor([0.2126, 0.7152, 0.0722]))) <= LIMIT
     torch.testing.assert_close(pixel / pixel[2], torch.tensor([4.0, 2.0, 1.0]))
@@ -31,19 +31,19 @@ def test_a_lone_bright_pixel_keeps_its_colour_and_twice_the_light_around(place: 
 def test_the_image_of_a_lamp_stays() -> None:
     light, roughness = water()
     light[..., 4, 4:6] = 1000.0
-    assert torch.equal(without_fireflies(light, roughness), light)
+    assert torch.equal(without_lone_fireflies(light, roughness), light)
 
 
 @pytest.mark.parametrize("roughness", [0.0, BROAD, 0.6])
 def test_mirrors_and_broad_lobes_keep_all(roughness: float) -> None:
     light, rough = water(roughness=roughness)
     light[..., 4, 4] = 1000.0
-    assert torch.equal(without_fireflies(light, rough), light)
+    assert torch.equal(without_lone_fireflies(light, rough), light)
 
 
 def test_a_surface_of_one_pixel_is_not_compared_with_others() -> None:
     light, roughness = water(roughness=0.9)
     light[..., 4, 4], roughness[..., 4, 4] = 1000.0, 0.05
-    assert torch.equal(without_fireflies(light, roughness), light)
+    assert torch.equal(without_lone_fireflies(light, roughness), light)
     single = torch.full((1, 3, 1, 1), 7.0)
-    assert torch.equal(without_fireflies(single, torch.full((1, 1, 1, 1), 0.05)), single)
+    assert torch.equal(without_lone_fireflies(single, torch.full((1, 1, 1, 1), 0.05)), single)
