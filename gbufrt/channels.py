@@ -67,7 +67,8 @@ def check_tensor(
     shape = tuple(tensor.shape)
     fits = len(shape) == 4 and shape[:2] == (batch, row.components) and _fits(shape[2:], size, row)
     if not fits:
-        raise ValueError(f"{name} must be {expected}, {row.meaning}; got {_shape_text(shape)}{_shape_hint(shape, row)}")
+        hint = _shape_hint(shape, row) or _camera_hint(shape, batch, size, row)
+        raise ValueError(f"{name} must be {expected}, {row.meaning}; got {_shape_text(shape)}{hint}")
     right = {
         "float": tensor.dtype in (torch.float32, torch.float64),
         "bool": tensor.dtype == torch.bool,
@@ -116,3 +117,16 @@ def _shape_hint(shape: tuple[int, ...], row: Channel) -> str:
     if len(shape) == 2 and row.components == 1:
         return "; add batch and channel dimensions: x[None, None]"
     return ""
+
+
+def _camera_hint(shape: tuple[int, ...], batch: int, size: tuple[int, int], row: Channel) -> str:
+    """What to do where batch or size alone are not the camera's."""
+    if len(shape) != 4 or shape[1] != row.components:
+        return ""
+    if shape[0] != batch and _fits(shape[2:], size, row):
+        return (
+            f"; the camera sets the batch, {batch}: give it a pose for each picture, (B,4,4), or each picture its own"
+        )
+    if shape[2:] == size[::-1]:
+        return "; height comes before width: use .transpose(2, 3), or size=(H, W) for the camera"
+    return f"; the camera sets the size, {size[0]} rows of {size[1]} pixels" if shape[0] == batch else ""

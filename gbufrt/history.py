@@ -62,6 +62,15 @@ class PipelineState:
         """
         return replace(self, stages=_Once({name: _handed_over(state) for name, state in self.stages.items()}))
 
+    def check_fits(self, frame: Frame) -> None:
+        """Raise ValueError where histories of pixels belong to frames of another size or batch."""
+        before = None if self.previous is None else self.previous.gbuffer.camera
+        now = frame.gbuffer.camera
+        if before is None or (before.size, before.batch) == (now.size, now.batch) or not _has_pixels(self.stages):
+            return
+        told = (f"{camera.width}x{camera.height} pixels in a batch of {camera.batch}" for camera in (before, now))
+        raise ValueError(f"the state is of frames of {', the frame has '.join(told)}; start with state=None")
+
     def to(self, *args: Any, **kwargs: Any) -> PipelineState:
         """The state on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(to_function(*args, **kwargs), self)
@@ -80,19 +89,6 @@ class PipelineState:
         return PipelineState(stages=stages, previous=previous)
 
 
-def returned(name: str, stage: object, result: Any, *, temporal: bool) -> tuple[Frame, Any]:
-    """The frame that a stage returned and its state, None unless it is ``temporal``.
-
-    Raises:
-        TypeError: it returned something else.
-    """
-    found = result if temporal else (result, None)
-    if isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Frame):
-        return found
-    wanted = "a Frame and its state" if temporal else "a Frame, such as frame.write(name, tensor)"
-    raise TypeError(f"{name} ({type(stage).__name__}) must return {wanted}, got {type(result).__name__}")
-
-
 class _Handed(History):
     """A history that `take` empties, so that what still refers to it, as all callers of a pass do, keeps no memory."""
 
@@ -100,6 +96,16 @@ class _Handed(History):
         taken = History(length=self.length, signals=self.signals, gbuffer=self.gbuffer)
         vars(self).update(length=self.length.new_empty(0), signals={}, gbuffer=None)
         return taken
+
+
+def _has_pixels(states: Mapping[str, Any]) -> bool:
+    """Whether a stage keeps geometry, and so a history by pixels."""
+    return any(
+        _has_pixels(state.stages)
+        if isinstance(state, PipelineState)
+        else isinstance(state, History) and state.gbuffer is not None
+        for state in states.values()
+    )
 
 
 def _handed_over(state: Any) -> Any:

@@ -18,6 +18,11 @@ def meant(name: str, known: Iterable[str]) -> str:
     return f" (did you mean {' or '.join(near)}?)" if near else ""
 
 
+def with_article(name: str) -> str:
+    """A name after ``a`` or ``an``."""
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
+
+
 def unknown(what: str, name: str, where: str, known: Iterable[str]) -> str:
     """The message about a name that is not there: what it may have meant, and all that there are."""
     known = list(known)

@@ -15,8 +15,9 @@ from typing import Any, Self
 
 from torch import nn
 
-from gbufrt.frame import LIGHT, SIGNALS, Frame
-from gbufrt.gbuffer import CHANNELS
+from gbufrt.demands.inputs import check_frame, check_inputs_of, remedy
+from gbufrt.demands.results import check_written
+from gbufrt.frame import Frame
 from gbufrt.mending import contained
 from gbufrt.names import meanings, resolve, unknown
 from gbufrt.validation.tunables import check_tunable
@@ -56,15 +57,13 @@ class Stage(nn.Module):
         return type(self)(**{**known, **changes})
 
     def check(self, frame: Frame) -> None:
-        """Raise ValueError if the frame lacks something that this pass reads."""
-        for name in sorted(self.reads):
-            if frame.get(name) is None:
-                raise ValueError(f"{type(self).__name__} reads {name!r}, which the frame lacks: {_remedy(name)}")
+        """Raise ValueError if the frame lacks something that this pass reads, or has its picture at another size."""
+        check_inputs_of(self, frame)
 
     def left_out(self, frame: Frame, written: Collection[str] = ()) -> list[str]:
         """What this pass leaves out for want of an input, and the remedies, those ``written`` before it apart."""
         absent = [name for name in self.lacks if name not in written and frame.get(name) is None]
-        return [f"{self.lacks[name]}, because the frame has no {name}: {_remedy(name)}" for name in absent]
+        return [f"{self.lacks[name]}, because the frame has no {name}: {remedy(name)}" for name in absent]
 
     def extra_repr(self) -> str:
         return ", ".join(f"{name}={value!r}" for name, value in self.tunables().items())
@@ -74,19 +73,16 @@ Stages = Mapping[str, Stage | None]
 """By name, in order; None leaves one out."""
 
 
-def check_frame(frame: Any) -> None:
-    """Raise TypeError unless it is a frame."""
-    if not isinstance(frame, Frame):
-        raise TypeError(f"frame must be a gbufrt.Frame, got {type(frame).__name__}; Frame(gbuffer=..., radiance=...)")
-
-
 class Pass(Stage, ABC):
     """A pass whose result depends on one frame alone."""
 
     def __call__(self, frame: Frame) -> Frame:
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
         check_frame(frame)
-        return super().__call__(contained(frame, self.reads | self.optional))
+        given = contained(frame, self.reads | self.optional)
+        result = super().__call__(given)
+        check_written(self, given, result)
+        return result
 
     @abstractmethod
     def forward(self, frame: Frame) -> Frame:
@@ -98,7 +94,10 @@ class TemporalPass(Stage, ABC):
 
     def __call__(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
-        return super().__call__(contained(frame, self.reads | self.optional), state)
+        given = contained(frame, self.reads | self.optional)
+        result = super().__call__(given, state)
+        check_written(self, given, result[0] if isinstance(result, tuple) and result else None)
+        return result
 
     @abstractmethod
     def forward(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:
@@ -223,7 +222,7 @@ class Branch(TemporalPass, ABC):
             changed = inner._edited(rest, change)
             stages[head] = changed if len(changed.stages) else None
         else:
-            raise ValueError(f"stage {head!r} is a {type(inner).__name__} and has no stages of its own ({rest!r})")
+            raise ValueError(f"stage {head!r} ({type(inner).__name__}) has no stages of its own ({rest!r})")
         return self._with(stages)
 
     @abstractmethod
@@ -236,12 +235,3 @@ def _keywords(cls: type) -> tuple[str, ...]:
     if cls.__init__ is Stage.__init__:
         return ()
     return tuple(p.name for p in inspect.signature(cls.__init__).parameters.values() if p.kind is p.KEYWORD_ONLY)
-
-
-def _remedy(name: str) -> str:
-    if name in CHANNELS:
-        return f"give the GBuffer a {name} channel ({CHANNELS[name].meaning})"
-    if name in SIGNALS:
-        more = "" if name in LIGHT else " or run a pass that writes it"
-        return f"give the Frame {name} ({SIGNALS[name].meaning}){more}"
-    return "run a pass that writes it"

@@ -14,11 +14,13 @@ import torch
 from torch import nn
 
 from gbufrt.compute.memory import return_freed
+from gbufrt.demands.inputs import check_frame, check_inputs
+from gbufrt.demands.results import returned
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.history import PipelineState, returned
+from gbufrt.history import PipelineState
 from gbufrt.mending import remembering
-from gbufrt.passes import Branch, Stage, Stages, TemporalPass, check_frame
+from gbufrt.passes import Branch, Stage, Stages, TemporalPass
 from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
 
@@ -83,6 +85,9 @@ class Pipeline(Branch):
             raise TypeError(
                 f"state must be None or what the pipeline returned beside a frame, got {type(state).__name__}"
             )
+        check_inputs(self.reads, self.passes(), frame)
+        if state is not None:
+            state.check_fits(frame)
         _warn_if_repeated(frame, None if state is None else state.previous)
         self._tell_what_is_left_out(frame)
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)

@@ -99,8 +99,8 @@ def _describe(value: Any, user: FunctionType) -> Iterator[str]:
         yield f"function {name_of(value)}{''.join(f' {mark[2:-2]}' for mark in MARKS if hasattr(value, mark))}"
     else:
         raise TypeError(
-            f"{name_of(user)} names {getattr(value, '__name__', repr(value))}, a {type(value).__name__}: compiled code "
-            "may name numbers, tuples, arrays, types, modules, and functions marked with @scalar"
+            f"{name_of(user)} names {getattr(value, '__name__', repr(value))} of type {type(value).__name__}: compiled "
+            "code may name numbers, tuples, arrays, types, modules, and functions marked with @scalar"
         )
 
 

@@ -40,6 +40,13 @@ PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, ex
             TypeError,
             r"camera must be a gbufrt\.Camera, got NoneType",
         ),
+        (
+            lambda: G.replace(depth=G.depth.expand(2, -1, -1, -1)),
+            ValueError,
+            "got .2,1,72,96.; the camera sets the batch, 1: give it a pose for each picture",
+        ),
+        (lambda: G.replace(hit=G.hit[..., 1:]), ValueError, "the camera sets the size, 72 rows of 96 pixels"),
+        (lambda: G.replace(depth=G.depth.mT), ValueError, r"height comes before width: use \.transpose\(2, 3\)"),
         (lambda: normals_from_depth(G.depth[0], G.camera), ValueError, r"depth must be \(B,1,H,W\).*: x\[None\]"),
         (lambda: G.camera.normals_from_depth(G.depth[0]), ValueError, r"depth must be \(B,1,H,W\)"),
         (lambda: tracer.render("valley", G.camera), TypeError, r"scene must be a tracer\.Scene, got str"),  # pyright: ignore

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import torch
 from torch import Tensor
 
+from gbufrt.names import with_article
 from gbufrt.tree import map_tensors
 
 P = TypeVar("P")
@@ -21,7 +22,7 @@ def changed(program: Callable[..., Any], launch: Any, place: Any, payload: Any, 
     before = taken(payload, at)
     after = program(launch, taken(place, at), before)
     if type(after) is not type(payload):
-        raise TypeError(f"{name_of(program)} must return a {type(payload).__name__}, got {described(after)}")
+        raise TypeError(f"{name_of(program)} must return {_kind(payload)}, got {described(after)}")
     for one in fields(payload):
         was, now = getattr(before, one.name), getattr(after, one.name)
         if isinstance(was, Tensor) and not (
@@ -66,7 +67,11 @@ def flat_rows(payload: P, shape: torch.Size, what: str) -> P:
 def described(value: Any) -> str:
     if isinstance(value, Tensor):
         return f"{tuple(value.shape)} {str(value.dtype).removeprefix('torch.')}"
-    return f"a {type(value).__name__}"
+    return _kind(value)
+
+
+def _kind(value: Any) -> str:
+    return with_article(type(value).__name__)
 
 
 def name_of(program: Callable[..., Any]) -> str:

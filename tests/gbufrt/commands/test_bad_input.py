@@ -210,5 +210,5 @@ def test_post_lacks_what_a_pass_reads(capfd: pytest.CaptureFixture[str]):
     frame = boxes.frame(boxes.camera((16, 24)))
     write_exr("a.exr", frame.replace(gbuffer=frame.gbuffer.replace(motion=None)))
     assert run("post", "a.exr", "--out", "b") == 2
-    assert "Mean reads 'motion', which the frame lacks" in capfd.readouterr().err
+    assert "ao.mean (Mean) reads 'motion', which the frame lacks" in capfd.readouterr().err
     assert not Path("b").exists()

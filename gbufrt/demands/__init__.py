@@ -1,0 +1,1 @@
+"""What stages ask of frames, and whether what they return is what they say."""

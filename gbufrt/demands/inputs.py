@@ -1,0 +1,70 @@
+"""Whether a frame has what stages read, and what to do where it has not."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import Any, Protocol
+
+from gbufrt.frame import LIGHT, SIGNALS, Frame
+from gbufrt.gbuffer import CHANNELS
+from gbufrt.names import with_article
+
+LARGER = frozenset(name for name, row in SIGNALS.items() if row.larger)
+
+
+class Reader(Protocol):
+    """The part of `gbufrt.Stage` that matters here."""
+
+    reads: frozenset[str]
+
+
+def check_frame(frame: Any) -> None:
+    """Raise TypeError unless it is a frame."""
+    if not isinstance(frame, Frame):
+        raise TypeError(f"frame must be a gbufrt.Frame, got {type(frame).__name__}; Frame(gbuffer=..., radiance=...)")
+
+
+def check_inputs(reads: Collection[str], stages: Iterable[tuple[str, Reader]], frame: Frame) -> None:
+    """Raise before any stage runs if the frame lacks what the first of them would miss.
+
+    Args:
+        reads: what the frame must bring, because no stage before its reader writes it.
+        stages: by dotted name, in order.
+        frame: the first one.
+
+    Raises:
+        ValueError: names the stage, what it reads, and a remedy.
+    """
+    lacking = {name for name in reads if frame.get(name) is None}
+    for path, stage in stages if lacking else ():
+        for name in sorted(lacking & stage.reads):
+            raise ValueError(lacks(f"{path} ({type(stage).__name__})", name))
+
+
+def check_inputs_of(stage: Reader, frame: Frame) -> None:
+    """Raise ValueError if the frame lacks something that a stage reads, or has its picture at another size."""
+    who, camera = type(stage).__name__, frame.gbuffer.camera
+    for name in sorted(stage.reads):
+        if (tensor := frame.get(name)) is None:
+            raise ValueError(lacks(who, name))
+        size = tuple(tensor.shape[-2:])
+        if name in LARGER and size != camera.size and (geometry := sorted(stage.reads & CHANNELS.keys())):
+            raise ValueError(
+                f"{who} reads {name!r} of {size[1]}x{size[0]} pixels beside {geometry[0]!r} of {camera.width}x"
+                f"{camera.height}: after post.Upscale let it run in Pipeline(reduction=post.Enlarged(), ...)"
+            )
+
+
+def lacks(stage: str, name: str) -> str:
+    """The message about a stage whose frame has no ``name``."""
+    return f"{stage} reads {name!r}, which the frame lacks: {remedy(name)}"
+
+
+def remedy(name: str) -> str:
+    """How a frame comes by a channel or signal."""
+    if name in CHANNELS:
+        return f"give the GBuffer {with_article(name)} channel ({CHANNELS[name].meaning})"
+    if name in SIGNALS:
+        more = "" if name in LIGHT else " or run a pass that writes it"
+        return f"give the Frame {name} ({SIGNALS[name].meaning}){more}"
+    return "run a pass that writes it"
