@@ -23,6 +23,7 @@ from gbufrt.commands.render import render
 from gbufrt.commands.video import video
 
 INTERRUPTED = "interrupted; every file that is there is whole (render and ablate go on with --resume)"
+ONCE = " (told once a pipeline)"
 HELP = """From a voxel world to a finished frame: traced G-buffers, and screen-space passes over them.
 
 Start with `gbufrt render`, which writes out/frame_0000.png and an EXR with everything in it.
@@ -85,8 +86,8 @@ def _config(tokens: list[str]) -> Path | None:
 
 
 def _say(message: Warning | str, *place: object, **more: object) -> None:
-    """Warnings as one line, without the place in the code."""
-    print(f"gbufrt: {' '.join(str(message).split())}", file=sys.stderr)
+    """Warnings as one line, without the place in the code, and without what only tells programmers when."""
+    print(f"gbufrt: {' '.join(str(message).removesuffix(ONCE).split())}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> NoReturn:

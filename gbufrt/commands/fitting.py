@@ -8,7 +8,8 @@ from typing import Any
 
 from gbufrt.commands.recipe import Recipe
 from gbufrt.files.gbuffers.grain import noisy
-from gbufrt.frame import Frame
+from gbufrt.frame import LIGHT, Frame
+from gbufrt.gbuffer import CHANNELS
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
 from post import Composite, Denoise, EstimateMissing
@@ -18,6 +19,8 @@ LIT = ("ao", "gi", "reflection", "behind", "composite")
 DISPLAY = ("exposure", "tone_map", "encode")
 ESTIMATED = ("motion", "motion_z", "thickness")
 GUESSED = ("roughness", "metallic")
+AOVS = {"albedo": "Base Color", "roughness": "Roughness", "metallic": "Metallic"}
+"""What Blender's files call channels that it has no passes of."""
 SHORT = {"dof": "depth_of_field"}
 
 
@@ -85,3 +88,14 @@ def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:
     what = leave if denoised else "from which --passes denoise,... would free it"
     warnings.warn(f"the light is noisy, by {noise:.0%} from pixel to pixel, {what}", stacklevel=3)
     return denoised
+
+
+def remedies(*, sky: str) -> dict[str, str]:
+    """What to do on the command line about a channel or light that files lack; ``sky`` about the environment."""
+    found = {"environment": sky}
+    for name in (*CHANNELS, *LIGHT):
+        aov = f", in Blender as the AOV {AOVS[name]}" if name in AOVS else ""
+        found.setdefault(
+            name, f"render it too{aov}, or leave the stage out with --without (see gbufrt inspect, passes)"
+        )
+    return found

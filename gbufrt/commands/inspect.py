@@ -76,5 +76,7 @@ def _there(files: Iterable[Path]) -> list[Path]:
     shown: list[Path] = []
     for file in files:
         pictures = file.is_dir() and any(path.suffix.lower() == ".exr" for path in file.iterdir())
+        if file.is_dir() and not (pictures or (file / "region").is_dir() or any(file.glob("*.mca"))):
+            raise ValueError(f"{file} holds neither EXR files nor a Minecraft world; give files, or another folder")
         shown += within(file) if pictures else expanded(file)
     return shown

@@ -72,8 +72,11 @@ def post(
         why = "files of gbufrt carry their sky" if source is None else "with --fov nobody knows where the camera looks"
         raise ValueError(f"--environment is for files of other renderers with a camera, but {why}; leave it out")
 
+    from gbufrt.commands.fitting import remedies
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of, save
+    from gbufrt.commands.trial import tried
+    from gbufrt.demands.inputs import told_with
     from gbufrt.files.precision import as_stored
 
     device = open_device(options.device)
@@ -81,7 +84,7 @@ def post(
     names = [path.stem for path in paths]
     if source is None:
         recipe, notes = recorded(paths, options)
-        pipeline, frames = recipe.build(), own(paths)
+        pipeline, frames = tried(recipe, device), own(paths)
         if recipe.pipeline != "me1" and options.warmup is None:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     else:
@@ -95,6 +98,7 @@ def post(
         origin = Source.of(paths, source, camera, fov, wanted)
         paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
+        tried(recipe, device)
         frames = origin.frames()
         if environment is not None:
             profile = load_profile(origin.profile_of(origin.shots[0]))
@@ -108,7 +112,9 @@ def post(
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     runner = Runner(pipeline, recipe.warmup)
     check_only(written, runner.pipeline)
-    with progress("post", runner.runs(len(paths))) as doing:
+    with_camera = "" if fov is None else "with --camera "
+    sky = f"--environment SKY.exr {with_camera}gives it" if source is not None else "the files were written without it"
+    with progress("post", runner.runs(len(paths))) as doing, told_with(remedies(sky=sky)):
         for path, name, frame in zip(paths, names, frames, strict=True):
             keeps = replace(written, precision=precision_of(written, notes[path]))
             frame = as_stored(sound(frame, path, strict=strict), precision_of(keeps))

@@ -8,7 +8,7 @@ from typing import Any
 
 from gbufrt.commands.arguments.checks import DENOISERS, PIPELINES
 from gbufrt.commands.arguments.options import PassOptions
-from gbufrt.commands.arguments.settings import fitted, parse_settings
+from gbufrt.commands.arguments.settings import blamed, fitted, parse_settings
 from gbufrt.commands.arguments.values import MOST_WARMUP, at_least, parse_names
 from gbufrt.pipeline import Pipeline
 
@@ -111,10 +111,14 @@ class Recipe:
         return {name: value for name, value in notes.items() if name not in usual}
 
     def build(self) -> Pipeline:
-        """The pipeline.
+        """The pipeline; raises as `whole`, and ValueError where there is no such stage to leave out."""
+        return self.whole().without(*self.without)
+
+    def whole(self) -> Pipeline:
+        """The pipeline with the stages that are left out.
 
         Raises:
-            ValueError: there is no such preset, stage or tunable.
+            ValueError: there is no such preset or tunable, or a value that a pass refuses.
         """
         from post.path_traced import minecraft_rtx
         from post.presets import me1, with_fog
@@ -129,5 +133,8 @@ class Recipe:
         if self.set:
             present = pipeline.all_tunables()
             values = {name: fitted(name, value, present[pipeline.resolve(name)]) for name, value in self.set.items()}
-            pipeline = pipeline.with_tunables(values)
-        return pipeline.without(*self.without)
+            try:
+                pipeline = pipeline.with_tunables(values)
+            except ValueError as error:
+                raise ValueError(blamed(values, error)) from error
+        return pipeline

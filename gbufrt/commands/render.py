@@ -96,10 +96,11 @@ def render(
     from gbufrt.commands.ahead import compile_ahead
     from gbufrt.commands.recipe import Recipe
     from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of
+    from gbufrt.commands.trial import tried
 
     recipe = replace(Recipe.of(options), fog=job.fog.parsed() is not None)
     device = open_device(options.device)
-    runner = Runner(recipe.build(), recipe.warmup)
+    runner = Runner(tried(recipe, device), recipe.warmup)
     check_only(files, runner.pipeline)
     kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = job.load().to(device)

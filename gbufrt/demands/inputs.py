@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, Protocol
 
 from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.names import with_article
 
+_remedies: ContextVar[Mapping[str, str]] = ContextVar("_remedies", default={})  # noqa: B039, never written to
 LARGER = frozenset(name for name, row in SIGNALS.items() if row.larger)
 
 
@@ -60,8 +63,21 @@ def lacks(stage: str, name: str) -> str:
     return f"{stage} reads {name!r}, which the frame lacks: {remedy(name)}"
 
 
+@contextmanager
+def told_with(remedies: Mapping[str, str]) -> Iterator[None]:
+    """Inside, `remedy` says of these channels and signals how the one who is told comes by them, who may know no
+    Python."""
+    token = _remedies.set(remedies)
+    try:
+        yield
+    finally:
+        _remedies.reset(token)
+
+
 def remedy(name: str) -> str:
     """How a frame comes by a channel or signal."""
+    if (told := _remedies.get().get(name)) is not None:
+        return told
     if name in CHANNELS:
         return f"give the GBuffer {with_article(name)} channel ({CHANNELS[name].meaning})"
     if name in SIGNALS:

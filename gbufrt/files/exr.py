@@ -26,7 +26,7 @@ from torch import Tensor
 from gbufrt.files.guard import Part, read_parts, silence
 from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute, standard_matrices
 from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, layer_of, planes_of
-from gbufrt.files.output import atomic
+from gbufrt.files.output import atomic, check_ending
 from gbufrt.files.precision import PRECISIONS, Precision
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
@@ -65,9 +65,10 @@ def write_exr(
             Without depth, hit and normal a file cannot be read back as a frame.
 
     Raises:
-        ValueError: the frame holds several elements and ``element`` does not say which, an integer signal does not
-            fit 32 bits, or an argument is none of its values.
+        ValueError: the path does not end in .exr, the frame holds several elements and ``element`` does not say which,
+            an integer signal does not fit 32 bits, or an argument is none of its values.
     """
+    check_ending(path, ".exr", "gbufrt.files.png.write_png writes pictures, such as frame.image")
     batch = frame.gbuffer.batch
     if element is None and batch != 1:
         raise ValueError(f"an EXR file holds one frame, got a batch of {batch}; choose one with element=0..{batch - 1}")

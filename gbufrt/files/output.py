@@ -10,6 +10,12 @@ from pathlib import Path
 MAX_PIXELS = 1 << 26  # 8192 x 8192, of a picture that is read or made
 
 
+def check_ending(path: str | Path, ending: str, otherwise: str) -> None:
+    """Raise ValueError unless a path has the ending of what is written to it; ``otherwise`` says what writes others."""
+    if Path(path).suffix.lower() != ending:
+        raise ValueError(f"path must end in {ending}, got {Path(path).name!r}; {otherwise}")
+
+
 @contextmanager
 def atomic(path: str | Path) -> Iterator[Path]:
     """A temporary path beside ``path`` to write to; it takes the name ``path`` when the block ends without error.

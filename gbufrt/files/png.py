@@ -12,7 +12,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from torch import Tensor
 
-from gbufrt.files.output import MAX_PIXELS, atomic
+from gbufrt.files.output import MAX_PIXELS, atomic, check_ending
 
 LEVEL = 4  # of deflate
 PERCEPTUAL = b"\0"  # the rendering intent in the sRGB chunk
@@ -40,8 +40,9 @@ def write_png(path: str | Path, picture: Tensor | Image.Image, *, bits: int = 8)
         bits: 8 or 16 a channel.
 
     Raises:
-        ValueError: another shape or number of bits.
+        ValueError: another ending, shape or number of bits.
     """
+    check_ending(path, ".png", "gbufrt.files.exr.write_exr writes whole frames")
     if bits not in (8, 16) or (bits == 16 and isinstance(picture, Image.Image)):
         raise ValueError(f"bits must be 8, or 16 for a tensor, got {bits}")
     if bits == 16:

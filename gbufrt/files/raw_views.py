@@ -23,8 +23,9 @@ def pictures(layers: Layers) -> Iterator[tuple[str, Tensor]]:
     """All of a file's channels as ``(1, 3, H, W)`` pictures in [0, 1], each with its name and the range of its values.
 
     Colours up to 1 are shown as they are and brighter ones darkened together; unit vectors as directions; other vectors
-    and numbers between their 1st and 99th percentile, by a colour map where there is one number; pairs XY, ZW and uv as
-    motion, up to the 99th percentile of its length. Numbers from 1e9 on are black, what is not finite magenta.
+    and numbers between their 1st and 99th percentile, by a colour map where there is one number, and one value
+    everywhere as on a scale from 0 to 1; pairs XY, ZW and uv as motion, up to the 99th percentile of its length.
+    Numbers from 1e9 on are black, what is not finite magenta.
     """
     for base, keys in layers.groups().items():
         for letters, some in _pieces(keys):
@@ -81,8 +82,9 @@ def _directions(raw: Tensor) -> bool:
 
 
 def _scaled(plane: Tensor) -> Tensor:
+    """From 0 to 1 between its `_ends`; one value everywhere is itself, so that 1 is not shown as 0 is."""
     low, high = _ends(plane)
-    return (plane - low) / (high - low).clamp_min(1e-12)
+    return (plane - low) / (high - low) if high > low else plane
 
 
 def _ends(values: Tensor) -> Tensor:

@@ -52,11 +52,14 @@ def bitmask_ao(
         where: ``(B, 1, H, W)`` bool: pixels whose visibility is wanted; others may get any. By default all that hit.
         thickness: ``(B, 1, H, W)`` measured along the view ray, world units; or one assumed for everything; by default
             estimated, see `post.thickness_from_depth`.
-        radius: world units; occluders farther away do not count. A 0-dim tensor to get its gradient; None for no limit:
-            `post.sweep.open_sky` then estimates how open the uncovered directions are that leave the picture.
+        radius: world units; occluders farther away do not count. None for no limit: `post.sweep.open_sky` then
+            estimates how open the uncovered directions are that leave the picture. A 0-dim tensor to get its gradient,
+            by torch code that takes over a hundred times as long as the kernel; without ``requires_grad``, or under
+            ``torch.no_grad``, it is as fast as a number.
         directions: slices, each through the pixel to both sides.
         steps: taps on each side of a slice.
-        scales: number of radii, each twice the one before; the result is their mean. All share the taps of one sweep.
+        scales: number of radii, at most 16, each twice the one before; the result is their mean. All share the taps of
+            one sweep.
         hidden: radii added behind measured backs, for hidden geometry there (see samples/fit_ao.py).
         soft: fractional coverage of edge sectors, differentiable in depth, normal, thickness and radius; by default
             where gradients are wanted. Otherwise edges are dithered.

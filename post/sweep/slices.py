@@ -17,6 +17,7 @@ from post.sweep.layout import Receivers, Receiving, Slice
 from post.sweep.turns import tangents, turn
 
 BAND_PIXELS = 32768  # pixels of all planes that fit one core's cache; also torch's smallest share of work for a thread
+MOST_SCALES = 16
 BELOW_ONE = 0.9999  # keeps sums with a dither from rounding up to the next whole number
 WITHIN = 1.5  # exponent of the taps' spread in a sweep that ends at a radius
 BEYOND = 2.5  # likewise in a sweep over the whole picture, where near surfaces count most
@@ -125,10 +126,12 @@ def check_sweep(
     scales: int = 1,
     **pictures: Tensor | None,
 ) -> None:
-    """Raise ValueError or TypeError unless counts and radius are positive and the pictures, by name, fit the camera."""
+    """Raise ValueError or TypeError unless counts and radius are in range and the pictures, by name, fit the camera."""
     for name, value in (("directions", directions), ("steps", steps), ("scales", scales)):
         if value < 1:
             raise ValueError(f"{name} must be at least 1, got {value}")
+    if scales > MOST_SCALES:
+        raise ValueError(f"scales must be at most {MOST_SCALES}, as each doubles the radius, got {scales}")
     if radius is not None and not bool(torch.as_tensor(radius) > 0):
         raise ValueError(f"radius and distance must be positive lengths in world units, got {float(radius):g}")
     for name, picture in pictures.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -40,6 +41,15 @@ def test_the_same_seed_gives_the_same_world_and_another_does_not() -> None:
     assert not torch.equal(valley().world.index, other.world.index) or not torch.equal(
         valley().world.bricks, other.world.bricks
     )
+
+
+def test_a_wrong_view_is_told_the_right_ones() -> None:
+    with pytest.raises(
+        KeyError, match=r"no view 'vilage' in the scene \(did you mean village or lake\?\); it has village, lake"
+    ):
+        valley().views["vilage"]
+    assert valley().views.get("vilage") is None
+    assert replace(valley(), sun=None).views["lake"] is valley().views["lake"]
 
 
 def test_the_valley_holds_water_glass_lamps_metal_and_polished_stone() -> None:

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
+from gbufrt.names import unknown
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
@@ -125,6 +126,13 @@ class View:
         return Camera.look_at(self.eye(time), self.target(time), size=size, fov_y=self.fov_y, near=near, far=far)
 
 
+class Views(dict[str, View]):
+    """Views by name. Of a name that is not there `[]` tells those that are."""
+
+    def __missing__(self, name: str) -> View:
+        raise KeyError(unknown("view", name, "the scene", self))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """Everything that `tracer.render` needs except the camera."""
@@ -139,6 +147,10 @@ class Scene:
     rain: Rain | None = None
     waves: Waves | None = None
     fog: Fog | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.views, Views):
+            object.__setattr__(self, "views", Views(self.views))
 
     def around(self, eye: Sequence[float]) -> Scene:
         """What a camera there can see: this scene. `tracer.worlds.stream.Stream` has another one for other places."""

@@ -68,8 +68,9 @@ def path_trace(
         progress: called with samples done and their number.
 
     Returns:
-        ``radiance`` ``(B, 3, H, W)``, linear; and ``radiance_onscreen``, the part of it from paths whose surfaces
-        are all first in a pixel of the pinhole's picture at ``time`` (without a shutter: at the instant itself).
+        A `tracer.Truth`, read by name: ``["radiance"]`` ``(B, 3, H, W)``, linear; and ``["radiance_onscreen"]``, the
+        part of it from paths whose surfaces are all first in a pixel of the pinhole's picture at ``time`` (without a
+        shutter: at the instant itself).
         Moving surfaces are back-projected to where they were then. Through a lens or a shutter the sky must be on
         screen as well, and what is behind glass counts with the glass. The first hit of a pinhole without a shutter
         always counts. Lights that shadow rays sample need not be on screen, nor the sky after a bounce; lamps that

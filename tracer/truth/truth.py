@@ -56,9 +56,9 @@ def ambient_occlusion(
         progress: called with samples done and their number.
 
     Returns:
-        ``ao`` ``(B, 1, H, W)``, 1 open and where nothing was hit; ``bent_normal`` ``(B, 3, H, W)``, the mean open
-        direction, world space, unit length, the normal where nothing is open, 0 where nothing was hit; and
-        ``ao_onscreen`` ``(B, 1, H, W)``, what ao would be with on-screen occluders alone.
+        A `Truth`, read by name: ``["ao"]`` ``(B, 1, H, W)``, 1 open and where nothing was hit; ``["bent_normal"]``
+        ``(B, 3, H, W)``, the mean open direction, world space, unit length, the normal where nothing is open, 0 where
+        nothing was hit; and ``["ao_onscreen"]`` ``(B, 1, H, W)``, what ao would be with on-screen occluders alone.
 
     Raises:
         ValueError: radius or samples are not positive, or the poses do not fit.
@@ -114,10 +114,10 @@ def indirect_diffuse(
         progress: as for `ambient_occlusion`.
 
     Returns:
-        ``gi`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it; ``gi_onscreen``, its part from on-screen
-        surfaces; ``sky`` ``(B, 3, H, W)``, the sky's light after occlusion, likewise outgoing, without the sun's
-        disc; and ``sky_visibility`` ``(B, 1, H, W)``, the cosine-weighted share of the hemisphere that is sky, 1
-        where nothing was hit.
+        A `Truth`, read by name: ``["gi"]`` ``(B, 3, H, W)``, outgoing linear radiance with albedo in it;
+        ``["gi_onscreen"]``, its part from on-screen surfaces; ``["sky"]`` ``(B, 3, H, W)``, the sky's light after
+        occlusion, likewise outgoing, without the sun's disc; and ``["sky_visibility"]`` ``(B, 1, H, W)``, the
+        cosine-weighted share of the hemisphere that is sky, 1 where nothing was hit.
 
     Raises:
         ValueError: bounces or samples are below 1, there is no albedo, or the poses do not fit.
@@ -170,9 +170,10 @@ def reflection(
         progress: as for `ambient_occlusion`.
 
     Returns:
-        ``reflection`` ``(B, 3, H, W)``, linear radiance; ``reflection_onscreen``, its part from on-screen surfaces;
-        ``onscreen`` ``(B, 1, H, W)``, the share of rays that end on such; and ``distance`` ``(B, 1, H, W)``, the mean
-        length of those that hit any, the camera's ``far`` where none does, 0 where there is no surface.
+        A `Truth`, read by name: ``["reflection"]`` ``(B, 3, H, W)``, linear radiance; ``["reflection_onscreen"]``, its
+        part from on-screen surfaces; ``["onscreen"]`` ``(B, 1, H, W)``, the share of rays that end on such; and
+        ``["distance"]`` ``(B, 1, H, W)``, the mean length of those that hit any, the camera's ``far`` where none does,
+        0 where there is no surface.
 
     Raises:
         ValueError: samples is below 1, there is no albedo, or the poses do not fit.

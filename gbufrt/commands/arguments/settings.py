@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -52,6 +53,12 @@ def fitted(name: str, value: Any, present: Any) -> Any:
         shown = repr(value) if not isinstance(value, int) or abs(value) <= MOST else "a larger one than 64 bits hold"
         raise ValueError(f"--set {name} must be {wanted} (it is {present!r} now), got {shown}")
     return value
+
+
+def blamed(settings: Mapping[str, Any], error: Exception) -> str:
+    """The message of an error of one pass with the settings that it comes from: those it names, or else all of them."""
+    named = [name for name in settings if re.search(rf"\b{name.rpartition('.')[2]}\b", str(error))]
+    return f"{' '.join(f'--set {name}={settings[name]}' for name in named or settings)}: {error}"
 
 
 def load_config(path: Path) -> dict[str, Any]:

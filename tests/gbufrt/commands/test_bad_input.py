@@ -11,6 +11,7 @@ import torch
 from command_line import SMALL, install, run
 
 from gbufrt import Frame
+from gbufrt.commands.cli import main
 from gbufrt.commands.recipe import Recipe
 from gbufrt.files.exr import read_exr, write_exr
 
@@ -107,7 +108,7 @@ def test_post_bounds_what_notes_ask_for(capsys: pytest.CaptureFixture[str]):
         (("--set", "speckle.radius=wide"), "--set speckle.radius must be a number (it is 0.8 now), got 'wide'"),
         (("--set", "speckle.taps=2.5"), "must be a whole number"),
         (("--set", "speckle.soft=1"), "must be true or false"),
-        (("--set", "speckle.radius=-1"), "radius must be positive, in world units, got -1.0"),
+        (("--set", "speckle.radius=-1"), "--set speckle.radius=-1: radius must be positive, in world units, got -1.0"),
         (("--preset", "huge"), "preset must be low, medium, high or ultra, got 'huge'"),
         (("--composite", "both"), "composite must be physical or me1, got 'both'"),
         (("--view", "below"), "no view 'below' in world 'builtin'; it has front, above"),
@@ -149,6 +150,23 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], message: str, capfd: 
     assert error.startswith("gbufrt: ")
     assert message in error
     assert not list(Path().iterdir())
+
+
+def test_settings_are_tried_before_a_world_is_loaded(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    def load(*_: object, **__: object) -> None:
+        raise AssertionError("loaded")
+
+    monkeypatch.setattr("tracer.worlds.load", load)
+    bad = ("--set", "speckle.radius=-1", "--set", "speckle.taps=4")
+    assert run("render", *SMALL, *bad, "--set", "blend=0.5", "--out", "out") == 2
+    assert capfd.readouterr().err.startswith("gbufrt: --set speckle.radius=-1: radius must be positive")
+    write_exr("a.exr", boxes.frame(boxes.camera((16, 24))))
+    assert run("post", "a.exr", *bad, "--out", "out") == 2
+    assert capfd.readouterr().err.startswith("gbufrt: --set speckle.radius=-1: radius must be positive")
+    with pytest.raises(AssertionError, match="loaded"):  # what is left out is not tried
+        main(["render", *SMALL, *bad, "--without", "display,taa,ao", "--out", "out"])
 
 
 def test_bad_folders_and_files(capfd: pytest.CaptureFixture[str]):
@@ -210,5 +228,8 @@ def test_post_lacks_what_a_pass_reads(capfd: pytest.CaptureFixture[str]):
     frame = boxes.frame(boxes.camera((16, 24)))
     write_exr("a.exr", frame.replace(gbuffer=frame.gbuffer.replace(motion=None)))
     assert run("post", "a.exr", "--out", "b") == 2
-    assert "ao.mean (Mean) reads 'motion', which the frame lacks" in capfd.readouterr().err
+    error = capfd.readouterr().err
+    assert (
+        "ao.mean (Mean) reads 'motion', which the frame lacks: render it too, or leave the stage out with --" in error
+    )
     assert not Path("b").exists()

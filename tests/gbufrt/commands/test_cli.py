@@ -161,7 +161,7 @@ def test_passes_lists_the_pipeline(capfd: pytest.CaptureFixture[str], monkeypatc
     shown = capfd.readouterr().out
     for text in (
         "ao.estimate",
-        "Speckle",
+        "Speckle, speckle.radius for short",
         "depth",
         "radius=0.25",
         "ao.mean",

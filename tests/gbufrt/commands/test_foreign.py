@@ -195,6 +195,16 @@ def test_a_folder_or_pattern_of_another_renderer_needs_no_profile(tmp_path: Path
     assert sorted(path.name for path in (tmp_path / "out").glob("*.png")) == ["a.10.png", "a.9.png"]
 
 
+def test_what_is_left_out_is_told_with_the_commands_options(tmp_path: Path, capfd) -> None:
+    path = rendered(tmp_path / "a_0001.exr", direct=True)
+    options = ("--fov", "50", "--preset", "low", "--warmup", "0", "--passes", "reflection", "--only", "image")
+    assert run("post", path, "--out", tmp_path / "out", *options) == 0
+    error = capfd.readouterr().err
+    assert "because the frame has no environment: --environment SKY.exr with --camera gives it" in error
+    assert "Frame" not in error
+    assert "told once" not in error
+
+
 def test_a_still_is_denoised_by_one_run(tmp_path: Path) -> None:
     """More would repeat its noise, which then passes for light."""
     path = rendered(tmp_path / "noisy_0001.exr", direct=True)

@@ -199,3 +199,7 @@ def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, capfd, monkeypatch, a
     text = told(capfd, *(str(a).format(path) for a in arguments), code=2)
     assert text.startswith("gbufrt: ")
     assert message in text
+
+
+def test_a_folder_of_nothing_that_is_read(tmp_path: Path, capfd) -> None:
+    assert "holds neither EXR files nor a Minecraft world; give files" in told(capfd, tmp_path, code=2)

@@ -15,6 +15,7 @@ import torch
 
 from gbufrt import Frame
 from gbufrt.files.exr import read_exr, write_exr
+from gbufrt.files.png import write_png
 from gbufrt.files.precision import EXACT, as_stored
 
 SIZE = (72, 128)
@@ -195,3 +196,13 @@ def test_blender_composites_the_layers(tmp_path: Path):
     made = OpenEXR.File(str(tmp_path / "b.exr"), separate_channels=True).parts[0].channels
     plane = next(channel.pixels for name, channel in made.items() if name.rpartition(".")[2] == "R")
     assert plane == pytest.approx(frame.read("albedo")[0, 0].numpy(), abs=1e-3)
+
+
+def test_files_have_the_ending_of_what_they_are(tmp_path: Path) -> None:
+    frame = boxes.frame(boxes.camera((4, 6)))
+    with pytest.raises(ValueError, match=r"path must end in \.exr, got 'a.png'; gbufrt\.files\.png\.write_png writes"):
+        write_exr(tmp_path / "a.png", frame)
+    with pytest.raises(ValueError, match=r"path must end in \.png, got 'a.exr'; gbufrt\.files\.exr\.write_exr writes"):
+        write_png(tmp_path / "a.exr", frame.read("radiance"))
+    assert not list(tmp_path.iterdir())
+    write_exr(tmp_path / "a.EXR", frame)

@@ -95,3 +95,11 @@ def test_numbers_are_scaled_from_their_lowest_and_nothing_but_sky_is_black(tmp_p
     assert ramp[:, 0, 0].tolist() == pytest.approx([0.267, 0.005, 0.329], abs=0.03)
     assert ramp[:, 0, -1].tolist() == pytest.approx([0.993, 0.906, 0.144], abs=0.03)
     assert float(sky.max()) == 0
+
+
+def test_one_value_everywhere_is_shown_as_itself(tmp_path: Path) -> None:
+    zero, half, one = shown(
+        tmp_path, {f"{name}.q": RAMP * 0 + value for name, value in (("a", 0), ("b", 0.5), ("c", 1))}
+    ).values()
+    assert float((one - zero).abs().max()) > 0.5
+    assert float((one - half).abs().amax()) > 0.2

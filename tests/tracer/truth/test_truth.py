@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import inspect
 import math
+from typing import Any
 
 import pytest
 import torch
@@ -13,7 +15,7 @@ from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Instance, Scene, Sky, Sun
 from tracer.scene.world import World
 from tracer.traversal.rays import transmission
-from tracer.truth.truth import ambient_occlusion, indirect_diffuse
+from tracer.truth.truth import ambient_occlusion, indirect_diffuse, path_trace, reflection
 
 WHITE = MaterialTable.of([Material(name="white", albedo=(1.0, 1.0, 1.0), variation=0.0)])
 EVEN = Sky(zenith=(0.5, 0.6, 0.7), horizon=(0.5, 0.6, 0.7), ground=(0.5, 0.6, 0.7))
@@ -257,3 +259,11 @@ def test_wrong_arguments_are_named():
         ambient_occlusion(scene, g, noise=-1.0)
     with pytest.raises(ValueError, match="must have albedo"):
         indirect_diffuse(scene, g.replace(albedo=None))
+
+
+@pytest.mark.parametrize("function", [ambient_occlusion, indirect_diffuse, reflection, path_trace])
+def test_docstrings_name_what_a_truth_holds(function: Any):
+    scene, camera = corner(), above(20.0, 48.0, size=(2, 3))
+    found = function(scene, camera if function is path_trace else gbuffer(scene, camera), samples=2)
+    doc = " ".join(str(inspect.getdoc(function)).split())
+    assert not [name for name in found.values if f'["{name}"]' not in doc]

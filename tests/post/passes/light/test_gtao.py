@@ -152,3 +152,28 @@ def test_wrong_arguments_are_named() -> None:
         gtao(g.depth, g.normal, g.camera, radius=-1.0)
     with pytest.raises(ValueError, match="method must be"):
         gtao(g.depth, g.normal, g.camera, method="none")  # type: ignore[arg-type]
+
+
+def test_a_radius_that_is_a_tensor_takes_the_kernel_where_no_gradient_is_wanted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def reference(*_: object, **__: object) -> Tensor:
+        raise AssertionError("torch code, which is slow")
+
+    monkeypatch.setattr("post.sweep.op._by_reference", reference)
+    frame = boxes.frame(boxes.camera((12, 16)))
+    number = GTAO(radius=1.5)(frame).read("ao")
+    tensor, wanted = torch.tensor(1.5), torch.tensor(1.5, requires_grad=True)
+    stage: Any = GTAO
+    assert torch.equal(stage(radius=tensor)(frame).read("ao"), number)
+    with torch.no_grad():
+        assert torch.equal(stage(radius=wanted)(frame).read("ao"), number)
+    with pytest.raises(AssertionError, match="torch code"):
+        stage(radius=wanted)(frame)
+
+
+def test_scales_are_few() -> None:
+    frame = boxes.frame(boxes.camera((12, 16)))
+    with pytest.raises(ValueError, match="scales must be at most 16, as each doubles the radius, got 100"):
+        GTAO(scales=100)(frame)
+    assert bool(torch.isfinite(GTAO(scales=16, steps=2, directions=1)(frame).read("ao")).all())
