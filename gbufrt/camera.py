@@ -94,6 +94,8 @@ class Camera:
         pose = torch.as_tensor(world_from_view)
         k, pose = (k[None] if k.ndim == 2 else k), (pose[None] if pose.ndim == 2 else pose)
         batch = max(k.shape[0], pose.shape[0])
+        if len(size) != 2:
+            raise ValueError(f"size must be (H, W), got {tuple(size)}")
         if not orthographic and not waits(k):
             check_pixels(k, size)
         dtype = torch.float64 if torch.float64 in (k.dtype, pose.dtype) else torch.float32

@@ -112,6 +112,8 @@ def _shape_text(shape: tuple[int, ...]) -> str:
 def _shape_hint(shape: tuple[int, ...], row: Channel) -> str:
     if len(shape) == 4 and shape[-1] == row.components and shape[1] != row.components:
         return "; it looks channels-last: use .permute(0, 3, 1, 2)"
+    if len(shape) == 3 and shape[-1] == row.components != shape[0]:
+        return "; it looks channels-last, without a batch: use .permute(2, 0, 1)[None]"
     if len(shape) == 3 and shape[0] == row.components:
         return "; add the batch dimension: x[None]"
     if len(shape) == 2 and row.components == 1:

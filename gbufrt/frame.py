@@ -80,16 +80,22 @@ class Frame:
 
     def _check(self, names: Iterable[str]) -> None:
         """Raise if one of the signals called ``names``, ``extra`` or ``cut`` breaks its form."""
+        if not isinstance(self.gbuffer, GBuffer):
+            raise TypeError(f"gbuffer must be a gbufrt.GBuffer, got {type(self.gbuffer).__name__}")
         camera = self.gbuffer.camera
         for name in names:
             tensor = getattr(self, name)
             if tensor is not None:
                 check_tensor(name, tensor, SIGNALS[name], batch=camera.batch, size=camera.size, device=camera.device)
-        for name in self.extra:
+        for name, tensor in self.extra.items():
+            if not isinstance(tensor, Tensor):
+                raise TypeError(f"extra signal {name!r} must be a torch.Tensor, got {type(tensor).__name__}")
             if name in SIGNALS or name in CHANNELS:
                 raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
         if isinstance(self.index, Tensor) and (self.index.ndim or self.index.dtype not in (torch.int32, torch.int64)):
             raise ValueError(f"index must be an int or () int64, got {tuple(self.index.shape)} {self.index.dtype}")
+        if not isinstance(self.cut, Tensor | None):
+            raise TypeError(f"cut must be a ({camera.batch},) bool tensor or None, got {type(self.cut).__name__}")
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
             raise ValueError(f"cut must be ({camera.batch},) bool, got {tuple(self.cut.shape)} {self.cut.dtype}")
 

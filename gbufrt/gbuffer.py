@@ -60,6 +60,8 @@ class GBuffer:
                 continue
             check_tensor(name, tensor, row, batch=self.batch, size=self.camera.size, device=self.camera.device)
         previous = self.previous_camera
+        if not isinstance(previous, Camera | None):
+            raise TypeError(f"previous_camera must be a gbufrt.Camera or None, got {type(previous).__name__}")
         if previous is not None and (previous.batch, previous.size) != (self.batch, self.camera.size):
             raise ValueError(
                 f"previous_camera must have batch {self.batch} and size {self.camera.size} like camera, "

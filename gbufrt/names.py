@@ -14,7 +14,7 @@ MOST = 4  # names that a message proposes
 
 def meant(name: str, known: Iterable[str]) -> str:
     """``" (did you mean x?)"`` where a known name is like this one, else nothing."""
-    near = get_close_matches(name, list(known), n=MOST)
+    near = get_close_matches(str(name), list(known), n=MOST)
     return f" (did you mean {' or '.join(near)}?)" if near else ""
 
 
@@ -65,7 +65,8 @@ def resolve(name: str, kinds: Mapping[str, str]) -> str:
     near = get_close_matches(_key(name), {_key(full) for full in kinds})
     likely = [full for full in kinds if _key(full) in near]
     likely.sort(key=lambda full: -SequenceMatcher(None, name, full).ratio())
-    raise ValueError(f"no tunable {name!r}" + (f"; did you mean {', '.join(likely[:MOST])}?" if likely else ""))
+    hint = f"did you mean {', '.join(likely[:MOST])}?" if likely else "all_tunables() and `gbufrt passes` list them"
+    raise ValueError(f"no tunable {name!r}; {hint}")
 
 
 def meanings(cls: type, names: Iterable[str]) -> dict[str, str]:

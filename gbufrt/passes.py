@@ -109,6 +109,7 @@ class Branch(TemporalPass, ABC):
 
     Raises:
         TypeError: a stage is not a pass.
+        ValueError: a name has a dot.
     """
 
     def __init__(self, stages: Stages) -> None:
@@ -117,6 +118,8 @@ class Branch(TemporalPass, ABC):
         for name, stage in stages.items():
             if stage is None:
                 continue
+            if not name or "." in name:
+                raise ValueError(f"a stage's name must hold no dot, which reaches into pipelines, got {name!r}")
             if not isinstance(stage, (Pass, TemporalPass)):
                 raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {type(stage).__name__}")
             self.stages[name] = stage

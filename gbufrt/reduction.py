@@ -55,6 +55,7 @@ class Place:
     """Which frame stages see: a layer of the frame, that frame reduced, or both; by default the frame itself.
 
     Raises:
+        TypeError: ``reduction`` is none.
         ValueError: there is no such layer.
     """
 
@@ -62,6 +63,8 @@ class Place:
     reduction: Reduction | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.reduction, Reduction | None):
+            raise TypeError(f"reduction must be one such as post.Reduced(), got {self.reduction!r}")
         if self.layer not in (None, "behind"):
             raise ValueError(f'layer must be "behind" or None, got {self.layer!r}')
 

@@ -9,13 +9,14 @@ import torch
 
 from gbufrt.commands.arguments.settings import blamed
 from gbufrt.commands.recipe import Recipe
+from gbufrt.files.png import read_rgba
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.passes import Stage
 from gbufrt.pipeline import Pipeline
 from gbufrt.specimen import specimen
 
-PICTURE = "picture"  # a file as large as the frames, which the small one is not
+PICTURE = "picture"  # a file as large as the frames, which the small one is not: it is read alone
 REFUSED = (ValueError, TypeError, ArithmeticError, LookupError, RuntimeError)  # what torch says of numbers, too
 
 
@@ -23,13 +24,16 @@ def tried(recipe: Recipe, device: torch.device) -> Pipeline:
     """The recipe's pipeline, each of whose passes with a setting has run over a small frame.
 
     Raises:
-        ValueError: see `Recipe.build`; or a pass refuses a value: names setting and value.
+        ValueError: see `Recipe.build`; or a pass refuses a value: names setting and value; or a picture has no alpha.
+        FileNotFoundError: there is no such picture.
     """
     pipeline, whole = recipe.build(), recipe.whole()
     stages, settings = dict(pipeline.passes()), dict[str, dict[str, Any]]()
     for name, value in recipe.set.items():
         path, _, key = whole.resolve(name).rpartition(".")
-        if key != PICTURE and path in stages:
+        if key == PICTURE and value:
+            read_rgba(value)
+        elif path in stages:
             settings.setdefault(path, {})[name] = value
     for path, told in settings.items():
         stage = stages[path]

@@ -11,8 +11,8 @@ import pytest
 import torch
 
 import tracer
-from gbufrt import GBuffer, Pipeline
-from post import FXAA, display_encode, exposure, fxaa, normals_from_depth, tone_map
+from gbufrt import Camera, Frame, GBuffer, Pipeline
+from post import FXAA, Reduced, display_encode, exposure, fxaa, me1, normals_from_depth, tone_map, vignette
 
 FRAME = boxes.frame()
 G = FRAME.gbuffer
@@ -45,6 +45,19 @@ PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, ex
             ValueError,
             "got .2,1,72,96.; the camera sets the batch, 1: give it a pose for each picture",
         ),
+        (lambda: G.replace(normal=G.normal[0].permute(1, 2, 0)), ValueError, r"use \.permute\(2, 0, 1\)\[None\]"),
+        (lambda: G.replace(previous_camera=3), TypeError, r"previous_camera must be a gbufrt\.Camera or None, got int"),
+        (
+            lambda: Camera.from_intrinsics(G.camera.intrinsics, G.camera.world_from_view, size=(1, 72, 96)),  # pyright: ignore
+            ValueError,
+            r"size must be \(H, W\), got \(1, 72, 96\)",
+        ),
+        (lambda: Frame(gbuffer=G.camera), TypeError, r"gbuffer must be a gbufrt\.GBuffer, got Camera"),  # pyright: ignore
+        (lambda: FRAME.replace(cut=True), TypeError, r"cut must be a \(1,\) bool tensor or None, got bool"),
+        (lambda: FRAME.write("mine", ROWS.numpy()), TypeError, r"signal 'mine' must be a torch\.Tensor, got ndarray"),  # pyright: ignore
+        (lambda: Pipeline(reduction=Reduced), TypeError, r"reduction must be one such as post\.Reduced\(\), got <cl"),  # pyright: ignore
+        (lambda: Pipeline(**{"a.b": FXAA()}), ValueError, "a stage's name must hold no dot"),  # pyright: ignore
+        (lambda: me1(None), ValueError, "preset must be one of low"),  # pyright: ignore
         (lambda: G.replace(hit=G.hit[..., 1:]), ValueError, "the camera sets the size, 72 rows of 96 pixels"),
         (lambda: G.replace(depth=G.depth.mT), ValueError, r"height comes before width: use \.transpose\(2, 3\)"),
         (lambda: normals_from_depth(G.depth[0], G.camera), ValueError, r"depth must be \(B,1,H,W\).*: x\[None\]"),
@@ -67,3 +80,11 @@ def test_wrong_pictures_are_named(function: Callable[[Any], Any]):
         function(ROWS)
     with pytest.raises(TypeError, match="must be of floats, got uint8"):
         function(torch.zeros(1, 3, 8, 8, dtype=torch.uint8))
+
+
+def test_a_vignette_takes_pictures_of_any_number_of_components():
+    assert vignette(torch.ones(1, 5, 8, 8)).shape == (1, 5, 8, 8)
+    with pytest.raises(TypeError, match=r"image must be a torch\.Tensor, got ndarray"):
+        vignette(ROWS.numpy())  # pyright: ignore
+    with pytest.raises(ValueError, match=r"image must be \(B,3,H,W\).*add the batch dimension"):
+        vignette(torch.ones(3, 8, 8))
