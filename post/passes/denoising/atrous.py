@@ -32,6 +32,7 @@ def atrous(
     confidence: Tensor | None = None,
     lead: int | None = None,
     linear: bool = False,
+    unlike: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Denoise by repeated 5x5 B-spline kernels with holes, each twice as wide as the one before.
 
@@ -57,6 +58,8 @@ def atrous(
         lead: how many of the first channels make the luminance; all by default.
         linear: fit a plane to the signal instead of taking its mean: gradients of light survive where surfaces end, at
             the price of more noise there. See `post.filters.regression`.
+        unlike: ``(B, 1, H, W)`` in [0, 1]: tells surfaces apart as roughness does, a tap counts 1/e for each 0.1, but
+            limits no blur; unused where roughness is given.
 
     Returns:
         The signal ``(B, C, H, W)`` and the variance that is left in it ``(B, 1, H, W)``.
@@ -68,7 +71,7 @@ def atrous(
     """
     if not 1 <= iterations <= 8:
         raise ValueError(f"iterations must lie in 1 to 8, got {iterations}")
-    geometry = surface(depth, normal, hit, camera, roughness)
+    geometry = surface(depth, normal, hit, camera, unlike if roughness is None else roughness)
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
     light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)

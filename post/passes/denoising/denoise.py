@@ -44,7 +44,8 @@ def denoise(
 
     Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
     over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
-    neighbours that keep less noise, and recombined.
+    neighbours that keep less noise, and recombined. Highlights do not take the texture of what they lie on, so pixels
+    that owe unlike shares of their reflectance to a highlight are not averaged.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
     the reflected image, whichever agrees better. In smooth metals, and in water and polished surfaces that reflect most
     of their light, the guide is what they reflect, as far as it is on screen.
@@ -78,7 +79,7 @@ def denoise(
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     reflected = reflectance_of(gbuffer, specular=specular)
     surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)
-    shown, divisor, emission, mirrors = in_mirrors(gbuffer, surfaces, before, reflected if specular else None)
+    shown, divisor, emission, mirrors, glossy = in_mirrors(gbuffer, surfaces, before, reflected if specular else None)
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -100,10 +101,10 @@ def denoise(
     told = tolerated(likely, grain, length, shown.hit, least=TOLERANCE)
     smooth, left = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
-        iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL,
+        iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL, unlike=glossy,
     )  # fmt: skip
     kept = torch.where(told > NOISELESS, left / told.clamp_min(NOISELESS), 1.0).clamp_max(1.0)
-    geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera)
+    geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera, glossy)
     smooth = certain_mean(smooth, variance, kept, geometry)
     sure, metals = trusted(grain, length), glossy_metals(gbuffer)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
+from gbufrt.luminance import luminance
 from post.filters.signals import MIN_ALBEDO
 from post.shading.composite_op import specular_albedo
 from post.shading.mirrors import METAL, SMOOTH, mirror_image
@@ -27,6 +28,10 @@ class Shown(NamedTuple):
     """``(B, 3, H, W)`` linear radiance."""
     mirrors: Tensor | None = None
     """``(B, 1, H, W)`` bool: where the surface is seen in a mirror; None where there is no mirror."""
+    glossy: Tensor | None = None
+    """``(B, 1, H, W)`` in [0, 1]: share of the divisor by which the surface reflects a narrow lobe; None where it is
+    not told apart. Light from there is unlike that from all around, so that what is left after division is unlike too,
+    and shows the texture again."""
 
 
 def reflectance_of(g: GBuffer, *, specular: bool) -> Tensor | None:
@@ -48,10 +53,11 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, reflected: Tensor | None, 
     one, none = torch.ones_like(g.normal), torch.zeros_like(g.normal)
     albedo = diffuse = one if g.albedo is None else g.albedo
     emission = none if g.emission is None else g.emission
-    shown = g
+    shown, glossy = g, None
     if specular and g.roughness is not None and reflected is not None:
         share = reflected * (1 if g.metallic is None else 1 - g.metallic)
         albedo = share + (1 - share) * albedo
+        glossy = (1 - g.roughness) * share / luminance(albedo).clamp_min(MIN_ALBEDO)
     if behind is not None and g.transmittance is not None and reflected is not None:
         own = one[:, :1] if g.opacity is None else g.opacity
         far_albedo = one if behind.albedo is None else behind.albedo
@@ -61,7 +67,7 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, reflected: Tensor | None, 
         albedo = torch.where(clear, reflected + (1 - reflected) * (own * diffuse + through), albedo)
         emission = torch.where(clear, emission + (1 - reflected) * g.transmittance * far_emission, emission)
         shown = _merged(clear, behind, g)
-    return Shown(shown, _divisor(g.hit, albedo), emission)
+    return Shown(shown, _divisor(g.hit, albedo), emission, glossy=glossy)
 
 
 def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, reflected: Tensor | None = None) -> Shown:
@@ -89,6 +95,7 @@ def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, reflected: Ten
         divisor,
         torch.where(image.mask, shown.emission + image.emission, shown.emission),
         image.mask,
+        None if shown.glossy is None else torch.where(image.mask, 0.0, shown.glossy),
     )
 
 
