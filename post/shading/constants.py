@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
 HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
@@ -9,3 +11,5 @@ GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom con
 FULL_SHARE = 0.125  # of the light: surfaces that reflect this much or more take all samples
 GLOSSY = 0.5  # perceptual roughness from which one direction tells nothing of what a dielectric mirrors in a mirror
 NEXT = 1.25  # pixels within which a ray that goes behind something is not yet known to: neighbours are one surface
+ROWS = 36  # of a guess of what lies beyond the picture, from the zenith to the nadir
+ROW_SLOPE = math.tan(math.pi / ROWS / 2)  # of the directions of the two rows next to the horizon

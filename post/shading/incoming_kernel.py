@@ -16,7 +16,7 @@ from post.shading import constants
 from post.shading.lobe_kernel import dot, scaled
 
 ZERO, HALF, ONE, TWO, THREE = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
-HIDDEN_SHARE = np.float32(constants.HIDDEN_SHARE)
+HIDDEN_SHARE, ROW_SLOPE = np.float32(constants.HIDDEN_SHARE), np.float32(constants.ROW_SLOPE)
 SOFTEST, SOFTNESS, CLOSED, POLE = np.float32(1e-3), np.float32(0.3), np.float32(20), np.float32(1e-12)
 
 
@@ -61,16 +61,22 @@ def _corners(picture, place):
     return upper[ix], upper[right], lower[ix], lower[right], x - np.float32(column), y - np.float32(iy)
 
 
+@inlined
+def _off_horizon(world):
+    """See `post.shading.reference.off_horizon`."""
+    least = ROW_SLOPE * math.sqrt(max(world[0] * world[0] + world[2] * world[2], POLE))
+    return world[0], max(world[1], least) if world[1] > ZERO else min(world[1], -least), world[2]
+
+
 @scalar
 def beyond(sky, around, world, share, over_sky):
     """What a ray meets that leaves the picture: a share of the sky, see `gbufrt.environment`, the rest surfaces."""
-    place = _place(world)
-    a, b, c, d, fx, fy = _corners(around, place)
+    a, b, c, d, fx, fy = _corners(around, _place(_off_horizon(world)))
     surface = _mixed(a, b, c, d, fx, fy)
     if not over_sky:
         left, right = a[3] + (c[3] - a[3]) * fy, b[3] + (d[3] - b[3]) * fy
         share *= left + (right - left) * fx
-    a, b, c, d, fx, fy = _corners(sky, place)
+    a, b, c, d, fx, fy = _corners(sky, _place(world))
     above = _mixed(a, b, c, d, fx, fy)
     return (
         surface[0] + (above[0] - surface[0]) * share,

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
+from gbufrt.compute.resident import waits
 from gbufrt.sampling import gather
 from post.history.reproject import motion_of
 from post.march.rays import Hits, depth_hierarchy, march_rays
@@ -55,13 +56,13 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
         polished: ``(B, 1, H, W)`` bool: mirrors that are no metals.
 
     Returns:
-        The image, or None where there is no mirror.
+        The image, or None where there is no mirror, as far as the host knows without waiting for a GPU.
     """
     if g.roughness is None or g.metallic is None or g.albedo is None:
         return None
     mask = g.hit & (g.roughness < SMOOTH) & (g.metallic > METAL)
     mask = mask if polished is None else mask | polished
-    if not bool(mask.any()):
+    if not (waits(mask) or bool(mask.any())):
         return None
     camera, points = g.camera, g.points_view()
     eye, facing = camera.to_eye(points), camera.rotate_to_view(g.normal)

@@ -13,7 +13,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
-from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT
+from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT, ROW_SLOPE
 from post.shading.ggx import grazing
 from post.shading.lobes import (
     Lobe,
@@ -210,9 +210,19 @@ def _beyond(g: Picture, world: Tensor, share: Tensor, over_sky: Tensor | None = 
     sky = torch.zeros_like(world) if g.environment is None else lookup_environment(g.environment, world)
     if g.around is None:
         return share * sky
-    surface, left = lookup_environment(g.around, world).split((3, 1), dim=1)
+    surface, left = lookup_environment(g.around, off_horizon(world)).split((3, 1), dim=1)
     share = share * (left if over_sky is None else torch.where(over_sky, 1.0, left))
     return torch.lerp(surface, sky, share)
+
+
+def off_horizon(world: Tensor) -> Tensor:
+    """Directions that the rows of a guess next to the horizon lie in, where they would lie between these.
+
+    What is over the horizon is not to be mixed with what is below it.
+    """
+    x, y, z = world.unbind(dim=1)
+    least = ROW_SLOPE * (x * x + z * z).clamp_min(1e-12).sqrt()
+    return torch.stack([x, torch.where(y > 0, torch.maximum(y, least), torch.minimum(y, -least)), z], dim=1)
 
 
 def _incoming(light: Tensor, hits: Hits, confidence: Tensor, guess: Tensor) -> Tensor:

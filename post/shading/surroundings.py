@@ -14,14 +14,17 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute.resident import resident
 from gbufrt.environment import environment_directions
 from gbufrt.luminance import luminance
+from post.shading.constants import ROWS
 
-SIZE = (36, 24)  # pixels of the lat-long picture of a guess: high ones mix what is over the horizon with what is below
+SIZE = (ROWS, 24)  # pixels of the lat-long picture of a guess
 BLOCKS = (12, 20)  # of the picture, whose means speak for it
 LINES = 135  # of the picture that are enough for those means
 ELEVATION, AZIMUTH = 0.08, 0.35  # standard deviations in radians: how far light is taken to be alike
 ANYWHERE = 0.1  # what the same elevation in any other azimuth says, of what the same azimuth does
+ACROSS = 0.02  # likewise what lies on the other side of the horizon: the sea hides nothing of the sky over it
 REMOTE, FADING = 1e-3, 0.12  # likewise what other elevations say, and its decay; counts where nothing else is known
 SKYLINE = 0.3  # elevation in radians from which nothing hides the sky, where the picture does not tell
 UNTOLD = 0.004  # of the picture's blocks: what that is worth beside what the picture tells
@@ -47,15 +50,16 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
     """
     step = max(camera.height // LINES, 1)
     light, hit = (picture[..., step // 2 :: step, step // 2 :: step] for picture in (light, hit))
-    solid = hit.to(light)
+    solid, over = hit.to(light), (_ways(camera, light)[:, 1:2] > 0).to(light)
     mean = luminance(light).mean((2, 3), keepdim=True)
     light = light * (BRIGHT * mean / luminance(light).clamp_min(TINY)).clamp_max(1.0)
-    blocks = F.adaptive_avg_pool2d(torch.cat([light * solid, solid, light], dim=1), BLOCKS).flatten(2).mT
-    surface, covered, sky = blocks[..., :3], blocks[..., 3:4], blocks[..., 4:] - blocks[..., :3]
+    planes = torch.cat([light * solid, solid, light * (1 - solid), 1 - solid], dim=1)
+    parts = F.adaptive_avg_pool2d(torch.cat([planes * over, planes * (1 - over)], dim=1), BLOCKS)
+    surface, covered, sky, free = torch.cat(parts.flatten(2).mT.chunk(2, dim=2), dim=1).split((3, 1, 3, 1), dim=2)
     weight, up = _alike(camera, light)
     told = weight @ covered
     colour = weight @ surface / told.clamp_min(TINY)
-    clear = (weight @ (1 - covered)) + TINY
+    clear = weight @ free + TINY
     above = (weight @ sky + TINY * colour) / clear
     untold = UNTOLD * math.prod(BLOCKS)
     share = (clear + untold * (up / SKYLINE).clamp(0.0, 1.0)) / (clear + told + untold)
@@ -64,19 +68,26 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
 
 
 def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
-    """``(B, cells, blocks)`` how much a block of the picture says of a direction; ``(cells, 1)`` its elevation."""
-    intrinsics = camera.intrinsics.clone()
-    intrinsics[:, 0] *= BLOCKS[1] / camera.width
-    intrinsics[:, 1] *= BLOCKS[0] / camera.height
-    _, ways = replace(camera, intrinsics=intrinsics, size=BLOCKS, jitter=None).rays()
-    shown = _angles(ways.movedim(-1, 1).to(like))
+    """``(B, cells, 2 * blocks)`` how much a block of the picture says of a direction, by its part over the horizon and
+    by that below it; ``(cells, 1)`` the direction's elevation."""
+    shown = _angles(_ways(camera, like, BLOCKS))
     cells = _angles(environment_directions(SIZE, dtype=like.dtype, device=like.device))
     elevation, azimuth = (angle.unflatten(2, SIZE) for angle in cells)
     up, aside = elevation[..., :1].flatten(1)[..., None] - shown[0], azimuth[..., 0, :].mT - shown[1]
     aside = torch.remainder(aside + math.pi, 2 * math.pi) - math.pi
     rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / FADING)
     columns = ANYWHERE + torch.exp(-0.5 * (aside / AZIMUTH) ** 2)
-    return (rows[:, :, None] * columns[:, None]).flatten(1, 2), cells[0][0].mT
+    alike, up = (rows[:, :, None] * columns[:, None]).flatten(1, 2), cells[0][0].mT
+    over = torch.where(up > 0, 1.0, ACROSS)
+    return torch.cat([alike * over, alike * (1 + ACROSS - over)], dim=2), up
+
+
+def _ways(camera: Camera, like: Tensor, size: tuple[int, int] | None = None) -> Tensor:
+    """``(B, 3, H, W)`` where the pixels look, world space, if the picture had as many as ``like`` or ``size``."""
+    height, width = like.shape[-2:] if size is None else size
+    scale = resident((width / camera.width, height / camera.height, 1.0), camera.intrinsics)
+    small = replace(camera, intrinsics=camera.intrinsics * scale[:, None], size=(height, width), jitter=None)
+    return small.rays()[1].movedim(-1, 1).to(like)
 
 
 def _angles(directions: Tensor) -> tuple[Tensor, Tensor]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from gbufrt import Camera, Frame, GBuffer
+from gbufrt.compute.resident import resident
 from gbufrt.reduction import Reduction
 from post.upsampling.samples import Samples
 
@@ -44,12 +45,12 @@ def enlarged(g: GBuffer, size: tuple[int, int]) -> GBuffer:
     at = Samples.of(g.camera.size, size, g.camera.jitter, g.depth)
     channels = {name: at.nearest(getattr(g, name)) for name in g.present}
     if "motion" in channels:
-        channels["motion"] = channels["motion"] * g.depth.new_tensor(at.ratio)[None, :, None, None]
+        channels["motion"] = channels["motion"] * resident(at.ratio, g.depth)[None, :, None, None]
     before = None if g.previous_camera is None else resized(g.previous_camera, size)
     return GBuffer(camera=resized(g.camera, size), previous_camera=before, **channels)
 
 
 def resized(camera: Camera, size: tuple[int, int]) -> Camera:
     """The camera of the same view with another number of pixels ``(H, W)``, without jitter."""
-    scale = camera.intrinsics.new_tensor([size[1] / camera.width, size[0] / camera.height, 1.0])
+    scale = resident((size[1] / camera.width, size[0] / camera.height, 1.0), camera.intrinsics)
     return replace(camera, intrinsics=camera.intrinsics * scale[:, None], size=size, jitter=None)

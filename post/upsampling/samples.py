@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from gbufrt.sampling import gather, sample
 from post.filters.edges import offsets
 
@@ -54,7 +55,7 @@ class Samples:
     def between(self, small: Tensor) -> Tensor:
         """``(B, C, H, W)``: what a small picture ``(B, C, h, w)`` holds between its samples, bilinearly."""
         index = torch.stack([self.x, self.y], dim=1).to(self.away)
-        return sample(small, index + 0.5 - self.away / self.away.new_tensor(self.ratio)[None, :, None, None])
+        return sample(small, index + 0.5 - self.away / resident(self.ratio, self.away)[None, :, None, None])
 
     def nearest(self, small: Tensor) -> Tensor:
         """``(B, C, H, W)``: what the nearest sample of a small picture ``(B, C, h, w)`` of any type holds."""

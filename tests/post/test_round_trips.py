@@ -9,17 +9,27 @@ import torch
 from gpu_stand_in import GPU, gpu
 from torch import Tensor
 
+from gbufrt import Pipeline
 from gbufrt.compute.resident import number, numbers, places, resident, sent
 from gbufrt.specimen import specimen
-from post import me1, with_fog
+from post import me1, minecraft_rtx, with_fog
+
+PIPELINES: dict[str, Callable[[], Pipeline]] = {
+    "low": lambda: me1("low"),
+    "high": lambda: me1("high"),
+    "fog": lambda: with_fog(me1("low")),
+    "minecraft-rtx": lambda: minecraft_rtx("high"),
+    "minecraft-rtx of paths": lambda: minecraft_rtx("high", denoiser="denoise"),
+}
 
 
 @pytest.mark.parametrize(
-    ("preset", "captured", "foggy"), [("low", False, False), ("high", True, False), ("low", True, True)]
+    ("kind", "captured"),
+    [("low", False), ("high", True), ("fog", True), ("minecraft-rtx", True), ("minecraft-rtx of paths", False)],
 )
-def test_a_steady_frame(preset: str, captured: bool, foggy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_steady_frame(kind: str, captured: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """In frames that a graph may capture, their number lies on the GPU."""
-    pipeline, frame = with_fog(me1(preset)) if foggy else me1(preset), specimen()
+    pipeline, frame = PIPELINES[kind](), specimen()
     with torch.no_grad():
         _, first = pipeline(frame)
         _, second = pipeline(frame.replace(index=1), first)
@@ -27,7 +37,8 @@ def test_a_steady_frame(preset: str, captured: bool, foggy: bool, monkeypatch: p
     with gpu(monkeypatch) as seen:
         there = frame.to(GPU)
         index = torch.arange(4, device=GPU).unbind() if captured else range(4)
-        _, second = pipeline(there.replace(index=index[1]), first.to(GPU))  # constants are copied
+        _, start = pipeline(there.replace(index=index[0]))  # constants are copied
+        _, second = pipeline(there.replace(index=index[1]), start)
         seen.clear()
         result, third = pipeline(there.replace(index=index[2]), second)
         waits, launches = dict(seen.waits), list(seen.launches)

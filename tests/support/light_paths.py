@@ -4,6 +4,7 @@ the CUDA form by numba's simulator and saves what it finds, with the names of th
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any
 from unittest.mock import patch
@@ -15,6 +16,8 @@ from simulated import save
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute import resident
+from gbufrt.compute.dispatch import simulated
 from tracer.direct import drivers
 from tracer.direct.fog import segments_of
 from tracer.direct.lighting import light
@@ -22,9 +25,10 @@ from tracer.fog import drivers as fog_drivers
 from tracer.fog.scattered import scattered
 from tracer.gbuffers import gbuffer, layers
 from tracer.lights.samples import Lights
-from tracer.paths import integrators, op
+from tracer.paths import integrators, op, receivers
 from tracer.paths import radiance as path_radiance
 from tracer.paths.on_screen import Picture
+from tracer.paths.one_sample import sample_light
 from tracer.paths.receivers import receivers_of
 from tracer.sampling.sequence import Sequence
 from tracer.scene.fog import Fog
@@ -33,7 +37,7 @@ SIZE, BOUNCES = (7, 9), 2
 
 
 def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
-    """The radiance along a few rays, a row for each; `from_surfaces`, `under_water`, `direct` and `fog`."""
+    """The radiance along a few rays, a row for each; `from_surfaces`, `under_water`, `sampled`, `direct`, `fog`."""
     scene = voxels.polished_scene(2).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).to(device)
     g, poses = gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device)
@@ -46,6 +50,7 @@ def answers(device: str | torch.device = "cpu") -> dict[str, Tensor]:
         "radiance on screen": found[1].cpu(),
         **from_surfaces(device),
         **under_water(device),
+        **sampled(device),
         **direct(device),
         **fog(device),
     }
@@ -81,6 +86,20 @@ def under_water(device: str | torch.device) -> dict[str, Tensor]:
     sequence = Sequence.of(2, integrators.indirect_dims(BOUNCES), (4, 5), seed=2, device=at.pixels.device)
     sums = op.indirect(scene, at, at.vertices, sequence, BOUNCES)
     return {f"under water {name}": sums[name].T.cpu() for name in ("sky", "sky_visibility")}
+
+
+def sampled(device: str | torch.device) -> dict[str, Tensor]:
+    """Light of one sample a pixel in a picture with sky: from its surfaces on the CPU, else from all of its pixels."""
+    scene = voxels.polished_scene(3).to(device)
+    g = gbuffer(scene, Camera.look_at((14, 16, 19), (0, 9, 0), size=SIZE).to(device), time=0.3)
+    given: dict[str, Any] = {"poses": scene.poses([0.3]).to(device), "poses_then": scene.poses([0.2]).to(device)}
+    all_of_them = patch.object(receivers, "waits", lambda _: True), patch.object(resident, "waits", lambda _: True)
+    with ExitStack() as patched:
+        for one in all_of_them if simulated() else ():
+            patched.enter_context(one)
+        light = sample_light(scene, g, **given)
+    signals = {name: getattr(light, name) for name in ("direct", "indirect", "specular")}
+    return {f"sampled {name}": signal.flatten(2)[0].T.cpu() for name, signal in signals.items()}
 
 
 def direct(device: str | torch.device = "cpu") -> dict[str, Tensor]:

@@ -14,9 +14,10 @@ from voxels import polished_scene
 
 from gbufrt import Camera, Frame
 from gbufrt.compute import resident
-from tracer import Fog, Waves, raining
+from tracer import Fog, Waves, raining, sampled
 from tracer.frames import render
 from tracer.gbuffers import layers
+from tracer.paths import receivers
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Haze, Instance, Scene, Sun
 from tracer.scene.textures import COLUMNS, TILT, Textures, with_mips
@@ -55,6 +56,48 @@ def test_a_traced_frame(monkeypatch: pytest.MonkeyPatch) -> None:
         assert wanted.hit.float().std() > 0.1
         for name in wanted.present:
             torch.testing.assert_close(getattr(layer, name), getattr(wanted, name), msg=name)
+
+
+def sampled_frames(scene: Scene, eyes: list[Camera], *, each: Callable[[], object] = lambda: None) -> list[Frame]:
+    """Frames with light of one sample a pixel, and samples replayed; before ``each``, something is called."""
+    frames = list[Frame]()
+    for n, eye in enumerate(eyes):
+        before = max(n - 1, 0)
+        moments: dict[str, Any] = {"time": 0.2 * n, "previous_time": 0.2 * before, "index": n, "light_samples": 0}
+        frame = render(scene, eye, previous_camera=eyes[before], **moments)
+        each()
+        frames.append(sampled(scene, frame, before=frames[-1] if frames else None))
+    return frames
+
+
+def test_sampled_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, eyes = everything(), [Camera.look_at((14 + 3 * n, 16, 19), (0, 2, 0), size=(12, 16)) for n in range(4)]
+    waits, launches = list[int](), list[list[Any]]()
+    with gpu(monkeypatch) as seen:
+        there, eyes = scene.to(GPU), [eye.to(GPU) for eye in eyes]
+        sampled_frames(there, eyes[:2])
+        for many in (3, 4):
+            sampled_frames(there, eyes[:many], each=seen.clear)
+            waits.append(seen.waits.total())
+            launches.append(list(seen.launches))
+    assert waits == [0, 0]
+    assert {"lit_paths", "lobes_paths"} <= {name for name, *_ in launches[0]}
+    assert launches[0] == launches[1], "a frame launches the same whatever it shows"
+
+
+def test_sampled_light_from_all_pixels_is_that_from_lists_of_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a GPU takes them, by the kernels of the CPU."""
+    scene, eyes = everything(), [Camera.look_at((14 + 3 * n, 16, 19), (0, 9, 0), size=(24, 32)) for n in range(2)]
+    wanted = sampled_frames(scene, eyes)[1]
+    for where in (resident, receivers):
+        monkeypatch.setattr(where, "waits", lambda _: True)
+    found = sampled_frames(scene, eyes)[1]
+    assert 0.1 < wanted.gbuffer.hit.float().mean() < 0.9
+    for one, other in zip((found, found.behind), (wanted, wanted.behind), strict=True):
+        assert one is not None
+        assert other is not None
+        for name in ("diffuse", "specular", "shadow", "reflection_distance", "replayed_diffuse", "replayed_specular"):
+            torch.testing.assert_close(one.read(name), other.read(name), rtol=1e-5, atol=1e-6, msg=name)
 
 
 def pond() -> Scene:

@@ -33,6 +33,7 @@ from tracer.traversal.lane_kernel import BATCH
 cuda: Any = numba.cuda
 _known: WeakKeyDictionary[Receivers, tuple[Any, ...]] = WeakKeyDictionary()  # paths from one picture come in many parts
 _packed: WeakKeyDictionary[Vertices, Any] = WeakKeyDictionary()
+NO_SURFACE = -1  # in place of a pixel of the tile
 CHUNK = 64  # rays handed out at a time, to a helper that counts no references to what they share
 
 
@@ -96,6 +97,8 @@ def _sums(arrays, camera, picture, surfaces, points, rotation, pixels, setting, 
 @scalar
 def paths(i, arrays, camera, picture, surfaces, points, rotation, pixels, setting, out):
     """As `_sums`, all paths from one surface, one after the other."""
+    if pixels[i] == NO_SURFACE:
+        return
     u, rows = cuda.local.array((MOST_DIMS, 1), np.float32), cuda.local.array(ROWS, np.float64)
     origins, directions = cuda.local.array((1, 3), np.float64), cuda.local.array((1, 3), np.float64)
     spans, weights = cuda.local.array((1, 2), np.float64), cuda.local.array((1, 2), np.float64)
@@ -224,9 +227,12 @@ def _summed(
             picture_of(at.picture, device),
         )
     out, (on_cpu, each) = surfaces.new_zeros(rows, len(at.pixels)), forms
-    given = *_known[at], surfaces, sequence.points, sequence.rotation, sequence.places[at.pixels], setting
+    places = sequence.places[at.pixels]
+    if at.shows is not None:
+        places = torch.where(at.shows, places, NO_SURFACE)
+    given = *_known[at], surfaces, sequence.points, sequence.rotation, places, setting
     if simulated() or out.is_cuda:
         each(len(at.pixels), *given, out)
     else:
         on_cpu(*replaced(given, array), threads(), array(out))
-    return out
+    return at.found(out)

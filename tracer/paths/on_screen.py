@@ -11,6 +11,7 @@ from torch import Tensor
 from gbufrt import GBuffer
 from gbufrt.camera import Camera
 from tracer.lens import one_of
+from tracer.scene.poses import between, known_still
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.rays import trace
 
@@ -27,7 +28,7 @@ class Picture:
         camera: one camera.
         depth: ``(H * W,)`` planar, inf where nothing was hit.
         normal: ``(3, H * W)`` of the surfaces, view space.
-        back: ``(I + 1, 4, 4)``, back-projection of points on the world and on each instance, from where they are now
+        back: ``(I + 1, 3, 4)``, back-projection of points on the world and on each instance, from where they are now
             to where they are in the picture; None where that is the same.
     """
 
@@ -48,16 +49,13 @@ class Picture:
 
     def moved(self, then: Tensor, now: Tensor) -> Picture:
         """The same picture, of instances as they are ``then``, for points as they are ``now``: poses ``(I, 4, 4)``."""
-        if torch.equal(then, now):
-            return replace(self, back=None)
-        back = then.double() @ torch.linalg.inv(now.double())
-        return replace(self, back=torch.cat([torch.eye(4).to(back)[None], back]).float())
+        return replace(self, back=None if known_still(then, now) else between(now, then))
 
     def back_project(self, points: Tensor, normals: Tensor, instances: Tensor) -> tuple[Tensor, Tensor]:
         """Points and normals ``(N, 3)`` on ``instances`` ``(N,)``, 0 for the world, taken to the picture."""
         if self.back is None:
             return points, normals
-        back = self.back[instances.long(), :3]
+        back = self.back[instances.long()]
         turned = (back[..., :3] @ torch.stack([points, normals], dim=-1)).unbind(dim=-1)
         return turned[0] + back[..., 3], turned[1]
 

@@ -22,6 +22,7 @@ from tracer.paths.op import lit, lobes
 from tracer.paths.receivers import Receivers, Sums, placed, receivers_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
+from tracer.scene.poses import between, known_still
 from tracer.scene.scene import Scene
 
 STRATUM = 3  # pixels: side of the squares of which one pixel is replayed
@@ -223,10 +224,9 @@ def brightest_a_stratum(hit: Tensor, luminance: Tensor) -> Tensor:
 
 def _moved(at: Receivers, then: Tensor) -> Receivers:
     """Surfaces of instances that were at poses ``then`` ``(I, 4, 4)``, carried to where they are now."""
-    if torch.equal(then, at.poses):
+    if known_still(then, at.poses):
         return at
-    forward = at.poses.double() @ torch.linalg.inv(then.double())
-    forward = torch.cat([torch.eye(4).to(forward)[None], forward]).float()[at.vertices.instances.long(), :3]
+    forward = between(then, at.poses)[at.vertices.instances.long()]
     v = at.vertices
     turned = forward[..., :3] @ torch.stack([v.points, v.normals, v.toward], dim=-1)
     points, normals, toward = turned.unbind(dim=-1)

@@ -69,7 +69,7 @@ def lobes(
             return summed(partial(integrators.lobes, scene, at, bounces=bounces), at, start, sequence)
         numbers = sequence.draw(at.pixels)
         found = integrators.lobes(scene, at, start, numbers, bounces, memory)
-        return {name: x.T for name, x in found.items()}
+        return {name: at.found(x.T) for name, x in found.items()}
     from tracer.paths import drivers
 
     return drivers.lobes(scene, at, start, sequence, bounces, memory)

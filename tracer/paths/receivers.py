@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.compute.resident import places, waits
 from tracer.direct.lighting import batched, ray_origins
 from tracer.lights.samples import Lights
 from tracer.paths.interaction import Vertices
@@ -27,7 +28,9 @@ class Receivers:
     """What one picture of a batch shows.
 
     Args:
-        pixels: ``(M,)`` numbers of those that show a surface.
+        pixels: ``(M,)`` numbers of those that show a surface; where the host would wait for their number, those of all
+            else come after them.
+        shows: ``(M,)`` bool, whether they show a surface; None where all of them do.
         places: ``(6, M)``, the points and normals of the M surfaces, see `Vertices`.
         surfaces: makes all else that is known of the surfaces.
         picture: what the camera shows.
@@ -36,6 +39,7 @@ class Receivers:
     """
 
     pixels: Tensor
+    shows: Tensor | None = None
     places: Tensor
     surfaces: Callable[[], Vertices]
     picture: Picture
@@ -46,6 +50,10 @@ class Receivers:
     def vertices(self) -> Vertices:
         """The M surfaces."""
         return self.surfaces()
+
+    def found(self, rows: Tensor) -> Tensor:
+        """Sums ``(C, M)`` over paths, 0 where there is no surface."""
+        return rows if self.shows is None else torch.where(self.shows, rows, 0.0)
 
 
 Integrand = Callable[[Vertices, Tensor], Values]
@@ -66,13 +74,16 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None, lights: L
     poses = batched(poses, gbuffer.batch, len(scene.instances))
     points, found = ray_origins(scene, gbuffer), []
     for b in range(gbuffer.batch):
-        pixels = gbuffer.hit[b].flatten().nonzero()[:, 0]
-        places = torch.cat([points[b].flatten(1)[:, pixels], gbuffer.normal[b].flatten(1)[:, pixels]]).float()
+        hit = gbuffer.hit[b].flatten()
+        (pixels,) = places(hit)
+        shows = hit[pixels] if waits(hit) else None
+        at = torch.cat([points[b].flatten(1)[:, pixels], gbuffer.normal[b].flatten(1)[:, pixels]]).float()
         found.append(
             Receivers(
                 pixels=pixels,
-                places=places,
-                surfaces=partial(_surfaces, scene, gbuffer, b, pixels, places, poses[b]),
+                shows=shows,
+                places=at,
+                surfaces=partial(_surfaces, scene, gbuffer, b, pixels, at, poses[b]),
                 picture=Picture.of(gbuffer, b),
                 poses=poses[b],
                 lights=Lights.of(scene, poses[b]) if lights is None else lights,
@@ -81,8 +92,8 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None, lights: L
     return found
 
 
-def _surfaces(scene: Scene, gbuffer: GBuffer, b: int, pixels: Tensor, places: Tensor, poses: Tensor) -> Vertices:
-    """Of picture ``b``, the surfaces at ``places`` ``(6, M)``."""
+def _surfaces(scene: Scene, gbuffer: GBuffer, b: int, pixels: Tensor, at: Tensor, poses: Tensor) -> Vertices:
+    """Of picture ``b``, the surfaces at ``at`` ``(6, M)``."""
     camera = gbuffer.camera
     one, none = torch.ones_like(gbuffer.depth), torch.zeros_like(gbuffer.depth)
     planes = {
@@ -99,13 +110,13 @@ def _surfaces(scene: Scene, gbuffer: GBuffer, b: int, pixels: Tensor, places: Te
     for name in ("roughness", "metallic", "opacity", "instances"):
         rows[name] = rows[name][:, 0]
     rows["instances"] = rows["instances"].int()
-    rows["points"], rows["normals"] = (part.T.contiguous() for part in places.split(3))
+    rows["points"], rows["normals"] = (part.T.contiguous() for part in at.split(3))
     return Vertices(inside=_inside(scene, rows["points"], rows.pop("outward"), poses), **rows)
 
 
 def _inside(scene: Scene, points: Tensor, normals: Tensor, poses: Tensor) -> Tensor:
     """``(N,)`` bool: which points lie within a transmissive material: it dims a short ray along the normal."""
-    if not bool((scene.materials.opacity[1:] < 1).any()):
+    if not scene.materials.transmissive:
         return torch.zeros_like(points[:, 0], dtype=torch.bool)
     passed = transmission(scene, points, normals, poses=poses, mask=MASK_SECONDARY, t_max=NEAR)
     return (passed.amin(dim=1) < 1) & (passed.amax(dim=1) > 0)
@@ -159,4 +170,4 @@ def summed(integrand: Integrand, at: Receivers, start: Vertices, sequence: Seque
         part = slice(begin, begin + step)
         found = integrand(start[part], sequence.draw(at.pixels[part]))
         sums.append({name: x.view(count, -1, x.shape[1]).sum(dim=0).T for name, x in found.items()})
-    return {name: torch.cat([part[name] for part in sums], dim=1) for name in sums[0]}
+    return {name: at.found(torch.cat([part[name] for part in sums], dim=1)) for name in sums[0]}

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
+from gbufrt.compute.resident import sent
 from gbufrt.luminance import luminance
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import ray_origins
@@ -93,7 +94,7 @@ def _sampled(
     scene: Scene, frame: Frame, before: Frame | None, cache: IrradianceCache | None, given: dict[str, Any]
 ) -> tuple[Frame, Tensor]:
     """See `sampled`; also the samples for a cache, see `sample`."""
-    poses = scene.poses([frame.time]).to(frame.gbuffer.camera.device)
+    poses = sent(scene.poses([frame.time]), frame.gbuffer.depth)
     if "lights" not in given:  # those of both layers, and of what is replayed
         given = {**given, "lights": Lights.of(scene, poses[0])}
     follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
@@ -110,7 +111,7 @@ def _sampled(
         changes["radiance"] = _of_sun_and_lamps(frame, light.direct, frame.radiance)
     if before is not None:
         chosen = _replayed(before, given["seed"], cached=cache is not None)
-        then = scene.poses([before.time]).to(poses.device)
+        then = sent(scene.poses([before.time]), poses)
         moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": int(before.index)}
         again, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **given)
         changes |= {"replayed": chosen.to(light.direct)}

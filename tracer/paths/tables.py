@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from gbufrt.compute.resident import resident
 from tracer.lights.samples import Lights
 from tracer.lights.tables import lit_tables
 from tracer.paths.interaction import Vertices
@@ -64,18 +65,17 @@ def camera_of(picture: Picture | None, device: torch.device) -> Tensor:
         return torch.zeros(0, dtype=torch.float64, device=device)
     camera = picture.camera
     k, jitter = camera.intrinsics[0].double(), camera.jitter
-    still = torch.zeros(2, dtype=torch.float64)
     numbers = [
         camera.view_from_world[0, :3].double().flatten(),
-        k[[0, 1], [0, 1]],
+        k.diagonal()[:2],
         k[:2, 2],
-        still if jitter is None else jitter[0].double(),
+        k.new_zeros(2) if jitter is None else jitter[0].double(),
         camera.position[0].double(),
         camera.forward[0].double(),
-        torch.tensor([camera.orthographic, *camera.size], dtype=torch.float64),
+        resident((float(camera.orthographic), *camera.size), k),
     ]
     if picture.back is not None:
-        numbers.append(picture.back[1:, :3].double().flatten())
+        numbers.append(picture.back[1:].double().flatten())
     return torch.cat([part.to(device) for part in numbers])
 
 

@@ -10,6 +10,7 @@ from torch import Tensor
 from gbufrt.compute.resident import number
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
+from tracer.scene.poses import inverse
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 from tracer.traversal import op as ops
 from tracer.traversal.hits import Hits
@@ -198,16 +199,14 @@ def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) ->
         raise ValueError(f"poses must be ({count},4,4) or (B,{count},4,4), got {tuple(poses.shape)}")
     matrices = torch.eye(4, dtype=torch.float64, device=device).repeat(poses.shape[0], count + 1, 1, 1)
     matrices[:, 1:] = scene.world_from_model(poses.to(device=device, dtype=torch.float64))
-    turned = matrices[..., :3, :3].transpose(-1, -2)  # rigid up to a scale: far cheaper to invert than a general matrix
-    turned = turned / turned.square().sum(dim=-1, keepdim=True).clamp_min(1e-30)
+    into = inverse(matrices)
     entries = scene.grids.entries.to(device=device, dtype=torch.float64)
     origin, low, high = (entries[:, first : first + 3] for first in (ORIGIN, LOW, HIGH))
-    offset = -(turned @ matrices[..., :3, 3:])[..., 0] - origin
-    inverse = torch.cat([turned, offset[..., None]], dim=-1)
+    into[..., 3] -= origin
     center = (matrices[..., :3, :3] @ ((low + high) / 2 + origin)[..., None])[..., 0] + matrices[..., :3, 3]
     radius = matrices[..., :3, 0].norm(dim=-1) * (high - low).norm(dim=-1) / 2
     sphere = torch.cat([center, radius[..., None] * (1 + MARGIN) + MARGIN], dim=-1)
-    return torch.cat([inverse, sphere[..., None, :]], dim=-2)
+    return torch.cat([into, sphere[..., None, :]], dim=-2)
 
 
 def _starts(hits: Hits) -> Tensor:

@@ -12,6 +12,7 @@ from gbufrt import Camera, Frame, Pipeline
 from gbufrt.environment import lookup_environment
 from gbufrt.luminance import luminance
 from post import SSGI, SSR
+from post.shading.reference import off_horizon
 from post.shading.sent_light import outgoing_light
 from post.shading.surroundings import look_around
 from tracer.scene.scene import Scene, Sky
@@ -48,6 +49,16 @@ def test_the_skyline_goes_round_and_left_is_left():
     assert float(back[3]) < 0.2, "ground is ground behind the camera too"
     assert float(at(around, (0.0, 0.5, 1.0))[0, 3]) > 0.9
     assert torch.allclose(sky, torch.tensor([0.1, 0.2, 0.9]).view(1, 3, 1, 1), atol=0.03)
+
+
+def test_the_sea_hides_nothing_of_the_sky_over_it():
+    hit = (torch.arange(36) >= 18).view(1, 1, 36, 1).expand(1, 1, 36, 64)
+    around, _ = look_around(torch.full((1, 3, 36, 64), 0.2), hit, LEVEL)
+    low = [(x, up, z) for up in (0.01, -0.01) for x, z in ((-1.0, -0.6), (1.0, -0.6), (0.0, 1.0))]
+    open_share = lookup_environment(around, off_horizon(torch.tensor(low).T[None, :, None]))[0, 3, 0]
+    assert float(open_share[:2].min()) > 0.9  # 0.5 where the rows next to the horizon mix
+    assert float(open_share[2]) > 0.8, "behind the camera less is known"
+    assert float(open_share[3:].max()) < 0.1
 
 
 def test_lamps_are_no_surroundings_and_black_pictures_are_black():
