@@ -14,6 +14,18 @@ from post.filters.edges import Surface, surface_reference
 PLANES = 4  # of `Surface.plane`
 
 
+def check_sizes(camera: Camera, **pictures: Tensor | None) -> None:
+    """Raise ValueError where a picture is not of its camera's size and batch: kernels would read beside it."""
+    for name, picture in pictures.items():
+        if picture is None:
+            continue
+        if picture.ndim != 4 or picture.shape[0] != camera.batch or picture.shape[-2:] != camera.size:
+            raise ValueError(
+                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
+                f"got {tuple(picture.shape)}"
+            )
+
+
 def surface(
     depth: Tensor,
     normal: Tensor,
@@ -36,12 +48,7 @@ def surface(
     Raises:
         ValueError: sizes disagree with the camera's.
     """
-    for name, tensor in (("depth", depth), ("normal", normal), ("hit", hit)):
-        if tensor.shape[0] != camera.batch or tensor.shape[-2:] != camera.size:
-            raise ValueError(
-                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
-                f"got {tuple(tensor.shape)}"
-            )
+    check_sizes(camera, depth=depth, normal=normal, hit=hit, roughness=roughness)
     pose, lens = camera.rotation_to_view.to(depth), camera.lens.to(depth)
     if form_of(depth, normal, roughness, pose, lens, compiled=compiled, cuda=True) is Form.REFERENCE:
         return surface_reference(depth, normal, hit, camera, roughness)

@@ -12,7 +12,21 @@ import torch
 
 import tracer
 from gbufrt import Camera, Frame, GBuffer, Pipeline
-from post import FXAA, Reduced, display_encode, exposure, fxaa, me1, normals_from_depth, tone_map, vignette
+from post import (
+    FXAA,
+    Reduced,
+    atrous,
+    bilateral,
+    denoise,
+    display_encode,
+    exposure,
+    fxaa,
+    me1,
+    normals_from_depth,
+    temporal,
+    tone_map,
+    vignette,
+)
 
 FRAME = boxes.frame()
 G = FRAME.gbuffer
@@ -88,3 +102,21 @@ def test_a_vignette_takes_pictures_of_any_number_of_components():
         vignette(ROWS.numpy())  # pyright: ignore
     with pytest.raises(ValueError, match=r"image must be \(B,3,H,W\).*add the batch dimension"):
         vignette(torch.ones(3, 8, 8))
+
+
+@pytest.mark.parametrize("size", [(71, 96), (80, 128)])
+def test_filters_refuse_pictures_of_another_size_than_the_camera(size: tuple[int, int]):
+    """Their kernels would read, and write, beside them."""
+    other, one = torch.rand(1, 3, *size), torch.rand(1, 3, 72, 96)
+    of: Any = {"depth": G.depth, "normal": G.normal, "hit": G.hit, "camera": G.camera}
+    wrong: dict[str, Callable[[], object]] = {
+        "signal": lambda: bilateral(other, **of),
+        "variance": lambda: bilateral(one, **of, variance=other[:, :1]),
+        "roughness": lambda: atrous(one, **of, roughness=other[:, :1]),
+        "confidence": lambda: atrous(one, **of, confidence=other[:, :1]),
+        "light": lambda: denoise(other, G),
+        "distance": lambda: temporal(one, G, distance=other[:, :1]),
+    }
+    for name, call in wrong.items():
+        with pytest.raises(ValueError, match=f"{name} must be .1,C,72,96. like its camera, got .1, ., {size[0]}"):
+            call()

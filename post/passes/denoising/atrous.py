@@ -10,7 +10,7 @@ from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import spatial_moments, wavelet
 from post.filters.regression import fitted, with_places
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import surface
+from post.filters.surfaces import check_sizes, surface
 
 REACH = 16.0  # pixels: widest blur of a reflection
 
@@ -71,6 +71,7 @@ def atrous(
     """
     if not 1 <= iterations <= 8:
         raise ValueError(f"iterations must lie in 1 to 8, got {iterations}")
+    check_sizes(camera, signal=signal, variance=variance, confidence=confidence)
     geometry = surface(depth, normal, hit, camera, unlike if roughness is None else roughness)
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from post.filters.edges import Surface
-from post.filters.surfaces import surface
+from post.filters.surfaces import check_sizes, surface
 from post.history.antilag import alike, grain_of, into_shadow, pooled, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
@@ -76,6 +76,7 @@ def denoise(
     """
     if light.ndim != 4 or light.shape[1] != 3:
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
+    check_sizes(gbuffer.camera, light=light)
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     reflected = reflectance_of(gbuffer, specular=specular)
     surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)

@@ -15,7 +15,7 @@ from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.op import spatial_moments
 from post.filters.signals import signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import surface
+from post.filters.surfaces import check_sizes, surface
 from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes
 from post.history.constants import YOUNG
@@ -86,6 +86,7 @@ def temporal(
     """
     if not 0.0 <= blend <= 1.0:
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
+    check_sizes(gbuffer.camera, signal=signal, distance=distance, longest=longest)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
