@@ -14,7 +14,7 @@ import torch
 from kornia.geometry.depth import depth_to_normals
 from torch import Tensor
 
-from gbufrt.compute.resident import waits
+from gbufrt.compute.resident import resident, waits
 from gbufrt.directions import length
 from gbufrt.matrices import check_matrices, check_pixels
 from gbufrt.tree import map_tensors
@@ -230,6 +230,11 @@ class Camera:
             return replace(self, jitter=None)
         offset = torch.as_tensor(jitter, dtype=self.intrinsics.dtype, device=self.device)
         return replace(self, jitter=offset.expand(self.batch, 2))
+
+    def resized(self, size: tuple[int, int]) -> Camera:
+        """The same views with another number of pixels ``(H, W)``, without jitter."""
+        scale = resident((size[1] / self.width, size[0] / self.height, 1.0), self.intrinsics)
+        return replace(self, intrinsics=self.intrinsics * scale[:, None], size=size, jitter=None)
 
     def pixel_centers(self, *, jittered: bool = True, dtype: torch.dtype | None = None) -> Tensor:
         """``(B, 2, H, W)``: ``px`` at which each pixel is sampled, or its centre when ``jittered`` is False."""

@@ -7,14 +7,12 @@ a square has walls on all its sides, a valley has hills behind the camera too.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
-from gbufrt.compute.resident import resident
 from gbufrt.environment import environment_directions
 from gbufrt.luminance import luminance
 from post.shading.constants import ROWS
@@ -85,9 +83,7 @@ def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
 def _ways(camera: Camera, like: Tensor, size: tuple[int, int] | None = None) -> Tensor:
     """``(B, 3, H, W)`` where the pixels look, world space, if the picture had as many as ``like`` or ``size``."""
     height, width = like.shape[-2:] if size is None else size
-    scale = resident((width / camera.width, height / camera.height, 1.0), camera.intrinsics)
-    small = replace(camera, intrinsics=camera.intrinsics * scale[:, None], size=(height, width), jitter=None)
-    return small.rays()[1].movedim(-1, 1).to(like)
+    return camera.resized((height, width)).rays()[1].movedim(-1, 1).to(like)
 
 
 def _angles(directions: Tensor) -> tuple[Tensor, Tensor]:

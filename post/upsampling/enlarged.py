@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from gbufrt import Camera, Frame, GBuffer
+from gbufrt import Frame, GBuffer
 from gbufrt.compute.resident import resident
 from gbufrt.reduction import Reduction
 from post.upsampling.samples import Samples
@@ -46,11 +46,5 @@ def enlarged(g: GBuffer, size: tuple[int, int]) -> GBuffer:
     channels = {name: at.nearest(getattr(g, name)) for name in g.present}
     if "motion" in channels:
         channels["motion"] = channels["motion"] * resident(at.ratio, g.depth)[None, :, None, None]
-    before = None if g.previous_camera is None else resized(g.previous_camera, size)
-    return GBuffer(camera=resized(g.camera, size), previous_camera=before, **channels)
-
-
-def resized(camera: Camera, size: tuple[int, int]) -> Camera:
-    """The camera of the same view with another number of pixels ``(H, W)``, without jitter."""
-    scale = resident((size[1] / camera.width, size[0] / camera.height, 1.0), camera.intrinsics)
-    return replace(camera, intrinsics=camera.intrinsics * scale[:, None], size=size, jitter=None)
+    before = None if g.previous_camera is None else g.previous_camera.resized(size)
+    return GBuffer(camera=g.camera.resized(size), previous_camera=before, **channels)

@@ -12,7 +12,6 @@ from gbufrt import Camera, GBuffer
 from gbufrt.sampling import gather, pixel_centers
 from post.history.reproject import motion_of
 from post.upsampling.constants import EDGE_ON, IN_FRONT, STRETCH, TOLERANCE
-from post.upsampling.enlarged import resized
 from post.upsampling.samples import Samples
 
 
@@ -74,9 +73,9 @@ def upscaled_motion(
     """
     x, y = _in_front(surfaces[:, :1], at)
     near, hit, facing, offset, own_motion, own_z = gather(surfaces, x, y).split((1, 1, 3, 1, 2, 1), dim=1)
-    large = resized(camera, size)
+    large = camera.resized(size)
     depth = _on_plane(large, near, facing, offset)
-    moved, moved_z = large.static_motion(resized(before, size), depth, hit > 0)
+    moved, moved_z = large.static_motion(before.resized(size), depth, hit > 0)
     scale = moved.new_tensor(at.ratio)[None, :, None, None]
     there = pixel_centers(moved) + moved + own_motion * scale
     jitter = 0.0 if before.jitter is None else before.jitter.to(there)[:, :, None, None]

@@ -13,7 +13,6 @@ from gbufrt.compute.resident import resident
 from post.history.constants import WINDOW
 from post.upsampling.accumulate import mean_weight
 from post.upsampling.constants import BOX, COUNTS
-from post.upsampling.enlarged import resized
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_taps
 from post.upsampling.upscale_reference import Large, Small, Tunables, upscaled_reference
@@ -80,7 +79,7 @@ def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
 def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]) -> Tensor:
     """``(B, 24)``: focal lengths and principal point at the size of the large picture; rotation and shift to the view
     of the frame before; its focal lengths and principal point; its jitter, in small pixels; and the ratios."""
-    now, before = resized(camera, size).lens[:, :4], resized(previous, size).lens[:, :4]
+    now, before = camera.resized(size).lens[:, :4], previous.resized(size).lens[:, :4]
     way = previous.view_from_world.double() @ camera.world_from_view.double()
     ratio = resident(at.ratio, now).expand(camera.batch, 2)
     parts = [now, way[:, :3, :3].flatten(1), way[:, :3, 3], before, previous.lens[:, 4:], ratio]
