@@ -12,6 +12,8 @@ from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
+from llvmlite.binding import Target, get_process_triple
+from numba.core import config
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
@@ -42,8 +44,9 @@ class _Whole(JITCodeLibrary):
     """The code of a driver, optimized twice: with one round the bilateral filter takes 8 % longer."""
 
     def _optimize_final_module(self) -> None:
-        super()._optimize_final_module()
-        super()._optimize_final_module()
+        with _widest_vectors(self._codegen):
+            super()._optimize_final_module()
+            super()._optimize_final_module()
 
 
 class HelperCompiler(Compiler):
@@ -63,6 +66,24 @@ class DriverCompiler(Compiler):
         self.state.library.enable_object_caching()
         with _parts(codegen):
             return super().compile_extra(func)
+
+
+@contextmanager
+def _widest_vectors(codegen: Any) -> Iterator[None]:
+    """Have loops become vectors of 512 bits where the CPU has them.
+
+    LLVM takes half of that for Intel's, since the first of them lowered their clock for it. Those that know VBMI2 do
+    not: filters take a tenth less time there, a whole frame 6 %.
+    """
+    usual, options = codegen._tm, {"opt": config.OPT}  # pyright: ignore[reportAttributeAccessIssue]
+    codegen._customize_tm_options(options)
+    if "+avx512vbmi2" in options["features"].split(","):
+        options["features"] += ",-prefer-256-bit"
+        codegen._tm = Target.from_triple(get_process_triple()).create_target_machine(**options)
+    try:
+        yield
+    finally:
+        codegen._tm = usual
 
 
 @contextmanager

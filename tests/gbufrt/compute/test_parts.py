@@ -9,10 +9,12 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from llvmlite.binding import get_host_cpu_features
 from numba.core.caching import NullCache
 from numba.core.codegen import JITCodeLibrary
 
 from gbufrt.compute.kernel import driver, scalar
+from gbufrt.compute.parts import _Whole
 from gbufrt.compute.target import Target
 
 
@@ -49,6 +51,30 @@ def test_all_that_a_driver_calls_becomes_machine_code_once(monkeypatch):
     assert out.tolist() == [1.0, 3.0, 5.0, 7.0, 9.0]
     assert len(made) == 1
     assert "_fill" in made[0]
+
+
+def _double(rows: np.ndarray, threads: int) -> None:
+    for t in numba.prange(threads):
+        row = rows[t]
+        for i in range(row.shape[0]):
+            row[i] = row[i] + row[i]
+
+
+def test_loops_become_the_widest_vectors_of_the_cpu(monkeypatch):
+    if not get_host_cpu_features().get("avx512vbmi2"):
+        pytest.skip("not a CPU for which LLVM takes half of its vectors")
+    code, of_numba = [], _Whole._finalize_specific
+
+    def finalized(library):
+        code.append(str(library._final_module))
+        of_numba(library)
+
+    monkeypatch.setattr(_Whole, "_finalize_specific", finalized)
+    kernel, rows = driver(_double), np.ones((1, 64), np.float32)
+    monkeypatch.setattr(kernel.dispatcher, "_cache", NullCache())
+    kernel(rows, 1)
+    assert "<16 x float>" in code[0]
+    assert (rows == 2).all()
 
 
 def test_functions_compiled_after_a_driver_can_be_called():
