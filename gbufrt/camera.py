@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
-from kornia.geometry.depth import depth_to_normals
 from torch import Tensor
 
 from gbufrt.compute.resident import resident, waits
@@ -377,6 +376,8 @@ class Camera:
             away = torch.linalg.cross(dx, dy, dim=1)
             away = away / length(away)
         else:  # kornia counts pixel centres from integers, and its normals face away from the camera
+            from kornia.geometry.depth import depth_to_normals  # late: kornia takes most of a second to import
+
             k = self.intrinsics.to(depth.dtype).clone()
             k[:, :2, 2] = k[:, :2, 2] - 0.5 - (0.0 if self.jitter is None else self.jitter.to(depth.dtype))
             away = depth_to_normals(depth, k)

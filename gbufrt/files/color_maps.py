@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import torch
-from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt.noise.noise import GOLDEN
@@ -33,6 +32,8 @@ def viridis(value: Tensor) -> Tensor:
 
 def to_srgb(linear: Tensor) -> Tensor:
     """Linear light ``(B, 3, H, W)``, clamped to [0, 1], to display-referred sRGB (IEC 61966-2-1)."""
+    from kornia.color import linear_rgb_to_rgb  # late: kornia takes most of a second to import
+
     return linear_rgb_to_rgb(linear.clamp(0, 1))
 
 

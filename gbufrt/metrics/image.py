@@ -7,7 +7,6 @@ Every function takes ``(B, C, H, W)`` tensors; the numbers are ``(B,)``, the map
 from __future__ import annotations
 
 import torch
-from kornia.metrics import ssim as kornia_ssim
 from torch import Tensor
 
 RELATIVE_EPSILON = 1e-2  # keeps black pixels of the truth from dominating the relative error (Rousselle et al. 2011)
@@ -52,6 +51,8 @@ def ssim_map(estimate: Tensor, truth: Tensor, *, peak: float = 1.0, window: int 
     """
     if min(truth.shape[-2:]) <= window // 2:
         raise ValueError(f"ssim needs pictures larger than {window // 2} pixels, got {tuple(truth.shape[-2:])}")
+    from kornia.metrics import ssim as kornia_ssim  # late: kornia takes most of a second to import
+
     return kornia_ssim(_checked(estimate, truth), truth, window, max_val=peak).mean(1, keepdim=True)
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from kornia.color import rgb_to_linear_rgb
 from torch import Tensor
 
 CONFIGS = {"aces-1.3": "cg-config-v2.2.0_aces-v1.3_ocio-v2.4", "aces-2.0": "cg-config-v4.0.0_aces-v2.0_ocio-v2.5"}
@@ -48,6 +47,8 @@ def ocio_view(light: Tensor, operator: str, view: str = "") -> Tensor:
         ValueError: a gradient is wanted; OpenColorIO or the config is missing; the config is damaged or has no such
             view, or no linear Rec. 709.
     """
+    from kornia.color import rgb_to_linear_rgb  # late: kornia takes most of a second to import
+
     check_view(operator, view)
     if torch.is_grad_enabled() and light.requires_grad:
         raise ValueError(f"operator {operator!r} has no gradient; use agx or another curve, or detach the light")

@@ -6,7 +6,6 @@ from __future__ import annotations
 from typing import Literal
 
 import torch
-from kornia.color import linear_rgb_to_rgb
 from torch import Tensor
 
 from gbufrt.compute.resident import resident
@@ -98,6 +97,8 @@ def matrix(rows: tuple[tuple[float, ...], ...], like: Tensor) -> Tensor:
 
 def encode_reference(image: Tensor) -> Tensor:
     """See `post.display.op.encoded`."""
+    from kornia.color import linear_rgb_to_rgb  # late: kornia takes most of a second to import
+
     return linear_rgb_to_rgb(image.clamp(0, 1))
 
 
