@@ -16,7 +16,7 @@ from torch import Tensor
 
 from gbufrt.compute.resident import resident, waits
 from gbufrt.directions import length
-from gbufrt.matrices import check_matrices, check_pixels
+from gbufrt.matrices import check_matrices, check_pixels, check_size
 from gbufrt.tree import map_tensors
 
 PARALLEL = 1e-9  # sine of the smallest angle between the view direction and up
@@ -56,8 +56,7 @@ class Camera:
         batch = self.intrinsics.shape[0]
         if self.world_from_view.shape != (batch, 4, 4):
             raise ValueError(f"world_from_view must be ({batch},4,4), got {_shape(self.world_from_view)}")
-        if len(self.size) != 2 or min(self.size) < 1:
-            raise ValueError(f"size must be (H, W) with both at least 1, got {self.size}")
+        check_size(self.size)
         if not 0 < self.near < self.far < math.inf:
             raise ValueError(f"near and far must be finite with 0 < near < far, got near={self.near}, far={self.far}")
         if self.jitter is not None and self.jitter.shape != (batch, 2):
@@ -94,8 +93,7 @@ class Camera:
         pose = torch.as_tensor(world_from_view)
         k, pose = (k[None] if k.ndim == 2 else k), (pose[None] if pose.ndim == 2 else pose)
         batch = max(k.shape[0], pose.shape[0])
-        if len(size) != 2:
-            raise ValueError(f"size must be (H, W), got {tuple(size)}")
+        check_size(size)
         if not orthographic and not waits(k):
             check_pixels(k, size)
         dtype = torch.float64 if torch.float64 in (k.dtype, pose.dtype) else torch.float32
@@ -139,6 +137,7 @@ class Camera:
         Raises:
             ValueError: the field of view is not in (0, 180), or eye, target and up lie on one line.
         """
+        check_size(size)
         if not 0.0 < fov_y < 180.0:
             raise ValueError(f"fov_y must lie between 0 and 180 degrees, got {fov_y}")
         tensors = [value for value in (eye, target, up) if isinstance(value, Tensor)]
@@ -233,6 +232,7 @@ class Camera:
 
     def resized(self, size: tuple[int, int]) -> Camera:
         """The same views with another number of pixels ``(H, W)``, without jitter."""
+        check_size(size)
         scale = resident((size[1] / self.width, size[0] / self.height, 1.0), self.intrinsics)
         return replace(self, intrinsics=self.intrinsics * scale[:, None], size=size, jitter=None)
 

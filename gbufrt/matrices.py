@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from itertools import chain
+from typing import Any
 
 from torch import Tensor
 
@@ -29,6 +30,13 @@ def check_matrices(intrinsics: Tensor, world_from_view: Tensor, jitter: Tensor |
         _check_rigid(pose)
     if jitter is not None and not all(math.isfinite(n) for n in chain(*jitter.tolist())):
         raise ValueError(f"jitter must be finite, in pixels, got {jitter.tolist()}")
+
+
+def check_size(size: Any) -> None:
+    """Raise ValueError unless ``size`` is the rows and columns of a picture."""
+    if isinstance(size, (tuple, list)) and len(size) == 2 and all(hasattr(n, "__index__") and n >= 1 for n in size):
+        return
+    raise ValueError(f"size must be (H, W), whole numbers of at least 1 such as (540, 960), got {size!r}")
 
 
 def check_pixels(intrinsics: Tensor, size: tuple[int, int]) -> None:
