@@ -10,7 +10,7 @@ from gbufrt.camera import Camera
 from gbufrt.channels import Channel, check_picture, check_tensor
 from gbufrt.frame import SIGNALS
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.validation.tunables import check_numbers
+from gbufrt.numeric import check_numbers
 
 ROWS = {
     **CHANNELS,

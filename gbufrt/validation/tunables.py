@@ -42,23 +42,3 @@ def check_kept(cls: type, name: str, value: Any) -> None:
     """Raise TypeError where a text is kept as a number that the constructor of a stage takes."""
     if isinstance(value, str) and name in numeric(cls):
         raise TypeError(f"{name} of {cls.__name__} must be a number, got {value!r}")
-
-
-def check_numbers(**values: Any) -> None:
-    """Raise TypeError where a value, by its argument's name, is neither a number, a 0-dim tensor nor None."""
-    for name, value in values.items():
-        if value is not None and (not hasattr(value, "__float__") or getattr(value, "ndim", 0)):
-            raise TypeError(f"{name} must be a number or a 0-dim tensor, got {_told(value)}")
-
-
-def check_counts(**values: Any) -> None:
-    """Raise TypeError where a value, by its argument's name, is no whole number."""
-    for name, value in values.items():
-        if not hasattr(value, "__index__") or getattr(value, "ndim", 0):
-            raise TypeError(f"{name} must be a whole number, got {_told(value)}")
-
-
-def _told(value: Any) -> str:
-    if isinstance(value, (str, int, float)):
-        return repr(value)
-    return f"one of shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__

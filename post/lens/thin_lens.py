@@ -9,7 +9,7 @@ from gbufrt import Camera
 from gbufrt.compute.resident import number, waits
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.focus import median_depth
-from gbufrt.validation.tunables import check_numbers
+from gbufrt.numeric import check_numbers
 
 TINY = 1e-6
 

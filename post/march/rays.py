@@ -22,7 +22,7 @@ from torch import Tensor
 from gbufrt import Camera
 from gbufrt.compute.resident import resident_on
 from gbufrt.demands.pictures import check_pictures
-from gbufrt.validation.tunables import check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_numbers
 from post.march.constants import BLOCKED, HIT, SPENT
 from post.march.op import march
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.noise.noise import GOLDEN
-from gbufrt.validation.tunables import check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_numbers
 from post.margin import reference as margin
 from post.sweep.constants import BIAS, FIRST, MIN_FACING
 from post.sweep.layout import Receivers, Receiving, Slice

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from gbufrt.validation.tunables import check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_numbers
 from tracer import lens
 from tracer.gbuffers import gbuffer, seconds
 from tracer.lights.samples import Lights

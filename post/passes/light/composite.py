@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.demands.pictures import check_alike
-from gbufrt.validation.tunables import check_numbers
+from gbufrt.numeric import check_numbers
 from post.shading.composite_op import specular_albedo, sum_light
 from post.shading.sight import within_sight
 

@@ -14,8 +14,8 @@ from gbufrt.compute.resident import resident
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
+from gbufrt.numeric import check_counts
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
-from gbufrt.validation.tunables import check_counts
 from post.sweep.chords import thickness_from_depth
 
 TINY = 1e-12

@@ -13,8 +13,8 @@ from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import tangent_frame
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
+from gbufrt.numeric import check_counts
 from gbufrt.sampling import sample
-from gbufrt.validation.tunables import check_counts
 from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
 from post.shading.lobes import dot, unit

@@ -12,8 +12,8 @@ from gbufrt.compute.resident import number, resident_on
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
+from gbufrt.numeric import check_counts
 from gbufrt.specular import DIELECTRIC_F0
-from gbufrt.validation.tunables import check_counts
 from post.march.rays import depth_hierarchy
 from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0

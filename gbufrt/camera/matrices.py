@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from itertools import chain
-from typing import Any
 
 from torch import Tensor
 
@@ -30,13 +29,6 @@ def check_matrices(intrinsics: Tensor, world_from_view: Tensor, jitter: Tensor |
         _check_rigid(pose)
     if jitter is not None and not all(math.isfinite(n) for n in chain(*jitter.tolist())):
         raise ValueError(f"jitter must be finite, in pixels, got {jitter.tolist()}")
-
-
-def check_size(size: Any) -> None:
-    """Raise ValueError unless ``size`` is the rows and columns of a picture."""
-    if isinstance(size, (tuple, list)) and len(size) == 2 and all(hasattr(n, "__index__") and n >= 1 for n in size):
-        return
-    raise ValueError(f"size must be (H, W), whole numbers of at least 1 such as (540, 960), got {size!r}")
 
 
 def check_pixels(intrinsics: Tensor, size: tuple[int, int]) -> None:
@@ -89,3 +81,8 @@ def _check_rigid(pose: list[list[float]]) -> None:
 
 def _dot(a: list[float], b: list[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def told_shape(tensor: Tensor) -> str:
+    """Its shape as messages have it."""
+    return "(" + ",".join(str(n) for n in tensor.shape) + ")"
