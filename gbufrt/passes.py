@@ -193,6 +193,8 @@ class Branch(TemporalPass, ABC):
             ValueError: no such tunable, a tail that fits several, or a value that is neither a number nor a 0-dim
                 tensor where the present one is a number.
         """
+        if not isinstance(values, Mapping):
+            raise TypeError(f'values must be a mapping such as {{"gtao.radius": 2.0}}, got {type(values).__name__}')
         result, stages, told = self, dict(self.passes()), dict[str, dict[str, Any]]()
         for name, value in values.items():
             path, _, key = self.resolve(name).rpartition(".")
