@@ -11,6 +11,7 @@ from torch import Tensor
 
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
+from gbufrt.numeric import check_counts, check_numbers
 from gbufrt.tree import changed, map_tensors, without_graph
 from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
@@ -94,6 +95,9 @@ class Frame:
                 raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
         if isinstance(self.index, Tensor) and (self.index.ndim or self.index.dtype not in (torch.int32, torch.int64)):
             raise ValueError(f"index must be an int or () int64, got {tuple(self.index.shape)} {self.index.dtype}")
+        elif not isinstance(self.index, Tensor):
+            check_counts(index=self.index)
+        check_numbers(time=self.time)
         if not isinstance(self.cut, Tensor | None):
             raise TypeError(f"cut must be a ({camera.batch},) bool tensor or None, got {type(self.cut).__name__}")
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):

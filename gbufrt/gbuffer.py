@@ -117,6 +117,10 @@ def to_function(*args: Any, **kwargs: Any) -> Any:
     """``Tensor.to`` for trees: float types reach float tensors only, so that ids and masks keep theirs."""
     dtype = kwargs.get("dtype", next((a for a in args if isinstance(a, torch.dtype)), None))
 
+    if dtype in (torch.float16, torch.bfloat16):
+        kind = str(dtype).removeprefix("torch.")
+        raise TypeError(f"channels are float32 or float64, got {kind}; convert single pictures, such as frame.image")
+
     def move(tensor: Tensor) -> Tensor:
         if dtype is None or tensor.is_floating_point() == dtype.is_floating_point:
             return tensor.to(*args, **kwargs)

@@ -6,10 +6,8 @@ value that is None on the first frame.
 
 from __future__ import annotations
 
-import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
-from functools import cache
 from types import MappingProxyType
 from typing import Any, Self
 
@@ -20,7 +18,7 @@ from gbufrt.demands.results import check_written
 from gbufrt.frame import Frame
 from gbufrt.mending import contained
 from gbufrt.names import meanings, resolve, unknown
-from gbufrt.validation.tunables import check_tunable
+from gbufrt.validation.tunables import check_kept, check_tunable, keywords
 
 
 class Stage(nn.Module):
@@ -36,13 +34,17 @@ class Stage(nn.Module):
     writes: frozenset[str] = frozenset()
     lacks: Mapping[str, str] = MappingProxyType({})
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        check_kept(type(self), name, value)
+        super().__setattr__(name, value)
+
     def tunables(self) -> dict[str, Any]:
         """The constructor's keywords with their present values."""
-        return {name: getattr(self, name) for name in _keywords(type(self))}
+        return {name: getattr(self, name) for name in keywords(type(self))}
 
     def meanings(self) -> dict[str, str]:
         """A line on each tunable, from the docstrings of the class and of the functions that it refers to."""
-        return meanings(type(self), _keywords(type(self)))
+        return meanings(type(self), keywords(type(self)))
 
     def tuned(self, **changes: Any) -> Stage:
         """A copy with some tunables changed.
@@ -191,6 +193,8 @@ class Branch(TemporalPass, ABC):
             ValueError: no such tunable, a tail that fits several, or a value that is neither a number nor a 0-dim
                 tensor where the present one is a number.
         """
+        if not isinstance(values, Mapping):
+            raise TypeError(f'values must be a mapping such as {{"gtao.radius": 2.0}}, got {type(values).__name__}')
         result, stages, told = self, dict(self.passes()), dict[str, dict[str, Any]]()
         for name, value in values.items():
             path, _, key = self.resolve(name).rpartition(".")
@@ -231,10 +235,3 @@ class Branch(TemporalPass, ABC):
     @abstractmethod
     def _with(self, stages: Stages) -> Self:
         """A copy with these stages in place of its own."""
-
-
-@cache
-def _keywords(cls: type) -> tuple[str, ...]:
-    if cls.__init__ is Stage.__init__:
-        return ()
-    return tuple(p.name for p in inspect.signature(cls.__init__).parameters.values() if p.kind is p.KEYWORD_ONLY)

@@ -20,6 +20,7 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState
 from gbufrt.mending import remembering
+from gbufrt.numeric import check_counts
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass
 from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
@@ -118,6 +119,8 @@ class Pipeline(Branch):
 
     def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:
         """Run over consecutive frames, threading the state; ``keep_graph`` as in `forward`."""
+        if isinstance(frames, Frame):
+            raise TypeError("frames must be frames in order, got a Frame; stream([frame]), or pipeline(frame)")
         state = None
         for frame in frames:
             given, state = None if state is None else state.handed_over(), None
@@ -144,6 +147,8 @@ class Pipeline(Branch):
         Raises:
             ValueError: runs is below 1.
         """
+        check_frame(frame)
+        check_counts(runs=runs)
         if runs < 1:
             raise ValueError(f"runs must be at least 1, got {runs}")
         still, state, result = frame.still(), None, frame

@@ -160,7 +160,7 @@ def test_no_circles():
         ),
         ("post/sweep/slices.py", "def f():\n    from post.presets import me1", "post.sweep.slices -> post.presets"),
         ("post/march/rays.py", "import tracer", "post.march.rays -> tracer"),
-        ("gbufrt/camera.py", "def f():\n    import post.presets", "gbufrt.camera -> post.presets"),
+        ("gbufrt/camera/camera.py", "def f():\n    import post.presets", "gbufrt.camera.camera -> post.presets"),
         ("tracer/scene/grids.py", "if TYPE_CHECKING:\n    from tracer import Hits", "tracer.scene.grids -> "),
         (
             "post/passes/light/ssr.py",

@@ -12,7 +12,7 @@ from gbufrt import Camera, GBuffer
 from gbufrt.compute.resident import places, sent, waits
 from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, haze_before, range_of
-from tracer.scene.scene import MASK_PRIMARY, Scene
+from tracer.scene.scene import MASK_PRIMARY, Scene, check_scene, check_seen_by
 from tracer.texture import look
 from tracer.traversal.hits import Hits
 from tracer.traversal.panes import through_panes
@@ -63,12 +63,13 @@ def layers(
         surface. It is None where no material of the scene is transmissive.
 
     Raises:
+        TypeError: no scene, or no camera.
         ValueError: no voxels, or times or cameras that do not fit each other.
     """
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene must be a tracer.Scene, got {type(scene).__name__}; tracer.load(name) gives one")
-    if scene.empty:
-        raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
+    check_scene(scene)
+    check_seen_by(scene, camera)
+    if previous_camera is not None:
+        check_seen_by(scene, previous_camera, "previous_camera")
     rays = _primary_rays(scene, camera, previous_camera, time, previous_time)
     first = trace(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far

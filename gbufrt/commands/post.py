@@ -75,12 +75,12 @@ def post(
     from gbufrt.commands.fitting import remedies
     from gbufrt.commands.progress import progress
     from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of, save
-    from gbufrt.commands.trial import tried
+    from gbufrt.commands.trial import check_overlays, tried
     from gbufrt.demands.inputs import told_with
     from gbufrt.files.precision import as_stored
 
     device = open_device(options.device)
-    check_sizes(paths)
+    size = one_size(paths)
     names = [path.stem for path in paths]
     if source is None:
         recipe, notes = recorded(paths, options)
@@ -105,11 +105,13 @@ def post(
             sky = read_environment(environment, turn=profile.environment_turn)
             frames = under(frames, sky, known=bool(profile.mirrors))
         first = next(frames)
+        size = first.gbuffer.camera.size
         pipeline, frames = pipeline_for(first, recipe, wanted), chain([first], frames)
         if environment is not None and "reflection" not in pipeline.stages:
             raise ValueError("--environment is seen in reflections, which are left out; ask for them with --passes")
         if "denoise" in pipeline.stages:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
+    check_overlays(pipeline, size)
     runner = Runner(pipeline, recipe.warmup)
     check_only(written, runner.pipeline)
     with_camera = "" if fov is None else "with --camera "
@@ -134,8 +136,8 @@ def own(paths: list[Path]) -> Iterator[Frame]:
         yield bare(read_exr(path))
 
 
-def check_sizes(paths: list[Path]) -> None:
-    """Raise ValueError where a file cannot be read or is of another size than the first; reads headers only."""
+def one_size(paths: list[Path]) -> tuple[int, int]:
+    """``(H, W)`` of all files; reads headers only. Raises ValueError where one cannot be read or is of another size."""
     from gbufrt.files.guard import read_parts
 
     sizes = {path: read_parts(path, header_only=True)[0].whole for path in paths}
@@ -143,6 +145,7 @@ def check_sizes(paths: list[Path]) -> None:
         if (height, width) != sizes[paths[0]]:
             first = sizes[paths[0]]
             raise ValueError(f"{path} has {width}x{height} pixels, {paths[0]} {first[1]}x{first[0]}; run them apart")
+    return sizes[paths[0]]
 
 
 def rate_of(notes: dict[str, Any]) -> float:

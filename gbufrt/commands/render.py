@@ -96,16 +96,16 @@ def render(
     from gbufrt.commands.ahead import compile_ahead
     from gbufrt.commands.recipe import Recipe
     from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of
-    from gbufrt.commands.trial import tried
+    from gbufrt.commands.trial import check_overlays, tried
 
     recipe = replace(Recipe.of(options), fog=job.fog.parsed() is not None)
     device = open_device(options.device)
     runner = Runner(tried(recipe, device), recipe.warmup)
     check_only(files, runner.pipeline)
+    sampling = sampling_of(runner, recipe, frames)
+    check_overlays(runner.pipeline, sampling.rendered(job.size))
     kernels_are_ready = compile_ahead(recipe, runner.pipeline, options.device)
     scene = job.load().to(device)
-    sampling = sampling_of(runner, recipe, frames)
-    sampling.rendered(job.size)
     early = LEAD_IN if lead_in is None else lead_in
     shots = {} if spread.cluster is None else {"shots": {"lead_in": early}}
     notes = {"render": job.notes(), "pipeline": recipe.to_notes(), "files": {"precision": precision_of(files)}, **shots}

@@ -45,6 +45,23 @@ def tried(recipe: Recipe, device: torch.device) -> Pipeline:
     return pipeline
 
 
+def check_overlays(pipeline: Pipeline, size: tuple[int, int]) -> None:
+    """Raise ValueError where a picture to lay over frames is of another size than they will be.
+
+    Args:
+        pipeline: that lays it over them.
+        size: ``(H, W)`` of the G-buffers, which `post.Upscale` enlarges.
+    """
+    from post.passes.display.overlay import read_overlay
+
+    for _, stage in pipeline.passes():
+        told = stage.tunables()
+        if type(stage).__name__ == "Upscale":
+            size = round(size[0] * told["ratio"]), round(size[1] * told["ratio"])
+        if told.get(PICTURE):
+            read_overlay(told[PICTURE], size)
+
+
 def _frame(stage: Stage) -> Frame:
     """A small frame with all signals that a stage reads."""
     frame = specimen()

@@ -23,6 +23,7 @@ import OpenEXR
 import torch
 from torch import Tensor
 
+from gbufrt.demands.inputs import check_frame
 from gbufrt.files.guard import Part, read_parts, silence
 from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute, standard_matrices
 from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, layer_of, planes_of
@@ -69,6 +70,7 @@ def write_exr(
             an integer signal does not fit 32 bits, or an argument is none of its values.
     """
     check_ending(path, ".exr", "gbufrt.files.png.write_png writes pictures, such as frame.image")
+    check_frame(frame)
     batch = frame.gbuffer.batch
     if element is None and batch != 1:
         raise ValueError(f"an EXR file holds one frame, got a batch of {batch}; choose one with element=0..{batch - 1}")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from torch import Tensor
 
-from gbufrt.matrices import check_matrices
+from gbufrt.camera.matrices import check_matrices
 from gbufrt.validation.geometry import Geometry, check_depth, check_normal, check_planar
 from gbufrt.validation.motion import check_motion, check_movers, check_previous
 from gbufrt.validation.pixels import check_finite, check_not_negative, check_range, check_unit

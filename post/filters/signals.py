@@ -30,7 +30,7 @@ def signal_names(signal: str | Iterable[str]) -> tuple[str, ...]:
     Raises:
         ValueError: there is no name.
     """
-    names = (signal,) if isinstance(signal, str) else tuple(signal)
+    names = (signal,) if isinstance(signal, str) else tuple(signal) if isinstance(signal, Iterable) else ()
     if not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(f"signal must be a name or several such as ('ao', 'bent_normal'), got {signal!r}")
     return ("reflection", "reflection_confidence") if names == ("reflection",) else names

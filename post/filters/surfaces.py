@@ -8,6 +8,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.demands.pictures import check_camera
 from post.filters.constants import ROUGHNESS
 from post.filters.edges import Surface, surface_reference
 
@@ -15,10 +16,16 @@ PLANES = 4  # of `Surface.plane`
 
 
 def check_sizes(camera: Camera, **pictures: Tensor | None) -> None:
-    """Raise ValueError where a picture is not of its camera's size and batch: kernels would read beside it."""
+    """Raise ValueError where a picture is not of its camera's size and batch: kernels would read beside it.
+
+    Any number of components goes; see `gbufrt.demands.pictures.check_pictures` for what has a channel's form.
+    """
+    check_camera(camera)
     for name, picture in pictures.items():
         if picture is None:
             continue
+        if not isinstance(picture, Tensor):
+            raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
         if picture.ndim != 4 or picture.shape[0] != camera.batch or picture.shape[-2:] != camera.size:
             raise ValueError(
                 f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "

@@ -7,7 +7,9 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.resident import number, waits
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.focus import median_depth
+from gbufrt.numeric import check_numbers
 
 TINY = 1e-6
 
@@ -42,6 +44,7 @@ def circle_of_confusion(
 
     Source: Potmesil and Chakravarty 1981 (thin lens).
     """
+    check_pictures(camera, depth=depth, hit=hit)
     if (least := _least(focus_distance)) <= 0:
         raise ValueError(f"focus_distance must be positive, in world units, got {least:g}")
     if (least := _least(aperture_radius)) < 0:
@@ -71,6 +74,8 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
     Raises:
         ValueError: ``region`` is not in (0, 1].
     """
+    check_numbers(region=region)
+    check_pictures(camera, depth=depth, hit=hit)
     if not 0 < region <= 1:
         raise ValueError(f"region must lie in (0, 1], got {region}")
     rows, columns = (max(1, round(n * region)) for n in depth.shape[-2:])

@@ -21,6 +21,8 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.resident import resident_on
+from gbufrt.demands.pictures import check_pictures
+from gbufrt.numeric import check_counts, check_numbers
 from post.march.constants import BLOCKED, HIT, SPENT
 from post.march.op import march
 
@@ -82,13 +84,11 @@ def depth_hierarchy(
         The hierarchy.
 
     Raises:
+        TypeError: not a tensor, or of the wrong kind of number.
         ValueError: a shape does not fit the camera.
     """
+    check_pictures(camera, depth=depth, normal=normal, hit=hit, thickness=thickness)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    for name, tensor, channels in (("depth", depth, 1), ("hit", hit, 1), ("normal", normal, 3)):
-        if tensor.shape != (camera.batch, channels, *camera.size):
-            expected = f"({camera.batch},{channels},{camera.height},{camera.width})"
-            raise ValueError(f"{name} must be {expected}, as the camera says, got {tuple(tensor.shape)}")
     ray = camera.unproject(torch.ones_like(depth))
     facing = camera.rotate_to_view(normal)
     focal = torch.stack([camera.intrinsics[:, 0, 0], camera.intrinsics[:, 1, 1]], dim=1).to(depth.dtype)[
@@ -172,7 +172,9 @@ def march_rays(
 
 
 def check_reach(steps: int, distance: float) -> None:
-    """Raise a ValueError unless rays take a step and go somewhere."""
+    """Raise a ValueError unless rays take a step and go somewhere, and a TypeError where one is no number."""
+    check_counts(steps=steps)
+    check_numbers(distance=distance)
     if steps < 1 or not distance > 0:
         raise ValueError(f"steps must be at least 1 and distance positive, got steps={steps}, distance={distance}")
 

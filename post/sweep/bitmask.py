@@ -78,7 +78,8 @@ def bitmask_ao(
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
-    slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
+    given = {"depth": depth, "normal": normal, "hit": hit, "thickness": thickness}
+    slices.check_sweep(camera, directions, steps, radius, scales, **given)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = None if radius is None else number(radius, depth)

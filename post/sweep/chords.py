@@ -20,6 +20,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.camera import Camera
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 
 # Fitted to ray-traced AO in six views of the built-in world at 240x135, by the radius and scales of samples/fit_ao.py,
@@ -111,7 +112,12 @@ def thickness_from_depth(
     Returns:
         ``(B, 1, H, W)`` distance along the view ray from front to back, world units, at most the camera's ``far``; 0
         where nothing was hit.
+
+    Raises:
+        TypeError: not a camera or a tensor.
+        ValueError: a picture is not of the camera's size.
     """
+    check_pictures(camera, depth=depth, normal=normal, hit=hit, object_id=object_id)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     point = camera.unproject(depth)
     picture = Picture(

@@ -79,13 +79,19 @@ def _sweep_rows(out, lanes, around, grid, hit, noise, directions, first, every, 
         _sweep_lanes(out, lanes, around, grid, noise, directions, used, gathers)
 
 
+@scalar
+def _left_out(wide, width, margin):
+    """Pixels of the margin that the padded picture lacks on a side, see `post.margin.view`."""
+    return margin + 1 - (wide - width) // 2
+
+
 @driver
 def sweep_all(
     out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, margin, stride, row, column,
     directions, steps, limited, parallel, gathers, threads,
 ):  # fmt: skip
     tall, wide, pairs = picture.shape[1:]
-    left_out = margin + 1 - (wide - depth.shape[2]) // 2
+    left_out = _left_out(wide, depth.shape[2], margin)
     for thread in prange(threads):
         lanes = new_lanes(radii.shape[0], SUMS + LIGHT if gathers else SUMS, steps)
         for b in range(picture.shape[0]):
@@ -103,7 +109,7 @@ def sweep_pixel(
     """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size."""
     (height, width), (tall, wide, pairs) = hit.shape[1:], picture.shape[1:]
     b, place = i // (height * width), i % (height * width)
-    left_out = margin + 1 - (wide - depth.shape[2]) // 2
+    left_out = _left_out(wide, depth.shape[2], margin)
     if not hit[b, place // width, place % width]:
         _clear(out[:, b], out.shape[0] // radii.shape[0], place)
         return

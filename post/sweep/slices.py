@@ -8,9 +8,10 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from gbufrt import CHANNELS, SIGNALS, Camera, Frame
-from gbufrt.channels import check_tensor
+from gbufrt import Camera, Frame
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.noise.noise import GOLDEN
+from gbufrt.numeric import check_counts, check_numbers
 from post.margin import reference as margin
 from post.sweep.constants import BIAS, FIRST, MIN_FACING
 from post.sweep.layout import Receivers, Receiving, Slice
@@ -124,17 +125,17 @@ def check_sweep(
     steps: int,
     radius: Tensor | float | None,
     scales: int = 1,
-    **pictures: Tensor | None,
+    **pictures: Tensor | float | None,
 ) -> None:
     """Raise ValueError or TypeError unless counts and radius are in range and the pictures, by name, fit the camera."""
-    for name, value in (("directions", directions), ("steps", steps), ("scales", scales)):
+    counts = {"directions": directions, "steps": steps, "scales": scales}
+    check_counts(**counts)
+    check_numbers(radius=radius)
+    for name, value in counts.items():
         if value < 1:
             raise ValueError(f"{name} must be at least 1, got {value}")
     if scales > MOST_SCALES:
         raise ValueError(f"scales must be at most {MOST_SCALES}, as each doubles the radius, got {scales}")
     if radius is not None and not bool(torch.as_tensor(radius) > 0):
         raise ValueError(f"radius and distance must be positive lengths in world units, got {float(radius):g}")
-    for name, picture in pictures.items():
-        if picture is not None:
-            row = {**CHANNELS, **SIGNALS, "light": SIGNALS["radiance"]}[name]
-            check_tensor(name, picture, row, batch=camera.batch, size=camera.size, device=camera.device)
+    check_pictures(camera, **pictures)

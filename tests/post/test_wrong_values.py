@@ -64,8 +64,11 @@ PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, ex
         (
             lambda: Camera.from_intrinsics(G.camera.intrinsics, G.camera.world_from_view, size=(1, 72, 96)),  # pyright: ignore
             ValueError,
-            r"size must be \(H, W\), got \(1, 72, 96\)",
+            r"size must be \(H, W\), whole numbers of at least 1 such as \(540, 960\), got \(1, 72, 96\)",
         ),
+        (lambda: Camera.look_at((0, 0, 0), (0, 0, 1), size=540), ValueError, r"size must be \(H, W\).*got 540"),  # pyright: ignore
+        (lambda: Camera.look_at((0, 0, 0), (0, 0, 1), size=(0, 9)), ValueError, r"size must be \(H, W\).*got \(0, 9\)"),
+        (lambda: G.camera.resized(540), ValueError, r"size must be \(H, W\).*got 540"),  # pyright: ignore
         (lambda: Frame(gbuffer=G.camera), TypeError, r"gbuffer must be a gbufrt\.GBuffer, got Camera"),  # pyright: ignore
         (lambda: FRAME.replace(cut=True), TypeError, r"cut must be a \(1,\) bool tensor or None, got bool"),
         (lambda: FRAME.write("mine", ROWS.numpy()), TypeError, r"signal 'mine' must be a torch\.Tensor, got ndarray"),  # pyright: ignore
@@ -74,7 +77,7 @@ PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, ex
         (lambda: me1(None), ValueError, "preset must be one of low"),  # pyright: ignore
         (lambda: G.replace(hit=G.hit[..., 1:]), ValueError, "the camera sets the size, 72 rows of 96 pixels"),
         (lambda: G.replace(depth=G.depth.mT), ValueError, r"height comes before width: use \.transpose\(2, 3\)"),
-        (lambda: normals_from_depth(G.depth[0], G.camera), ValueError, r"depth must be \(B,1,H,W\).*: x\[None\]"),
+        (lambda: normals_from_depth(G.depth[0], G.camera), ValueError, r"depth must be \(1,1,72,96\).*: x\[None\]"),
         (lambda: G.camera.normals_from_depth(G.depth[0]), ValueError, r"depth must be \(B,1,H,W\)"),
         (lambda: tracer.render("valley", G.camera), TypeError, r"scene must be a tracer\.Scene, got str"),  # pyright: ignore
     ],

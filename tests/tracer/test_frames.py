@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 import torch
 import voxels
@@ -9,8 +12,9 @@ from voxels import GLASS, LAMP, STONE
 
 from gbufrt import Camera
 from tracer.frames import render
-from tracer.scene.scene import Instance, Scene
+from tracer.scene.scene import Instance, Scene, View
 from tracer.scene.world import World
+from tracer.truth.path_tracer import path_trace
 
 SIZE = (9, 12)
 
@@ -74,3 +78,25 @@ def test_an_empty_world_is_refused_in_one_line() -> None:
     with pytest.raises(ValueError, match="the world has no voxels") as caught:
         render(nothing, cameras((8.0, 6.0, 18.0)))
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_camera_is_told_how_to_become_one() -> None:
+    view: Any = View(eye=lambda t: (8.0, 6.0, 18.0 + t), target=lambda _: (8.0, 3.0, 5.0))
+    there, seen = replace(scene(), views={"front": view, "side": view}), cameras((8.0, 6.0, 18.0))
+    gives = r"\.camera\(time=0\.0, size=\(540, 960\)\) gives one"
+    for call in (render, path_trace):
+        with pytest.raises(
+            TypeError, match=rf"^camera must be a gbufrt\.Camera, got str; scene\.views\['side'\]{gives}"
+        ):
+            call(there, "side")  # pyright: ignore
+        with pytest.raises(TypeError, match=rf"got str; scene\.views\['front'\]{gives}"):
+            call(there, "back")  # pyright: ignore
+        with pytest.raises(TypeError, match=rf"got View; view{gives}"):
+            call(there, view)
+        with pytest.raises(TypeError, match=r"scene must be a tracer\.Scene, got str"):
+            call("valley", seen)  # pyright: ignore
+    with pytest.raises(TypeError, match=rf"previous_camera must be a gbufrt\.Camera, got View; view{gives}"):
+        render(there, seen, previous_camera=view)
+    with pytest.raises(ValueError, match=r"size must be \(H, W\).*got 540"):
+        view.camera(size=540)
+    assert view.camera(size=SIZE).position.tolist() == seen.position.tolist()

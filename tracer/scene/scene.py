@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
+from gbufrt.demands.pictures import check_camera
 from gbufrt.names import unknown
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
@@ -121,9 +122,24 @@ class View:
     fov_y: float = 60.0
     description: str = ""
 
-    def camera(self, time: float, *, size: tuple[int, int], near: float = 0.05, far: float = 1000.0) -> Camera:
+    def camera(self, time: float = 0.0, *, size: tuple[int, int], near: float = 0.05, far: float = 1000.0) -> Camera:
         """The camera at ``time`` seconds; ``size`` is ``(H, W)``."""
         return Camera.look_at(self.eye(time), self.target(time), size=size, fov_y=self.fov_y, near=near, far=far)
+
+
+def check_scene(scene: Any) -> None:
+    """Raise TypeError unless it is a scene, and ValueError where it shows nothing."""
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene must be a tracer.Scene, got {type(scene).__name__}; tracer.load(name) gives one")
+    if scene.empty:
+        raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
+
+
+def check_seen_by(scene: Scene, camera: Any, name: str = "camera") -> None:
+    """Raise TypeError unless it is a camera: of a view, or its name, tell how it becomes one."""
+    view = camera if isinstance(camera, str) and camera in scene.views else next(iter(scene.views), None)
+    which = "view" if isinstance(camera, View) or view is None else f"scene.views[{view!r}]"
+    check_camera(camera, name, f"; {which}.camera(time=0.0, size=(540, 960)) gives one")
 
 
 class Views(dict[str, View]):

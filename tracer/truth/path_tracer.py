@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.numeric import check_counts, check_numbers
 from tracer import lens
 from tracer.gbuffers import gbuffer, seconds
 from tracer.lights.samples import Lights
@@ -20,7 +21,7 @@ from tracer.paths.op import radiance
 from tracer.paths.radiance import MORE
 from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence as Numbers
-from tracer.scene.scene import Scene
+from tracer.scene.scene import Scene, check_scene, check_seen_by
 
 FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
 MOMENTS = 8  # groups of pixels, each with its own time, that a sample is split into while the shutter is open
@@ -83,6 +84,8 @@ def path_trace(
     """
     _check(scene, bounces, samples, shutter, aperture_radius)
     at_time = camera if callable(camera) else lambda _: camera
+    if not callable(camera):
+        check_seen_by(scene, camera)
     cameras = at_time(time if isinstance(time, (int, float)) else float(time[0]))
     times = seconds(time, cameras.batch)
     focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
@@ -224,8 +227,9 @@ def _focus(
 
 
 def _check(scene: Scene, bounces: int, samples: int, shutter: float, aperture_radius: float) -> None:
-    if scene.empty:
-        raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
+    check_scene(scene)
+    check_counts(bounces=bounces, samples=samples)
+    check_numbers(shutter=shutter, aperture_radius=aperture_radius)
     for name, value, least in (("bounces", bounces, 0), ("samples", samples, 1)):
         if value < least:
             raise ValueError(f"{name} must be at least {least}, got {value}")

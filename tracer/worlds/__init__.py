@@ -58,6 +58,8 @@ def load(
         ValueError: neither a name nor a path of such a file, a file is broken, or a part was asked of another world.
         FileNotFoundError: there is no such file.
     """
+    if not isinstance(name_or_path, (str, PathLike)):
+        raise TypeError(f"name_or_path must be a name or a path, got {type(name_or_path).__name__}")
     name, part = fspath(name_or_path), {"box": box, "around": around, "chunks": chunks}
     path, builtins = Path(name), {"builtin": builtin, **WORLDS}
     read = _blocks if path.is_dir() else FORMATS.get(path.suffix.lower())

@@ -55,15 +55,24 @@ class Overlay(Pass):
     def forward(self, frame: Frame) -> Frame:
         ui, image = frame.get("ui"), frame.read("image")
         if ui is None and self.picture:
-            ui = _file(self.picture, image)
+            ui = read_overlay(self.picture, (image.shape[2], image.shape[3]))
         return frame if ui is None else frame.replace(image=overlay(image, ui))
 
 
-def _file(path: str, image: Tensor) -> Tensor:
+def read_overlay(path: str, size: tuple[int, int]) -> Tensor:
+    """The picture of a file, for frames of ``size`` ``(H, W)``.
+
+    Returns:
+        ``(1, 4, H, W)`` encoded values in [0, 1], alpha last.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: it is no picture with alpha, or of another size.
+    """
     from gbufrt.files.png import read_rgba
 
     ui = read_rgba(path)
-    if ui.shape[2:] != image.shape[2:]:
-        (h, w), (height, width) = ui.shape[2:], image.shape[2:]
+    if ui.shape[2:] != size:
+        (h, w), (height, width) = ui.shape[2:], size
         raise ValueError(f"{path} has {w}x{h} pixels, the frame {width}x{height}: make them the same size")
     return ui

@@ -8,6 +8,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.demands.pictures import check_alike
+from gbufrt.numeric import check_numbers
 from post.shading.composite_op import specular_albedo, sum_light
 from post.shading.sight import within_sight
 
@@ -58,12 +60,25 @@ def composite(
         ``(B, 3, H, W)`` linear radiance.
 
     Raises:
-        ValueError: unknown mode.
+        TypeError: what must be a tensor or a number is none.
+        ValueError: unknown mode, or a picture of another size than ``radiance``.
 
     Source: ME1 Path Tracing technical overview, pass 10, for ``me1``.
     """
     if mode not in ("physical", "me1"):
         raise ValueError(f'mode must be "physical" or "me1", got {mode!r}')
+    check_alike(
+        "radiance",
+        radiance=radiance,
+        ambient=ambient,
+        emission=emission,
+        visibility=visibility,
+        gi=gi,
+        reflection=reflection,
+        behind=behind,
+        specular=specular,
+    )
+    check_numbers(ao_intensity=ao_intensity, gi_intensity=gi_intensity, reflection_intensity=reflection_intensity)
     given = (radiance, ambient, emission, visibility, gi, reflection, behind, specular)
     intensities = (ao_intensity, gi_intensity, reflection_intensity)
     return sum_light(*given, physical=mode == "physical", intensities=intensities)

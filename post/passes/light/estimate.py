@@ -11,8 +11,10 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.channels import check_picture
 from gbufrt.compute.resident import resident
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
+from gbufrt.numeric import check_counts
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.sweep.chords import thickness_from_depth
 
@@ -49,7 +51,7 @@ def normals_from_depth(
     """
     if method not in ("edge_aware", "plain"):
         raise ValueError(f"method must be 'edge_aware' or 'plain', got {method!r}")
-    check_picture("depth", depth, "planar view z in world units", 1)
+    check_pictures(camera, depth=depth, hit=hit)
     if method == "plain" or min(depth.shape[-2:]) < 2:
         normal = camera.normals_from_depth(depth)
     else:
@@ -104,6 +106,9 @@ def motion_from_depth(
 
     Source: the depth search of ME1 Path Tracing, started from camera reprojection.
     """
+    check_counts(radius=radius)
+    check_pictures(camera, depth=depth, hit=hit)
+    check_pictures(previous_camera, depth=previous_depth)
     if radius < 0:
         raise ValueError(f"radius must not be negative, got {radius}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
@@ -136,6 +141,7 @@ def roughness_from_color(color: Tensor, *, scale: float = 4.0) -> Tensor:
 
     Source: ME1 Path Tracing, taken relative to the local brightness so that exposure does not matter.
     """
+    check_picture("color", color, "linear radiance or albedo")
     level = luminance(color, 3)
     around = [shifted(level, dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dx or dy]
     difference = torch.stack([(one - level).abs() for one in around]).mean(0)
@@ -159,6 +165,7 @@ def metallic_from_color(color: Tensor, *, dark: float = 0.2, bright: float = 0.8
 
     Source: ME1 Path Tracing.
     """
+    check_picture("color", color, "linear albedo or radiance")
     if dark >= bright:
         raise ValueError(f"dark must be less than bright, got {dark} and {bright}")
     most, least = color.amax(1, keepdim=True), color.amin(1, keepdim=True)

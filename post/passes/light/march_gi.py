@@ -9,9 +9,11 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.compute.resident import number
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import tangent_frame
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
+from gbufrt.numeric import check_counts
 from gbufrt.sampling import sample
 from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
@@ -70,12 +72,16 @@ def march_gi(
         cosine-weighted share of rays that hit nothing.
 
     Raises:
-        ValueError: rays is below 1.
+        TypeError: what must be a tensor or a number is none.
+        ValueError: rays is below 1, or a picture is of another size.
 
     Source: ME1 Path Tracing technical overview (GI); Veach 1997, section 9.2 (the mixture's weights).
     """
+    check_counts(rays=rays)
     if rays < 1:
         raise ValueError(f"rays must be at least 1, got {rays}")
+    given = {"depth": depth, "normal": normal, "light": light, "albedo": albedo, "hit": hit, "thickness": thickness}
+    check_pictures(camera, **given, bent_normal=bent_normal, normal_geo=normal_geo)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     light = finite(light)

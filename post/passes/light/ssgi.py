@@ -84,9 +84,8 @@ def ssgi(
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
-    slices.check_sweep(
-        camera, directions, steps, distance, depth=depth, normal=normal, hit=hit, light=light, albedo=albedo
-    )
+    given = {"depth": depth, "normal": normal, "hit": hit, "light": light, "albedo": albedo, "thickness": thickness}
+    slices.check_sweep(camera, directions, steps, distance, **given)
     if resolution not in (1, 2):
         raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit

@@ -9,8 +9,10 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.compute.resident import number, resident_on
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
+from gbufrt.numeric import check_counts
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
 from post.shading.fireflies import without_lone_fireflies
@@ -95,16 +97,21 @@ def ssr(
         found on screen; and ``distance`` ``(B, 1, H, W)`` mean distance to what was hit, ``far`` where only sky was.
 
     Raises:
-        ValueError: unknown method, samples or bounces below 1, or reuse outside 0 to 8.
+        TypeError: what must be a tensor or a number is none.
+        ValueError: unknown method, samples or bounces below 1, reuse outside 0 to 8, or a picture of another size.
 
     Source: Stachowiak 2015; Heitz 2018; ME1 Path Tracing technical overview for ``cone``.
     """
     if method not in ("ggx", "cone"):
         raise ValueError(f'method must be "ggx" or "cone", got {method!r}')
+    check_counts(samples=samples, reuse=reuse, bounces=bounces)
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
+    given = {"depth": depth, "normal": normal, "light": light, "roughness": roughness, "hit": hit, "f0": f0}
+    given |= {"metallic": metallic, "normal_geo": normal_geo, "environment": environment, "visibility": visibility}
+    check_pictures(camera, **given, bent_normal=bent_normal, thickness=thickness)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     light, environment = finite(light), None if environment is None else finite(environment)

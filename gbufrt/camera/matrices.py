@@ -81,3 +81,8 @@ def _check_rigid(pose: list[list[float]]) -> None:
 
 def _dot(a: list[float], b: list[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def told_shape(tensor: Tensor) -> str:
+    """Its shape as messages have it."""
+    return "(" + ",".join(str(n) for n in tensor.shape) + ")"

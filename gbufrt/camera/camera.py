@@ -1,4 +1,4 @@
-"""Camera: where pixels look. The only file that knows where a pixel's centre lies.
+"""Camera: where pixels look.
 
 View space is OpenCV's (x right, y down, z forward), world space is right-handed with y up. ``px`` is a position in the
 picture in pixels, x right and y down, with the centre of the top left pixel at (0.5, 0.5).
@@ -13,12 +13,23 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gbufrt.camera.matrices import check_matrices, check_pixels, told_shape
+from gbufrt.camera.normals import check_depth_map, facing_normals
+from gbufrt.camera.placement import centred_lens, looking_at, spread_of
+from gbufrt.camera.transforms import (
+    depth_per_unit,
+    inverted,
+    projected,
+    rotate,
+    sampled_at,
+    transform,
+    unit_to_eye,
+    unprojected,
+)
 from gbufrt.compute.resident import resident, waits
 from gbufrt.directions import length
-from gbufrt.matrices import check_matrices, check_pixels
+from gbufrt.numeric import check_numbers, check_size
 from gbufrt.tree import map_tensors
-
-PARALLEL = 1e-9  # sine of the smallest angle between the view direction and up
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,17 +61,21 @@ class Camera:
     jitter: Tensor | None = None
 
     def __post_init__(self) -> None:
+        for name in ("intrinsics", "world_from_view", "jitter"):
+            if not isinstance(value := getattr(self, name), Tensor) and (value is not None or name != "jitter"):
+                wanted = f"{name} must be a torch.Tensor, got {type(value).__name__}"
+                raise TypeError(f"{wanted}; Camera.from_intrinsics takes arrays and lists")
+        check_numbers(near=self.near, far=self.far)
         if self.intrinsics.ndim != 3 or self.intrinsics.shape[1:] != (3, 3):
-            raise ValueError(f"intrinsics must be (B,3,3) in pixels, got {_shape(self.intrinsics)}")
+            raise ValueError(f"intrinsics must be (B,3,3) in pixels, got {told_shape(self.intrinsics)}")
         batch = self.intrinsics.shape[0]
         if self.world_from_view.shape != (batch, 4, 4):
-            raise ValueError(f"world_from_view must be ({batch},4,4), got {_shape(self.world_from_view)}")
-        if len(self.size) != 2 or min(self.size) < 1:
-            raise ValueError(f"size must be (H, W) with both at least 1, got {self.size}")
+            raise ValueError(f"world_from_view must be ({batch},4,4), got {told_shape(self.world_from_view)}")
+        check_size(self.size)
         if not 0 < self.near < self.far < math.inf:
             raise ValueError(f"near and far must be finite with 0 < near < far, got near={self.near}, far={self.far}")
         if self.jitter is not None and self.jitter.shape != (batch, 2):
-            raise ValueError(f"jitter must be ({batch},2) in pixels, got {_shape(self.jitter)}")
+            raise ValueError(f"jitter must be ({batch},2) in pixels, got {told_shape(self.jitter)}")
         if not (waits(self.intrinsics) or waits(self.world_from_view)):
             check_matrices(self.intrinsics, self.world_from_view, self.jitter)
 
@@ -89,12 +104,15 @@ class Camera:
         jitter: Tensor | None = None,
     ) -> Camera:
         """A camera from matrices with or without a batch dimension. See `Camera` for units and errors."""
+        check_numbers(near=near, far=far)
+        for name, matrix in (("intrinsics", intrinsics), ("world_from_view", world_from_view)):
+            if isinstance(matrix, str):
+                raise TypeError(f"{name} must be rows of numbers, got {matrix!r}")
         k = torch.as_tensor(intrinsics)
         pose = torch.as_tensor(world_from_view)
         k, pose = (k[None] if k.ndim == 2 else k), (pose[None] if pose.ndim == 2 else pose)
         batch = max(k.shape[0], pose.shape[0])
-        if len(size) != 2:
-            raise ValueError(f"size must be (H, W), got {tuple(size)}")
+        check_size(size)
         if not orthographic and not waits(k):
             check_pixels(k, size)
         dtype = torch.float64 if torch.float64 in (k.dtype, pose.dtype) else torch.float32
@@ -138,29 +156,15 @@ class Camera:
         Raises:
             ValueError: the field of view is not in (0, 180), or eye, target and up lie on one line.
         """
-        if not 0.0 < fov_y < 180.0:
-            raise ValueError(f"fov_y must lie between 0 and 180 degrees, got {fov_y}")
-        tensors = [value for value in (eye, target, up) if isinstance(value, Tensor)]
-        device = tensors[0].device if tensors else None
-        dtype = torch.float64 if any(value.dtype == torch.float64 for value in tensors) else torch.float32
-        eye, target, up = torch.broadcast_tensors(*(_vectors(value, device) for value in (eye, target, up)))
-        forward = target - eye
-        right = torch.linalg.cross(forward, up)
-        parallel = right.norm(dim=-1) < PARALLEL * forward.norm(dim=-1).clamp_min(PARALLEL)
-        if parallel.device.type != "meta" and bool(parallel.any()):
-            raise ValueError("eye, target and up must not lie on one line; choose another up or target")
-        forward = forward / forward.norm(dim=-1, keepdim=True)
-        right = right / right.norm(dim=-1, keepdim=True)
-        axes = torch.stack([right, torch.linalg.cross(forward, right), forward, eye], dim=-1)
-        last = torch.tensor([0.0, 0.0, 0.0, 1.0], dtype=eye.dtype, device=device)
-        pose = torch.cat([axes, last.expand(eye.shape[0], 1, 4)], dim=1)
-        height, width = size
-        spread = orthographic_height if orthographic_height is not None else 2 * math.tan(math.radians(fov_y) / 2)
-        focal = height / spread
-        k = torch.tensor([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]], dtype=dtype)
+        check_size(size)
+        check_numbers(fov_y=fov_y, orthographic_height=orthographic_height)
+        if orthographic_height is not None and not orthographic_height > 0:
+            raise ValueError(f"orthographic_height must be positive, in world units, got {orthographic_height}")
+        pose = looking_at(eye, target, up)
+        spread = spread_of(fov_y) if orthographic_height is None else orthographic_height
         return Camera.from_intrinsics(
-            k.to(device or "cpu"),
-            pose.to(dtype),
+            centred_lens(size, spread, pose),
+            pose,
             size=size,
             near=near,
             far=far,
@@ -212,12 +216,7 @@ class Camera:
     @property
     def view_from_world(self) -> Tensor:
         """``(B, 4, 4)`` inverse of ``world_from_view``, which is rigid."""
-        rotation = self.world_from_view[:, :3, :3].transpose(1, 2)
-        inverse = torch.zeros_like(self.world_from_view)
-        inverse[:, :3, :3] = rotation
-        inverse[:, :3, 3] = -(rotation @ self.world_from_view[:, :3, 3:])[..., 0]
-        inverse[:, 3, 3] = 1.0
-        return inverse
+        return inverted(self.world_from_view)
 
     def to(self, *args: Any, **kwargs: Any) -> Camera:
         """The camera on another device or in another type; arguments as `torch.Tensor.to`."""
@@ -228,22 +227,20 @@ class Camera:
         if jitter is None:
             return replace(self, jitter=None)
         offset = torch.as_tensor(jitter, dtype=self.intrinsics.dtype, device=self.device)
+        if offset.shape not in ((2,), (1, 2), (self.batch, 2)):
+            raise ValueError(f"jitter must be (2,) or ({self.batch},2) in pixels, got {told_shape(offset)}")
         return replace(self, jitter=offset.expand(self.batch, 2))
 
     def resized(self, size: tuple[int, int]) -> Camera:
         """The same views with another number of pixels ``(H, W)``, without jitter."""
+        check_size(size)
         scale = resident((size[1] / self.width, size[0] / self.height, 1.0), self.intrinsics)
         return replace(self, intrinsics=self.intrinsics * scale[:, None], size=size, jitter=None)
 
     def pixel_centers(self, *, jittered: bool = True, dtype: torch.dtype | None = None) -> Tensor:
         """``(B, 2, H, W)``: ``px`` at which each pixel is sampled, or its centre when ``jittered`` is False."""
-        dtype = dtype or self.intrinsics.dtype
-        y = torch.arange(self.height, dtype=dtype, device=self.device) + 0.5
-        x = torch.arange(self.width, dtype=dtype, device=self.device) + 0.5
-        grid = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1])[None].expand(self.batch, -1, -1, -1)
-        if jittered and self.jitter is not None:
-            grid = grid + self.jitter.to(dtype)[:, :, None, None]
-        return grid
+        like = torch.empty((), dtype=dtype or self.intrinsics.dtype, device=self.device)
+        return sampled_at(self.size, self.jitter if jittered else None, like).expand(self.batch, -1, -1, -1)
 
     def unproject(self, depth: Tensor, px: Tensor | None = None) -> Tensor:
         """View-space points at planar ``depth``.
@@ -255,15 +252,10 @@ class Camera:
         Returns:
             ``(B, 3, H, W)`` view space, world units.
         """
-        px = self.pixel_centers(dtype=depth.dtype) if px is None else px
-        k = self.intrinsics.to(depth.dtype)[..., None, None]
-        x = (px[:, 0:1] - k[:, 0, 2, None]) / k[:, 0, 0, None]
-        y = (px[:, 1:2] - k[:, 1, 2, None]) / k[:, 1, 1, None]
-        if self.orthographic:
-            x, y = x.expand_as(depth), y.expand_as(depth)
-        else:
-            x, y = x * depth, y * depth
-        return torch.cat([x, y, depth], dim=1)
+        if px is None:
+            check_depth_map(depth, self.size)
+            px = self.pixel_centers(dtype=depth.dtype)
+        return unprojected(depth, px, self.intrinsics, orthographic=self.orthographic)
 
     def project(self, points_view: Tensor, *, jittered: bool = False) -> Tensor:
         """Where view-space points appear in the picture; the inverse of `unproject`.
@@ -277,48 +269,36 @@ class Camera:
         Returns:
             ``(B, 2, ...)`` px.
         """
-        ones = (1,) * (points_view.ndim - 2)
-        k = self.intrinsics.to(points_view.dtype)
-        z = 1.0 if self.orthographic else points_view[:, 2].clamp_min(1e-9)
-        x = points_view[:, 0] / z * k[:, 0, 0].reshape(-1, *ones) + k[:, 0, 2].reshape(-1, *ones)
-        y = points_view[:, 1] / z * k[:, 1, 1].reshape(-1, *ones) + k[:, 1, 2].reshape(-1, *ones)
-        px = torch.stack([x, y], dim=1)
+        px = projected(points_view, self.intrinsics, orthographic=self.orthographic)
         if jittered and self.jitter is not None:
-            px = px - self.jitter.to(px.dtype).reshape(-1, 2, *ones)
+            px = px - self.jitter.to(px.dtype).reshape(-1, 2, *(1,) * (points_view.ndim - 2))
         return px
 
     def to_world(self, points_view: Tensor) -> Tensor:
         """View-space points ``(B, 3, ...)`` in world space."""
-        return _transform(self.world_from_view, points_view)
+        return transform(self.world_from_view, points_view)
 
     def to_view(self, points_world: Tensor) -> Tensor:
         """World-space points ``(B, 3, ...)`` in view space."""
-        return _transform(self.view_from_world, points_world)
+        return transform(self.view_from_world, points_world)
 
     def rotate_to_world(self, vectors_view: Tensor) -> Tensor:
         """View-space directions ``(B, 3, ...)`` in world space."""
-        return _rotate(self.world_from_view, vectors_view)
+        return rotate(self.world_from_view, vectors_view)
 
     def rotate_to_view(self, vectors_world: Tensor) -> Tensor:
         """World-space directions ``(B, 3, ...)`` in view space."""
-        return _rotate(self.rotation_to_view, vectors_world)
+        return rotate(self.rotation_to_view, vectors_world)
 
     def to_eye(self, points_view: Tensor) -> Tensor:
         """Unit view-space directions from points ``(B, 3, H, W)`` toward the eye (parallel when orthographic)."""
-        if self.orthographic:
-            return torch.zeros_like(points_view) - points_view.new_tensor([0.0, 0.0, 1.0])[None, :, None, None]
-        return -points_view / length(points_view).clamp_min(1e-12)
+        return unit_to_eye(points_view, orthographic=self.orthographic)
 
     def along_axis(self, dtype: torch.dtype) -> Tensor:
         """``(B, 1, H, W)``: planar depth of a world unit along each pixel's ray, away from the eye."""
         if self.orthographic:
             return torch.ones(self.batch, 1, *self.size, dtype=dtype, device=self.device)
-        lens = self.lens.to(dtype)[..., None, None, None]
-        slopes = [  # of a row and of a column: planes of both, as `unproject` makes, would take six times the memory
-            (torch.arange(n, dtype=dtype, device=self.device) + 0.5 + lens[:, 4 + i] - lens[:, 2 + i]) / lens[:, i]
-            for i, n in enumerate((self.width, self.height))
-        ]
-        return 1 / (slopes[0] * slopes[0] + (slopes[1] * slopes[1]).mT + 1).sqrt()
+        return depth_per_unit(self.lens.to(dtype), self.size)
 
     def pixels_per_unit(self, depth: Tensor) -> Tensor:
         """How many pixels a world unit across the view spans at planar ``depth``; the shape of ``depth``."""
@@ -364,44 +344,11 @@ class Camera:
         """World-space unit normals facing the camera, estimated from planar depth ``(B, 1, H, W)``.
 
         Raises:
-            ValueError: depth has another shape, or the picture is smaller than 2x2.
+            ValueError: depth has another shape or size, or the picture is smaller than 2x2.
         """
-        if depth.ndim != 4 or depth.shape[1] != 1:
-            raise ValueError(f"depth must be (B,1,H,W), planar view z, got {_shape(depth)}")
-        if min(depth.shape[-2:]) < 2:
-            raise ValueError(f"normals from depth need a picture of at least 2x2, got {tuple(depth.shape[-2:])}")
+        check_depth_map(depth, self.size)
+        if min(self.size) < 2:
+            raise ValueError(f"normals from depth need a picture of at least 2x2, got {tuple(self.size)}")
         points = self.unproject(depth)
-        if self.orthographic:
-            dx, dy = torch.gradient(points, dim=(3, 2))
-            away = torch.linalg.cross(dx, dy, dim=1)
-            away = away / length(away)
-        else:  # kornia counts pixel centres from integers, and its normals face away from the camera
-            from kornia.geometry.depth import depth_to_normals  # late: kornia takes most of a second to import
-
-            k = self.intrinsics.to(depth.dtype).clone()
-            k[:, :2, 2] = k[:, :2, 2] - 0.5 - (0.0 if self.jitter is None else self.jitter.to(depth.dtype))
-            away = depth_to_normals(depth, k)
-        facing = torch.where((away * self.to_eye(points)).sum(1, keepdim=True) < 0, -away, away)
+        facing = facing_normals(points, self.to_eye(points), self.lens, orthographic=self.orthographic)
         return self.rotate_to_world(facing)
-
-
-def _shape(tensor: Tensor) -> str:
-    return "(" + ",".join(str(n) for n in tensor.shape) + ")"
-
-
-def _vectors(value: Any, device: torch.device | None) -> Tensor:
-    tensor = torch.as_tensor(value, dtype=torch.float64, device=device)
-    tensor = tensor[None] if tensor.ndim == 1 else tensor
-    if tensor.ndim != 2 or tensor.shape[1] != 3:
-        raise ValueError(f"a position or direction must be (3,) or (B,3), got {_shape(tensor)}")
-    return tensor
-
-
-def _rotate(matrix: Tensor, vectors: Tensor) -> Tensor:
-    rotation = matrix[:, :3, :3].to(vectors.dtype)
-    return torch.einsum("bij,bj...->bi...", rotation, vectors)
-
-
-def _transform(matrix: Tensor, points: Tensor) -> Tensor:
-    offset = matrix[:, :3, 3].to(points.dtype).reshape(-1, 3, *(1,) * (points.ndim - 2))
-    return _rotate(matrix, points) + offset

@@ -1,0 +1,74 @@
+"""Points and directions between spaces, and between view space and the picture."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from gbufrt.directions import length
+
+
+def rotate(matrix: Tensor, vectors: Tensor) -> Tensor:
+    """Directions ``(B, 3, ...)`` turned by the rotation in ``(B, 3 or 4, 3 or 4)``."""
+    rotation = matrix[:, :3, :3].to(vectors.dtype)
+    return torch.einsum("bij,bj...->bi...", rotation, vectors)
+
+
+def transform(matrix: Tensor, points: Tensor) -> Tensor:
+    """Points ``(B, 3, ...)`` moved by a rigid ``(B, 4, 4)``."""
+    offset = matrix[:, :3, 3].to(points.dtype).reshape(-1, 3, *(1,) * (points.ndim - 2))
+    return rotate(matrix, points) + offset
+
+
+def inverted(rigid: Tensor) -> Tensor:
+    """The inverse of rigid transforms ``(B, 4, 4)``."""
+    rotation = rigid[:, :3, :3].transpose(1, 2)
+    inverse = torch.zeros_like(rigid)
+    inverse[:, :3, :3] = rotation
+    inverse[:, :3, 3] = -(rotation @ rigid[:, :3, 3:])[..., 0]
+    inverse[:, 3, 3] = 1.0
+    return inverse
+
+
+def sampled_at(size: tuple[int, int], jitter: Tensor | None, like: Tensor) -> Tensor:
+    """``(1 or B, 2, H, W)``: px of the pixel centres of a picture of ``size``, moved by ``jitter`` ``(B, 2)``."""
+    y = torch.arange(size[0], dtype=like.dtype, device=like.device) + 0.5
+    x = torch.arange(size[1], dtype=like.dtype, device=like.device) + 0.5
+    grid = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1])[None]
+    return grid if jitter is None else grid + jitter.to(like.dtype)[:, :, None, None]
+
+
+def unprojected(depth: Tensor, px: Tensor, intrinsics: Tensor, *, orthographic: bool) -> Tensor:
+    """``(B, 3, H, W)``: view-space points at planar ``depth`` ``(B, 1, H, W)`` behind ``px`` ``(B, 2, H, W)``."""
+    k = intrinsics.to(depth.dtype)[..., None, None]
+    x = (px[:, 0:1] - k[:, 0, 2, None]) / k[:, 0, 0, None]
+    y = (px[:, 1:2] - k[:, 1, 2, None]) / k[:, 1, 1, None]
+    x, y = (x.expand_as(depth), y.expand_as(depth)) if orthographic else (x * depth, y * depth)
+    return torch.cat([x, y, depth], dim=1)
+
+
+def projected(points: Tensor, intrinsics: Tensor, *, orthographic: bool) -> Tensor:
+    """``(B, 2, ...)``: px, without jitter, of view-space points ``(B, 3, ...)``."""
+    ones = (1,) * (points.ndim - 2)
+    k = intrinsics.to(points.dtype)
+    z = 1.0 if orthographic else points[:, 2].clamp_min(1e-9)
+    x = points[:, 0] / z * k[:, 0, 0].reshape(-1, *ones) + k[:, 0, 2].reshape(-1, *ones)
+    y = points[:, 1] / z * k[:, 1, 1].reshape(-1, *ones) + k[:, 1, 2].reshape(-1, *ones)
+    return torch.stack([x, y], dim=1)
+
+
+def unit_to_eye(points: Tensor, *, orthographic: bool) -> Tensor:
+    """Unit view-space directions from points ``(B, 3, H, W)`` toward the eye."""
+    if orthographic:
+        return torch.zeros_like(points) - points.new_tensor([0.0, 0.0, 1.0])[None, :, None, None]
+    return -points / length(points).clamp_min(1e-12)
+
+
+def depth_per_unit(lens: Tensor, size: tuple[int, int]) -> Tensor:
+    """``(B, 1, H, W)``: planar depth of a world unit along each ray of a pinhole with ``lens`` ``(B, 6)``."""
+    lens = lens[..., None, None, None]
+    slopes = [  # of a row and of a column: planes of both, as `unprojected` makes, would take six times the memory
+        (torch.arange(n, dtype=lens.dtype, device=lens.device) + 0.5 + lens[:, 4 + i] - lens[:, 2 + i]) / lens[:, i]
+        for i, n in enumerate(reversed(size))
+    ]
+    return 1 / (slopes[0] * slopes[0] + (slopes[1] * slopes[1]).mT + 1).sqrt()

@@ -1,0 +1,72 @@
+"""Arguments of the wrong kind to cameras, frames, files and pipelines are named in our words."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import boxes
+import pytest
+import torch
+
+import tracer
+from gbufrt import Camera
+from gbufrt.files.exr import write_exr
+from post import Temporal, me1
+
+FRAME: Any = boxes.frame()
+G = FRAME.gbuffer
+CAMERA: Any = G.camera
+K, POSE = CAMERA.intrinsics[0], CAMERA.world_from_view[0]
+SIZE: Any = CAMERA.size
+LOW: Any = me1("low")
+AHEAD: Any = {"eye": (0, 0, 0), "target": (0, 0, 1), "size": (4, 5)}
+WORD: Any = "x"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Camera.from_intrinsics(K, POSE, size=SIZE, near=WORD), "near must be a number or a 0-dim tensor"),
+        (lambda: Camera.from_intrinsics(WORD, POSE, size=SIZE), "intrinsics must be rows of numbers, got 'x'"),
+        (
+            lambda: Camera(intrinsics=K.numpy()[None], world_from_view=POSE[None], size=SIZE),
+            r"intrinsics must be a torch\.Tensor, got ndarray; Camera\.from_intrinsics takes arrays and lists",
+        ),
+        (lambda: Camera(intrinsics=K[None], world_from_view=POSE[None], size=SIZE, far=WORD), "far must be a number"),
+        (lambda: Camera.look_at(**AHEAD, fov_y=WORD), "fov_y must be a number"),
+        (lambda: Camera.look_at(**{**AHEAD, "eye": "x"}), "eye must be three numbers or a tensor, got 'x'"),
+        (lambda: CAMERA.unproject(G.depth.numpy()), r"depth must be a torch\.Tensor, got ndarray"),
+        (lambda: FRAME.replace(time="1"), "time must be a number or a 0-dim tensor, got '1'"),
+        (lambda: FRAME.replace(index=1.5), "index must be a whole number, got 1.5"),
+        (lambda: FRAME.to(torch.float16), "channels are float32 or float64, got float16; convert single pictures"),
+        (lambda: write_exr("a.exr", G), r"frame must be a gbufrt\.Frame, got GBuffer"),
+        (lambda: tracer.load(3), "name_or_path must be a name or a path, got int"),  # pyright: ignore
+        (lambda: LOW.settle(FRAME, 2.5), "runs must be a whole number, got 2.5"),
+        (lambda: LOW.settle(G), r"frame must be a gbufrt\.Frame, got GBuffer"),
+        (lambda: list(LOW.stream(FRAME)), r"frames must be frames in order, got a Frame; stream\(\[frame\]\)"),
+        (lambda: LOW.with_tunables([("a", 1)]), r'values must be a mapping such as \{"gtao\.radius": 2\.0\}, got list'),
+    ],
+)
+def test_the_wrong_kind_is_named(
+    call: Callable[[], Any], message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TypeError, match=f"^{message}"):
+        call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Camera.look_at(**AHEAD, orthographic_height=-1.0), "orthographic_height must be positive"),
+        (lambda: CAMERA.with_jitter((1, 2, 3)), r"jitter must be \(2,\) or \(1,2\) in pixels, got \(3\)"),
+        (lambda: CAMERA.unproject(G.depth[..., :4]), r"depth must be \(B,1,72,96\) like its camera, got \(1,1,72,4\)"),
+        (lambda: CAMERA.normals_from_depth(G.depth[..., :4]), r"depth must be \(B,1,72,96\) like its camera"),
+        (lambda: Temporal(signal=3), "signal must be a name or several such as"),  # pyright: ignore
+    ],
+)
+def test_the_wrong_value_is_named(call: Callable[[], Any], message: str):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        call()
