@@ -86,7 +86,7 @@ def bitmask_ao(
     radii = () if reach is None else tuple(reach * 2**scale for scale in range(scales))
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     behind_back = 0.0 if reach is None else hidden * reach
-    solid = planar_thickness(camera, depth, hit, thickness, behind_back)
+    solid = planar_thickness(camera, depth, hit, thickness, behind_back, radii[-1] if radii else None)
     around = scene(camera, depth, normal, hit, solid, within=reach is None, compiled=compiled)
     if soft is None:
         soft = torch.is_grad_enabled() and any(

@@ -26,6 +26,7 @@ from post.sweep.lane_kernel import (
 from post.sweep.sweep_kernel import gather, occlude
 
 cuda: Any = numba.cuda
+ONE = np.float32(1)
 MOST_SUMS = MOST_RADII * (SUMS + LIGHT)
 
 
@@ -132,26 +133,26 @@ sweep_each = Each(sweep_pixel)
 
 
 @driver
-def bodies_rows(out, depth, hit, back, stride, threads):
+def bodies_rows(out, depth, hit, back, pixel, stride, threads):
     """One pass of `post.sweep.reference.bodies_reference`: the deepest back among neighbours that overlap in depth."""
     batch, height, width = depth.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
             b = row // height
-            _bodies_row(out[b], depth[b], hit[b], back[b], stride, row % height, 0, width)
+            _bodies_row(out[b], depth[b], hit[b], back[b], pixel[b], stride, row % height, 0, width)
 
 
 @scalar
-def bodies_pixel(i, out, depth, hit, back, stride):
+def bodies_pixel(i, out, depth, hit, back, pixel, stride):
     b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
-    _bodies_row(out[b], depth[b], hit[b], back[b], stride, y, x, x + 1)
+    _bodies_row(out[b], depth[b], hit[b], back[b], pixel[b], stride, y, x, x + 1)
 
 
 bodies_each = Each(bodies_pixel)
 
 
 @scalar
-def _bodies_row(out, depth, hit, back, stride, y, begin, stop):
+def _bodies_row(out, depth, hit, back, pixel, stride, y, begin, stop):
     """Pixels ``begin`` to ``stop`` of a row."""
     height, width = depth.shape
     deepest, own = out[y, begin:stop], back[y, begin:stop]
@@ -164,6 +165,8 @@ def _bodies_row(out, depth, hit, back, stride, y, begin, stop):
             deepest, front, own = out[y, first:end], depth[y, first:end], back[y, first:end]
             near, far = depth[there, first + dx : end + dx], back[there, first + dx : end + dx]
             solid = hit[there, first + dx : end + dx]
+            apart = np.float32(dx * dx + (there - y) * (there - y))
             for i in range(deepest.shape[0]):
-                one = solid[i] and near[i] <= own[i] and front[i] <= far[i]
+                wide = pixel[0] + pixel[1] * front[i]
+                one = solid[i] and near[i] <= own[i] and front[i] <= far[i] and wide * wide * apart <= ONE
                 deepest[i] = max(deepest[i], far[i]) if one else deepest[i]

@@ -188,7 +188,7 @@ def _by_kernel(
 
 
 @torch.library.custom_op("gbufrt::bodies", mutates_args=())
-def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
+def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor, pixel: Tensor) -> Tensor:
     """See `bodies`."""
     from gbufrt.compute.kernel import array, threads
     from post.sweep.drivers import bodies_each, bodies_rows
@@ -198,30 +198,35 @@ def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
         far = near.new_empty(near.shape)
         planes = [t[:, 0] for t in (far, depth, hit, near)]
         if on_gpu:
-            bodies_each(far.numel(), *planes, stride)
+            bodies_each(far.numel(), *planes, pixel, stride)
         else:
-            bodies_rows(*map(array, planes), stride, threads())
+            bodies_rows(*map(array, planes), array(pixel), stride, threads())
         near = far
     return near
 
 
 @bodies_cpu.register_fake
-def _(depth, hit, back):
+def _(depth, hit, back, pixel):
     return back.new_empty(back.shape)
 
 
-def bodies(depth: Tensor, hit: Tensor, back: Tensor, *, compiled: bool | None = None) -> Tensor:
+def bodies(
+    depth: Tensor, hit: Tensor, back: Tensor, *, pixel: Tensor | None = None, compiled: bool | None = None
+) -> Tensor:
     """Depth of the back of each pixel's body, from all surrounding pixels whose solids overlap with its own.
 
     Args:
         depth: ``(B, 1, H, W)`` planar view z of fronts, world units.
         hit: ``(B, 1, H, W)`` bool.
         back: as ``depth``, of backs.
+        pixel: ``(B, 2)``: the width of a pixel at depth 0 and its increase per unit of depth, as shares of how far
+            apart the rays to one body may be; by default 0, any distance.
         compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
         As ``back``.
     """
+    pixel = depth.new_zeros(len(depth), 2) if pixel is None else pixel
     if form_of(depth, back, compiled=compiled, cuda=True) is Form.REFERENCE:
-        return bodies_reference(depth, hit, back)
-    return bodies_cpu(depth, hit, back)
+        return bodies_reference(depth, hit, back, pixel)
+    return bodies_cpu(depth, hit, back, pixel)

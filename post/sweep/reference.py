@@ -154,9 +154,11 @@ def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
     return arcs.step((at.x - x) * nx + (at.y - y) * ny + (at.z - z) * nz)
 
 
-def bodies_reference(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
+def bodies_reference(depth: Tensor, hit: Tensor, back: Tensor, pixel: Tensor) -> Tensor:
     """Arguments and result are those of `post.sweep.op.bodies`."""
     height, width = depth.shape[-2:]
+    narrowest, growth = pixel[..., None, None, None].unbind(1)
+    wide = narrowest + growth * depth
     for stride in STRIDES:
         fronts = F.pad(torch.where(hit, depth, torch.inf), (stride,) * 4, value=torch.inf)
         backs = F.pad(torch.where(hit, back, -torch.inf), (stride,) * 4, value=-torch.inf)
@@ -165,6 +167,7 @@ def bodies_reference(depth: Tensor, hit: Tensor, back: Tensor) -> Tensor:
             for dx in (0, stride, 2 * stride):
                 place = (..., slice(dy, dy + height), slice(dx, dx + width))
                 one = (fronts[place] <= back) & (depth <= backs[place])
+                one = one & (wide * wide * ((dx - stride) ** 2 + (dy - stride) ** 2) <= 1)
                 deepest = torch.where(one, torch.maximum(deepest, backs[place]), deepest)
         back = deepest
     return back

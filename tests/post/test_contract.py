@@ -130,13 +130,14 @@ def test_gatherers_take_their_arguments_in_one_order(function):
 
 
 @pytest.mark.parametrize("function", [post.ssr, post.march_gi])
-def test_hit_is_every_pixel_and_thickness_half_a_unit_by_default(function):
+def test_hit_is_every_pixel_and_thickness_estimated_by_default(function):
     frame = boxes.frame(boxes.camera((24, 32)))
     g = frame.gbuffer
     inputs = (g.depth, g.normal + 1e-3, g.camera, frame.read("radiance"))
     material = g.roughness if function is post.ssr else g.albedo
     every = torch.ones_like(g.hit)
-    plain, said = function(*inputs, material), function(*inputs, material, hit=every, thickness=0.5)
+    solid = post.thickness_from_depth(*inputs[:3])
+    plain, said = function(*inputs, material), function(*inputs, material, hit=every, thickness=solid)
     assert all(torch.equal(a, b) for a, b in zip(plain, said, strict=True))
     deep = function(*inputs, material, hit=every, thickness=torch.full_like(g.depth, 9.0))
     assert not all(torch.equal(a, b) for a, b in zip(plain, deep, strict=True))

@@ -19,8 +19,8 @@ from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
 from post.shading.lobes import dot, unit
 from post.shading.sent_light import bounce_light
+from post.sweep.chords import known_thickness, thickness_from_depth
 
-THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
 PLAIN = 4  # one ray in this many is distributed about the normal itself, so that every direction is sampled
 
 
@@ -60,7 +60,7 @@ def march_gi(
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
         thickness: ``(B, 1, H, W)`` of solids along the view ray, world units; or one assumed for everything;
-            by default 0.5.
+            by default estimated, see `post.thickness_from_depth`.
         index: frame number, for the noise.
         rays: rays a pixel.
         steps: pixels a ray may be compared with, see `post.march.rays.march_rays`.
@@ -90,7 +90,8 @@ def march_gi(
     axis = facing if bent_normal is None else unit(facing + camera.rotate_to_view(bent_normal))
     axis = torch.where(dot(axis, facing) > 0.1, axis, facing)
     with torch.no_grad():
-        flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
+        flat = normal if normal_geo is None else normal_geo
+        solid = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
         hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
         upward = facing if normal_geo is None else camera.rotate_to_view(normal_geo)
         noise = blue_noise(*camera.size, dims=2, seed=seed, device=depth.device).to(depth)[None]
@@ -124,7 +125,8 @@ class MarchGI(Pass):
     """See `march_gi`; the light that surfaces send is `bounce_light`. Metals have no diffuse part.
 
     Args:
-        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``.
+        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``; by default
+            estimated, see `post.thickness_from_depth`.
         rays: see `march_gi`, as the rest.
     """
 
@@ -142,7 +144,7 @@ class MarchGI(Pass):
         bounces: int = 2,
         steps: int = 48,
         distance: float = 50.0,
-        assumed_thickness: float = THICKNESS,
+        assumed_thickness: float | None = None,
         seed: int = 0,
     ) -> None:
         super().__init__()
@@ -159,6 +161,6 @@ class MarchGI(Pass):
         albedo = frame.read("albedo") if g.metallic is None else frame.read("albedo") * (1 - g.metallic)
         assumed = tunables.pop("assumed_thickness")
         known = {"hit": g.hit, "bent_normal": frame.bent_normal, "normal_geo": g.normal_geo, "index": frame.index}
-        known |= {"thickness": assumed if g.thickness is None else g.thickness}
+        known |= {"thickness": known_thickness(g, assumed)}
         gi, sky_visibility = march_gi(g.depth, g.normal, g.camera, light, albedo, **known, **tunables)
         return frame.replace(gi=gi, sky_visibility=sky_visibility)

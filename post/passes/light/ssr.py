@@ -21,8 +21,7 @@ from post.shading.op import reflect
 from post.shading.reference import Method, Picture
 from post.shading.sent_light import outgoing_light
 from post.shading.surroundings import look_around
-
-THICKNESS = 0.5  # assumed, world units, where neither a measurement nor a guess is given
+from post.sweep.chords import known_thickness, thickness_from_depth
 
 
 def ssr(
@@ -77,7 +76,7 @@ def ssr(
         metallic: ``(B, 1, H, W)`` in [0, 1]: which surfaces mirror what rays that hit them bring; none where absent.
         normal_geo: ``(B, 3, H, W)`` geometric normal, world space, where it differs.
         thickness: ``(B, 1, H, W)`` of solids along the view ray, world units; or one assumed for everything;
-            by default 0.5.
+            by default estimated, see `post.thickness_from_depth`.
         environment: ``(B, 3, h, w)`` lat-long sky; where absent that of the picture, or black without surroundings.
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
@@ -117,7 +116,8 @@ def ssr(
     light, environment = finite(light), None if environment is None else finite(environment)
     f0 = torch.full_like(light, DIELECTRIC_F0) if f0 is None else f0
     far = camera.far if distance is None else distance
-    flat, solid = normal if normal_geo is None else normal_geo, THICKNESS if thickness is None else thickness
+    flat, solid = normal if normal_geo is None else normal_geo, thickness
+    solid = thickness_from_depth(depth.detach(), normal.detach(), camera, hit=hit) if solid is None else solid
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
     around, above = look_around(light, hit, camera) if surroundings else (None, None)
     sky = (above if environment is None else environment, visibility, bent_normal)
@@ -147,13 +147,14 @@ class SSR(Pass):
     """See `ssr`; the light that surfaces send is `outgoing_light`.
 
     Args:
-        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``.
+        assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``; by default
+            estimated, see `post.thickness_from_depth`.
         samples: see `ssr`, as the rest.
     """
 
     reads = frozenset({"depth", "hit", "normal", "roughness", "radiance"})
     optional = frozenset(
-        {"albedo", "metallic", "normal_geo", "thickness", "ambient", "environment"}
+        {"albedo", "metallic", "normal_geo", "thickness", "object_id", "ambient", "environment"}
         | {"ao", "sky_visibility", "bent_normal", "gi"}
     )
     writes = frozenset({"reflection", "reflection_confidence", "reflection_distance"})
@@ -170,7 +171,7 @@ class SSR(Pass):
         samples: int = 4,
         steps: int = 64,
         distance: float | None = None,
-        assumed_thickness: float = THICKNESS,
+        assumed_thickness: float | None = None,
         roughness_cutoff: float = 1.0,
         reuse: int = 0,
         method: Method = "ggx",
@@ -193,7 +194,7 @@ class SSR(Pass):
         assumed, roughness = tunables.pop("assumed_thickness"), frame.read("roughness")
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
         known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
-        known |= {"thickness": assumed if g.thickness is None else g.thickness, "index": frame.index}
+        known |= {"thickness": known_thickness(g, assumed), "index": frame.index}
         known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
         known |= {"metallic": g.metallic}
         found = ssr(g.depth, g.normal, g.camera, outgoing_light(frame), roughness, **known, **tunables)

@@ -80,6 +80,8 @@ def test_a_body_is_as_deep_as_its_neighbours_show() -> None:
     assert float(solid[0, 0, 4, 2]) == pytest.approx(3.25)
     assert float(solid[0, 0, 4, 8]) == pytest.approx(0.75)
     torch.testing.assert_close(planar_thickness(camera, depth, hit, 0.5, 0.25), torch.full_like(depth, 0.5))
+    near = planar_thickness(camera, depth, hit, thickness, 0.25, torch.tensor(4.5))  # pixels are 1 wide
+    assert [float(near[0, 0, 4, x]) for x in (2, 1, 0)] == pytest.approx([3.25, 3.25, 0.75])
 
 
 def test_a_closed_room_sees_no_sky_and_an_open_wall_does() -> None:

@@ -104,7 +104,9 @@ def test_operator_is_registered_properly() -> None:
 def test_bodies(size: tuple[int, int]) -> None:
     depth, solid, chance = torch.rand((3, 2, 1, *size), generator=torch.Generator().manual_seed(0)).unbind(0)
     depth, hit = 4 + depth, chance > 0.2
-    got, want = (bodies(depth, hit, depth + 0.5 * solid, compiled=form) for form in (True, False))
+    pixel, back = torch.tensor([[0.0, 0.0], [0.1, 0.05]]), depth + 0.5 * solid
+    got, want = (bodies(depth, hit, back, pixel=pixel, compiled=form) for form in (True, False))
     assert torch.equal(got, want)
-    assert bool((got > depth + 0.5 * solid).any())
-    torch.library.opcheck(bodies_cpu, (depth, hit, depth + solid), test_utils=("test_schema", "test_faketensor"))
+    assert bool((got > back).any())
+    assert torch.equal(got[:1], bodies(depth, hit, back)[:1])
+    torch.library.opcheck(bodies_cpu, (depth, hit, back, pixel), test_utils=("test_schema", "test_faketensor"))

@@ -10,9 +10,10 @@ from mirrors import SkyAlone
 from torch import Tensor
 
 import tracer
-from gbufrt import Camera, Frame
+from gbufrt import Camera, Frame, Pass
 from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
+from post.passes.light.march_gi import MarchGI
 from post.passes.light.ssr import SSR, ssr
 from post.shading.ggx import grazing
 from post.shading.lobes import Surface, ggx_ray, reuse_neighbors
@@ -46,6 +47,19 @@ def of_sky_alone(frame: Frame) -> Tensor:
 
 def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
     return torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(frames)]).mean(0)
+
+
+@pytest.mark.parametrize(("reflects", "signal"), [(SSR(), "reflection"), (MarchGI(distance=1e6), "gi")])
+def test_without_thickness_units_do_not_matter(reflects: Pass, signal: str) -> None:
+    frame = boxes.frame(boxes.camera((45, 60)))
+    g, pose = frame.gbuffer.replace(thickness=None), frame.gbuffer.camera.world_from_view.clone()
+    pose[:, :3, 3] *= 128
+    near, far = 128 * g.camera.near, 128 * g.camera.far
+    camera = Camera.from_intrinsics(g.camera.intrinsics, pose, size=g.camera.size, near=near, far=far)
+    small = g.replace(camera=camera, previous_camera=None, motion=None, motion_z=None, depth=128 * g.depth)
+    found, other = (reflects(frame.replace(gbuffer=one)).read(signal) for one in (g, small))
+    assert float(found.mean()) > 0.01
+    torch.testing.assert_close(other, found)
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
