@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.sections import Section
-from tracer.formats.minecraft.shapes import SIDE
 from tracer.formats.minecraft.states import GROUPS, States
+from tracer.formats.minecraft.voxels import SIDE
 from tracer.scene.cells import MAX_BRICK_CELLS
 from tracer.scene.grids import BRICK
 from tracer.scene.material import MaterialTable

@@ -4,31 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-SIDE = 8  # voxels along a block
-Mask = NDArray[np.bool_]
-Shape = tuple[tuple[str, Mask], ...]
-"""Parts: the block whose colour a part has, and its voxels ``(8, 8, 8)`` in the order x, y, z."""
+from tracer.formats.minecraft.plants import (
+    GREEN_STALK,
+    PLANTS,
+    SOLID_STEMS,
+    TALL_FLOWERS,
+    blossoms,
+    crossed,
+    flower,
+    plant,
+)
+from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, beside, box
 
 NOTHING = re.compile(
     "(?:.*_)?air|barrier|structure_void|light|moving_piston|tripwire.*|glow_lichen|redstone_wire|sculk_vein"
     "|end_gateway|.*button|lever|string"
 )
-PLANTS = re.compile(
-    ".*(?:sapling|tulip|bush|_coral|_coral_fan|seagrass|mushroom|orchid|daisy|roots|sprouts|propagule|kelp|kelp_plant"
-    "|vines|vines_plant|_stem|crop)|(?:short_|tall_)?grass|(?:large_)?fern|dandelion|poppy|allium|azure_bluet|cornflower"
-    "|lily_of_the_valley|wither_rose|torchflower|sunflower|lilac|rose_bush|peony|sugar_cane|wheat|carrots|potatoes"
-    "|beetroots|nether_wart|cobweb|amethyst_cluster|.*amethyst_bud|bamboo_sapling|pitcher_plant|.*dripleaf|fire|soul_fire"
-)
-SOLID_STEMS = ("crimson_stem", "warped_stem", "mushroom_stem", "stripped_crimson_stem", "stripped_warped_stem")
-GREEN_STALK = re.compile(
-    ".*(?:tulip|orchid|daisy)|dandelion|poppy|allium|azure_bluet|cornflower|lily_of_the_valley|wither_rose|torchflower"
-)
-TALL_FLOWERS = ("sunflower", "lilac", "rose_bush", "peony")
 FRONTS = {
     "jack_o_lantern": ("pumpkin", (".##..##.", ".##..##.", "........", ".#.##.#.", ".######.", "..#..#.."), 1),
     "lit_furnace": ("furnace", ("..####..", ".######.", ".######."), 1),
@@ -57,68 +51,15 @@ def shape_of(name: str, told: Mapping[str, str]) -> Shape | None:
         told: the properties of its state.
     """
     if GREEN_STALK.fullmatch(name):
-        return _flower(name)
+        return flower(name)
     if name in TALL_FLOWERS:
-        return (("short_grass", _crossed(0, 8)), (name, _blossoms())) if told.get("half") == "upper" else _plant("fern")
+        return (("short_grass", crossed(0, 8)), (name, blossoms())) if told.get("half") == "upper" else plant("fern")
     if PLANTS.fullmatch(name) and name not in SOLID_STEMS:
-        return _plant(name)
+        return plant(name)
     for pattern, make in _MAKERS:
         if re.fullmatch(pattern, name):
             return make(name, told)
     return None
-
-
-@cache
-def box(x0: int, y0: int, z0: int, x1: int, y1: int, z1: int) -> Mask:
-    """A box of voxels, in eighths of a block."""
-    mask = np.zeros((SIDE,) * 3, bool)
-    mask[x0:x1, y0:y1, z0:z1] = True
-    return mask
-
-
-@cache
-def _crossed(low: int, high: int) -> Mask:
-    """Two upright planes along the diagonals, frayed: every second voxel is left out, more of them toward the top."""
-    x, y, z = np.indices((SIDE,) * 3)
-    plane = (x == z) | (x == SIDE - 1 - z)
-    gap = (3 * x + 5 * y + 7 * (x > z)) % 5
-    return plane & (y >= low) & (y < high) & (gap > 0) & (gap * (high - low) >= (y - low) * 3)
-
-
-@cache
-def _blossoms() -> Mask:
-    x, y, _ = np.indices((SIDE,) * 3)
-    return _crossed(0, 8) & (y >= 2) & ((x + 2 * y) % 3 > 0)
-
-
-def is_plant(name: str) -> bool:
-    """Whether a block is two upright pictures that cross."""
-    plant = PLANTS.fullmatch(name) is not None and name not in SOLID_STEMS
-    return plant or GREEN_STALK.fullmatch(name) is not None or name in TALL_FLOWERS
-
-
-def cut_out(solid: Mask, *, crossed: bool) -> Mask:
-    """The shape of a picture with holes: of two that cross, or of a hollow cube.
-
-    Args:
-        solid: ``(6, 8, 8)`` where each face is there; see `tracer.formats.minecraft.pack.pack.Dressed`.
-        crossed: whether it is a plant.
-    """
-    x, y, z = np.indices((SIDE,) * 3)
-    if crossed:
-        return ((x == z) | (x == SIDE - 1 - z)) & solid[5, y, x]
-    mask = np.zeros((SIDE,) * 3, bool)
-    for face, (place, row, column) in enumerate(((x, z, y), (x, z, y), (y, z, x), (y, z, x), (z, y, x), (z, y, x))):
-        mask |= (place == (SIDE - 1) * (face % 2)) & solid[face, row, column]
-    return mask
-
-
-def _plant(name: str) -> Shape:
-    return ((name, _crossed(0, 8 if name.startswith(("tall", "large", "sugar", "kelp", "cob")) else 6)),)
-
-
-def _flower(name: str) -> Shape:
-    return (("short_grass", box(3, 0, 3, 4, 4, 4) | box(4, 0, 4, 5, 2, 5)), (name, box(2, 4, 2, 5, 6, 5)))
 
 
 def _slab(name: str, told: Mapping[str, str]) -> Shape | None:
@@ -138,15 +79,6 @@ def _stairs(name: str, told: Mapping[str, str]) -> Shape:
         (box(0, 4, 0, 8, 8, 8), box(0, 0, 0, 8, 4, 8)) if top else (box(0, 0, 0, 8, 4, 8), box(0, 4, 0, 8, 8, 8))
     )
     return ((name, base | (rise & step)),)
-
-
-def beside(side: str, depth: int) -> Mask:
-    """A plate on one side of a block, ``depth`` eighths thick; north is -z, east +x."""
-    return {
-        "west": box(0, 0, 0, depth, 8, 8),
-        "east": box(8 - depth, 0, 0, 8, 8, 8),
-        "north": box(0, 0, 0, 8, 8, depth),
-    }.get(side, box(0, 0, 8 - depth, 8, 8, 8))
 
 
 def _arms(told: Mapping[str, str], low: int, high: int, a: int, b: int) -> Mask:

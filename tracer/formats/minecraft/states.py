@@ -10,10 +10,11 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from tracer.formats.minecraft import shapes
+from tracer.formats.minecraft import plants, shapes
 from tracer.formats.minecraft.colors import known, material, table, tint_kind
 from tracer.formats.minecraft.pack.pack import NONE, Dressed, Faces, Pack
 from tracer.formats.minecraft.sections import Section
+from tracer.formats.minecraft.voxels import SIDE, Shape
 from tracer.scene.grids import BRICK
 from tracer.scene.material import Material, MaterialTable
 
@@ -53,7 +54,7 @@ class States:
         self._faces: list[Faces] = []
         self._numbers: dict[tuple[str, Faces], int] = {}
         self._rows: dict[tuple[str, str], tuple[int, int]] = {}
-        self._kinds: list[NDArray[np.int16]] = [np.zeros((shapes.SIDE,) * 3, np.int16)]
+        self._kinds: list[NDArray[np.int16]] = [np.zeros((SIDE,) * 3, np.int16)]
         self._kind_of: dict[bytes, int] = {}
 
     def __len__(self) -> int:
@@ -108,7 +109,7 @@ class States:
         parts = self._parts(name, block, told, biome)
         if parts is None:
             return self._number(name, biome, block, told), 0
-        voxels = np.zeros((shapes.SIDE,) * 3, np.int16)
+        voxels = np.zeros((SIDE,) * 3, np.int16)
         for part, mask in parts:
             voxels[mask] = self._number(part, biome, block if part == name else None, told)
         key = voxels.tobytes()
@@ -117,19 +118,19 @@ class States:
             self._kinds.append(voxels)
         return (self._number("water", biome, "water") if wet else 0), self._kind_of[key]
 
-    def _parts(self, name: str, block: str, told: Mapping[str, str], biome: str) -> shapes.Shape | None:
+    def _parts(self, name: str, block: str, told: Mapping[str, str], biome: str) -> Shape | None:
         """The shape of a block, or None for a cube; plants and leaves have that of their picture, if they have one."""
         try:
             parts = shapes.shape_of(name, told)
         except (ValueError, KeyError):  # properties that no game writes
             parts = None
-        plant = shapes.is_plant(name)
+        plant = plants.is_plant(name)
         if plant or parts is None or name in shapes.FRONTS:
             dressed = self._dressed(name, biome, block, told)
             if name in shapes.FRONTS:  # a pack's own picture tells what glows
                 return parts if dressed.faces == NONE else None
             if dressed.solid is not None and dressed.material.opacity == 1.0:
-                return ((name, shapes.cut_out(dressed.solid, crossed=plant)),)
+                return ((name, plants.cut_out(dressed.solid, crossed=plant)),)
         return parts
 
     def _number(self, name: str, biome: str, block: str | None, told: Mapping[str, str] = NOTHING_TOLD) -> int:

@@ -1,81 +1,38 @@
-"""Resource packs: which texture lies how on which face, its maps, its tint, and what is refused."""
+"""Resource packs: which texture lies how on which face, its maps and its tint."""
 
 from __future__ import annotations
 
 import json
-import struct
-import zipfile
-import zlib
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import torch
-from pack_writer import JAVA, flat, json_files, png, textures, write_pack
+from pack_writer import (
+    CORNERS,
+    FACES,
+    UPRIGHT,
+    A,
+    B,
+    C,
+    at,
+    flat,
+    json_files,
+    png,
+    seen_from_outside,
+    table_of,
+    textures,
+    tile,
+    write_pack,
+)
 
 from tracer.formats.minecraft.build import Builder
 from tracer.formats.minecraft.colors import material, tint_of
-from tracer.formats.minecraft.pack.archive import Archive
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.sections import Section
-from tracer.scene.material import MaterialTable
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
 from tracer.worlds.landscape import landscape
-
-FACES = ("west", "east", "down", "up", "north", "south")
-A, B, C, D = 188, 137, 99, 0  # sRGB of 0.5, 0.25, about 0.125 and 0: from left to right, then downward
-CORNERS = np.array([[A, B], [C, D]], np.uint8)[..., None].repeat(3, axis=-1)
-LOOK = {  # as the game draws it: which of x, y, z a picture's right and down are, and whether they fall
-    "up": ((0, False), (2, False)),
-    "down": ((0, False), (2, True)),
-    "south": ((0, False), (1, True)),
-    "north": ((0, True), (1, True)),
-    "west": ((2, False), (1, True)),
-    "east": ((2, True), (1, True)),
-}
-
-
-def table_of(pack: Path, *states: str, biome: str = "plains") -> tuple[MaterialTable, torch.Tensor]:
-    """The materials of blocks with a pack, and their numbers in the order of ``states``."""
-    builder, blocks = Builder(Pack(pack)), np.zeros(4096, np.int64)
-    blocks[:: 4096 // 16][: len(states)] = np.arange(1, len(states) + 1)  # along y, apart
-    given = ("minecraft:air", *(f"minecraft:{state}" for state in states))
-    builder.add(0, 0, Section(y=0, states=given, blocks=blocks, biomes=(biome,), biome=None))
-    world = builder.build().world
-    return world.materials, world.at(torch.tensor([[0, y, 0] for y in range(len(states))])).long()
-
-
-def tile(table: MaterialTable, number: Any, face: str) -> torch.Tensor:
-    """``(S, S, 10)`` texels of a face; rows go along its second axis."""
-    assert table.textures is not None
-    first, side = table.textures.faces[int(number), FACES.index(face)].tolist()
-    return table.textures.texels[first : first + side * side].view(side, side, -1)
-
-
-def at(table: MaterialTable, number: Any, face: str, place: tuple[float, float, float]) -> torch.Tensor:
-    """The texel at a place on a face of a block."""
-    own, axis = tile(table, number, face), FACES.index(face) // 2
-    column, row = (int(place[k] * len(own)) for k in range(3) if k != axis)
-    return own[row, column]
-
-
-def seen_from_outside(table: MaterialTable, number: Any, face: str) -> list[list[float]]:
-    """Albedo at the four corners of a face, as the game's viewer sees them: rows from the top, from left to right."""
-    (right, mirrored), (down, flipped) = LOOK[face]
-    rows = []
-    for t in (0.25, 0.75):
-        row = []
-        for s in (0.25, 0.75):
-            place = [0.0, 0.0, 0.0]
-            place[right], place[down] = 1 - s if mirrored else s, 1 - t if flipped else t
-            row.append(round(float(at(table, number, face, (place[0], place[1], place[2]))[COLOR]), 2))
-        rows.append(row)
-    return rows
-
-
-UPRIGHT = [[0.5, 0.25], [0.12, 0.0]]
 
 
 @pytest.mark.parametrize("where", ["pack.zip", "pack", "pack.jar"])
@@ -305,105 +262,3 @@ def test_views_are_the_same_over_leaves_with_holes(tmp_path: Path):
     for name in views[0]:
         for time in (0.0, 7.0):
             assert views[0][name].eye(time) == pytest.approx(views[1][name].eye(time)), name
-
-
-def claimed(width: int, height: int) -> bytes:
-    """A PNG that claims a size and holds nothing."""
-    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(b"\0")), (b"IEND", b""))
-    parts = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks)
-    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
-
-
-STONE = f"{JAVA}textures/block/stone.png"
-CIRCLE = {"blockstates__stone": {"variants": {"": {"model": "block/a"}}}, "models__block__a": {"parent": "block/b"}}
-WRONG: dict[str, dict[str, bytes]] = {
-    "has no textures of blocks": {"pack.mcmeta": b"{}", f"{JAVA}textures/item/stick.png": b""},
-    "leads out of it": {STONE: png(CORNERS), "../stone.png": b""},
-    "stone.png is damaged": {STONE: png(CORNERS)[:45]},
-    "3600000000 pixels": {STONE: claimed(60000, 60000)},
-    "claims 16 x 4000000": {STONE: claimed(16, 4000000)},
-    "round in a circle": {STONE: png(CORNERS), **json_files(**CIRCLE, models__block__b={"parent": "block/a"})},
-    "not a JSON object": {STONE: png(CORNERS), f"{JAVA}blockstates/stone.json": b"[" * 100000},
-    "unpacks to more": {STONE: bytes(1 << 25)},
-}
-
-
-@pytest.mark.parametrize("message", WRONG)
-def test_bad_packs_are_refused_in_one_line(tmp_path: Path, message: str):
-    pack = write_pack(tmp_path / "a.zip", WRONG[message])
-    with pytest.raises(ValueError, match=message) as refused:
-        table_of(pack, "stone")
-    assert "\n" not in str(refused.value)
-    assert str(pack) in str(refused.value)
-
-
-def test_damaged_archives_are_refused(tmp_path: Path):
-    whole = write_pack(tmp_path / "a.zip", textures(stone=np.random.default_rng(0).integers(0, 255, (16, 16, 3))))
-    data = whole.read_bytes()
-    for cut in (0, 10, len(data) // 2, len(data) - 5):
-        whole.write_bytes(data[:cut])
-        with pytest.raises(ValueError, match="truncated"):
-            Pack(whole)
-    for place in range(0, len(data), 7):
-        whole.write_bytes(data[:place] + bytes([data[place] ^ 0x41]) + data[place + 1 :])
-        with suppress(ValueError):  # and nothing else
-            table_of(whole, "stone")
-    with pytest.raises(FileNotFoundError, match="does not exist"):
-        Pack(tmp_path / "none.zip")
-
-
-def test_the_limit_counts_what_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    pack = write_pack(tmp_path / "a.zip", textures(stone=CORNERS, dirt=CORNERS.copy()))
-    bytes_of_one = len(png(CORNERS))
-    monkeypatch.setenv("GBUFRT_MAX_GB", str(1.5 * bytes_of_one / 2**30))
-    archive = Archive(pack)
-    assert archive.read(STONE)
-    with pytest.raises(ValueError, match="left of the limit"):
-        archive.read(STONE.replace("stone", "dirt"))
-    with pytest.raises(ValueError, match="GBUFRT_MAX_GB"):
-        table_of(pack, "stone")
-
-
-def test_links_out_of_a_folder_are_not_followed(tmp_path: Path):
-    (tmp_path / "secret.png").write_bytes(png(flat(A, A, A)))
-    pack = write_pack(tmp_path / "pack", textures(dirt=CORNERS))
-    (pack / STONE).symlink_to(tmp_path / "secret.png")
-    builder = Builder(Pack(pack))
-    builder.add(0, 0, Section(y=0, states=("stone",), blocks=np.zeros(1, np.int64), biomes=("plains",), biome=None))
-    assert builder.build().untextured == ("stone",)
-
-
-def deep(count: int) -> dict[str, Any]:
-    return {"facing": "up"} if count == 0 else {"OR": [deep(count - 1)]}
-
-
-ODD = {
-    "infinite turns": {"variants": {"": {"model": "block/odd", "x": float("inf"), "y": float("nan")}}},
-    "text for turns": {"variants": {"": {"model": "block/odd", "x": "90", "uvlock": 3}}},
-    "deep conditions": {"multipart": [{"when": deep(200), "apply": []}, {"when": deep(3), "apply": [[]]}]},
-    "no variants": {"variants": []},
-    "numbers": {"variants": {"": 7}},
-}
-
-
-@pytest.mark.parametrize("what", ODD)
-def test_odd_block_states_and_models_break_nothing(tmp_path: Path, what: str):
-    face = {"texture": "#a", "uv": [0, float("inf"), "x", 16], "rotation": float("nan")}
-    model = {"textures": {"a": "#b", "b": "#a", "c": "block/stone", "d": 5}, "elements": [7, {"from": 1, "faces": 2}]}
-    model["elements"] += [{"from": [0] * 3, "to": [0] * 3, "faces": {"up": face, "down": {**face, "texture": "#c"}}}]
-    pack = write_pack(
-        tmp_path / "a.zip", textures(stone=CORNERS) | json_files(blockstates__stone=ODD[what], models__block__odd=model)
-    )
-    table, (number,) = table_of(pack, "stone")
-    assert table.textures is not None
-    assert (table.textures.faces[number, :, 1] == 2).all()
-
-
-def test_odd_names_stay_in_the_archive(tmp_path: Path):
-    """A model may name what it likes: it finds nothing outside the list of files."""
-    odd = {"variants": {"": {"model": "../../../etc/passwd"}}}
-    pack = write_pack(tmp_path / "a.zip", textures(stone=CORNERS) | json_files(blockstates__stone=odd))
-    assert zipfile.ZipFile(pack).namelist()
-    table, (number,) = table_of(pack, "stone")
-    assert seen_from_outside(table, number, "up") == UPRIGHT, "by its name"
