@@ -10,6 +10,8 @@ NARROWEST = 0.4  # of sigma, where there is no noise
 MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
 COARSE_POWER = 8.0  # of the cosine between normals, where neighbours are only told apart or averaged
+SAME = 0.3  # edge weight above which a neighbour shows the same surface
+LEAST_SHARE = 1e-6  # of a square that counts: keeps means over none finite
 
 LUMA = (0.299, 0.587, 0.114)  # Rec. 601, of encoded colour
 STRIDES = (1.0, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 4.0, 8.0)  # pixels a search step: fine near the pixel, then coarse

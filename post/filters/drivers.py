@@ -6,6 +6,7 @@ import numpy as np
 from numba import prange
 
 from gbufrt.compute.kernel import driver
+from post.filters.around_kernel import alike_row, least_row, pooled_row
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.denoise_kernel import (
     add_moments,
@@ -23,7 +24,7 @@ from post.filters.denoise_kernel import (
     wavelet_weights,
 )
 from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
-from post.filters.kernel import hit_span, surface_row, unit_row
+from post.filters.kernel import edge_of, hit_span, surface_row, unit_row
 from post.filters.weight_kernel import GROUP, PARTS, add_values, edge_with, near_row, part_of
 
 
@@ -170,3 +171,34 @@ def stairs_rows(out, luma, image, subpixel, edge_threshold, dark_threshold, thre
             b, y = row // height, row % height
             edge_row(is_edge, luma[b], y, *limits)
             smooth_row(out[b], is_edge, image[b], luma[b], y, np.float32(subpixel))
+
+
+@driver
+def pooled_rows(out, value, mask, radius, threads):
+    batch, _, height, width = value.shape
+    for thread in prange(threads):
+        scratch = np.empty((4, width + 2 * radius), np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            pooled_row(out[b], scratch, value[b], mask[b], radius, y)
+
+
+@driver
+def least_rows(out, value, radius, threads):
+    batch, height, width = value.shape
+    for thread in prange(threads):
+        scratch = np.empty(width + 2 * radius, np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            least_row(out[b], scratch, value[b], radius, y)
+
+
+@driver
+def alike_rows(same, guide, plane, perspective, threads):
+    batch, _, height, width = same.shape
+    for thread in prange(threads):
+        weights = np.empty(width, np.float32)
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            edge = edge_of(guide[b], perspective, 1.0, COARSE_POWER)
+            alike_row(same[b], weights, guide[b], plane[b], edge, y)

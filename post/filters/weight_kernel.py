@@ -111,17 +111,17 @@ def edge_weight(i, here, near, j, there, dx, dy, edge, exponent):
 @scalar
 def weigh_further(weights, guide, y, taps, edge):
     """Multiply weights by what few filters need: a power of the cosine that squarings do not make, and roughness."""
-    if edge.rest == ZERO and edge.roughness == ZERO:
-        return
     here, every = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps)
     for k in range(taps.count):
         row, shift = weights[k, : taps.end - taps.first], np.uint64(k * taps.step)
-        for i in range(np.uint64(row.shape[0])):
-            j = i + shift
-            cosine = here.nx[i] * every.nx[j] + here.ny[i] * every.ny[j] + here.nz[i] * every.nz[j]
-            exponent = edge.rest * log2(min(max(cosine, TINY), ONE))
-            rougher = abs(here.roughness[i] - every.roughness[j]) * edge.roughness
-            row[i] *= exp2(exponent - rougher)
+        if edge.rest != ZERO:
+            for i in range(np.uint64(row.shape[0])):
+                j = i + shift
+                cosine = here.nx[i] * every.nx[j] + here.ny[i] * every.ny[j] + here.nz[i] * every.nz[j]
+                row[i] *= exp2(edge.rest * log2(min(max(cosine, TINY), ONE)))
+        if edge.roughness != ZERO:
+            for i in range(np.uint64(row.shape[0])):
+                row[i] *= falling_exp2(-abs(here.roughness[i] - every.roughness[i + shift]) * edge.roughness)
 
 
 @contracted

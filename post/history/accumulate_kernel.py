@@ -13,6 +13,7 @@ import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.luminance import REC709
+from post.filters import constants as filters
 from post.filters.constants import HIT
 from post.filters.kernel import edge_weights, tap_at
 from post.history import constants
@@ -21,7 +22,7 @@ from post.history.constants import POOL
 ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.float32(8), np.float32(9)
 TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)
-YOUNG, SAME = np.float32(constants.YOUNG), np.float32(constants.SAME)
+YOUNG, SAME = np.float32(constants.YOUNG), np.float32(filters.SAME)
 CORRELATED, RELATIVE_FLOOR = np.float32(constants.CORRELATED), np.float32(constants.RELATIVE_FLOOR)
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
 FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
@@ -108,7 +109,7 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
 
 @scalar
 def alike_row(bits, weights, guide, plane, age, edge, y, first, end):
-    """A row of `antilag.alike` among pixels that have a history: bit k for the k-th of 3x3 pixels."""
+    """A row of `around.alike` among pixels that have a history: bit k for the k-th of 3x3 pixels."""
     bits[y, first:end] = 0
     for k in range(9):
         tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, age.shape)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
-from post.filters.constants import COARSE_POWER, HIT
-from post.filters.edges import Surface, edge_weight, offsets, padded, windows
-from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, SAME, YOUNG
+from post.filters.around import alike, least, pooled
+from post.filters.edges import Surface, padded, windows
+from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, YOUNG
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
@@ -19,26 +18,6 @@ FIRST = 5  # pixels: square over which pixels of one sample share their relative
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
-
-
-def pooled(value: Tensor, mask: Tensor, size: int = 3) -> Tensor:
-    """Mean over a square of the pixels in ``mask``."""
-    total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
-    return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(1e-6)
-
-
-def alike(geometry: Surface) -> Tensor:
-    """``(B, 9, H, W)`` bool: which of the 3x3 pixels around show the same surface, or the sky if the centre does."""
-    guides = windows(padded(geometry.guide, 1), 1)
-    away = windows(padded(1 - geometry.guide[:, HIT : HIT + 1], 1), 1)
-    same = []
-    for (dy, dx), guide, sky in zip(offsets(1), guides, away, strict=True):
-        weight = edge_weight(
-            geometry.guide, guide, geometry.plane, dx, dy,
-            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=COARSE_POWER,
-        )  # fmt: skip
-        same.append((weight > SAME) | ((sky * away[len(away) // 2])[:, 0] > 0))
-    return torch.stack(same, dim=1)
 
 
 def _pooled_alike(value: Tensor, same: Tensor) -> Tensor:
@@ -162,7 +141,7 @@ def blend_reference(
     return torch.cat(new, dim=1)
 
 
-def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor) -> Tensor:
+def into_shadow(mean: Tensor, sample: Tensor, same: Tensor, sure: Tensor) -> Tensor:
     """Darken the mean where this frame's samples are far below it, but not below the neighbours' darkest mean.
 
     History blurs penumbrae and lags behind shadows that move, and disoccluded pixels borrow light from their
@@ -173,7 +152,7 @@ def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor) -
     Args:
         mean: ``(B, 3, H, W)`` accumulated light without albedo.
         sample: as ``mean``, this frame's.
-        geometry: of this frame; neighbours are those of the 3x3 pixels around that lie on the same surface.
+        same: see `alike`.
         sure: ``(B, 1, H, W)`` in [0, 1]: how far to follow the samples.
 
     Returns:
@@ -184,9 +163,9 @@ def into_shadow(mean: Tensor, sample: Tensor, geometry: Surface, sure: Tensor) -
     dark = (missing > BLOCKED).to(light.dtype)
     darkest, around, count = light, -dark, -torch.ones_like(dark)  # without the pixel itself
     views = windows(padded(torch.cat([light, dark], dim=1), 1), 1)
-    for view, same in zip(views, alike(geometry).split(1, dim=1), strict=True):
-        darkest = torch.where(same, torch.minimum(darkest, view[:, :1]), darkest)
-        around, count = around + view[:, 1:] * same, count + same
+    for view, tap in zip(views, same.split(1, dim=1), strict=True):
+        darkest = torch.where(tap, torch.minimum(darkest, view[:, :1]), darkest)
+        around, count = around + view[:, 1:] * tap, count + tap
     together = ((around / count.clamp_min(1.0) - FEW) / (MANY - FEW)).clamp(0.0, 1.0)
     blocked = sure * together * ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
     darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
@@ -219,9 +198,7 @@ def grain_of(mean: Tensor, variance: Tensor, hit: Tensor) -> Tensor:
     lit = hit.to(mean.dtype)
     noise, light = pooled(torch.cat([variance, luminance(mean)], dim=1), lit, AROUND).split(1, dim=1)
     grain = torch.where(hit, noise / (GRAINY * light).square().clamp_min(1e-8), torch.inf)
-    for size in ((WIDE, 1), (1, WIDE)):
-        grain = -F.max_pool2d(-grain, size, stride=1, padding=(size[0] // 2, size[1] // 2))
-    return torch.where(hit, grain, 0.0)
+    return torch.where(hit, least(grain, WIDE), 0.0)
 
 
 def shared_at_first(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor) -> Tensor:

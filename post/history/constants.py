@@ -6,7 +6,6 @@ FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: below this age, variance comes from the neighbours
 CORRELATED = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
-SAME = 0.3  # edge weight above which a neighbour shows the same surface
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
 KEPT = 1e-3  # of a bilinear footprint: less than this on the surface is no history
 STILL = 1e-3  # pixels: motion so near to a whole number is one

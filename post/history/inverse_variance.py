@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 
 from gbufrt.luminance import luminance
+from post.filters.around import pooled
 from post.filters.edges import Surface
 from post.filters.op import spatial_moments, wavelet
-from post.history.antilag import pooled
 
 AROUND = 7  # pixels: square over which noise is compared with light
 LEAST = 0.1  # relative variance of the best of neighbours: they count alike below

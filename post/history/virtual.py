@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.directions import length as norm
-from post.history.antilag import pooled
+from post.filters.around import pooled
 from post.history.read import read_history
 from post.history.reproject import motion_of
 

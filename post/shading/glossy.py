@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
+from gbufrt.directions import length
 from post.shading.mirrors import METAL, SMOOTH
 
 LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
@@ -37,6 +38,6 @@ def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
         return None
     points = g.camera.to_world(g.points_view())
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
-    turned = torch.linalg.vector_norm(now - was, dim=1, keepdim=True)  # radians, as it is small
+    turned = length(now - was)  # radians, as it is small
     frames = (LASTING * g.roughness.square() / turned.clamp_min(1e-9)).clamp_min(LEAST)
     return torch.where(metals, frames, torch.inf)

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
-from post.filters.edges import Surface
+from post.filters.around import alike, pooled
 from post.filters.surfaces import check_sizes, surface
-from post.history.antilag import alike, grain_of, into_shadow, pooled, shared_at_first, tolerated, trusted
+from post.history.antilag import grain_of, into_shadow, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
@@ -109,20 +109,22 @@ def denoise(
     smooth = certain_mean(smooth, variance, kept, geometry)
     sure, metals = trusted(grain, length), glossy_metals(gbuffer)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
-    smooth = into_shadow(smooth, noisy, geometry, sure)
+    same = alike(geometry)
+    smooth = into_shadow(smooth, noisy, same, sure)
     smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
     if mirrors is not None:
-        clean = _filled(clean, geometry, mirrors)
+        clean = _filled(clean, same, mirrors)
     return torch.where(gbuffer.hit, clean, light), history
 
 
-def _filled(light: Tensor, geometry: Surface, mirrors: Tensor) -> Tensor:
+def _filled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:
     """Light of mirrors, from the pixels around where next to none of them shows the same surface.
 
     Borders of a virtual image are ragged where rays pass close to edges, and a pixel left alone there keeps its noise.
+    ``same`` is `alike`.
     """
-    alone = mirrors & (alike(geometry).sum(1, keepdim=True) <= ALONE)
+    alone = mirrors & (same.sum(1, keepdim=True) <= ALONE)
     others = (mirrors & ~alone).to(light.dtype)
     return torch.where(alone & (pooled(others, torch.ones_like(others)) > 0), pooled(light, others), light)
 

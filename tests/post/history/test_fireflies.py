@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from post import denoise
+from post.filters.around import alike
 from post.filters.surfaces import surface
 from post.history.antilag import into_shadow, trusted
 from post.history.fireflies import cut_outliers, given_back, taken
@@ -75,7 +76,7 @@ def test_one_dark_sample_proves_no_shadow_where_many_are_dark():
     length = torch.full_like(G.depth, 8.0)
     grain = torch.where(torch.arange(SIZE[1]) < 24, 100.0, 1.0).expand_as(G.depth)
     ramp = torch.linspace(0.5, 1.0, SIZE[0])[:, None].expand_as(G.normal).contiguous()
-    kept = into_shadow(ramp, torch.zeros_like(ramp), GEOMETRY, trusted(grain, length))
+    kept = into_shadow(ramp, torch.zeros_like(ramp), alike(GEOMETRY), trusted(grain, length))
     darker = (ramp - kept)[INNER]
     assert 0 < float(darker[..., :12].mean()) < 0.02 * float(darker[..., 20:].mean())
 

@@ -1,0 +1,102 @@
+"""What lies around pixels: means and least values over squares, and which neighbours show the same surface."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from gbufrt.compute.dispatch import Form, form_of
+from post.filters.constants import COARSE_POWER, HIT, LEAST_SHARE, SAME
+from post.filters.edges import Surface, edge_weight, offsets, padded, windows
+
+
+@torch.library.custom_op("gbufrt::pooled", mutates_args=())
+def pooled_cpu(value: Tensor, mask: Tensor, size: int) -> Tensor:
+    """See `pooled`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import pooled_rows
+
+    out = torch.empty_like(value, memory_format=torch.contiguous_format)
+    pooled_rows(*map(array, (out, value, mask)), size // 2, threads())
+    return out
+
+
+@pooled_cpu.register_fake
+def _(value, mask, size):
+    return torch.empty_like(value, memory_format=torch.contiguous_format)
+
+
+@torch.library.custom_op("gbufrt::least_around", mutates_args=())
+def least_cpu(value: Tensor, size: int) -> Tensor:
+    """See `least`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import least_rows
+
+    out = torch.empty_like(value, memory_format=torch.contiguous_format)
+    least_rows(*map(array, (out[:, 0], value[:, 0])), size // 2, threads())
+    return out
+
+
+@least_cpu.register_fake
+def _(value, size):
+    return torch.empty_like(value, memory_format=torch.contiguous_format)
+
+
+@torch.library.custom_op("gbufrt::alike", mutates_args=())
+def alike_cpu(guide: Tensor, plane: Tensor, perspective: bool) -> Tensor:
+    """See `alike`; ``guide`` and ``plane`` are those of `Surface`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.filters.drivers import alike_rows
+
+    same = guide.new_empty(guide.shape[0], 9, *guide.shape[2:], dtype=torch.bool)
+    alike_rows(*map(array, (same, guide, plane)), perspective, threads())
+    return same
+
+
+@alike_cpu.register_fake
+def _(guide, plane, perspective):
+    return guide.new_empty(guide.shape[0], 9, *guide.shape[2:], dtype=torch.bool)
+
+
+def pooled(value: Tensor, mask: Tensor, size: int = 3, *, compiled: bool | None = None) -> Tensor:
+    """Mean over a square of the pixels in ``mask``, 0 where there are none.
+
+    Args:
+        value: ``(B, C, H, W)``, any unit.
+        mask: ``(B, 1, H, W)`` or as ``value``: how much each pixel counts, at least 0.
+        size: odd side of the square, pixels.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        As ``value``.
+    """
+    if form_of(value, mask, compiled=compiled) is not Form.REFERENCE:
+        return pooled_cpu(value, mask, size)
+    total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
+    return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(LEAST_SHARE)
+
+
+def least(value: Tensor, size: int, *, compiled: bool | None = None) -> Tensor:
+    """Least value ``(B, 1, H, W)`` over a square of odd side ``size``, as far as it lies in the picture."""
+    if form_of(value, compiled=compiled) is not Form.REFERENCE:
+        return least_cpu(value, size)
+    for sides in ((size, 1), (1, size)):
+        value = -F.max_pool2d(-value, sides, stride=1, padding=(sides[0] // 2, sides[1] // 2))
+    return value
+
+
+def alike(geometry: Surface, *, compiled: bool | None = None) -> Tensor:
+    """``(B, 9, H, W)`` bool: which of the 3x3 pixels around show the same surface, or the sky if the centre does."""
+    if form_of(geometry.guide, geometry.plane, compiled=compiled) is not Form.REFERENCE:
+        return alike_cpu(geometry.guide, geometry.plane, geometry.perspective)
+    guides = windows(padded(geometry.guide, 1), 1)
+    away = windows(padded(1 - geometry.guide[:, HIT : HIT + 1], 1), 1)
+    same = []
+    for (dy, dx), guide, sky in zip(offsets(1), guides, away, strict=True):
+        weight = edge_weight(
+            geometry.guide, guide, geometry.plane, dx, dy,
+            perspective=geometry.perspective, depth_sensitivity=1.0, normal_power=COARSE_POWER,
+        )  # fmt: skip
+        same.append((weight > SAME) | ((sky * away[len(away) // 2])[:, 0] > 0))
+    return torch.stack(same, dim=1)

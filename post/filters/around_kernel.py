@@ -1,0 +1,93 @@
+"""The compiled forms of `post.filters.around`: a row of pixels as a body.
+
+Sums and least values over a square are taken over its rows first and along the row then, so that a wide square costs
+its sides. Rows of scratch have a margin on both sides for what is not in the picture.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gbufrt.compute.kernel import inlined, scalar
+from post.filters import constants
+from post.filters.constants import HIT
+from post.filters.kernel import edge_weights, tap_at
+
+ZERO, ENDLESS = np.float32(0), np.float32(np.inf)
+LEAST, SAME = np.float32(constants.LEAST_SHARE), np.float32(constants.SAME)
+
+
+@inlined
+def _rows_around(y, radius, height):
+    return range(max(y - radius, 0), min(y + radius + 1, height))
+
+
+@scalar
+def _slide(sums, along, radius):
+    """Sums along a row: those of the ``2 radius + 1`` numbers from each on."""
+    sums[:] = 0
+    for k in range(2 * radius + 1):
+        taps = along[k : k + sums.shape[0]]
+        for x in range(sums.shape[0]):
+            sums[x] += taps[x]
+
+
+@scalar
+def pooled_row(out, scratch, value, mask, radius, y):
+    """A row of `around.pooled`; ``scratch`` is two rows with margins, and two without."""
+    channels, height, width = value.shape
+    total, count, (sums, counted) = scratch[0], scratch[1], (scratch[2, :width], scratch[3, :width])
+    least = LEAST * np.float32((2 * radius + 1) ** 2)
+    for c in range(channels):
+        shared = mask.shape[0] == 1
+        m = 0 if shared else c
+        if c == 0 or not shared:
+            count[:] = 0
+            within = count[radius : radius + width]
+            for row in _rows_around(y, radius, height):
+                counts = mask[m, row]
+                for x in range(width):
+                    within[x] += counts[x]
+            _slide(counted, count, radius)
+        total[:] = 0
+        within = total[radius : radius + width]
+        for row in _rows_around(y, radius, height):
+            given, counts = value[c, row], mask[m, row]
+            for x in range(width):
+                within[x] += given[x] * counts[x]
+        _slide(sums, total, radius)
+        line = out[c, y]
+        for x in range(width):
+            line[x] = sums[x] / max(counted[x], least)
+
+
+@scalar
+def least_row(out, scratch, value, radius, y):
+    """A row of `around.least`; ``scratch`` is a row with margins."""
+    height, width = value.shape
+    scratch[:] = ENDLESS
+    within, line = scratch[radius : radius + width], out[y]
+    for row in _rows_around(y, radius, height):
+        given = value[row]
+        for x in range(width):
+            within[x] = min(within[x], given[x])
+    line[:] = ENDLESS
+    for k in range(2 * radius + 1):
+        taps = scratch[k : k + width]
+        for x in range(width):
+            line[x] = min(line[x], taps[x])
+
+
+@scalar
+def alike_row(same, weights, guide, plane, edge, y):
+    """A row of `around.alike`; ``weights`` is a row of scratch."""
+    _, height, width = same.shape
+    same[:, y] = False
+    for k in range(9):
+        tap = tap_at(y, 0, width, k % 3 - 1, k // 3 - 1, (height, width))
+        used = weights[: tap.end - tap.first]
+        edge_weights(used, guide, plane, y, tap, edge)
+        row, hit = same[k, y, tap.first : tap.end], guide[HIT, y, tap.first : tap.end]
+        there = guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
+        for x in range(used.shape[0]):
+            row[x] = used[x] > SAME or (hit[x] == ZERO and there[x] == ZERO)
