@@ -7,7 +7,8 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.resident import number, waits
-from gbufrt.demands.pictures import check_pictures
+from gbufrt.channels import check_picture
+from gbufrt.demands.pictures import check_camera, check_pictures
 from gbufrt.focus import median_depth
 from gbufrt.numeric import check_numbers
 
@@ -72,10 +73,13 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
         ``(B,)`` world units.
 
     Raises:
-        ValueError: ``region`` is not in (0, 1].
+        ValueError: ``region`` is not in (0, 1], or a picture has another form.
     """
     check_numbers(region=region)
-    check_pictures(camera, depth=depth, hit=hit)
+    check_camera(camera)  # one may serve pictures of any number: only its far counts
+    check_picture("depth", depth, "planar view z in world units", components=1)
+    if hit is not None and hit.shape != depth.shape:
+        raise ValueError(f"hit must be {tuple(depth.shape)} like depth, got {tuple(hit.shape)}")
     if not 0 < region <= 1:
         raise ValueError(f"region must lie in (0, 1], got {region}")
     rows, columns = (max(1, round(n * region)) for n in depth.shape[-2:])
