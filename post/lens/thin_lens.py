@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.camera.normals import check_depth_map
 from gbufrt.compute.resident import number, waits
-from gbufrt.channels import check_picture
 from gbufrt.demands.pictures import check_camera, check_pictures
 from gbufrt.focus import median_depth
 from gbufrt.numeric import check_numbers
@@ -76,8 +76,8 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
         ValueError: ``region`` is not in (0, 1], or a picture has another form.
     """
     check_numbers(region=region)
-    check_camera(camera)  # one may serve pictures of any number: only its far counts
-    check_picture("depth", depth, "planar view z in world units", components=1)
+    check_camera(camera)
+    check_depth_map(depth, camera.size)  # of any number: one camera serves them, as only its far counts
     if hit is not None and hit.shape != depth.shape:
         raise ValueError(f"hit must be {tuple(depth.shape)} like depth, got {tuple(hit.shape)}")
     if not 0 < region <= 1:

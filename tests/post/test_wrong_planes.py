@@ -108,7 +108,7 @@ def test_one_thickness_for_all_is_a_number():
     ],
 )
 def test_depth_of_another_size_is_named(call: Callable[[], Any]):
-    with pytest.raises(ValueError, match=r"^depth must be \(1,1,72,96\)"):
+    with pytest.raises(ValueError, match=r"^depth must be \([1B],1,72,96\)"):
         call()
 
 
