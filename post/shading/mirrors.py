@@ -17,13 +17,13 @@ from gbufrt.sampling import gather
 from post.history.reproject import motion_of
 from post.march.rays import Hits, depth_hierarchy, march_rays
 from post.shading.ggx import grazing, specular_f0
+from post.sweep.chords import known_thickness
 
 SMOOTH = 0.15  # perceptual roughness below which a metal shows an image
 METAL = 0.5  # metalness above which the image is all that a surface shows
 FAR = 1000.0  # world units: reach of rays, and depth of the images in a picture in which none of them finds anything
 GRAZING = 1e-3  # least cosine between a mirror's normal and the direction to the eye
 STEPS = 128
-THICKNESS = 0.5  # assumed, world units, where the G-buffer has none
 
 
 class Image(NamedTuple):
@@ -104,8 +104,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
 
 def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:
     normal = g.normal if g.normal_geo is None else g.normal_geo
-    thickness = THICKNESS if g.thickness is None else g.thickness
-    hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=thickness)
+    hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=known_thickness(g, None))
     return march_rays(hierarchy, origins, directions, g.camera, steps=STEPS, distance=FAR)
 
 

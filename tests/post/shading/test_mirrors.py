@@ -11,7 +11,7 @@ import torch
 from court import court
 from torch import Tensor
 
-from gbufrt import GBuffer
+from gbufrt import Camera, GBuffer
 from gbufrt.directions import length
 from post.shading.mirrors import FAR, mirror_image
 from tracer.gbuffers import gbuffer
@@ -62,6 +62,19 @@ def test_images_lie_where_the_tracer_finds_what_is_reflected():
     on_screen = image.mask & (length(mirrored(normal, g.normal) - image.gbuffer.normal) < 1e-3)
     assert float(on_screen.sum() / image.mask.sum()) > 0.4
     assert float(length(found - truth)[on_screen].median()) < 0.05
+
+
+def test_without_thickness_units_do_not_matter():
+    _, g = shown()
+    plain = g.replace(thickness=None, motion=None, motion_z=None, previous_camera=None)
+    pose, lens = g.camera.world_from_view.clone(), g.camera.intrinsics
+    pose[:, :3, 3] /= 64
+    near, far = g.camera.near / 64, g.camera.far / 64
+    camera = Camera.from_intrinsics(lens, pose, size=g.camera.size, near=near, far=far)
+    image = given(mirror_image(plain)).gbuffer.depth
+    small = given(mirror_image(plain.replace(camera=camera, depth=g.depth / 64))).gbuffer.depth
+    assert float((image != g.depth).float().mean()) > 0.05
+    assert not ((64 * small - image).abs() > 1e-3 * image).any()
 
 
 def test_unknown_images_share_a_plane_at_the_mean_depth_of_the_known():
