@@ -13,7 +13,7 @@ from post.filters import constants
 from post.filters.constants import HIT
 from post.filters.kernel import edge_weights, tap_at
 
-ZERO, ENDLESS = np.float32(0), np.float32(np.inf)
+ZERO, ONE, ENDLESS = np.float32(0), np.float32(1), np.float32(np.inf)
 LEAST, SAME = np.float32(constants.LEAST_SHARE), np.float32(constants.SAME)
 
 
@@ -79,15 +79,22 @@ def least_row(out, scratch, value, radius, y):
 
 
 @scalar
+def alike_taps(weights, guide, plane, y, tap, edge):
+    """Where one tap shows the surface of a row's pixels, or the sky if they do: 1, else 0."""
+    edge_weights(weights, guide, plane, y, tap, edge)
+    hit, there = guide[HIT, y, tap.first : tap.end], guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
+    for i in range(weights.shape[0]):
+        weights[i] = ONE if weights[i] > SAME or (hit[i] == ZERO and there[i] == ZERO) else ZERO
+
+
+@scalar
 def alike_row(same, weights, guide, plane, edge, y):
     """A row of `around.alike`; ``weights`` is a row of scratch."""
     _, height, width = same.shape
     same[:, y] = False
     for k in range(9):
         tap = tap_at(y, 0, width, k % 3 - 1, k // 3 - 1, (height, width))
-        used = weights[: tap.end - tap.first]
-        edge_weights(used, guide, plane, y, tap, edge)
-        row, hit = same[k, y, tap.first : tap.end], guide[HIT, y, tap.first : tap.end]
-        there = guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
-        for x in range(used.shape[0]):
-            row[x] = used[x] > SAME or (hit[x] == ZERO and there[x] == ZERO)
+        row, used = same[k, y, tap.first : tap.end], weights[: tap.end - tap.first]
+        alike_taps(used, guide, plane, y, tap, edge)
+        for i in range(used.shape[0]):
+            row[i] = used[i] > ZERO

@@ -13,16 +13,15 @@ import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.luminance import REC709
-from post.filters import constants as filters
-from post.filters.constants import HIT
-from post.filters.kernel import edge_weights, tap_at
+from post.filters.around_kernel import alike_taps
+from post.filters.kernel import tap_at
 from post.history import constants
 from post.history.constants import POOL
 
 ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.float32(8), np.float32(9)
 TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)
-YOUNG, SAME = np.float32(constants.YOUNG), np.float32(filters.SAME)
+YOUNG = np.float32(constants.YOUNG)
 CORRELATED, RELATIVE_FLOOR = np.float32(constants.CORRELATED), np.float32(constants.RELATIVE_FLOOR)
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
 FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
@@ -114,14 +113,11 @@ def alike_row(bits, weights, guide, plane, age, edge, y, first, end):
     for k in range(9):
         tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, age.shape)
         used = weights[: tap.end - tap.first]
-        edge_weights(used, guide, plane, y, tap, edge)
-        mask, hit, own = bits[y, tap.first : tap.end], guide[HIT, y, tap.first : tap.end], age[y, tap.first : tap.end]
-        low, high = tap.first + tap.dx, tap.end + tap.dx
-        there_hit, there = guide[HIT, tap.y, low:high], age[tap.y, low:high]
-        bit = np.int32(1 << k)
+        alike_taps(used, guide, plane, y, tap, edge)
+        mask, own = bits[y, tap.first : tap.end], age[y, tap.first : tap.end]
+        there, bit = age[tap.y, tap.first + tap.dx : tap.end + tap.dx], np.int32(1 << k)
         for i in range(used.shape[0]):
-            same = used[i] > SAME or (hit[i] == ZERO and there_hit[i] == ZERO)
-            mask[i] |= bit if same and own[i] > ZERO and there[i] > ZERO else np.int32(0)
+            mask[i] |= bit if used[i] > ZERO and own[i] > ZERO and there[i] > ZERO else np.int32(0)
 
 
 @scalar

@@ -94,7 +94,8 @@ def test_what_is_no_tensor_or_number_is_named(call: Callable[[], Any], message: 
 def test_one_thickness_for_all_is_a_number():
     for function, given in BOUNDS:
         for thickness in (0.5, torch.tensor(0.5)):
-            function(**given, thickness=thickness)
+            found = function(**given, thickness=thickness)
+            assert (found[0] if isinstance(found, tuple) else found).isfinite().all()
 
 
 @pytest.mark.parametrize(
