@@ -142,7 +142,7 @@ def _in_one_go(flight: Flight, missing: list[int], runner: Runner, out: Path, de
 
 def _in_shots(flight: Flight, missing: list[int], out: Path, spread: ClusterOptions, lead_in: int) -> None:
     """Make and write the missing frames on the workers of a cluster."""
-    from gbufrt.commands.cluster import open_cluster
+    from gbufrt.commands.cluster.connection import open_cluster
     from gbufrt.commands.progress import progress
 
     with open_cluster(spread) as cluster:

@@ -87,7 +87,7 @@ def _one_by_one(run: Run, units: list[Unit]) -> list[Record]:
 
 
 def _on_workers(run: Run, units: list[Unit], spread: ClusterOptions) -> list[Record]:
-    from gbufrt.commands.cluster import open_cluster
+    from gbufrt.commands.cluster.connection import open_cluster
 
     records = {number: found for number, unit in enumerate(units) if (found := run.find(unit)) is not None}
     shares: dict[Any, Share] = {}
