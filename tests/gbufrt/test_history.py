@@ -1,10 +1,11 @@
-"""States: one that is handed over is let go of stage by stage."""
+"""States: one that is handed over is let go of stage by stage; gradients reach past frames where asked."""
 
 from __future__ import annotations
 
 import weakref
 
 import boxes
+import pytest
 import torch
 
 from gbufrt import Frame, History, Pass, Pipeline, PipelineState, TemporalPass
@@ -97,3 +98,33 @@ def test_only_what_has_a_gradient_is_detached():
     assert kept.gbuffer is g, "cameras and channels are neither made nor checked again"
     assert not kept.signals["b"].requires_grad
     assert torch.equal(kept.signals["b"], graph)
+
+
+class Trail(TemporalPass):
+    """Adds the light of all frames before, and half of what the frame before held."""
+
+    reads, writes = frozenset({"radiance"}), frozenset({"composite"})
+
+    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
+        total = frame.read("radiance") + (0 if state is None else state.signals["total"])
+        before = 0 if frame.previous is None else 0.5 * frame.previous.read("composite")
+        state = History(length=torch.ones_like(frame.gbuffer.depth), signals={"total": total})
+        return frame.replace(composite=total + before), state
+
+
+@pytest.mark.parametrize("keep_graph", [False, True])
+def test_gradients_reach_past_frames_only_where_asked(keep_graph):
+    """The second frame holds its own light, the first's in the state, and half the first's composite."""
+    pipeline, lights = Pipeline(inner=Pipeline(trail=Trail())), [torch.ones(1, 3, 6, 8) for _ in range(2)]
+    blank = boxes.frame(boxes.camera((6, 8)))
+    frames = [blank.replace(index=i, radiance=light.requires_grad_()) for i, light in enumerate(lights)]
+    _, state = pipeline(frames[0], keep_graph=keep_graph)
+    assert state.previous is not None
+    tensors = [state.stages["inner"].stages["trail"].signals["total"], state.previous.read("composite")]
+    assert [t.requires_grad for t in tensors] == [keep_graph] * 2
+    by_hand, streamed = pipeline(frames[1], state)[0], list(pipeline.stream(frames, keep_graph=keep_graph))[1]
+    for last in (by_hand, streamed):
+        assert torch.equal(last.read("composite"), torch.full((1, 3, 6, 8), 2.5))
+        before, now = torch.autograd.grad(last.read("composite").sum(), lights, allow_unused=True, retain_graph=True)
+        assert float(now.mean()) == 1.0
+        assert (before is None) if not keep_graph else float(before.mean()) == 1.5

@@ -47,18 +47,6 @@ class Count(TemporalPass):
         return frame.write("count", length).write("before", before), History(length=length)
 
 
-class Trail(TemporalPass):
-    """Adds the light of all frames before, and half of what the frame before held."""
-
-    reads, writes = frozenset({"radiance"}), frozenset({"composite"})
-
-    def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
-        total = frame.read("radiance") + (0 if state is None else state.signals["total"])
-        before = 0 if frame.previous is None else 0.5 * frame.previous.read("composite")
-        state = History(length=torch.ones_like(frame.gbuffer.depth), signals={"total": total})
-        return frame.replace(composite=total + before), state
-
-
 def small(index: int = 0, **changes) -> Frame:
     return boxes.frame(boxes.camera((6, 8)), index=index).replace(**changes)
 
@@ -219,23 +207,6 @@ def test_state_is_a_plain_value(tmp_path):
     back = torch.load(tmp_path / "state.pt", weights_only=False)
     frame, _ = build()(small(1), back.to(torch.float64).to(torch.float32).detach())
     assert frame.read("count").unique().tolist() == [2.0]
-
-
-@pytest.mark.parametrize("keep_graph", [False, True])
-def test_gradients_reach_past_frames_only_where_asked(keep_graph):
-    """The second frame holds its own light, the first's in the state, and half the first's composite."""
-    pipeline, lights = Pipeline(inner=Pipeline(trail=Trail())), [torch.ones(1, 3, 6, 8) for _ in range(2)]
-    frames = [small(i, radiance=light.requires_grad_()) for i, light in enumerate(lights)]
-    _, state = pipeline(frames[0], keep_graph=keep_graph)
-    assert state.previous is not None
-    tensors = [state.stages["inner"].stages["trail"].signals["total"], state.previous.read("composite")]
-    assert [t.requires_grad for t in tensors] == [keep_graph] * 2
-    by_hand, streamed = pipeline(frames[1], state)[0], list(pipeline.stream(frames, keep_graph=keep_graph))[1]
-    for last in (by_hand, streamed):
-        assert torch.equal(last.read("composite"), torch.full((1, 3, 6, 8), 2.5))
-        before, now = torch.autograd.grad(last.read("composite").sum(), lights, allow_unused=True, retain_graph=True)
-        assert float(now.mean()) == 1.0
-        assert (before is None) if not keep_graph else float(before.mean()) == 1.5
 
 
 def test_layer_behind_runs_on_its_own_frame():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from region_writer import chunk, section, write_region
+from writers.region import chunk, section, write_region
 
 STATES = (
     "minecraft:air",

@@ -8,7 +8,7 @@ import boxes
 import torch
 from torch import Tensor
 
-from gbufrt import Camera
+from gbufrt import Camera, Frame
 from gbufrt.sampling import inside
 from post import SSR
 
@@ -68,3 +68,18 @@ def reflected(frame) -> tuple[Tensor, Tensor]:
     eye, normal = g.camera.to_eye(points), g.camera.rotate_to_view(g.normal)
     mirrored = 2 * (eye * normal).sum(1, keepdim=True) * normal - eye
     return g.camera.to_world(points), g.camera.rotate_to_world(torch.where(g.hit, mirrored, 0.0))
+
+
+def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.0, scene: Tensor = boxes.ROOM) -> Frame:
+    """Boxes of one radiance each, without shading, so that a mirror's picture follows from the box that is hit."""
+    frame = boxes.frame(camera or boxes.camera((90, 120)), boxes=scene)
+    g = frame.gbuffer
+    g = g.replace(
+        roughness=torch.full_like(g.depth, rough),
+        metallic=torch.full_like(g.depth, metal),
+        albedo=torch.ones_like(g.depth).expand(-1, 3, -1, -1),
+    )
+    assert g.material_id is not None
+    palette = torch.cat([torch.tensor([[0.5, 0.5, 0.5]]), boxes.ALBEDO])
+    light = palette[g.material_id[:, 0].long()].permute(0, 3, 1, 2)
+    return frame.replace(gbuffer=g, radiance=light, ambient=None)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from gbufrt import Camera
+from gbufrt import Camera, GBuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_ALL, Instance, Scene, Sky, Sun
 from tracer.scene.world import World
@@ -24,6 +24,7 @@ TABLE = MaterialTable.of(
 STONE, GLASS, WATER, LAMP = 1, 2, 3, 4
 EVEN = (0.5, 0.6, 0.7)
 DARK = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
+EVEN_SKY = Sky(zenith=EVEN, horizon=EVEN, ground=EVEN)
 
 
 def world(
@@ -142,3 +143,7 @@ def gallery(
     inside = Camera.look_at((4.5, 4.0, 8.9), (4.0, 3.0, 0.0), size=size, far=100.0)
     sky = Sky(zenith=EVEN, horizon=EVEN, ground=EVEN)
     return Scene(world=room, sun=Sun(direction=(0.1, 0.2, 0.9)), sky=sky), inside
+
+
+def points_of(g: GBuffer) -> torch.Tensor:
+    return g.camera.to_world(g.points_view())

@@ -226,29 +226,6 @@ def test_primary_mask_hides_an_instance_from_the_camera() -> None:
     assert (gbuffer(room(instances=(ghost,)), look()).object_id == 0).all()
 
 
-def test_faces_vary_near_and_are_flat_far() -> None:
-    table = MaterialTable.of([Material(name="a", albedo=(0.5, 0.4, 0.3), variation=0.2)])
-    scene = Scene(world=World.from_dense(torch.ones(64, 64, 1, dtype=torch.int16), table, origin=(-32, -32, 0)))
-    mean = torch.tensor([0.5, 0.4, 0.3])[None, :, None, None]
-
-    def visible(distance: float) -> Tensor:
-        camera = Camera.look_at((0.3, 0.2, 1 + distance), (0.3, 0.2, 0.0), size=(64, 64), far=9000.0)
-        albedo = gbuffer(scene, camera).albedo
-        assert albedo is not None
-        return albedo / mean - 1
-
-    near = visible(4.0)
-    assert 0.04 < float(near.std()) < 0.2
-    assert float(near.abs().max()) < 0.2 * 1.3
-    assert abs(float(near.mean())) < 0.03
-    assert float(near[..., 1:].sub(near[..., :-1]).abs().mean()) > 0.01
-    far = Camera.look_at((0.3, 0.2, 200.0), (0.3, 0.2, 0.0), size=(64, 64), far=9000.0)
-    g = gbuffer(scene, far)
-    assert g.albedo is not None
-    torch.testing.assert_close(g.albedo[g.hit.expand(-1, 3, -1, -1)].view(3, -1).mean(1), mean.flatten())
-    assert float(g.albedo[:, 0][g.hit[:, 0]].std()) < 1e-6
-
-
 def test_sky_alone_odd_sizes_and_far() -> None:
     up = Camera.look_at((0.0, 3.0, 0.0), (0.0, 9.0, 1.0), size=(7, 1))
     g = gbuffer(room(), up, previous_camera=up)

@@ -13,7 +13,7 @@ pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 
 import torch
 from hills import LONG, WIDE, save_of_hills
-from pack_writer import textures, write_pack
+from writers.pack import textures, write_pack
 
 import tracer
 from gbufrt import Frame

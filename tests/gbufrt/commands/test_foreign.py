@@ -6,11 +6,11 @@ import os
 import warnings
 from pathlib import Path
 
-import foreign_exr
 import numpy as np
 import pytest
 import torch
 from command_line import run
+from writers import foreign_exr
 
 from gbufrt import Frame
 from gbufrt.commands.fitting import LIT, pipeline_for

@@ -6,12 +6,11 @@ import os
 from pathlib import Path
 
 import boxes
-import foreign_exr
 import numpy as np
 import pytest
-import vox_writer
 from command_line import run
 from PIL import Image
+from writers import foreign_exr, vox
 
 from gbufrt.files.exr import write_exr
 from gbufrt.files.gbuffers.profile import SHIPPED
@@ -131,7 +130,7 @@ def test_a_frame_of_gbufrt(tmp_path: Path, capfd) -> None:
 
 def test_worlds(tmp_path: Path, capfd) -> None:
     path = tmp_path / "a.vox"
-    path.write_bytes(vox_writer.file(vox_writer.model((3, 4, 5), [(0, 0, 0, 1), (2, 3, 4, 2)]), version=150))
+    path.write_bytes(vox.file(vox.model((3, 4, 5), [(0, 0, 0, 1), (2, 3, 4, 2)]), version=150))
     text = told(capfd, path)
     assert text == f"{path}: MagicaVoxel 150, 1 model, 3 x 4 x 5, the last number upwards; 2 voxels, 0 materials"
 

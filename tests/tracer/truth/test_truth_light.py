@@ -1,30 +1,24 @@
+"""Path-traced frames: closed forms, furnaces, the renderer, brute force; reflections of lamps."""
+
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
 import pytest
 import torch
-from voxels import DARK, LAMP, STONE, TABLE, WATER, above, pose, random_scene, random_world, world
+from voxels import DARK, EVEN_SKY, LAMP, STONE, TABLE, WATER, above, pose, random_scene, random_world, world
 
 from gbufrt import Camera
 from tracer.direct.lighting import light
 from tracer.gbuffers import gbuffer
-from tracer.lights.emitters import lamps_of
-from tracer.lights.form_factor import rectangle_irradiance
-from tracer.lights.lamp_table import LampTable
-from tracer.lights.samples import lamp_sample
-from tracer.lights.spherical_rectangle import rectangle_points
 from tracer.paths.op import radiance
-from tracer.sampling.scatter import dot, sample_specular, specular_response
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Instance, Scene, Sky, Sun
+from tracer.scene.scene import Instance, Scene, Sun
 from tracer.scene.world import World
 from tracer.truth.truth import path_trace, reflection
 
-EVEN = Sky(zenith=(0.5, 0.6, 0.7), horizon=(0.5, 0.6, 0.7), ground=(0.5, 0.6, 0.7))
-SKY = torch.tensor(EVEN.zenith).view(1, 3, 1, 1)
+SKY = torch.tensor(EVEN_SKY.zenith).view(1, 3, 1, 1)
 
 
 def floor(height: int = 2, **material) -> World:
@@ -36,7 +30,7 @@ def floor(height: int = 2, **material) -> World:
 
 
 def test_a_matte_floor_under_an_even_sky_has_the_closed_form():
-    scene = Scene(world=floor(albedo=(0.5, 0.6, 0.2), roughness=0.0), sun=None, sky=EVEN)
+    scene = Scene(world=floor(albedo=(0.5, 0.6, 0.2), roughness=0.0), sun=None, sky=EVEN_SKY)
     camera = Camera.look_at((20, 9, 40), (24, 1, 28), size=(9, 8), fov_y=25.0)
     got = path_trace(scene, camera, samples=128, antialias=False)["radiance"]
     cosine = -camera.rays()[1][..., 1][:, None]
@@ -61,7 +55,7 @@ FURNACES = {
 def test_white_things_in_a_furnace_keep_their_light_and_send_no_more(name):
     kept, material = FURNACES[name]
     voxels = torch.rand(20, 12, 20, generator=torch.Generator().manual_seed(3)) < 0.04
-    scene = Scene(world=World.from_dense(voxels.short(), MaterialTable.of([material])), sun=None, sky=EVEN)
+    scene = Scene(world=World.from_dense(voxels.short(), MaterialTable.of([material])), sun=None, sky=EVEN_SKY)
     camera = Camera.look_at((30, 15, 24), (10, 6, 10), size=(16, 16), fov_y=30.0)
     found = path_trace(scene, camera, bounces=32, samples=64)
     got = (found["radiance"] / SKY).mean()
@@ -144,57 +138,6 @@ def test_direct_light_agrees_with_the_renderer(monkeypatch):
     assert abs(float(got.sum() / want.sum()) - 1) < 0.005
 
 
-def test_lamps_chosen_one_at_a_time_give_their_form_factors():
-    boxes = [(LAMP, (10, 6, 10), (14, 7, 12)), (LAMP, (30, 4, 33), (31, 5, 34)), (LAMP, (24, 3, 24), (25, 4, 25))]
-    lamps = lamps_of(Scene(world=world((48, 8, 48), *boxes)), torch.zeros(0, 4, 4))
-    table = LampTable.of(lamps, (0, 0, 0), (48, 8, 48))
-    g = torch.Generator().manual_seed(0)
-    points = torch.tensor([[24.2, 2.6, 24.8], [11.0, 1.0, 11.0], [40.0, 2.0, 7.0]]).repeat(40000, 1)
-    normals = torch.tensor([0.0, 1.0, 0.0]).expand_as(points)
-    sample = lamp_sample(table, points, normals, torch.rand(4, len(points), generator=g))
-    got = (sample.energy * dot(normals, sample.direction).clamp_min(0)[:, None]).view(-1, 3, 3).mean(dim=0)
-    for i in range(3):
-        want = torch.zeros(3)
-        for lamp in range(len(lamps)):
-            corner, edge_u, edge_v = (
-                t[lamp, :, None].permute(2, 0, 1) for t in (lamps.corner, lamps.edge_u, lamps.edge_v)
-            )
-            each = rectangle_irradiance(points[i, :, None], normals[i, :, None], corner, edge_u, edge_v)
-            want += lamps.radiance[lamp] * each.sum()
-        assert torch.allclose(got[i], want, rtol=0.03)
-
-
-def test_points_on_a_rectangle_are_even_as_they_are_seen():
-    g = torch.Generator().manual_seed(1)
-    along, up, _ = torch.linalg.qr(torch.randn(3, 3, generator=g)).Q.unbind(0)
-    along, up, eye = along * 3, up * 1.5, torch.tensor([0.3, -0.4, 0.9])
-    n, corner = 100000, torch.tensor([-1.0, 0.2, 0.4])
-    s = (torch.arange(600) + 0.5) / 600
-    ways = corner + s[:, None, None] * along + s[:, None] * up - eye
-    visible = (ways @ torch.linalg.cross(along, up)).abs() / ways.norm(dim=-1) ** 3
-    eyes, corners, alongs, ups = (x.expand(n, 3) for x in (eye, corner, along, up))
-    got, angle = rectangle_points(eyes, corners, alongs, ups, torch.rand(2, n, generator=g))
-    assert torch.allclose(angle[0], visible.mean(), rtol=1e-4)
-    unit = torch.nn.functional.normalize
-    want = (unit(ways, dim=-1) * visible[..., None]).sum(dim=(0, 1)) / visible.sum()
-    assert torch.allclose(unit(got, dim=1).mean(dim=0), want, atol=3e-3)
-    assert ((got + eye - corner) @ torch.linalg.cross(along, up)).abs().max() < 1e-5
-
-
-def test_mirrored_directions_follow_the_reflectance():
-    g = torch.Generator().manual_seed(2)
-    n, alpha = 200000, torch.tensor(0.3)
-    up, view = torch.tensor([0.0, 1.0, 0.0]), torch.nn.functional.normalize(torch.tensor([1.0, 0.7, 0.2]), dim=0)
-    normals, toward, alpha = up.expand(n, 3), view.expand(n, 3), alpha.expand(n)
-    white = torch.ones(n, 3)
-    directions, weight, _ = sample_specular(normals, toward, alpha, torch.rand(2, n, generator=g))
-    even = torch.nn.functional.normalize(torch.randn(n, 3, generator=g), dim=1)
-    even = torch.where(even[:, 1:2] < 0, -even, even)
-    value = specular_response(normals, toward, alpha, white, even)[:, 0] * 2 * math.pi
-    assert abs(float(weight.mean() - value.mean())) < 0.01
-    assert torch.allclose((directions * weight[:, None]).mean(0), (even * value[:, None]).mean(0), atol=0.01)
-
-
 def test_a_mirror_shows_the_lamp_over_it():
     lamp = (2, (20, 5, 20), (28, 6, 28))
     table = MaterialTable.of(
@@ -269,7 +212,7 @@ def test_pictures_of_a_batch_do_not_influence_each_other():
 
 
 def test_one_sample_honours_the_jitter_and_the_odd_size():
-    scene = Scene(world=random_world(5), sun=None, sky=EVEN)
+    scene = Scene(world=random_world(5), sun=None, sky=EVEN_SKY)
     camera = Camera.look_at((60, 40, 50), (18, 8, 20), size=(73, 127)).with_jitter((0.3, -0.4))
     g = gbuffer(scene, camera)
     assert g.emission is not None

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import boxes
-import foreign_exr
 import numpy as np
 import pytest
 import torch
+from writers import foreign_exr
 
 from gbufrt import Frame
 from gbufrt.files import read_gbuffer

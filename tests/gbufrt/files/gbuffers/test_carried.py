@@ -11,7 +11,7 @@ import boxes
 import numpy as np
 import pytest
 import torch
-from foreign_exr import CAMERA, SIZE, truth, write
+from writers.foreign_exr import CAMERA, SIZE, truth, write
 
 from gbufrt.camera import Camera
 from gbufrt.commands.foreign import Source

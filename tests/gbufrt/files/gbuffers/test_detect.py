@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import foreign_exr
 import numpy as np
 import pytest
 from command_line import run
+from writers import foreign_exr
 
 from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer

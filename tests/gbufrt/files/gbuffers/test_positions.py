@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_exr import BEFORE, CAMERA, SIZE, truth, write
+from writers.foreign_exr import BEFORE, CAMERA, SIZE, truth, write
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from foreign_exr import BEFORE, CAMERA, FAR, NEAR, SIZE, truth, write, write_parts
+from writers.foreign_exr import BEFORE, CAMERA, FAR, NEAR, SIZE, truth, write, write_parts
 
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.agreement import disagreements

@@ -6,11 +6,11 @@ import os
 import warnings
 from pathlib import Path
 
-import foreign_exr
 import numpy as np
 import OpenEXR
 import pytest
 import torch
+from writers import foreign_exr
 
 from gbufrt.camera import Camera
 from gbufrt.commands.foreign import Source

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from foreign_exr import CAMERA, SIZE, truth, write
+from writers.foreign_exr import CAMERA, SIZE, truth, write
 
 from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer

@@ -6,12 +6,12 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-import foreign_exr
 import numpy as np
 import pytest
 import torch
 from command_line import run
 from mirrors import SkyAlone
+from writers import foreign_exr
 
 from gbufrt.environment import lookup_environment
 from gbufrt.files.exr import read_exr

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from foreign_exr import CAMERA, SIZE, truth, write, write_parts
+from writers.foreign_exr import CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import boxes
@@ -12,7 +11,7 @@ import torch
 from cornell import cornell
 from torch import Tensor
 
-from gbufrt import Camera, Frame, GBuffer, Pipeline
+from gbufrt import Camera, Frame, GBuffer
 from post.passes.light.ssgi import SSGI, ssgi
 from post.shading.sent_light import sent_light
 
@@ -90,71 +89,6 @@ def test_without_light_there_is_none_and_open_sky_and_gathered_light_share_the_h
     assert float(white.max()) > 0.05
 
 
-def test_emission_is_gathered_once() -> None:
-    frame = boxes.frame(boxes.camera(SIZE))
-    emission = torch.full((1, 3, *SIZE), 0.25)
-    lamps = frame.replace(gbuffer=frame.gbuffer.replace(emission=emission), ambient=None)
-    hit = frame.gbuffer.hit.expand_as(emission)
-    radiance = frame.read("radiance")
-    assert torch.equal(sent_light(lamps)[hit], (radiance - 0.25).clamp_min(0)[hit])
-    assert torch.equal(sent_light(lamps.replace(emitters_sampled=False))[hit], radiance[hit])
-
-
-def test_senders_of_sky_light_see_only_part_of_the_sky() -> None:
-    frame = boxes.frame(boxes.camera(SIZE))
-    dark = frame.replace(radiance=torch.zeros_like(frame.read("radiance")))
-    sent = sent_light(dark)
-    assert float((sent - frame.read("ambient")).max()) < 1e-6
-    assert float(sent.sum()) < 0.97 * float(frame.read("ambient").sum())
-    half = dark.replace(ao=torch.full((1, 1, *SIZE), 0.5))
-    torch.testing.assert_close(sent_light(half, distance=5.0), frame.read("ambient") * 0.5)
-
-
-def test_senders_take_the_visibility_of_the_sky_from_the_frame_before() -> None:
-    frame = boxes.frame(boxes.camera(SIZE))
-    dark = frame.replace(radiance=torch.zeros_like(frame.read("radiance")))
-    before = dark.replace(sky_visibility=torch.full((1, 1, *SIZE), 0.25))
-    hit = frame.gbuffer.hit.expand(1, 3, *SIZE)
-    known = sent_light(dark.replace(previous=before.as_previous()))
-    torch.testing.assert_close(known[hit], 0.25 * frame.read("ambient")[hit])
-    elsewhere = before.replace(gbuffer=boxes.frame(boxes.camera(SIZE, dx=50.0)).gbuffer)  # shows none of this
-    torch.testing.assert_close(sent_light(dark.replace(previous=elsewhere.as_previous())), sent_light(dark))
-
-
-def facing_walls() -> Frame:
-    """A wall and a floor of albedo 0.8, filling the picture: many bounces."""
-    camera = Camera.look_at((0, 1.0, 1.0), (0, 0.7, -3), size=SIZE, far=100.0)
-    frame = boxes.frame(
-        camera, boxes=torch.tensor([[[-9.0, -1.0, -9.0], [9.0, 0.0, 9.0]], [[-9.0, 0, -4.0], [9.0, 9.0, -3.0]]])
-    )
-    albedo = torch.full((1, 3, *SIZE), 0.8)
-    return frame.replace(gbuffer=frame.gbuffer.replace(albedo=albedo), ambient=None, radiance=torch.ones(1, 3, *SIZE))
-
-
-def test_bounces_add_up_over_frames_and_converge() -> None:
-    frame = facing_walls()
-    once = [f.read("gi").mean() for f in Pipeline(gi=SSGI(bounces=1, directions=1, steps=6)).stream([frame] * 2)]
-    assert torch.equal(once[0], once[1])
-    many = [f.read("gi").mean() for f in Pipeline(gi=SSGI(bounces=2, directions=1, steps=6)).stream([frame] * 6)]
-    settled, lone = many[-1], many[0]
-    assert float(settled - once[0]) > 0.1 * float(settled), "further bounces count"
-    assert abs(float(lone - settled)) < 0.1 * float(settled - once[0]), "and are there from the first frame on"
-    steps = [abs(float(b - a)) for a, b in pairwise(many)]
-    assert steps[-1] < 0.01 * float(settled), "where they stay"
-    more = SSGI(bounces=4, directions=1, steps=6)(frame).read("gi").mean()
-    assert abs(float(more - settled)) < abs(float(lone - settled)), "a longer series is closer"
-    damped = SSGI(bounces=2, directions=1, steps=6, bounce_loss=0.6)(frame).read("gi").mean()
-    assert once[0] < damped < lone
-
-
-def test_a_cut_forgets_the_bounces_before() -> None:
-    frame = facing_walls()
-    stage = Pipeline(gi=SSGI(bounces=2, directions=1, steps=6))
-    first, state = stage(frame)
-    after, _ = stage(frame.replace(cut=torch.tensor([True])), state)
-    assert torch.equal(after.read("gi"), first.read("gi"))
-
-
 def test_half_resolution_keeps_light_on_its_surface() -> None:
     frame = boxes.frame(boxes.camera((48, 64)))
     light = torch.where(frame.gbuffer.hit, frame.read("radiance"), 0.0)
@@ -228,14 +162,6 @@ def test_soft_and_dithered_sectors_agree_on_average(tunables: dict[str, Any], ap
         totals.append([float(sum(f[k].detach().mean() for f in frames)) for k in (0, 1)])
     for hard, soft in zip(*totals, strict=True):
         assert soft == pytest.approx(hard, rel=apart)
-
-
-def test_the_sky_that_senders_see_has_its_gradient() -> None:
-    """The coarse sweep also covers it by fractions: dithered bits would pass no gradient on."""
-    frame = boxes.frame(boxes.camera(SIZE))
-    thickness = frame.read("thickness").clone().requires_grad_()
-    (gradient,) = torch.autograd.grad(sent_light(frame, thickness=thickness).sum(), thickness)
-    assert float(gradient.abs().max()) > 1e-3
 
 
 def test_gradients_match_finite_differences_and_are_not_zero() -> None:

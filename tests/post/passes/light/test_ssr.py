@@ -1,4 +1,4 @@
-"""Reflections: exact mirrors, Fresnel, roughness, sky, what is not on screen, gradients."""
+"""Reflections: exact mirrors, mirrors in mirrors, what rays end in; batches, odd frames, gradients."""
 
 from __future__ import annotations
 
@@ -6,47 +6,22 @@ import boxes
 import mirrors
 import pytest
 import torch
-from mirrors import SkyAlone
+from mirrors import SkyAlone, shiny
 from torch import Tensor
 
 import tracer
 from gbufrt import Camera, Frame, Pass
-from gbufrt.environment import lookup_environment
 from gbufrt.tree import map_tensors
 from post.passes.light.march_gi import MarchGI
 from post.passes.light.ssr import SSR, ssr
 from post.shading.ggx import grazing
-from post.shading.lobes import Surface, ggx_ray, reuse_neighbors
 from post.shading.sent_light import outgoing_light
 from tracer.scene.placement import place
-
-
-def shiny(camera: Camera | None = None, *, rough: float = 0.0, metal: float = 1.0, scene: Tensor = boxes.ROOM) -> Frame:
-    """Boxes of one radiance each, without shading, so that a mirror's picture follows from the box that is hit."""
-    frame = boxes.frame(camera or boxes.camera((90, 120)), boxes=scene)
-    g = frame.gbuffer
-    g = g.replace(
-        roughness=torch.full_like(g.depth, rough),
-        metallic=torch.full_like(g.depth, metal),
-        albedo=torch.ones_like(g.depth).expand(-1, 3, -1, -1),
-    )
-    assert g.material_id is not None
-    palette = torch.cat([torch.tensor([[0.5, 0.5, 0.5]]), boxes.ALBEDO])
-    light = palette[g.material_id[:, 0].long()].permute(0, 3, 1, 2)
-    return frame.replace(gbuffer=g, radiance=light, ambient=None)
 
 
 def truth_of(frame: Frame) -> tuple[Tensor, mirrors.Truth]:
     truth = mirrors.intersect(frame.gbuffer.camera, *mirrors.reflected(frame))
     return boxes.ALBEDO[truth.box[:, 0]].permute(0, 3, 1, 2), truth
-
-
-def of_sky_alone(frame: Frame) -> Tensor:
-    return SkyAlone(samples=1)(frame).read("reflection")
-
-
-def mean_of(frame: Frame, stage: SSR, frames: int) -> Tensor:
-    return torch.stack([stage(frame.replace(index=i)).read("reflection") for i in range(frames)]).mean(0)
 
 
 @pytest.mark.parametrize(("reflects", "signal"), [(SSR(), "reflection"), (MarchGI(distance=1e6), "gi")])
@@ -114,163 +89,6 @@ def test_no_metal_is_black_under_an_open_sky():
     black = [SSR(samples=1, bounces=k)(frame).read("reflection")[:, 0][metal] < 0.02 for k in (1, 2)]
     assert black[0].float().mean() > 0.3
     assert black[1].float().mean() < 0.01
-
-
-def test_sky_fills_what_leaves_the_screen():
-    frame = shiny(scene=boxes.ROOM[:1])
-    result = SkyAlone(samples=1)(frame)
-    g = frame.gbuffer
-    assert torch.allclose(result.read("reflection")[g.hit.expand(-1, 3, -1, -1)], torch.tensor(0.5), atol=1e-5)
-    assert (result.read("reflection_confidence") == 0).all()
-    assert (result.read("reflection_distance")[g.hit] == g.camera.far).all()
-    assert (result.read("reflection")[~g.hit.expand(-1, 3, -1, -1)] == 0).all()
-    dark = SkyAlone(samples=1)(frame.replace(environment=None))
-    assert (dark.read("reflection") == 0).all()
-
-
-def test_sky_in_the_mirror_is_the_sky_in_that_direction():
-    frame = shiny(scene=boxes.ROOM[:1])
-    sky = torch.rand(1, 3, 16, 32, generator=torch.Generator().manual_seed(1))
-    result = of_sky_alone(frame.replace(environment=sky))
-    _, direction = mirrors.reflected(frame)
-    expected = lookup_environment(sky, direction) * frame.gbuffer.hit
-    assert torch.allclose(result, expected, atol=1e-4)
-
-
-def test_interiors_do_not_fill_with_sky():
-    above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
-    frame = shiny(above, scene=boxes.ROOM[:1])
-    g = frame.gbuffer
-    assert g.hit.all(), "every mirrored ray leaves the picture"
-    whole = of_sky_alone(frame)
-    closed = frame.replace(sky_visibility=torch.zeros_like(g.depth))
-    assert of_sky_alone(closed).abs().max() == 0
-    assert of_sky_alone(closed.replace(bent_normal=g.normal)).abs().max() == 0
-    half = frame.replace(ao=torch.full_like(g.depth, 0.5))
-    assert torch.allclose(of_sky_alone(half), 0.5 * whole)
-    ajar = frame.replace(sky_visibility=torch.full_like(g.depth, 0.3))
-    _, direction = mirrors.reflected(frame)
-    facing = ajar.replace(bent_normal=direction)
-    assert torch.allclose(of_sky_alone(facing), whole), "the mirror looks into the opening"
-    beside = torch.tensor([0.0, 0.0, 1.0])[None, :, None, None].expand_as(direction)
-    assert of_sky_alone(ajar.replace(bent_normal=beside)).max() == 0, "and here past it"
-    assert of_sky_alone(boundless(frame)).max() > 0.4, "but a ray known to end in the sky finds it"
-
-
-def test_the_sky_is_as_open_as_where_a_ray_was_last_seen():
-    above = Camera.look_at((0.0, 6.0, 4.0), (0.0, 0.0, 0.0), size=(40, 50), fov_y=40.0, far=100.0)
-    frame = shiny(above, scene=boxes.ROOM[:1])
-    whole, inner = of_sky_alone(frame), (..., slice(1, -1), slice(1, -1))
-
-    def with_border(visibility: float) -> Tensor:
-        edge = torch.full_like(frame.gbuffer.depth, visibility)
-        edge[inner] = 0.3
-        return of_sky_alone(frame.replace(sky_visibility=edge))[inner]
-
-    assert torch.allclose(with_border(0.8), 0.8 * whole[inner]), "out there it is more open"
-    assert torch.allclose(with_border(0.1), 0.3 * whole[inner]), "a ray that leaves over a wall may still see past it"
-
-
-def boundless(frame: Frame) -> Frame:
-    """The floor viewed from its edge, with sky on screen and a sky visibility of zero."""
-    level = shiny(boxes.camera((90, 120)), scene=boxes.ROOM[:1])
-    return level.replace(sky_visibility=torch.zeros_like(level.gbuffer.depth), environment=frame.environment)
-
-
-def test_fresnel_is_included():
-    camera = Camera.look_at((0.0, 8.0, 0.0), (0.0, 0.0, 0.0), size=(33, 33), fov_y=2.0, up=(0, 0, -1))
-    frame = shiny(camera, metal=0.0, scene=boxes.ROOM[:1])
-    assert torch.allclose(SSR(samples=1)(frame).read("reflection"), torch.tensor(0.04 * 0.5), rtol=1e-2)
-    bare = frame.gbuffer.replace(albedo=None, metallic=None)
-    assert torch.allclose(SSR(samples=1)(frame.replace(gbuffer=bare)).read("reflection"), torch.tensor(0.02), rtol=1e-2)
-
-
-@pytest.mark.parametrize("method", ["ggx", "cone"])
-def test_rough_is_blurrier(method):
-    def contrast(rough: float) -> float:
-        frame = shiny(boxes.camera((45, 60)), rough=rough)
-        mean = mean_of(frame, SSR(samples=4, method=method), 4)
-        smooth = torch.nn.functional.avg_pool2d(mean[:, 0:1] - mean[:, 2:3], 3, 1, 1)
-        return float(smooth[frame.read("material_id") == 1].std())
-
-    values = [contrast(r) for r in (0.0, 0.4, 0.8)]
-    assert values[0] > 1.15 * values[1] > 1.15**2 * values[2]
-
-
-def test_rough_converges_to_the_brdf_average():
-    """Under a uniform sky all directions bring the same radiance: the mean is the directional albedo, 1 less loss."""
-    frame = shiny(boxes.camera((30, 40)), rough=0.6, scene=boxes.ROOM[:1])
-    mean = mean_of(frame, SSR(samples=8), 8)
-    value = mean[frame.gbuffer.hit.expand_as(mean)] / 0.5
-    assert 0.7 < value.mean() < 1.0  # roughness 0.6, mostly at grazing angles, without multiple scattering
-    assert value.std() < 0.05
-
-
-def test_reuse_keeps_the_mean_and_lowers_noise():
-    frame = shiny(boxes.camera((45, 60)), rough=0.4)
-    hit = frame.gbuffer.hit.expand(-1, 3, -1, -1)
-
-    def runs(reuse: int) -> Tensor:
-        images = [SSR(samples=1, reuse=reuse)(frame.replace(index=i)).read("reflection")[hit] for i in range(12)]
-        return torch.stack(images)
-
-    alone, shared = runs(0), runs(4)
-    assert abs(float(shared.mean() / alone.mean()) - 1) < 0.02
-    assert shared.std(0).mean() < 0.7 * alone.std(0).mean()
-
-
-def test_reuse_weighs_rays_by_their_density():
-    """Light only from off the lobe's middle: rays not weighted by their density would find too little of it."""
-    ones = torch.ones(1, 1, 96, 96)
-    up = torch.cat([0 * ones, 0 * ones, -ones], dim=1)
-    eye = torch.nn.functional.normalize(up + torch.tensor([0.6, 0.0, 0.0])[None, :, None, None], dim=1)
-    surface = Surface(0.1 * up, up, up, eye, 0.5 * ones, ones > 0)
-    lobe = ggx_ray(surface, torch.rand(1, 2, 96, 96, generator=torch.Generator().manual_seed(2)), ones)
-    mirrored = 2 * (eye * up).sum(1, keepdim=True) * up - eye
-    light = ((lobe.direction * mirrored).sum(1, keepdim=True) < 0.6).float().expand(-1, 3, -1, -1)
-    shared, reflected = reuse_neighbors(surface, lobe, torch.cat([lobe.direction, 0 * ones], dim=1), light, 8)
-    found = (shared * (reflected[:, :1] + reflected[:, 1:2])).mean()
-    expected = (light * lobe.weight).mean()
-    assert expected > 0.1
-    assert abs(float(found / expected) - 1) < 0.05
-
-
-def test_mirrors_do_not_listen_to_neighbours():
-    frame = shiny()
-    alone, shared = (SSR(samples=1, reuse=reuse, bounces=1)(frame) for reuse in (0, 8))
-    assert torch.allclose(alone.read("reflection"), shared.read("reflection"), atol=1e-5)
-
-
-def test_roughness_cutoff_leaves_the_environment():
-    frame = shiny(rough=0.8)
-    result = SSR(samples=2, roughness_cutoff=0.5)(frame)
-    assert (result.read("reflection_confidence") == 0).all()
-    assert result.read("reflection").mean() > 0.1
-    partly = SSR(samples=2, roughness_cutoff=0.75)(frame).read("reflection_confidence")
-    whole = SSR(samples=2)(frame).read("reflection_confidence")
-    assert torch.allclose(partly, 0.5 * whole, atol=1e-4)
-
-
-def test_fireflies_are_held_on_rough_surfaces_alone():
-    frame = shiny(boxes.camera((60, 80)), rough=0.5)
-    light = frame.read("radiance").clone()
-    light[:, :, 30, 40] = 1e6
-    frame = frame.replace(radiance=light)
-    mean = light.mean()
-    assert SSR(samples=1)(frame).read("reflection").max() < 100 * mean
-    mirror = frame.replace(gbuffer=frame.gbuffer.replace(roughness=torch.zeros_like(frame.gbuffer.depth)))
-    light[:, :, 20:40, 30:50] = 50.0
-    assert SSR(samples=1)(mirror.replace(radiance=light)).read("reflection").max() > 49
-
-
-def test_light_adds_up():
-    frame = boxes.frame()
-    assert outgoing_light(frame.replace(ambient=None)) is frame.radiance
-    half = torch.full_like(frame.gbuffer.depth, 0.5)
-    gi = torch.ones_like(frame.read("radiance"))
-    full = outgoing_light(frame.replace(ao=half, gi=gi))
-    assert torch.allclose(full, frame.read("radiance") + 0.5 * frame.read("ambient") + 1)
-    assert torch.equal(outgoing_light(frame.replace(ao=0 * half, sky_visibility=half, gi=gi)), full)
 
 
 def test_module_equals_function():

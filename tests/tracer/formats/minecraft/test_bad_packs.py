@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pack_writer import (
+from writers.pack import (
     CORNERS,
     JAVA,
     UPRIGHT,

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pack_writer import flat, png, write_pack
 from PIL import Image
+from writers.pack import flat, png, write_pack
 
 from tracer.formats.minecraft.build import Builder
 from tracer.formats.minecraft.colors import tint_of

@@ -15,7 +15,7 @@ pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 
 import torch
 from nbtlib import ByteArray, Compound, Double, File, Int, IntArray, List, Short, String
-from region_writer import nbt_bytes
+from writers.region import nbt_bytes
 
 import tracer
 from tracer.formats.minecraft.schematic import read_schematic, varints

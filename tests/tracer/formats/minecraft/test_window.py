@@ -11,7 +11,7 @@ pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 
 import torch
 from hills import LONG, WIDE, save_of_hills
-from region_writer import chunk, section, write_region
+from writers.region import chunk, section, write_region
 
 import tracer
 from tracer.formats.minecraft.build import Blocks

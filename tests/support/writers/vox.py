@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from tracer.formats.vox.scene_graph import read_vox
+from tracer.scene.world import World
 
 
 def chunk(name: str, content: bytes = b"", children: bytes = b"") -> bytes:
@@ -76,3 +80,14 @@ def old_material(index: int, kind: int, weight: float, properties: dict[int, flo
 def file(*chunks: bytes, version: int = 200) -> bytes:
     """A whole file."""
     return b"VOX " + struct.pack("<i", version) + chunk("MAIN", b"", b"".join(chunks))
+
+
+STEPS = ((0, 0, 0, 1), (1, 0, 0, 2), (0, 1, 0, 3), (0, 0, 1, 4))  # an origin and one voxel along each axis
+MODEL = model((3, 3, 3), STEPS)
+
+
+def read(tmp_path: Path, *chunks: bytes, version: int = 200) -> World:
+    """The world that gbufrt reads from such a file."""
+    path = tmp_path / "made.vox"
+    path.write_bytes(file(*chunks, version=version))
+    return read_vox(path)

@@ -91,3 +91,43 @@ def write_region(path: Path, chunks: Mapping[tuple[int, int], File | bytes]) -> 
         body += (struct.pack(">I", len(data)) + data).ljust(sectors * 4096, b"\0")
     path.write_bytes(bytes(table) + bytes(body))
     return path
+
+
+CUBES = ("stone", "dirt", "sand", "gravel", "bricks", "glowstone", "obsidian", "clay", "red_wool", "polished_diorite")
+CUBES += ("bookshelf", "gold_block", "iron_block", "glass", "ice", "diamond_block", "mossy_cobblestone", "cobblestone")
+STATES = ("minecraft:air", *(f"minecraft:{name}" for name in CUBES))
+NUMBERS = ("0:0", "1:0", "3:0", "12:0", "13:0", "45:0", "89:0", "49:0", "82:0", "35:14", "1:4")
+NUMBERS += ("47:0", "41:0", "42:0", "20:0", "79:0", "57:0", "48:0", "4:0")
+PLACES = [(x, z) for x in range(4) for z in range(4)]
+
+
+def states_of(version: str) -> tuple[str, ...]:
+    return NUMBERS if version == "1.12" else STATES
+
+
+def random_region(path: Path, version: str) -> tuple[Path, dict[tuple[int, int, int], np.ndarray]]:
+    """16 chunks of three sections, the lowest below 0 where the version has such."""
+    rng = np.random.default_rng(1)
+    low = -4 if VERSIONS[version] >= 2860 else 0
+    made = {(x, low + k, z): rng.integers(0, 19, (16, 16, 16)) for x, z in PLACES for k in range(3)}
+    for x, z in PLACES[:4]:
+        made[x, low, z] = np.full((16, 16, 16), 1)
+    chunks = {
+        (x, z): chunk(
+            version, x, z, [section(version, y, made[x, y, z], states_of(version)) for y in range(low, low + 3)]
+        )
+        for x, z in PLACES
+    }
+    return write_region(path / "r.0.0.mca", chunks), made
+
+
+def lz4_stream(data: bytes, size: int = 1 << 16) -> bytes:
+    """As lz4-java writes it: blocks of some size, the first stored as it is, and an empty one last."""
+    import lz4.block
+
+    out = b""
+    for at in range(0, len(data), size):
+        plain = data[at : at + size]
+        packed = lz4.block.compress(plain, store_size=False) if at else plain
+        out += b"LZ4Block" + struct.pack("<BiiI", 0x26 if at else 0x16, len(packed), len(plain), 0) + packed
+    return out + b"LZ4Block" + struct.pack("<BiiI", 0x16, 0, 0, 0)

@@ -1,0 +1,1 @@
+"""Writers of files that other programs write: worlds, texture packs, G-buffers."""
