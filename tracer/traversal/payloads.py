@@ -35,6 +35,16 @@ def changed(program: Callable[..., Any], launch: Any, place: Any, payload: Any, 
     return with_rows(payload, at, after)
 
 
+def accepted(program: Callable[..., Any], launch: Any, place: Any, payload: Any) -> Tensor:
+    """``(N,)`` bool: which of the hits at ``place`` an any-hit program counts."""
+    kept, count = program(launch, place, payload), len(place.origins)
+    if not (isinstance(kept, Tensor) and kept.dtype == torch.bool and kept.shape == (count,)):
+        raise TypeError(
+            f"{name_of(program)} must return ({count},) bool, whether each hit counts; got {described(kept)}"
+        )
+    return kept
+
+
 def taken(value: P, at: Tensor) -> P:
     return value if bool(at.all()) else map_tensors(lambda x: x[at], value)
 

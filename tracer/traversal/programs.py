@@ -21,7 +21,7 @@ from gbufrt.names import unknown
 from gbufrt.tree import map_tensors
 from tracer.scene.scene import MASK_ALL, Scene
 from tracer.traversal.hits import Hits
-from tracer.traversal.payloads import changed, described, flat_rows, name_of, taken, with_rows
+from tracer.traversal.payloads import accepted, changed, flat_rows, taken, with_rows
 from tracer.traversal.rays import trace
 
 P = TypeVar("P")
@@ -175,15 +175,7 @@ class Launch:
                 at = pending & torch.isin(hits.instance, members)
                 if group.any_hit is not None and bool(at.any()):
                     here = taken(Place(origins=place.origins, directions=place.directions, hits=hits), at)
-                    kept = group.any_hit(self, here, taken(payload, at))
-                    if not (
-                        isinstance(kept, Tensor) and kept.dtype == torch.bool and kept.shape == (len(here.origins),)
-                    ):
-                        raise TypeError(
-                            f"{name_of(group.any_hit)} must return ({len(here.origins)},) bool, whether each hit "
-                            f"counts; got {described(kept)}"
-                        )
-                    ignored[at] = ~kept
+                    ignored[at] = ~accepted(group.any_hit, self, here, taken(payload, at))
             if not bool(ignored.any()):
                 return hits
             some = taken(Place(origins=place.origins, directions=place.directions, hits=hits), ignored)

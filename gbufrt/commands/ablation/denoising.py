@@ -7,7 +7,8 @@ from importlib.util import find_spec
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.display import display, error_picture, exposure_of, unbiased
+from gbufrt.commands.ablation.figures.errors import psnr_over, share_of_pixels
 from gbufrt.commands.ablation.measure import run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import SHARP, Outcome
@@ -47,12 +48,12 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
         parts = truth_of(place, number)
         truth = torch.stack(parts).mean(0)
         mask = source.gbuffer.hit & (steady if which == "last" else True)
-        exposure = f.exposure_of(truth, source.gbuffer.hit)
-        wanted = f.display(truth, exposure)
-        answers = f.unbiased((parts[0], parts[1]), exposure), f.unbiased((parts[2], parts[3]), exposure)
+        exposure = exposure_of(truth, source.gbuffer.hit)
+        wanted = display(truth, exposure)
+        answers = unbiased((parts[0], parts[1]), exposure), unbiased((parts[2], parts[3]), exposure)
         lights = {"ours": found.frames[number].read("radiance"), "input": source.read("radiance"), **rivals(source)}
-        shown = {name: f.display(light, exposure) for name, light in lights.items()}
-        scores = {name: f.psnr_over(picture, answers, mask) for name, picture in shown.items()}
+        shown = {name: display(light, exposure) for name, light in lights.items()}
+        scores = {name: psnr_over(picture, answers, mask) for name, picture in shown.items()}
         result.figures.update({f"denoise.{which}_{name}": score for name, score in scores.items()})
         for rival in ("oidn", "kornia"):
             if rival in scores:
@@ -61,8 +62,8 @@ def denoise(place: Place, _: Pipeline) -> Outcome:
         if which == "last":
             result.pictures = {f"denoise {name}": picture for name, picture in shown.items()}
             result.pictures |= {"denoise": shown["ours"], "denoise truth": wanted}
-            result.pictures["denoise error"] = f.error_picture(shown["ours"], wanted, source.gbuffer.hit)
-            result.figures["denoise.steady"] = f.share(mask, source.gbuffer.hit)
+            result.pictures["denoise error"] = error_picture(shown["ours"], wanted, source.gbuffer.hit)
+            result.figures["denoise.steady"] = share_of_pixels(mask, source.gbuffer.hit)
     for what in ("", "input_"):
         gains = [result.figures[f"denoise.{which}_{what}over_kornia"] for which in CHECKED]
         result.figures[f"denoise.least_{what}over_kornia"] = min(gains)

@@ -13,7 +13,7 @@ from itertools import product
 
 import torch
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.signals import ao_error, gi_error, reflection_error
 from gbufrt.commands.ablation.place import Place, Truth
 from gbufrt.commands.ablation.subjects import SIGNALS, Outcome, ao_truth, one_bounce, only
 from gbufrt.commands.recipe import Recipe
@@ -42,15 +42,15 @@ class Effect:
 
 EFFECTS = (
     Effect(
-        signal="ao", title="Ambient occlusion", error="RMSE", judge=f.ao_error,
+        signal="ao", title="Ambient occlusion", error="RMSE", judge=ao_error,
         grid={"directions": (1, 2, 4), "steps": (8, 16, 32)},
     ),
     Effect(
-        signal="gi", title="Indirect light", error="relative squared error", judge=f.gi_error,
+        signal="gi", title="Indirect light", error="relative squared error", judge=gi_error,
         grid={"directions": (1, 2, 4), "steps": (12, 36)},
     ),
     Effect(
-        signal="reflection", title="Reflections", error="relative squared error", judge=f.reflection_error,
+        signal="reflection", title="Reflections", error="relative squared error", judge=reflection_error,
         grid={"samples": (1, 4, 8)},
     ),
 )  # fmt: skip

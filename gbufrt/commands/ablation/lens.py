@@ -13,7 +13,15 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.display import displayed, error_picture, exposure_of, truly_changed
+from gbufrt.commands.ablation.figures.errors import (
+    Pair,
+    by_onscreen_points,
+    gain,
+    rms_error,
+    share_of_error,
+    share_of_pixels,
+)
 from gbufrt.commands.ablation.measure import run
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
@@ -35,9 +43,9 @@ MOVING_FPS = 2.0  # frames far enough apart that movers travel ten pixels and mo
 class Shown(NamedTuple):
     """Displayed pictures in two halves each, and where the lens truly changes them."""
 
-    blurred: f.Pair
-    sharp: f.Pair
-    wanted: f.Pair
+    blurred: Pair
+    sharp: Pair
+    wanted: Pair
     changed: Tensor
     """``(B, 1, H, W)`` bool; surfaces alone."""
 
@@ -79,7 +87,7 @@ def moving_frames(place: Place) -> list[Frame]:
     return [Frame(gbuffer=g, index=MOVING_FRAME, time=now, radiance=light, color=light) for light in sharp]
 
 
-def shutter_truth(place: Place, share: float, position: str, name: str = "radiance") -> f.Pair:
+def shutter_truth(place: Place, share: float, position: str, name: str = "radiance") -> Pair:
     """What a shutter records that is open for a share of the frame's time."""
     open_for = share / place.fps
     offset = -open_for / 2 if position == "center" else -open_for
@@ -93,36 +101,36 @@ def still_frames(place: Place, gbuffer: GBuffer) -> list[Frame]:
     return [Frame(gbuffer=gbuffer, radiance=light, color=light) for light in sharp]
 
 
-def lens_truth(place: Place, lens: Mapping[str, float], name: str = "radiance") -> f.Pair:
+def lens_truth(place: Place, lens: Mapping[str, float], name: str = "radiance") -> Pair:
     """What a lens shows: ``aperture_radius`` and ``focus_distance`` of `post.depth_of_field`."""
     return place.pictures({**LIGHT, **lens}, name=name)
 
 
-def shown(blurred: Sequence[Tensor], frames: Sequence[Frame], truths: f.Pair) -> Shown:
+def shown(blurred: Sequence[Tensor], frames: Sequence[Frame], truths: Pair) -> Shown:
     """Linear pictures, displayed by the exposure of the sharp frame."""
     hit, sources = frames[0].gbuffer.hit, [frame.read("radiance") for frame in frames]
-    exposure = f.exposure_of((sources[0] + sources[1]) / 2, hit)
-    found, sharp, wanted = (f.displayed((pair[0], pair[1]), exposure) for pair in (blurred, sources, truths))
-    return Shown(found, sharp, wanted, f.truly_changed(sharp, wanted) & hit)
+    exposure = exposure_of((sources[0] + sources[1]) / 2, hit)
+    found, sharp, wanted = (displayed((pair[0], pair[1]), exposure) for pair in (blurred, sources, truths))
+    return Shown(found, sharp, wanted, truly_changed(sharp, wanted) & hit)
 
 
-def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: f.Pair, onscreen: f.Pair) -> None:
+def _judge(result: Outcome, name: str, stage: Stage, frames: list[Frame], truths: Pair, onscreen: Pair) -> None:
     """Adds the figures and pictures of one kind of lens; ``onscreen`` is the part of the truth by on-screen points."""
     lens = Pipeline(given={"color"}, **{name.replace(".", "_"): stage})  # pyright: ignore[reportArgumentType]
     found = [run(lens, [frame.replace(index=frame.index + n) for n in (3, 2, 1, 0)]) for frame in frames]
     blurred, sharp, wanted, changed = shown([one.last.read("color") for one in found], frames, truths)
-    result.figures[f"{name}.gain"] = f.gain(blurred, sharp, wanted, changed)
-    known = changed & f.by_onscreen_points(onscreen, truths)
-    result.figures[f"{name}.gain_onscreen"] = f.gain(blurred, sharp, wanted, known)
-    result.figures[f"{name}.offscreen_error"] = f.share_of_error(blurred, wanted, changed & ~known, changed)
-    result.figures[f"{name}.offscreen"] = f.share(changed & ~known, changed)
+    result.figures[f"{name}.gain"] = gain(blurred, sharp, wanted, changed)
+    known = changed & by_onscreen_points(onscreen, truths)
+    result.figures[f"{name}.gain_onscreen"] = gain(blurred, sharp, wanted, known)
+    result.figures[f"{name}.offscreen_error"] = share_of_error(blurred, wanted, changed & ~known, changed)
+    result.figures[f"{name}.offscreen"] = share_of_pixels(changed & ~known, changed)
     result.figures[f"{name}.changed"] = float(changed.float().mean())
-    result.figures[f"{name}.kept"] = float(f.rms_error(blurred, wanted, ~changed).mean())
+    result.figures[f"{name}.kept"] = float(rms_error(blurred, wanted, ~changed).mean())
     result.passes.update(found[0].passes)
     picture, before, truth = ((pair[0] + pair[1]) / 2 for pair in (blurred, sharp, wanted))
     pictures = {name: picture, f"{name} truth": truth, f"{name} before": before}
     whole = torch.ones_like(changed)
-    result.pictures.update({**pictures, f"{name} error": f.error_picture(picture, truth, whole)})
+    result.pictures.update({**pictures, f"{name} error": error_picture(picture, truth, whole)})
 
 
 def _stage(pipeline: Pipeline, name: str) -> Stage:

@@ -16,7 +16,9 @@ from gbufrt.commands.ablation.sections import SECTIONS, Section
 from gbufrt.commands.ablation.table import Results
 from gbufrt.commands.ablation.variants import FULL
 from gbufrt.commands.ablation.world import SECTIONS as WORLD
-from gbufrt.commands.charts.drawing import COLOURS, NARROW, STYLE, WIDTH, Point, dots, scatter, sheet
+from gbufrt.commands.charts.drawing import NARROW, WIDTH, Point, dots, scatter
+from gbufrt.commands.charts.sheet import sheet
+from gbufrt.commands.charts.style import COLOURS, STYLE
 from gbufrt.files.output import write_text
 
 JPEG_QUALITY = 88

@@ -10,11 +10,28 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation import limits
+from gbufrt.commands.ablation.figures.display import (
+    TRACED,
+    changed_pixels,
+    display,
+    displayed,
+    error_picture,
+    exposure_of,
+)
+from gbufrt.commands.ablation.figures.errors import gain, psnr_over, share_of_pixels
+from gbufrt.commands.ablation.figures.pictures import picture_figures, untouched_figures
+from gbufrt.commands.ablation.figures.signals import (
+    ao_error,
+    ao_figures,
+    gi_error,
+    gi_figures,
+    reflection_figures,
+    sky_figures,
+)
+from gbufrt.commands.ablation.figures.trivial import untouched
 from gbufrt.commands.ablation.measure import repeated, run
 from gbufrt.commands.ablation.place import Place
-from gbufrt.commands.ablation.trivial import untouched
 from gbufrt.commands.progress import Tick
 from gbufrt.frame import Frame
 from gbufrt.metrics.temporal import flicker, ghosting
@@ -62,25 +79,25 @@ def signals(place: Place, pipeline: Pipeline, wanted: Iterable[str], frames: int
     found = run(Pipeline(**stages), repeated(frame, frames), at=[n - 1 for n in EARLY], tick=said)  # pyright: ignore[reportArgumentType]
     result = Outcome(passes=found.passes)
     last, *early = (one.replace(gi=one.extra.get("gi_found", one.gi)) for one in (found.last, *found.at.values()))
-    exposure, sky = f.exposure_of(untouched(frame), frame.gbuffer.hit), None
+    exposure, sky = exposure_of(untouched(frame), frame.gbuffer.hit), None
     if "ao" in wanted:
         truth = ao_truth(place, pipeline, frame)
-        result.figures.update(f.ao_figures(last, truth))
-        result.figures.update({f"ao.rmse_{n}": f.ao_error(one, truth) for n, one in zip(EARLY, early, strict=False)})
+        result.figures.update(ao_figures(last, truth))
+        result.figures.update({f"ao.rmse_{n}": ao_error(one, truth) for n, one in zip(EARLY, early, strict=False)})
         result.pictures.update(_compared("ao", _grey(last.read("ao")), _grey(truth["ao"]), frame))
     if "gi" in wanted:
         truth = place.truth_of("indirect_diffuse", frame.gbuffer, {"bounces": 1})
-        figures, sky = f.gi_figures(last, truth, limits.exact_gi(place, last)), truth["sky_visibility"]
-        result.figures.update({**figures, **f.sky_figures(last, truth)})
-        result.figures.update({f"gi.error_{n}": f.gi_error(one, truth) for n, one in zip(EARLY, early, strict=False)})
-        shown, true = f.display(last.read("gi"), exposure), f.display(truth["gi_onscreen"], exposure)
+        figures, sky = gi_figures(last, truth, limits.exact_gi(place, last)), truth["sky_visibility"]
+        result.figures.update({**figures, **sky_figures(last, truth)})
+        result.figures.update({f"gi.error_{n}": gi_error(one, truth) for n, one in zip(EARLY, early, strict=False)})
+        shown, true = display(last.read("gi"), exposure), display(truth["gi_onscreen"], exposure)
         result.pictures.update(_compared("gi", shown, true, frame))
     if "reflection" in wanted:
         truth = place.truth_of("reflection", frame.gbuffer)
         bare = last.replace(gi=None)  # as the pass had it
         lit = [] if sky is None else [bare.replace(sky_visibility=sky)]
-        result.figures.update(f.reflection_figures(last, truth, *limits.exact_reflections(place, bare, *lit)))
-        shown, true = f.display(last.read("reflection"), exposure), f.display(truth["reflection"], exposure)
+        result.figures.update(reflection_figures(last, truth, *limits.exact_reflections(place, bare, *lit)))
+        shown, true = display(last.read("reflection"), exposure), display(truth["reflection"], exposure)
         result.pictures.update(_compared("reflection", shown, true, frame))
     return result
 
@@ -99,22 +116,22 @@ def whole_frame(place: Place, pipeline: Pipeline, frames: int, full: Tensor | No
     truth = (truths[0] + truths[1]) / 2
     hit, tick = frame.gbuffer.hit, _said(place, "static frame", frames)
     found = run(up_to_composite(pipeline), repeated(frame, frames), keep=2, tick=tick)
-    exposure = f.exposure_of(truth, hit)
-    shown, wanted = f.display(found.last.read("composite"), exposure), f.display(truth, exposure)
-    result = Outcome(figures=f.picture_figures(found.last.read("composite"), truths, hit, exposure))
-    result.figures["psnr_onscreen"] = f.psnr_over(shown, f.displayed(onscreen, exposure), hit)
+    exposure = exposure_of(truth, hit)
+    shown, wanted = display(found.last.read("composite"), exposure), display(truth, exposure)
+    result = Outcome(figures=picture_figures(found.last.read("composite"), truths, hit, exposure))
+    result.figures["psnr_onscreen"] = psnr_over(shown, displayed(onscreen, exposure), hit)
     result.passes, result.pictures = found.passes, _compared("frame", shown, wanted, frame)
     result.figures["ms"] = found.ms
     if frames > 1:
-        pair = [f.display(one.read("composite"), exposure) for one in found.frames]
+        pair = [display(one.read("composite"), exposure) for one in found.frames]
         result.figures["flicker"] = float(flicker(pair, [frame.gbuffer] * 2))
     if full is not None:
-        changed = hit & f.changed_pixels(full, shown)
-        result.figures["changed"] = f.share(changed, hit)
-        loss = f.gain(full, shown, f.displayed(truths, exposure), changed)
+        changed = hit & changed_pixels(full, shown)
+        result.figures["changed"] = share_of_pixels(changed, hit)
+        loss = gain(full, shown, displayed(truths, exposure), changed)
         result.figures["loss"] = 0.0 if math.isnan(loss) else loss  # a stage that changes next to nothing gains nothing
     else:
-        result.figures.update(f.untouched_figures(frame, truths, onscreen, exposure))
+        result.figures.update(untouched_figures(frame, truths, onscreen, exposure))
     return result
 
 
@@ -125,15 +142,15 @@ def path(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     found = run(up_to_composite(pipeline), sources, keep=PATH_KEPT, tick=_said(place, "moving frame", count))
     truths = [place.pictures(SHARP, time=place.at(number)) for number in range(count - PATH_KEPT, count)]
     last = sources[-1]
-    exposure = f.exposure_of((truths[-1][0] + truths[-1][1]) / 2, last.gbuffer.hit)
-    shown = [f.display(frame.read("composite"), exposure) for frame in found.frames]
-    wanted = [f.displayed(truth, exposure) for truth in truths]
+    exposure = exposure_of((truths[-1][0] + truths[-1][1]) / 2, last.gbuffer.hit)
+    shown = [display(frame.read("composite"), exposure) for frame in found.frames]
+    wanted = [displayed(truth, exposure) for truth in truths]
     still = repeated(last.still(), max(frames // 4, 1))
-    fresh = f.display(run(up_to_composite(pipeline), still).last.read("composite"), exposure)
+    fresh = display(run(up_to_composite(pipeline), still).last.read("composite"), exposure)
     buffers = [frame.gbuffer for frame in sources]
     truth = (wanted[-1][0] + wanted[-1][1]) / 2
     result = Outcome(passes=found.passes, pictures=_compared("path", shown[-1], truth, last))
-    result.figures = f.picture_figures(found.last.read("composite"), truths[-1], last.gbuffer.hit, exposure)
+    result.figures = picture_figures(found.last.read("composite"), truths[-1], last.gbuffer.hit, exposure)
     result.figures["flicker"] = float(flicker(shown, buffers[-PATH_KEPT:], wanted))
     result.figures["ghosting"] = float(ghosting(shown[-1], wanted[-1], buffers, fresh=fresh))
     result.figures["new_rmse"] = float(ghosting(shown[-1], wanted[-1], buffers))
@@ -153,14 +170,14 @@ def taa(place: Place, pipeline: Pipeline, frames: int) -> Outcome:
     after = run(smooth, jittered, tick=_said(place, "jittered frame", count))
     before = run(lit, repeated(frame, max(count // 4, 1))).last.read("composite")
     sharp, truth = place.picture(SHARP), place.picture()
-    exposure = f.exposure_of(sharp, frame.gbuffer.hit)
-    shown = [f.display(light, exposure) for light in (after.last.read("color"), before, sharp, truth)]
-    edges = f.changed_pixels(shown[2], shown[3], level=f.TRACED) & frame.gbuffer.hit
+    exposure = exposure_of(sharp, frame.gbuffer.hit)
+    shown = [display(light, exposure) for light in (after.last.read("color"), before, sharp, truth)]
+    edges = changed_pixels(shown[2], shown[3], level=TRACED) & frame.gbuffer.hit
     result = Outcome(passes=after.passes, pictures=_compared("taa", shown[0], shown[3], frame))
     result.figures = {
-        "taa.gain": f.gain(shown[0], shown[1], shown[3], edges),
-        "taa.edges": f.share(edges, frame.gbuffer.hit),
-        **f.picture_figures(after.last.read("color"), truth, frame.gbuffer.hit, exposure),
+        "taa.gain": gain(shown[0], shown[1], shown[3], edges),
+        "taa.edges": share_of_pixels(edges, frame.gbuffer.hit),
+        **picture_figures(after.last.read("color"), truth, frame.gbuffer.hit, exposure),
     }
     return result
 
@@ -203,7 +220,7 @@ def one_bounce(pipeline: Pipeline) -> Pipeline:
 
 
 def _compared(name: str, estimate: Tensor, truth: Tensor, frame: Frame) -> dict[str, Tensor]:
-    error = f.error_picture(estimate, truth, frame.gbuffer.hit)
+    error = error_picture(estimate, truth, frame.gbuffer.hit)
     return {name: estimate, f"{name} truth": truth, f"{name} error": error}
 
 

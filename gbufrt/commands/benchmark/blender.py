@@ -17,9 +17,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation import lens
 from gbufrt.commands.ablation.cache import Cache
+from gbufrt.commands.ablation.figures.errors import Pair, psnr_over
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.benchmark.frames import HD
 from gbufrt.commands.benchmark.process import timed
@@ -57,7 +57,7 @@ class Effect(NamedTuple):
     """To be timed."""
     halves: list[Frame]
     """To be judged; see `gbufrt.commands.ablation.lens`."""
-    truth: f.Pair
+    truth: Pair
 
 
 def blender_python() -> str | None:
@@ -104,7 +104,7 @@ def compare(effect: Effect, python: str, repeats: int, found: dict[str, Any]) ->
         own = lens.shown([effect.ours(frame) for frame in effect.halves], effect.halves, effect.truth)
     other = lens.shown(pictures[1:], effect.halves, effect.truth)
     compared = {"psnr": own.blurred, "blender_psnr": other.blurred, "sharp_psnr": own.sharp}
-    quality = {name: f.psnr_over(picture, own.wanted, own.changed) for name, picture in compared.items()}
+    quality = {name: psnr_over(picture, own.wanted, own.changed) for name, picture in compared.items()}
     return {"ms": ms, "blender_ms": times[0], **quality}
 
 

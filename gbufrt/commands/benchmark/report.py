@@ -112,7 +112,9 @@ def show_series(found: Mapping[str, list[Series]]) -> None:
 
 def chart_of(found: Mapping[str, list[Series]]) -> str:
     """The series as a sheet of charts with logarithmic axes, an SVG file."""
-    from gbufrt.commands.charts.drawing import HUES, NARROW, lines, sheet
+    from gbufrt.commands.charts.drawing import NARROW, lines
+    from gbufrt.commands.charts.sheet import sheet
+    from gbufrt.commands.charts.style import HUES
 
     charts = {}
     names = dict.fromkeys(one.name for series in found.values() for one in series)

@@ -1,4 +1,4 @@
-"""Small charts as SVG: in a page, which gives them its colours by `STYLE`, or as a file with colours of its own."""
+"""Small charts as SVG; what shows them gives them their colours, see `charts.style`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from itertools import count, cycle
 from types import MappingProxyType
 
 from gbufrt.commands.charts.axes import Axis, short
+from gbufrt.commands.charts.style import GROUPS, HUES
 
 WIDTH, LEFT, RIGHT, ROW = 760, 190, 24, 24
 HEIGHT, TOP, BOTTOM = 340, 16, 44
@@ -20,30 +21,6 @@ LIFT = 7  # pixels that names stand above points which a falling line joins
 LABEL, NEAR = 13, 9  # pixels between labels that would overlap, and between a label and another point
 LETTER = 6.5  # pixels, mean width of one in a label
 OWN_TICKS = 7  # so many places of a series at most each get a tick
-GROUPS = ("full", "passes", "presets", "methods", "sweep", "own")
-HUES = ("mark", "other", "third", "bad", "good")
-COLOURS = """
-:root { color-scheme: light dark; --ink: #1c1e21; --soft: #6a6f76; --paper: #fdfdfc; --line: #e2e3e0; --fill: #f3f4f1;
-  --good: #1a7f4b; --bad: #c2410c; --mark: #3b5bdb; --other: #0f8b8d; --third: #b5840a; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e7e9; --soft: #989ea6; --paper: #15171a; --line: #2e3238; --fill: #1d2024;
-    --good: #4cc38a; --bad: #ff8a5b; --mark: #8ea6ff; --other: #58c9cb; --third: #e5b84b; } }
-"""
-STYLE = """
-svg { font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }
-svg text { fill: var(--ink); } svg .tick, svg .axis, svg .minor { fill: var(--soft); } svg .minor { font-size: 11px; }
-svg .title { font-size: 14px; font-weight: 600; }
-svg .grid { stroke: var(--line); } svg .zero { stroke: var(--ink); }
-svg .reach { stroke: var(--line); stroke-width: 2; }
-svg .dot { fill: var(--paper); stroke: var(--mark); stroke-width: 1.5; } svg .worst { fill: var(--mark); }
-svg .worst.bad { fill: var(--bad); } svg .line { fill: none; stroke: var(--mark); stroke-width: 1.5; }
-svg .point { fill: var(--soft); } svg .full { fill: var(--good); } svg .passes { fill: var(--mark); }
-svg .presets { fill: var(--third); } svg .methods { fill: var(--other); } svg .sweep { fill: var(--mark); }
-svg .line.other { stroke: var(--other); } svg .line.third { stroke: var(--third); }
-svg .line.bad { stroke: var(--bad); } svg .line.good { stroke: var(--good); } svg .good { fill: var(--good); }
-svg .mark { fill: var(--mark); } svg .other { fill: var(--other); } svg .third { fill: var(--third); }
-svg .bad { fill: var(--bad); } svg polyline.line { fill: none; } svg .paper { fill: var(--paper); }
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,25 +148,6 @@ def lines(
     for ((px, _), name, hue), height in zip(ends, _apart([py for (_, py), _, _ in ends]), strict=True):
         parts.append(f'<text class="name {hue}" x="{px + 9:.1f}" y="{height + 4:.1f}">{escape(name)}</text>')
     return _svg(width, HEIGHT, parts, f"{y_label} against {x_label}")
-
-
-def sheet(charts: Mapping[str, str], *, columns: int = 2) -> str:
-    """Charts of width `NARROW` under their titles on one sheet: a file with colours of its own, for light and dark."""
-    drawn = [(title, chart) for title, chart in charts.items() if chart]
-    gap, head = 24, 30
-    parts, rows = [], math.ceil(len(drawn) / columns)
-    width, height = columns * (NARROW + gap) + gap, rows * (HEIGHT + head + gap) + gap
-    for number, (title, chart) in enumerate(drawn):
-        left = gap + number % columns * (NARROW + gap)
-        top = gap + number // columns * (HEIGHT + head + gap)
-        parts.append(f'<text class="title" x="{left + 8}" y="{top + 14}">{escape(title)}</text>')
-        placed = f'<svg x="{left}" y="{top + head}" width="{NARROW}" height="{HEIGHT}" '
-        parts.append(chart.replace("<svg ", placed, 1))
-    size = f'width="{width}" height="{height}"'
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" {size}><style>{COLOURS}{STYLE}</style>'
-        f'<rect class="paper" {size}/>{"".join(parts)}</svg>\n'
-    )
 
 
 def dots(rows: Sequence[tuple[str, Mapping[str, float]]], *, label: str) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from ablation_stand_ins import FakeAO, FakeGI, calls, install
 
-import gbufrt.commands.ablation.run as sweep
+import gbufrt.commands.ablation.units as units
 from gbufrt.commands.ablation import Plan, Results, ablate
 from gbufrt.commands.ablation.cache import sources
 from gbufrt.commands.ablation.variants import parse_sweep, parse_variants
@@ -169,7 +169,7 @@ def test_resume_skips_what_is_done_and_tries_failures_again(monkeypatch: pytest.
 
 
 def test_an_interrupted_run_goes_on(monkeypatch: pytest.MonkeyPatch):
-    real, count = sweep._judge, 0
+    real, count = units._judge, 0
 
     def stop(*arguments: object) -> object:
         nonlocal count
@@ -178,10 +178,10 @@ def test_an_interrupted_run_goes_on(monkeypatch: pytest.MonkeyPatch):
             raise KeyboardInterrupt
         return real(*arguments)  # pyright: ignore[reportArgumentType]
 
-    monkeypatch.setattr(sweep, "_judge", stop)
+    monkeypatch.setattr(units, "_judge", stop)
     with pytest.raises(KeyboardInterrupt):
         measured(only=("ao", "frame"), variants=())
-    monkeypatch.setattr(sweep, "_judge", real)
+    monkeypatch.setattr(units, "_judge", real)
     before = calls["ao"]
     assert len(measured(only=("ao", "frame"), variants=(), resume=True).records) == 4
     assert calls["ao"] - before == 2  # one frame each for the two that were not done

@@ -10,20 +10,29 @@ import boxes
 import pytest
 import torch
 
-from gbufrt.commands.ablation import figures as f
 from gbufrt.commands.ablation.cache import Cache, digest
+from gbufrt.commands.ablation.figures.display import changed_pixels, display, exposure_of, unbiased
+from gbufrt.commands.ablation.figures.errors import (
+    by_onscreen_points,
+    gain,
+    relative_energy,
+    rms_error,
+    share_of_error,
+    share_of_pixels,
+)
+from gbufrt.commands.ablation.figures.pictures import picture_figures
+from gbufrt.commands.ablation.figures.trivial import constant_per_object
 from gbufrt.commands.ablation.measure import Allocations
 from gbufrt.commands.ablation.records import Record
 from gbufrt.commands.ablation.table import table
-from gbufrt.commands.ablation.trivial import constant_per_object
 from gbufrt.commands.charts.drawing import Point, dots, scatter
 
 
 def test_relative_energy_and_the_constant_per_object():
     frame = boxes.frame()
     g, truth = frame.gbuffer, frame.read("radiance")
-    assert f.relative_energy(truth * 1.5, (truth, truth), g.hit) == pytest.approx(0.25, rel=1e-5)
-    assert f.relative_energy(truth * 0, (truth, truth), g.hit) == 1.0
+    assert relative_energy(truth * 1.5, (truth, truth), g.hit) == pytest.approx(0.25, rel=1e-5)
+    assert relative_energy(truth * 0, (truth, truth), g.hit) == 1.0
     halves = (g.depth < 8).to(torch.int32)
     g = g.replace(material_id=halves, object_id=torch.zeros_like(halves))
     constant = constant_per_object(truth, g)
@@ -31,7 +40,7 @@ def test_relative_energy_and_the_constant_per_object():
         inside = ((g.material_id == number) & g.hit).expand_as(truth)
         assert torch.allclose(constant[inside].view(3, -1).mean(1), truth[inside].view(3, -1).mean(1), atol=1e-4)
         assert float(constant[inside].view(3, -1).std(1).max()) < 1e-6
-    assert 0 < f.relative_energy(constant, (truth, truth), g.hit) < 1
+    assert 0 < relative_energy(constant, (truth, truth), g.hit) < 1
 
 
 def test_the_noise_of_two_halves_of_a_truth_counts_for_nothing():
@@ -39,24 +48,24 @@ def test_the_noise_of_two_halves_of_a_truth_counts_for_nothing():
     true = torch.rand(1, 3, 200, 200, generator=g)
     noisy = [true + 0.05 * torch.randn(true.shape, generator=g) for _ in range(2)]
     hit = torch.ones(1, 1, 200, 200, dtype=torch.bool)
-    assert float(f.rms_error(true + 0.1, (noisy[0], noisy[1]), hit)) == pytest.approx(0.1, abs=0.005)
-    want = f.relative_energy(true * 0.8, (true, true), hit)
-    assert f.relative_energy(true * 0.8, (noisy[0], noisy[1]), hit) == pytest.approx(want, abs=0.003)
-    found = f.gain(true + 0.01, true + 0.1, (noisy[0], noisy[1]), hit)
+    assert float(rms_error(true + 0.1, (noisy[0], noisy[1]), hit)) == pytest.approx(0.1, abs=0.005)
+    want = relative_energy(true * 0.8, (true, true), hit)
+    assert relative_energy(true * 0.8, (noisy[0], noisy[1]), hit) == pytest.approx(want, abs=0.003)
+    found = gain(true + 0.01, true + 0.1, (noisy[0], noisy[1]), hit)
     assert found == pytest.approx(20.0, abs=1.0)
-    assert f.gain(true + 0.1, true + 0.1, (noisy[0], noisy[1]), hit) == 0.0
+    assert gain(true + 0.1, true + 0.1, (noisy[0], noisy[1]), hit) == 0.0
 
 
 def test_what_is_displayed_of_two_noisy_halves_has_less_bias_than_their_mean():
     """Hardly any under even noise, and half as much where one path in ten brings all the light."""
     g, shape = torch.Generator().manual_seed(1), (32, 1, 3, 100, 100)
-    wanted = float(f.display(torch.full((1, 3, 1, 1), 0.3), 2.0).mean())
+    wanted = float(display(torch.full((1, 3, 1, 1), 0.3), 2.0).mean())
     even, rare = 0.6 * torch.rand(2, *shape, generator=g), 3.0 * (torch.rand(2, *shape, generator=g) < 0.1)
     for light, share in ((even, 0.1), (rare, 0.6)):
         first, second = light.mean(dim=1)
-        bias = float(f.display((first + second) / 2, 2.0).mean()) - wanted
+        bias = float(display((first + second) / 2, 2.0).mean()) - wanted
         assert bias < -5e-4
-        assert abs(float(f.unbiased((first, second), 2.0).mean()) - wanted) < share * -bias
+        assert abs(float(unbiased((first, second), 2.0).mean()) - wanted) < share * -bias
 
 
 def test_gain_counts_the_changed_pixels_alone():
@@ -65,10 +74,10 @@ def test_gain_counts_the_changed_pixels_alone():
     worse[..., :10] += 0.2
     better[..., :10] += 0.02
     better[..., 10:] += 0.004  # less than two levels
-    changed = f.changed_pixels(worse, better)
+    changed = changed_pixels(worse, better)
     assert int(changed.sum()) == 200
-    assert f.gain(better, worse, truth, changed) == pytest.approx(20.0, abs=1e-3)
-    assert math.isnan(f.gain(better, worse, truth, changed & False))
+    assert gain(better, worse, truth, changed) == pytest.approx(20.0, abs=1e-3)
+    assert math.isnan(gain(better, worse, truth, changed & False))
 
 
 def test_the_error_where_not_all_light_is_from_points_in_sight_is_told_apart():
@@ -76,27 +85,27 @@ def test_the_error_where_not_all_light_is_from_points_in_sight_is_told_apart():
     onscreen = truth.clone()
     onscreen[..., :5] *= 0.98
     onscreen[..., 5:10] *= 0.995  # too little for the split
-    sees = f.by_onscreen_points((onscreen, onscreen), (truth, truth))
+    sees = by_onscreen_points((onscreen, onscreen), (truth, truth))
     assert int(sees.sum()) == 300
     assert not bool(sees[..., :5].any())
     picture = truth.clone()
     picture[..., :5] += 0.3
     picture[..., 5:] += 0.1
     everywhere = sees | ~sees
-    assert f.share(~sees, everywhere) == 0.25
-    assert f.share_of_error(picture, (truth, truth), ~sees, everywhere) == pytest.approx(0.75, rel=1e-4)
-    assert f.share_of_error(picture, (truth, truth), sees & False, everywhere) == 0.0
-    assert math.isnan(f.share_of_error(picture, (truth, truth), ~sees, everywhere & False))
+    assert share_of_pixels(~sees, everywhere) == 0.25
+    assert share_of_error(picture, (truth, truth), ~sees, everywhere) == pytest.approx(0.75, rel=1e-4)
+    assert share_of_error(picture, (truth, truth), sees & False, everywhere) == 0.0
+    assert math.isnan(share_of_error(picture, (truth, truth), ~sees, everywhere & False))
 
 
 def test_display_is_fixed_by_the_truth():
     truth = torch.full((1, 3, 8, 8), 0.36)
     hit = torch.ones(1, 1, 8, 8, dtype=torch.bool)
-    assert f.exposure_of(truth, hit) == pytest.approx(0.5, rel=1e-5)
-    shown = f.display(truth * 1e6, 0.5)
+    assert exposure_of(truth, hit) == pytest.approx(0.5, rel=1e-5)
+    shown = display(truth * 1e6, 0.5)
     assert bool((shown <= 1).all())
-    assert bool((f.display(-truth, 0.5) == 0).all())
-    figures = f.picture_figures(truth * 1.1, truth, hit, 0.5)
+    assert bool((display(-truth, 0.5) == 0).all())
+    figures = picture_figures(truth * 1.1, truth, hit, 0.5)
     assert figures["rmse"] == pytest.approx(0.018, rel=1e-4)
     assert set(figures) >= {"rmse", "psnr", "ssim"}
 

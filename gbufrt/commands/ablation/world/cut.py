@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.display import display, displayed, exposure_of
+from gbufrt.commands.ablation.figures.errors import Pair, psnr_over
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
-from gbufrt.commands.ablation.world.pictures import displayed
+from gbufrt.commands.ablation.world.pictures import compared_displays
 from gbufrt.frame import Frame
 
 if TYPE_CHECKING:
@@ -57,12 +58,12 @@ def judge(place: Place) -> Outcome:
         for which, size, halves in (("shown", 0, wanted), ("traced", 1, small)):
             for name, pair in shown.items():
                 everywhere = torch.ones_like(pair[size][:, :1], dtype=torch.bool)
-                scores.setdefault(f"{which}_{name}", []).append(f.psnr_over(pair[size], halves, everywhere))
+                scores.setdefault(f"{which}_{name}", []).append(psnr_over(pair[size], halves, everywhere))
         gains.append(scores["shown_ours"][-1] - scores["shown_without"][-1])
         traced.append(scores["traced_ours"][-1] - scores["traced_without"][-1])
         if noise == NOISES[0]:
             pictures = {name: pair[0] for name, pair in shown.items()}
-            result.pictures = displayed("cut", pictures, (wanted[0] + wanted[1]) / 2)
+            result.pictures = compared_displays("cut", pictures, (wanted[0] + wanted[1]) / 2)
     result.figures |= {f"cut.{name}": sum(all_) / len(all_) for name, all_ in scores.items()}
     result.figures |= {"cut.gain": sum(gains) / len(gains), "cut.least": min(gains)}
     result.figures |= {"cut.gain_traced": sum(traced) / len(traced), "cut.left": left(place), "cut.never": 1.0}
@@ -119,7 +120,7 @@ def means(place: Place, frame: Frame, bounces: int) -> dict[str, Tensor]:
     return dict(place.kept("means", frame.gbuffer.camera, [0.0], (PATHS, bounces), make))
 
 
-def truth(place: Place, ratio: int) -> tuple[f.Pair, float]:
+def truth(place: Place, ratio: int) -> tuple[Pair, float]:
     """Two displayed halves of the path-traced frame at ``ratio`` times the sides, and the exposure."""
     from tracer import path_trace
 
@@ -134,8 +135,8 @@ def truth(place: Place, ratio: int) -> tuple[f.Pair, float]:
 
     kept = place.kept("after the cut", large, [0.0], (TRUTH_PATHS, BOUNCES, ratio), make)
     both = kept["first"], kept["second"]
-    exposure = f.exposure_of((both[0] + both[1]) / 2, torch.ones_like(both[0][:, :1], dtype=torch.bool))
-    return f.displayed(both, exposure), exposure
+    exposure = exposure_of((both[0] + both[1]) / 2, torch.ones_like(both[0][:, :1], dtype=torch.bool))
+    return displayed(both, exposure), exposure
 
 
 def finished(frame: Frame, exposure: float) -> tuple[Tensor, Tensor]:
@@ -145,7 +146,7 @@ def finished(frame: Frame, exposure: float) -> tuple[Tensor, Tensor]:
     pipeline = minecraft_rtx("high").without("display")
     with torch.no_grad():
         after, _ = pipeline(frame)
-    return f.display(after.read("color"), exposure), f.display(after.read("composite"), exposure)
+    return display(after.read("color"), exposure), display(after.read("composite"), exposure)
 
 
 def bias(place: Place, cache: IrradianceCache | None) -> dict[str, float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.errors import Pair, rms_error
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.world.pictures import compared
@@ -47,7 +47,7 @@ def judge(place: Place) -> Outcome:
     wanted = (halves[0] + halves[1]) / 2
     everywhere = torch.ones_like(wanted[:, :1], dtype=torch.bool)
     level = float(wanted.mean())
-    relative = lambda light: float(f.rms_error(light, halves, everywhere)) / level
+    relative = lambda light: float(rms_error(light, halves, everywhere)) / level
     result = Outcome(pictures=compared("fog", shown, wanted))
     result.figures = {"fog.error": relative(shown["ours"]), "fog.error_1": relative(shown["one frame"])}
     result.figures["fog.mean"] = float(shown["ours"].mean()) / level
@@ -66,7 +66,7 @@ def in_fog(scene: Scene, hour: float) -> Scene:
     return replace(at_hour(scene, hour), fog=Fog(extinction=-math.log(1 - TAKEN) / OVER))
 
 
-def truth(place: Place) -> f.Pair:
+def truth(place: Place) -> Pair:
     """Light of fog by brute force, in two halves."""
     from tracer import fog_truth, gbuffer
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.errors import Pair, rms_error
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.world.pictures import compared
@@ -103,7 +103,7 @@ def outgoing(frame: Frame, light: Any) -> Tensor:
     return frame.read("emission") + frame.read("albedo") * light.diffuse + light.specular
 
 
-def truth(place: Place, frame: Frame) -> f.Pair:
+def truth(place: Place, frame: Frame) -> Pair:
     """`outgoing` by many paths, in two halves."""
     from tracer import light_truth
 
@@ -123,8 +123,8 @@ def judged(frame: Frame) -> Tensor:
     return frame.gbuffer.hit & (frame.read("opacity") == 1) & dark
 
 
-def error(picture: Tensor, halves: f.Pair, mask: Tensor) -> float:
+def error(picture: Tensor, halves: Pair, mask: Tensor) -> float:
     """RMSE over the mean, both after the curve."""
     got, *want = (x / (x + GREY) for x in (picture, *halves))
     mean = want[0].mean(1, keepdim=True)[mask].mean()
-    return float(f.rms_error(got, (want[0], want[1]), mask) / mean)
+    return float(rms_error(got, (want[0], want[1]), mask) / mean)

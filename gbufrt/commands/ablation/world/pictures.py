@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.display import display, error_picture, exposure_of
 
 WIDTH = 480  # pixels that a picture on the page has at least
 
@@ -21,17 +21,17 @@ def compared(name: str, lights: Mapping[str, Tensor], truth: Tensor) -> dict[str
         truth: likewise; it sets the exposure.
     """
     whole = torch.ones_like(truth[:, :1], dtype=torch.bool)
-    exposure = f.exposure_of(truth, whole)
-    return displayed(
-        name, {key: f.display(light, exposure) for key, light in lights.items()}, f.display(truth, exposure)
+    exposure = exposure_of(truth, whole)
+    return compared_displays(
+        name, {key: display(light, exposure) for key, light in lights.items()}, display(truth, exposure)
     )
 
 
-def displayed(name: str, shown: Mapping[str, Tensor], truth: Tensor) -> dict[str, Tensor]:
+def compared_displays(name: str, shown: Mapping[str, Tensor], truth: Tensor) -> dict[str, Tensor]:
     """`compared` of pictures that are displayed already."""
     whole = torch.ones_like(truth[:, :1], dtype=torch.bool)
     pictures = {f"{name} {key}": picture for key, picture in shown.items() if key != "ours"}
-    error = f.error_picture(shown["ours"], truth, whole)
+    error = error_picture(shown["ours"], truth, whole)
     pictures |= {name: shown["ours"], f"{name} truth": truth, f"{name} error": error}
     return {key: enlarged(picture) for key, picture in pictures.items()}
 

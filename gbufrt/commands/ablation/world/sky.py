@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.display import display, exposure_of
+from gbufrt.commands.ablation.figures.errors import Pair, rms_error
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
 from gbufrt.commands.ablation.world.pictures import compared
@@ -36,7 +37,7 @@ def judge(place: Place) -> Outcome:
     ours, halves = lookup_environment(sky, ways.T.view(1, 3, *GRID)), truth(place, ways, PATHS[place.view])
     level = (halves[0] + halves[1]).mean() / 2
     whole = torch.ones_like(ours[:, :1], dtype=torch.bool)
-    relative = lambda light: float(f.rms_error(light, halves, whole) / level)
+    relative = lambda light: float(rms_error(light, halves, whole) / level)
     result = Outcome(figures={"sky.error": relative(ours), "sky.if_even": relative(level.expand_as(ours))})
     result.figures["sky.truth_error"] = float((halves[0] - halves[1]).square().mean().sqrt() / 2 / level)
     noise = (halves[0] - halves[1]).square() / 4
@@ -57,7 +58,7 @@ def directions() -> Tensor:
     return torch.stack([ring * angle.sin(), up, -ring * angle.cos()], dim=-1).view(-1, 3)
 
 
-def truth(place: Place, ways: Tensor, paths: int) -> f.Pair:
+def truth(place: Place, ways: Tensor, paths: int) -> Pair:
     """``(1, 3, *GRID)`` radiance along directions, in two halves."""
     from gbufrt.atmosphere import Atmosphere
     from tracer import SunPath
@@ -89,8 +90,8 @@ def step(sky: Tensor, sun: Sequence[float], *, smooth: bool) -> float:
         angle = ((angle * rows).floor() + 0.5) / rows
     x, _, z = torch.nn.functional.normalize(torch.tensor([-sun[2], 0.0, sun[0]]), dim=0).tolist()
     column = lookup_environment(sky, torch.stack([x * angle.sin(), angle.cos(), z * angle.sin()])[None, :, :, None])
-    exposure = f.exposure_of(column, torch.ones_like(column[:, :1], dtype=torch.bool))
-    shown = f.display(column, exposure)[..., 0] * LEVELS
+    exposure = exposure_of(column, torch.ones_like(column[:, :1], dtype=torch.bool))
+    shown = display(column, exposure)[..., 0] * LEVELS
     return float((shown[..., 1:-1] - (shown[..., :-2] + shown[..., 2:]) / 2).abs().max())
 
 

@@ -10,10 +10,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from gbufrt.commands.ablation import figures as f
+from gbufrt.commands.ablation.figures.display import display, exposure_of
+from gbufrt.commands.ablation.figures.errors import psnr_over
 from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
-from gbufrt.commands.ablation.world.pictures import displayed
+from gbufrt.commands.ablation.world.pictures import compared_displays
 from gbufrt.frame import Frame
 from gbufrt.metrics.flip import available, flip
 
@@ -35,11 +36,11 @@ def judge(place: Place) -> Outcome:
     place, result = replace(place, size=SIZE), Outcome()
     truths = {number: truth(place, number) for number in CHECKED}
     whole = torch.ones_like(truths[CHECKED[0]][:, :1], dtype=torch.bool)
-    exposures = {number: f.exposure_of(light, whole) for number, light in truths.items()}
-    wanted = {number: f.display(light, exposures[number]) for number, light in truths.items()}
+    exposures = {number: exposure_of(light, whole) for number, light in truths.items()}
+    wanted = {number: display(light, exposures[number]) for number, light in truths.items()}
 
     def score(shown: dict[int, Tensor], key: str) -> list[float]:
-        psnr = [f.psnr_over(shown[n], (wanted[n], wanted[n]), whole) for n in CHECKED]
+        psnr = [psnr_over(shown[n], (wanted[n], wanted[n]), whole) for n in CHECKED]
         result.figures[f"{key}_psnr"] = _mean(psnr)
         if available():
             result.figures[f"{key}_flip"] = _mean(float(flip(shown[n], wanted[n])) for n in CHECKED)
@@ -60,7 +61,7 @@ def judge(place: Place) -> Outcome:
             result.figures[f"{key}.flip"] = result.figures[f"{key}.ours_flip"] / result.figures[f"{key}.bicubic_flip"]
         last = CHECKED[-1]
         shown = {"ours": ours[last], "bicubic": plain[last], "TAA at full size": native[last]}
-        result.pictures |= displayed(f"upscale.{name}", shown, wanted[last])
+        result.pictures |= compared_displays(f"upscale.{name}", shown, wanted[last])
     return result
 
 
@@ -89,7 +90,7 @@ def truth(place: Place, number: int) -> Tensor:
 
 def _bicubic(place: Place, number: int, exposure: float) -> Tensor:
     """Of the displayed picture: in linear light it rings round what is bright."""
-    small = f.display(_traced(place, number).read("color"), exposure)
+    small = display(_traced(place, number).read("color"), exposure)
     return F.interpolate(small, size=SIZE, mode="bicubic").clamp(0.0, 1.0)
 
 
@@ -110,7 +111,7 @@ def _shown(stage: Any, given: Iterator[Frame], exposures: dict[int, float]) -> d
         with torch.no_grad():
             after, state = stage(frame, state)
         if (number := int(frame.index)) in exposures:
-            found[number] = f.display(after.read("color"), exposures[number])
+            found[number] = display(after.read("color"), exposures[number])
     return found
 
 

@@ -16,7 +16,8 @@ from gbufrt.commands.bench import bench
 from gbufrt.commands.benchmark import frames, process, rays, report, run, scaling
 from gbufrt.commands.benchmark.scaling import Series
 from gbufrt.commands.charts.axes import Axis
-from gbufrt.commands.charts.drawing import END, NARROW, Point, lines, scatter, sheet
+from gbufrt.commands.charts.drawing import END, NARROW, Point, lines, scatter
+from gbufrt.commands.charts.sheet import sheet
 from gbufrt.commands.cli import main
 from tracer.worlds import terrain
 
