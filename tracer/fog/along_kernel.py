@@ -12,7 +12,7 @@ from gbufrt.compute.search import lower_bound, upper_bound
 from tracer.fog.along import CANDIDATES, CELLS, FLAT
 from tracer.fog.medium_kernel import depth, ray_of
 from tracer.fog.reference import TURN
-from tracer.lights.kernel import FACING, MIDDLE, POWER, REACH
+from tracer.lights.lit import FACING, MIDDLE, POWER, REACH
 from tracer.sampling.scatter_kernel import along, dot, fraction
 from tracer.traversal.kernel import triple
 

@@ -19,7 +19,7 @@ from tracer.fog.medium_kernel import Medium
 from tracer.fog.rays_kernel import Arriving, finish, new_waiting
 from tracer.fog.reference import FEW, shifts
 from tracer.fog.segments import Segments
-from tracer.lights.kernel import Lit
+from tracer.lights.lit import Lit
 from tracer.lights.samples import Lights
 from tracer.lights.tables import lit_tables
 from tracer.scene.scene import Scene

@@ -12,20 +12,10 @@ from tracer.fog.along import CELLS
 from tracer.fog.along_kernel import of_all, of_candidates, reach_of, thickness, turned_upto
 from tracer.fog.medium_kernel import density, depth, phase, phase_direction, ray_of
 from tracer.fog.rays_kernel import shoot
-from tracer.lights.kernel import (
-    CORNER,
-    EDGE_U,
-    EDGE_V,
-    IRRADIANCE,
-    RADIANCE,
-    TOWARD,
-    rectangle_point,
-    sky,
-    sky_density,
-    sky_sample,
-    sun_sample,
-)  # fmt: skip
+from tracer.lights.lamp_kernel import rectangle_point
+from tracer.lights.lit import CORNER, EDGE_U, EDGE_V, IRRADIANCE, RADIANCE, TOWARD
 from tracer.lights.shadows import SHORT
+from tracer.lights.sky_kernel import sky, sky_density, sky_sample, sun_sample
 from tracer.sampling.scatter_kernel import along, dot, scaled
 from tracer.sampling.sequence import BELOW_ONE
 from tracer.scene.fog import SERIES

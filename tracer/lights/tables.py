@@ -1,4 +1,4 @@
-"""The lights of a scene as the flat tables of `tracer.lights.kernel.Lit`, where the scene lies."""
+"""The lights of a scene as the flat tables of `tracer.lights.lit.Lit`, where the scene lies."""
 
 from __future__ import annotations
 

@@ -13,7 +13,8 @@ from torch import Tensor
 from gbufrt.environment import lookup_environment
 from tracer.lights.samples import DIMS, Lights, LightSample
 from tracer.lights.sky import beyond, sky_along
-from tracer.paths.interaction import Vertices, direct, intersect
+from tracer.paths.interaction import direct, intersect
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.scatter import cosine_direction, dot
 from tracer.scene.scene import MASK_PRIMARY, MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission

@@ -19,10 +19,11 @@ from tracer.lights.samples import Lights
 from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
 from tracer.paths.batch_kernel import ROWS, Paths, draw, new_paths
 from tracer.paths.integrators import MOST_DIMS
-from tracer.paths.interaction import MOST_PASS, Vertices
+from tracer.paths.interaction import MOST_PASS
 from tracer.paths.memory import SAMPLE, Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence

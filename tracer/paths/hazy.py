@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from tracer.lights.haze import haze_beyond, sky_behind
-from tracer.paths.interaction import Vertices
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.scatter import fresnel, sample_specular
 from tracer.scene.scene import Scene
 

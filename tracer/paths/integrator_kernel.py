@@ -11,8 +11,10 @@ import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.specular import LAMP_ROUGHNESS
-from tracer.lights.kernel import DISC, FACING, NOTHING, lamp_sample, shines, sky, sun_sample
+from tracer.lights.lamp_kernel import lamp_sample
+from tracer.lights.lit import DISC, FACING, NOTHING
 from tracer.lights.samples import DIMS
+from tracer.lights.sky_kernel import shines, sky, sun_sample
 from tracer.paths.batch_kernel import DX, DY, DZ, NX, NY, NZ, even_directions, hit_of, put_ray, trace
 from tracer.paths.interaction import FINE
 from tracer.paths.interaction_kernel import (

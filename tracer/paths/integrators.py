@@ -14,10 +14,12 @@ from torch import Tensor
 from tracer.lights.samples import DIMS, Lights
 from tracer.lights.sky import sky_along
 from tracer.paths.diffuse import EVEN, even_response, gathered
-from tracer.paths.interaction import Vertices, direct, intersect
+from tracer.paths.interaction import direct, intersect
 from tracer.paths.memory import Memory, brought
-from tracer.paths.radiance import MORE, glossy, sharp
+from tracer.paths.radiance import MORE
 from tracer.paths.receivers import Receivers
+from tracer.paths.surfaces.response import glossy, sharp
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.progressive import Values
 from tracer.sampling.scatter import cosine_direction, fresnel, sample_specular
 from tracer.scene.scene import Scene

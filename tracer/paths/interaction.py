@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from gbufrt.specular import DIELECTRIC_F0, directional_albedo, schlick
-from gbufrt.tree import map_tensors
+from gbufrt.specular import DIELECTRIC_F0, schlick
 from tracer.direct.lighting import LIFT, LIFT_RELATIVE
 from tracer.lights.samples import Lights, LightSample
 from tracer.lights.shadows import SHORT
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.scatter import dot
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW, Scene
 from tracer.texture import look
@@ -23,66 +23,6 @@ LAYERS = 16  # transmissive surfaces that a ray goes through at most
 MOST_PASS = 0.95  # so that a transmissive surface shows itself to at least one ray in twenty
 MAX_RUN = 64.0  # world units of one transmissive material beyond which it dims no further
 FINE = 1e9  # pixels a voxel: all detail of the colour
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Vertices:
-    """N places on surfaces.
-
-    Args:
-        points: ``(N, 3)`` world space, a little above the surface.
-        normals: ``(N, 3)`` unit length, world space, facing where the ray came from; of the texture, where it has any.
-            A direction that goes below the surface itself hits it at once, as in a crevice.
-        toward: ``(N, 3)`` unit length, back along the ray.
-        albedo: ``(N, 3)`` linear.
-        roughness: ``(N,)`` perceptual.
-        metallic: ``(N,)``.
-        opacity: ``(N,)``.
-        emission: ``(N, 3)``.
-        inside: ``(N,)`` bool: the place lies within a transmissive material.
-        instances: ``(N,)`` integers, the instance that each is on, 0 for the world.
-    """
-
-    points: Tensor
-    normals: Tensor
-    toward: Tensor
-    albedo: Tensor
-    roughness: Tensor
-    metallic: Tensor
-    opacity: Tensor
-    emission: Tensor
-    inside: Tensor
-    instances: Tensor
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-    def __getitem__(self, rows: Tensor | slice) -> Vertices:
-        return map_tensors(lambda x: x[rows], self)
-
-    def repeat(self, times: int) -> Vertices:
-        """All of them, ``times`` times over."""
-        return map_tensors(lambda x: x.repeat(times, *(1,) * (x.ndim - 1)), self) if times > 1 else self
-
-    @property
-    def alpha(self) -> Tensor:
-        """``(N,)`` GGX width."""
-        return self.roughness * self.roughness
-
-    @property
-    def f0(self) -> Tensor:
-        """``(N, 3)`` reflectance at normal incidence: 0.04 for dielectrics, the albedo for metals."""
-        return DIELECTRIC_F0 + (self.albedo - DIELECTRIC_F0) * self.metallic[:, None]
-
-    @property
-    def diffuse(self) -> Tensor:
-        """``(N, 3)`` diffuse albedo; see `tracer.direct.lighting.light`."""
-        return self.albedo * ((1 - self.metallic) * self.opacity)[:, None]
-
-    @property
-    def enters(self) -> Tensor:
-        """``(N, 1)`` factor of a dielectric surface on its diffuse light: what it does not reflect toward the eye."""
-        return 1 - directional_albedo(dot(self.normals, self.toward), self.roughness)[:, None]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

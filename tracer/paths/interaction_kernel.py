@@ -9,7 +9,7 @@ import numpy as np
 
 from gbufrt.compute.kernel import inlined, scalar
 from tracer.direct.lighting import LIFT, LIFT_RELATIVE
-from tracer.lights.kernel import NOTHING, Lit
+from tracer.lights.lit import NOTHING, Lit
 from tracer.lights.shadows import SHORT
 from tracer.paths.interaction import FINE, LAYERS, MAX_RUN, MOST_PASS
 from tracer.paths.texture_kernel import SIDE, size, texel, turned, variation
@@ -45,7 +45,7 @@ class Tables(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """A place on a surface; see `tracer.paths.interaction.Vertices`."""
+    """A place on a surface; see `tracer.paths.surfaces.vertices.Vertices`."""
 
     point: tuple[float, float, float]
     normal: tuple[float, float, float]
@@ -170,8 +170,8 @@ def go_through(tables, hit, origin, direction, u, inside, mask, t_begin, t_end, 
 
 @inlined
 def place_at(tables, origin, direction, hit, detail):
-    """Where a ray hits: point and normal, see `tracer.paths.interaction.Vertices`; the row of ``texels`` that shows
-    there, that of the material unless its face has a texture; and the pixels that a voxel spans.
+    """Where a ray hits: point and normal, see `tracer.paths.surfaces.vertices.Vertices`; the row of ``texels`` that
+    shows there, that of the material unless its face has a texture; and the pixels that a voxel spans.
     """
     t, entry, material, face, _, _, _ = hit
     flat, scale, row = normal_of(tables, hit), 1 / size(tables.transforms[entry, face // 2]), material

@@ -13,7 +13,8 @@ from tracer.cache.irradiance import IrradianceCache
 from tracer.lights.samples import DIMS, Lights
 from tracer.lights.sky import beyond
 from tracer.paths.interaction import Interaction, direct, intersect
-from tracer.paths.radiance import MORE, arriving, response, scattered, sharp
+from tracer.paths.radiance import MORE, arriving
+from tracer.paths.surfaces.response import response, scattered, sharp
 from tracer.scene.scene import Scene
 
 SAMPLE = 10

@@ -15,10 +15,11 @@ from gbufrt.compute.dispatch import Form, form_of
 from tracer.lights.samples import Lights
 from tracer.paths import integrators
 from tracer.paths import radiance as path_radiance
-from tracer.paths.interaction import FINE, Vertices
+from tracer.paths.interaction import FINE
 from tracer.paths.memory import Memory
 from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers, summed
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import Scene

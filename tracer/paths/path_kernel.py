@@ -9,13 +9,16 @@ import numpy as np
 from gbufrt.compute.kernel import scalar
 from gbufrt.specular import DIELECTRIC_F0, LAMP_ROUGHNESS
 from tracer.cache.kernel import look_up
-from tracer.lights.kernel import DISC, NOTHING, lamp_sample, shines, sky, sky_density, sky_sample, sun, sun_sample
+from tracer.lights.lamp_kernel import lamp_sample
+from tracer.lights.lit import DISC, NOTHING
 from tracer.lights.samples import DIMS
+from tracer.lights.sky_kernel import shines, sky, sky_density, sky_sample, sun, sun_sample
 from tracer.paths.diffuse import EVEN
 from tracer.paths.interaction import FINE, MOST_PASS
 from tracer.paths.interaction_kernel import WHITE, intersect, transmit
 from tracer.paths.on_screen_kernel import back_project, sees
-from tracer.paths.radiance import LEAST_ALPHA, MORE, RARELY, SURVIVAL
+from tracer.paths.radiance import MORE, SURVIVAL
+from tracer.paths.surfaces.response import LEAST_ALPHA, RARELY
 from tracer.sampling.scatter_kernel import (
     added,
     along,

@@ -13,8 +13,8 @@ from gbufrt import GBuffer
 from gbufrt.compute.resident import places, waits
 from tracer.direct.lighting import batched, ray_origins
 from tracer.lights.samples import Lights
-from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import MASK_SECONDARY, Scene

@@ -8,8 +8,8 @@ from torch import Tensor
 from gbufrt.compute.resident import resident
 from tracer.lights.samples import Lights
 from tracer.lights.tables import lit_tables
-from tracer.paths.interaction import Vertices
 from tracer.paths.on_screen import Picture
+from tracer.paths.surfaces.vertices import Vertices
 from tracer.scene.material import MaterialTable
 from tracer.scene.scene import Scene
 from tracer.scene.textures import Textures

@@ -1,0 +1,1 @@
+"""Places on surfaces that paths come to, and how they answer light."""
