@@ -14,6 +14,7 @@ from cyclopts.config import Dict
 
 from gbufrt import __version__
 from gbufrt.commands.ablate import ablate
+from gbufrt.commands.arguments.mistakes import told
 from gbufrt.commands.arguments.settings import load_config
 from gbufrt.commands.bench import bench
 from gbufrt.commands.inspect import inspect
@@ -64,7 +65,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except Exception as error:
         if interrupts:  # modules that were being imported may hide an interrupt, and lack names then
             _fail(INTERRUPTED, 130)
-        if isinstance(error, (CycloptsError, ValueError, TypeError, OSError, MemoryError, OverflowError)):
+        if isinstance(error, CycloptsError):
+            _fail(" ".join(told(error, tokens).split()), 2)
+        if isinstance(error, (ValueError, TypeError, OSError, MemoryError, OverflowError)):
             _fail(" ".join(str(error).split()) or type(error).__name__, 2)
         if not isinstance(error, RuntimeError) or "memory" not in str(error):  # torch has no type of its own for this
             raise

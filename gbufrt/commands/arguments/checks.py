@@ -58,8 +58,10 @@ def check_options(options: PassOptions) -> None:
         at_least("--warmup", options.warmup, 0, MOST_WARMUP)
     if options.status is not None:
         check_name("--status", options.status, STATUSES)
-    if options.ui is not None and not options.ui.is_file():
+    if options.ui is not None and not options.ui.exists():
         raise FileNotFoundError(f"--ui {options.ui} does not exist; check the path")
+    if options.ui is not None and not options.ui.is_file():
+        raise ValueError(f"--ui {options.ui} is no file; give a picture with alpha, such as overlay.png")
     parse_settings(options.set)
     check_device(options.device)
 
