@@ -104,6 +104,8 @@ def check_world(world: str, views: Iterable[str] = (), *, seed: int | None = Non
                 raise ValueError(unknown("view", view, f"world {world!r}", WORLDS[world]))
     elif seed is not None:
         raise ValueError(f"--seed is for built-in worlds ({builtin}); leave it out for {world}")
+    elif world in VALLEY and not Path(world).exists():
+        raise ValueError(f"{world} is a view, not a world; leave the world out and give --view {world}")
     elif Path(world).suffix.lower() not in ENDINGS and not Path(world).is_dir():
         raise ValueError(no_world(world, WORLDS, ENDINGS))
     elif not Path(world).exists():

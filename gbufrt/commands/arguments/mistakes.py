@@ -15,6 +15,8 @@ def told(error: CycloptsError, tokens: Sequence[str]) -> str:
     command = f"gbufrt {' '.join(error.command_chain or ())}".strip()
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return _unasked(command, error.unused_tokens[0])
+    if isinstance(error, MissingArgumentError) and error.keyword is None and error.argument is not None:
+        return f"`{command}` needs {error.argument.name}; `{command} --help` tells what it is"
     if isinstance(error, MissingArgumentError) and error.keyword in tokens:
         following = tokens[tokens.index(str(error.keyword)) + 1 :][:1]
         if following and following[0][1:2].isdigit():
