@@ -11,7 +11,8 @@ from torch import Tensor
 
 from gbufrt.channels import channel, channels_of, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
-from gbufrt.numeric import check_counts, check_numbers
+from gbufrt.names import meant
+from gbufrt.numeric import check_counts, check_kind, check_numbers
 from gbufrt.tree import changed, map_tensors, without_graph
 from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
@@ -81,8 +82,7 @@ class Frame:
 
     def _check(self, names: Iterable[str]) -> None:
         """Raise if one of the signals called ``names``, ``extra`` or ``cut`` breaks its form."""
-        if not isinstance(self.gbuffer, GBuffer):
-            raise TypeError(f"gbuffer must be a gbufrt.GBuffer, got {type(self.gbuffer).__name__}")
+        check_kind(GBuffer, "gbuffer", self.gbuffer)
         camera = self.gbuffer.camera
         for name in names:
             tensor = getattr(self, name)
@@ -161,7 +161,7 @@ class Frame:
         """
         tensor = self.get(name)
         if tensor is None:
-            raise ValueError(f"the frame has no {name!r}; it holds {', '.join(self.present)}")
+            raise ValueError(f"the frame has no {name!r}{meant(name, self.present)}; it has {', '.join(self.present)}")
         return tensor
 
     def write(self, name: str, tensor: Tensor) -> Frame:
@@ -205,6 +205,7 @@ class Frame:
             ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
                 and a remedy.
         """
+        check_kind(Frame, "before", self if before is None else before)
         layer: Frame | None = self
         prefix = ""
         while layer is not None:

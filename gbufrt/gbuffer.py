@@ -11,6 +11,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.channels import channel, channels_of, check_tensor
+from gbufrt.numeric import check_destination, check_kind
 from gbufrt.tree import changed, map_tensors
 from gbufrt.validation.checks import validate_gbuffer
 
@@ -107,6 +108,7 @@ class GBuffer:
             ValueError: names the first channel that breaks a rule, the rule, how many pixels break it, one of them,
                 and a remedy.
         """
+        check_kind(GBuffer, "before", self if before is None else before)
         validate_gbuffer(self, before)
 
 
@@ -116,7 +118,7 @@ CHANNELS = channels_of(GBuffer)
 def to_function(*args: Any, **kwargs: Any) -> Any:
     """``Tensor.to`` for trees: float types reach float tensors only, so that ids and masks keep theirs."""
     dtype = kwargs.get("dtype", next((a for a in args if isinstance(a, torch.dtype)), None))
-
+    check_destination(*args, **kwargs)
     if dtype in (torch.float16, torch.bfloat16):
         kind = str(dtype).removeprefix("torch.")
         raise TypeError(f"channels are float32 or float64, got {kind}; convert single pictures, such as frame.image")

@@ -1,9 +1,10 @@
-"""Checks of the numbers that functions and cameras are given, by the names of their arguments."""
+"""Checks of the numbers, kinds and devices that functions are given, by the names of their arguments."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import torch
 from torch import Tensor
 
 
@@ -19,6 +20,37 @@ def check_counts(**values: Any) -> None:
     for name, value in values.items():
         if not hasattr(value, "__index__") or getattr(value, "ndim", 0):
             raise TypeError(f"{name} must be a whole number, got {_told(value)}")
+
+
+def check_kind(kind: type, name: str, value: Any, remedy: str = "") -> None:
+    """Raise TypeError, with a remedy, unless what the argument ``name`` holds is of a class of ours."""
+    if not isinstance(value, kind):
+        package = kind.__module__.partition(".")[0]
+        raise TypeError(f"{name} must be a {package}.{kind.__name__}, got {type(value).__name__}{remedy}")
+
+
+def check_destination(*args: Any, **kwargs: Any) -> None:
+    """Raise ValueError where arguments of `torch.Tensor.to` name a device that torch does not know, or does not see."""
+    device = kwargs.get("device", args[0] if args else None)
+    if device is None or isinstance(device, (torch.dtype, Tensor)):
+        return
+    try:
+        found = torch.device(device)
+    except (RuntimeError, TypeError) as error:
+        raise ValueError(f"device must be one that torch knows, such as 'cpu' or 'cuda', got {device!r}") from error
+    if found.type == "cuda" and (found.index or 0) >= torch.cuda.device_count():
+        seen = torch.cuda.device_count()
+        raise ValueError(f"there is no device {str(found)!r}: torch sees {seen or 'no'} GPUs; 'cpu' is always there")
+
+
+def check_three(name: str, value: Any, whose: str) -> None:
+    """Raise TypeError unless a colour or direction is three numbers."""
+    try:
+        fits = len(value) == 3 and not isinstance(value, str)
+    except TypeError:
+        fits = False
+    if not fits:
+        raise TypeError(f"{name} of {whose} must be three numbers such as (0.8, 0.7, 0.5), got {value!r}")
 
 
 def check_size(size: Any) -> None:

@@ -96,6 +96,7 @@ class TemporalPass(Stage, ABC):
 
     def __call__(self, frame: Frame, state: Any = None) -> tuple[Frame, Any]:
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
+        check_frame(frame)
         given = contained(frame, self.reads | self.optional)
         result = super().__call__(given, state)
         check_written(self, given, result[0] if isinstance(result, tuple) and result else None)
@@ -123,7 +124,9 @@ class Branch(TemporalPass, ABC):
             if not name or "." in name:
                 raise ValueError(f"a stage's name must hold no dot, which reaches into pipelines, got {name!r}")
             if not isinstance(stage, (Pass, TemporalPass)):
-                raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {type(stage).__name__}")
+                kind = type(stage).__name__
+                got = f"the class {stage.__name__}; write {stage.__name__}()" if isinstance(stage, type) else kind
+                raise TypeError(f"stage {name!r} must be a Pass, TemporalPass or Pipeline, got {got}")
             self.stages[name] = stage
 
     def _stages(self) -> dict[str, Stage]:
@@ -218,6 +221,8 @@ class Branch(TemporalPass, ABC):
 
     def _edited(self, path: str, change: Callable[[Stages, str], Stages]) -> Self:
         """A copy in which ``change`` made other stages of those around the named one; empty pipelines are left out."""
+        if not isinstance(path, str):
+            raise TypeError(f"a stage is named by text such as 'gi.accumulate', several one by one; got {path!r}")
         head, _, rest = path.partition(".")
         stages: Stages = dict(self._stages())
         if head not in stages:

@@ -119,8 +119,8 @@ class Pipeline(Branch):
 
     def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:
         """Run over consecutive frames, threading the state; ``keep_graph`` as in `forward`."""
-        if isinstance(frames, Frame):
-            raise TypeError("frames must be frames in order, got a Frame; stream([frame]), or pipeline(frame)")
+        if not isinstance(frames, Iterable):
+            raise TypeError(f"frames must be frames in order, got a {type(frames).__name__}; stream([frame])")
         state = None
         for frame in frames:
             given, state = None if state is None else state.handed_over(), None

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 from torch import Tensor
 
+from gbufrt.names import meant
+
 T = TypeVar("T")
 
 
@@ -43,7 +45,8 @@ def changed(value: T, changes: Mapping[str, Any]) -> T:
     """
     known: Any = type(value)
     if unknown := changes.keys() - known.__dataclass_fields__.keys():
-        raise TypeError(f"{known.__name__} has no field {sorted(unknown)[0]!r}")
+        name, there = sorted(unknown)[0], known.__dataclass_fields__.keys()
+        raise TypeError(f"{known.__name__} has no field {name!r}{meant(name, there)}")
     result = object.__new__(known)
     vars(result).update(vars(value), **changes)
     return result

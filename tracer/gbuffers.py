@@ -12,7 +12,8 @@ from gbufrt import Camera, GBuffer
 from gbufrt.compute.resident import places, sent, waits
 from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, haze_before, range_of
-from tracer.scene.scene import MASK_PRIMARY, Scene, check_scene, check_seen_by
+from tracer.scene.checks import check_scene, check_seen_by
+from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.texture import look
 from tracer.traversal.hits import Hits
 from tracer.traversal.panes import through_panes

@@ -9,6 +9,7 @@ from gbufrt import Camera
 from gbufrt.focus import median_depth
 from gbufrt.tree import map_tensors
 from tracer.sampling.sequence import disc
+from tracer.scene.checks import check_is_scene, check_seen_by
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.rays import trace
 
@@ -80,6 +81,8 @@ def focus_distance(
 
     Source: BetterRTX, camera with depth of field.
     """
+    check_is_scene(scene)
+    check_seen_by(scene, camera)
     if not 0 < rate <= 1 or not 0 < region <= 1:
         raise ValueError(f"rate and region must lie in (0, 1], got rate={rate}, region={region}")
     poses, found = scene.poses([time])[0].to(camera.device), []

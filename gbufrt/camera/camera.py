@@ -28,7 +28,7 @@ from gbufrt.camera.transforms import (
 )
 from gbufrt.compute.resident import resident, waits
 from gbufrt.directions import length
-from gbufrt.numeric import check_numbers, check_size
+from gbufrt.numeric import check_destination, check_numbers, check_size
 from gbufrt.tree import map_tensors
 
 
@@ -220,6 +220,7 @@ class Camera:
 
     def to(self, *args: Any, **kwargs: Any) -> Camera:
         """The camera on another device or in another type; arguments as `torch.Tensor.to`."""
+        check_destination(*args, **kwargs)
         return map_tensors(lambda t: t.to(*args, **kwargs), self)
 
     def with_jitter(self, jitter: Tensor | tuple[float, float] | None) -> Camera:

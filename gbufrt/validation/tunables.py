@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 from functools import cache
-from typing import Any
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from torch import Tensor
+
+from gbufrt.names import meant
 
 NUMERIC = {"int", "float", "bool", "Tensor", "None"}
 """Annotations, as they are written, of tunables that take no text."""
@@ -28,6 +30,16 @@ def numeric(cls: type) -> frozenset[str]:
     return frozenset(name for name in kinds if told.get(name, name in plain))
 
 
+@cache
+def choices(cls: type) -> dict[str, tuple[Any, ...]]:
+    """Those `keywords` that take one of a few values, by their annotations, with these values."""
+    try:
+        kinds = get_type_hints(cls.__init__)
+    except NameError:  # an annotation that only the type checker knows
+        return {}
+    return {name: get_args(kind) for name in keywords(cls) if get_origin(kind := kinds.get(name)) is Literal}
+
+
 def check_tunable(name: str, value: Any, present: Any) -> None:
     """Raise ValueError where the ``present`` value is a number, and the new one is a text or a tensor of several."""
     if not isinstance(present, (int, float)) and not (isinstance(present, Tensor) and present.ndim == 0):
@@ -39,6 +51,10 @@ def check_tunable(name: str, value: Any, present: Any) -> None:
 
 
 def check_kept(cls: type, name: str, value: Any) -> None:
-    """Raise TypeError where a text is kept as a number that the constructor of a stage takes."""
+    """Raise TypeError where a text is kept as a number that the constructor of a stage takes, and ValueError where it
+    is none of the few that the constructor takes."""
     if isinstance(value, str) and name in numeric(cls):
         raise TypeError(f"{name} of {cls.__name__} must be a number, got {value!r}")
+    if isinstance(value, str) and value not in (known := choices(cls).get(name, (value,))):
+        there = ", ".join(map(repr, known))
+        raise ValueError(f"{name} of {cls.__name__} must be one of {there}, got {value!r}{meant(value, known)}")

@@ -11,9 +11,10 @@ import pytest
 import torch
 
 import tracer
-from gbufrt import Camera
+from gbufrt import Camera, Pipeline
+from gbufrt.files import read_gbuffer
 from gbufrt.files.exr import write_exr
-from post import Temporal, me1
+from post import GTAO, SSR, Temporal, Upscale, me1
 
 FRAME: Any = boxes.frame()
 G = FRAME.gbuffer
@@ -23,6 +24,9 @@ SIZE: Any = CAMERA.size
 LOW: Any = me1("low")
 AHEAD: Any = {"eye": (0, 0, 0), "target": (0, 0, 1), "size": (4, 5)}
 WORD: Any = "x"
+NONE: Any = None
+NUMBER: Any = 3
+KIND: Any = GTAO
 
 
 @pytest.mark.parametrize(
@@ -46,6 +50,17 @@ WORD: Any = "x"
         (lambda: LOW.settle(FRAME, 2.5), "runs must be a whole number, got 2.5"),
         (lambda: LOW.settle(G), r"frame must be a gbufrt\.Frame, got GBuffer"),
         (lambda: list(LOW.stream(FRAME)), r"frames must be frames in order, got a Frame; stream\(\[frame\]\)"),
+        (lambda: list(LOW.stream(NONE)), "frames must be frames in order, got a NoneType"),
+        (lambda: FRAME.validate(WORD), r"before must be a gbufrt\.Frame, got str"),
+        (lambda: FRAME.validate(G), r"before must be a gbufrt\.Frame, got GBuffer"),
+        (lambda: G.validate(FRAME), r"before must be a gbufrt\.GBuffer, got Frame"),
+        (lambda: FRAME.replace(radience=G.depth), r"Frame has no field 'radience' \(did you mean radiance\?\)"),
+        (lambda: G.replace(dept=G.depth), r"GBuffer has no field 'dept' \(did you mean depth\?\)"),
+        (lambda: LOW.without(["gi", "ao"]), r"a stage is named by text .*, several one by one; got \['gi', 'ao'\]"),
+        (lambda: Pipeline(ao=KIND), r"stage 'ao' must be a Pass.*, got the class GTAO; write GTAO\(\)"),
+        (lambda: Temporal()(G), r"frame must be a gbufrt\.Frame, got GBuffer"),
+        (lambda: read_gbuffer(NUMBER), "path must be a path, or those of one frame, got int"),
+        (lambda: GTAO(radios=1), ".*unexpected keyword argument 'radios'"),  # pyright: ignore
         (lambda: LOW.with_tunables([("a", 1)]), r'values must be a mapping such as \{"gtao\.radius": 2\.0\}, got list'),
     ],
 )
@@ -64,6 +79,17 @@ def test_the_wrong_kind_is_named(
         (lambda: CAMERA.with_jitter((1, 2, 3)), r"jitter must be \(2,\) or \(1,2\) in pixels, got \(3\)"),
         (lambda: CAMERA.unproject(G.depth[..., :4]), r"depth must be \(B,1,72,96\) like its camera, got \(1,1,72,4\)"),
         (lambda: CAMERA.normals_from_depth(G.depth[..., :4]), r"depth must be \(B,1,72,96\) like its camera"),
+        (lambda: FRAME.to("foo"), "device must be one that torch knows, such as 'cpu' or 'cuda', got 'foo'"),
+        (lambda: FRAME.to(3.5), r"device must be one that torch knows, such as 'cpu' or 'cuda', got 3\.5"),
+        (lambda: FRAME.to("cuda:99"), r"there is no device 'cuda:99': torch sees (no|\d+) GPUs; 'cpu' is always there"),
+        (lambda: CAMERA.to(device="cuda:99"), "there is no device 'cuda:99'"),
+        (lambda: FRAME.read("dept"), r"the frame has no 'dept' \(did you mean depth\?\); it has depth, hit"),
+        (lambda: Upscale(ratio=0), "ratio must lie in 1 to 4, got 0"),
+        (
+            lambda: LOW.with_tunables({"gtao.method": "bit"}),
+            r"method of GTAO must be one of 'bitmask', 'horizon', got 'bit' \(did you mean bitmask\?\)",
+        ),
+        (lambda: SSR(method=WORD), "method of SSR must be one of 'ggx', 'cone', got 'x'"),
         (lambda: Temporal(signal=3), "signal must be a name or several such as"),  # pyright: ignore
     ],
 )

@@ -169,6 +169,7 @@ def gpu(monkeypatch: pytest.MonkeyPatch) -> Iterator[Seen]:
     with monkeypatch.context() as patch, torch.no_grad(), FakeTensorMode(), seen:  # fake, or torch would look for a GPU
         patch.setattr(dispatch, "_cuda_compiles", lambda: True)
         patch.setattr(cuda, "launch", seen.launch)
+        patch.setattr(torch.cuda, "device_count", lambda: 1)
         patch.setattr(resident, "_kept", {})
         patch.setattr(resident, "_traced", lambda tensor: False)
         yield seen

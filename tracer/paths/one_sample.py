@@ -22,6 +22,7 @@ from tracer.paths.op import lit, lobes
 from tracer.paths.receivers import Receivers, Sums, placed, receivers_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
+from tracer.scene.checks import check_shown
 from tracer.scene.poses import between, known_still
 from tracer.scene.scene import Scene
 
@@ -117,6 +118,7 @@ def sample(
 ) -> tuple[SampledLight, Tensor]:
     """See `sample_light`; also the samples for a cache that the paths bring, ``(N, 9)``. Paths from the pixels that
     ``follows`` ``(B, 1, H, W)`` do not read it. For ``lights`` see `receivers_of`."""
+    check_shown(scene, gbuffer)
     size = gbuffer.camera.size
     asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
     receivers = receivers_of(scene, asked, poses, lights)

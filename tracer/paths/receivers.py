@@ -17,6 +17,7 @@ from tracer.paths.on_screen import Picture
 from tracer.paths.surfaces.vertices import Vertices
 from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence
+from tracer.scene.checks import check_shown
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import transmission
 
@@ -69,6 +70,7 @@ def receivers_of(scene: Scene, gbuffer: GBuffer, poses: Tensor | None, lights: L
     Raises:
         ValueError: the poses do not fit, or there is no albedo.
     """
+    check_shown(scene, gbuffer)
     if gbuffer.albedo is None:
         raise ValueError("gbuffer must have albedo to be lit; it has " + ", ".join(gbuffer.present))
     poses = batched(poses, gbuffer.batch, len(scene.instances))

@@ -14,6 +14,7 @@ from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import ray_origins
 from tracer.lights.samples import Lights
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
+from tracer.scene.checks import check_frame_of
 from tracer.scene.scene import Scene
 
 
@@ -37,6 +38,7 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
     Raises:
         ValueError: see `sample_light`.
     """
+    check_frame_of(scene, frame=frame, before=before)
     return _sampled(scene, frame, before, None, {"seed": seed, "bounces": bounces})[0]
 
 
@@ -72,6 +74,7 @@ def sampled_with_cache(
 
     Source: Ward, Rubinstein and Clear 1988, for caches of irradiance; Binder, Fricke and Keller 2019, for hashed cells.
     """
+    check_frame_of(scene, frame=frame, before=before)
     cache = IrradianceCache.empty(device=frame.gbuffer.camera.device) if cache is None else cache
     frame, samples = _sampled(scene, frame, before, cache, {"seed": seed, "bounces": bounces})
     cache = cache.update(*samples.split(3, dim=1))

@@ -11,6 +11,8 @@ import torch
 
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
 from gbufrt.atmosphere.sky import from_ground
+from gbufrt.numeric import check_numbers
+from tracer.scene.checks import check_open
 from tracer.scene.material import RGB
 from tracer.scene.scene import Plain, Sky, Sun
 
@@ -101,6 +103,8 @@ def at_hour(
     Raises:
         ValueError: another hour, or a day that is not finite.
     """
+    check_open(scene)
+    check_numbers(hour=hour, day=day)
     if not 0.0 <= hour <= 24.0:
         raise ValueError(f"hour must lie in 0..24, got {hour}")
     if not math.isfinite(day):

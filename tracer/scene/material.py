@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gbufrt.numeric import check_numbers, check_three
 from gbufrt.tree import map_tensors
 from tracer.scene.textures import Textures
 
@@ -45,6 +46,9 @@ class Material:
     variation: float = 0.08
 
     def __post_init__(self) -> None:
+        for key in ("albedo", "tint", "emission"):
+            check_three(key, getattr(self, key), f"material {self.name!r}")
+        check_numbers(**{key: getattr(self, key) for key in ("roughness", "metallic", "opacity", "variation")})
         unit = {"albedo": self.albedo, "tint": self.tint}
         unit |= {k: (getattr(self, k),) for k in ("roughness", "metallic", "opacity", "variation")}
         for key, values in unit.items():

@@ -12,8 +12,8 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
-from gbufrt.demands.pictures import check_camera
 from gbufrt.names import unknown
+from gbufrt.numeric import check_destination, check_kind, check_numbers, check_three
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
@@ -60,6 +60,11 @@ class Sun:
     direction: tuple[float, float, float] = (0.45, 0.65, 0.35)
     irradiance: tuple[float, float, float] = (3.2, 2.9, 2.4)
     angular_radius: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name in ("direction", "irradiance"):
+            check_three(name, getattr(self, name), "the sun")
+        check_numbers(angular_radius=self.angular_radius)
 
 
 class Plain(NamedTuple):
@@ -127,21 +132,6 @@ class View:
         return Camera.look_at(self.eye(time), self.target(time), size=size, fov_y=self.fov_y, near=near, far=far)
 
 
-def check_scene(scene: Any) -> None:
-    """Raise TypeError unless it is a scene, and ValueError where it shows nothing."""
-    if not isinstance(scene, Scene):
-        raise TypeError(f"scene must be a tracer.Scene, got {type(scene).__name__}; tracer.load(name) gives one")
-    if scene.empty:
-        raise ValueError("the world has no voxels, so there is nothing to see; fill it, or load another")
-
-
-def check_seen_by(scene: Scene, camera: Any, name: str = "camera") -> None:
-    """Raise TypeError unless it is a camera: of a view, or its name, tell how it becomes one."""
-    view = camera if isinstance(camera, str) and camera in scene.views else next(iter(scene.views), None)
-    which = "view" if isinstance(camera, View) or view is None else f"scene.views[{view!r}]"
-    check_camera(camera, name, f"; {which}.camera(time=0.0, size=(540, 960)) gives one")
-
-
 class Views(dict[str, View]):
     """Views by name. Of a name that is not there `[]` tells those that are."""
 
@@ -165,6 +155,7 @@ class Scene:
     fog: Fog | None = None
 
     def __post_init__(self) -> None:
+        check_kind(World, "world", self.world, "; tracer.load(name) gives a scene")
         if not isinstance(self.views, Views):
             object.__setattr__(self, "views", Views(self.views))
 
@@ -210,6 +201,7 @@ class Scene:
 
     def to(self, *args: Any, **kwargs: Any) -> Scene:
         """The scene on another device; arguments as `torch.Tensor.to`. What instances share stays shared."""
+        check_destination(*args, **kwargs)
         moved: dict[Tensor, Tensor] = {}
 
         def move(tensor: Tensor) -> Tensor:

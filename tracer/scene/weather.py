@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+from gbufrt.numeric import check_numbers
+
 
 @dataclass(frozen=True, kw_only=True)
 class Rain:
@@ -42,6 +44,7 @@ class Rain:
     ripples: float = 0.25
 
     def __post_init__(self) -> None:
+        check_numbers(**{field.name: getattr(self, field.name) for field in fields(self)})
         for name in (field.name for field in fields(self)):
             value, most = getattr(self, name), 100.0 if name in ("disc_radius", "puddle_scale", "ripples") else 1.0
             if not (math.isfinite(value) and 0.0 <= value <= most):

@@ -19,9 +19,10 @@ from torch import Tensor
 
 from gbufrt.names import unknown
 from gbufrt.tree import map_tensors
+from tracer.scene.checks import check_is_scene
 from tracer.scene.scene import MASK_ALL, Scene
 from tracer.traversal.hits import Hits
-from tracer.traversal.payloads import accepted, changed, flat_rows, taken, with_rows
+from tracer.traversal.payloads import accepted, changed, described, flat_rows, taken, with_rows
 from tracer.traversal.rays import trace
 
 P = TypeVar("P")
@@ -238,6 +239,11 @@ def dispatch(
     Raises:
         ValueError: depth is below 1, or poses do not fit the scene.
     """
+    check_is_scene(scene)
+    if not callable(generation):
+        raise TypeError(f"generation must be a function that takes a Launch, got {described(generation)}")
+    if not isinstance(rays, Mapping) or not all(isinstance(kind, RayType) for kind in rays.values()):
+        raise TypeError(f'rays must be ray types by name, as in {{"shadow": tracer.RayType()}}, got {rays!r}')
     if depth < 1:
         raise ValueError(f"depth must be at least 1, got {depth}")
     return generation(Launch(scene=scene, poses=poses, rays=rays, deepest=depth))

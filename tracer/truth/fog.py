@@ -21,6 +21,7 @@ from tracer.lights.sky import sky_along
 from tracer.lights.sky_table import SkyTable
 from tracer.sampling.progressive import Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence, disc
+from tracer.scene.checks import check_shown
 from tracer.scene.scene import Scene, Sun
 from tracer.traversal.rays import transmission
 
@@ -58,6 +59,7 @@ def fog_truth(
     Raises:
         ValueError: the scene has no fog, steps is below 1, or the poses do not fit.
     """
+    check_shown(scene, gbuffer)
     if scene.fog is None:
         raise ValueError("scene must have fog: dataclasses.replace(scene, fog=tracer.Fog(extinction=0.01))")
     if steps < 1:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import torch
 
 from gbufrt import Frame
+from tracer.scene.checks import check_frame_of
 from tracer.scene.scene import Scene
 from tracer.truth.path_tracer import path_trace
 
@@ -25,6 +26,7 @@ def one_path(scene: Scene, frame: Frame, *, bounces: int = 4) -> Frame:
     Raises:
         ValueError: see `tracer.path_trace`.
     """
+    check_frame_of(scene, frame=frame)
     camera = frame.gbuffer.camera
     light = path_trace(
         scene, camera, time=frame.time, bounces=bounces, samples=1, antialias=False, seed=int(frame.index)

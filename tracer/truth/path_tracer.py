@@ -21,7 +21,8 @@ from tracer.paths.op import radiance
 from tracer.paths.radiance import MORE
 from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence as Numbers
-from tracer.scene.scene import Scene, check_scene, check_seen_by
+from tracer.scene.checks import check_scene, check_seen_by
+from tracer.scene.scene import Scene
 
 FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
 MOMENTS = 8  # groups of pixels, each with its own time, that a sample is split into while the shutter is open

@@ -15,6 +15,7 @@ from tracer.paths.op import indirect, occlusion, reflected
 from tracer.paths.receivers import Receivers, at_each_pixel, receivers_of
 from tracer.sampling.progressive import Progress, Truth, Values
 from tracer.sampling.sequence import Sequence
+from tracer.scene.checks import check_shown
 from tracer.scene.scene import Scene
 from tracer.truth.path_tracer import path_trace
 
@@ -225,6 +226,7 @@ def light_truth(
     Raises:
         ValueError: bounces or samples are below 1, there is no albedo, or the poses do not fit.
     """
+    check_shown(scene, gbuffer)
     sums, dims = light_sums(scene, bounces)
     receivers = receivers_of(scene, gbuffer, poses)
     found = at_each_pixel(gbuffer, receivers, sums, dims=dims, samples=samples, noise=0.0, seed=seed, progress=progress)

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from gbufrt.environment import environment_directions, environment_solid_angles
 from tracer.lights.sky import sky_radiance
+from tracer.scene.checks import check_open
 from tracer.scene.scene import Haze, Scene, Sky, Sun
 from tracer.scene.weather import Rain
 
@@ -54,6 +55,7 @@ def raining(scene: S, level: float) -> S:
 
     Source: Moon and Spencer 1942 for the overcast sky (CIE S 011).
     """
+    check_open(scene)
     rain = Rain(level=level)
     if level == 0.0:
         return scene

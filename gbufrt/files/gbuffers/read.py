@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -71,6 +71,8 @@ def read_gbuffer(
         raise ValueError("previous_camera needs a camera with a pose; leave fov out")
     if fov is not None and not 0 < fov < 180:
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
+    if not isinstance(path, (str, Path, Iterable)):
+        raise TypeError(f"path must be a path, or those of one frame, got {type(path).__name__}")
     files = [Path(path)] if isinstance(path, str | Path) else list(path)
     path = files[0]
     layers = Layers(path, shot_parts(files))

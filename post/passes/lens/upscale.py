@@ -123,12 +123,16 @@ def _check(color: Tensor, g: GBuffer, reactive: Tensor | None, ratio: float, fra
     if reactive is not None and (reactive.shape[1] not in (1, 3) or reactive[:, :1].shape != g.depth.shape):
         wanted = f"({shape[0]},1 or 3,{shape[2]},{shape[3]})"
         raise ValueError(f"reactive must be {wanted} like the G-buffer, got {tuple(reactive.shape)}")
-    if not 1.0 <= ratio <= MOST_RATIO:
-        raise ValueError(f"ratio must lie in 1 to {MOST_RATIO:g}, got {ratio}")
+    _check_ratio(ratio)
     if not frames >= 1.0:
         raise ValueError(f"frames must be at least 1, got {frames}")
     if not 0.0 <= sharpness <= 1.0:
         raise ValueError(f"sharpness must lie in 0 to 1, got {sharpness}")
+
+
+def _check_ratio(ratio: float) -> None:
+    if not 1.0 <= ratio <= MOST_RATIO:
+        raise ValueError(f"ratio must lie in 1 to {MOST_RATIO:g}, got {ratio}")
 
 
 class Upscale(TemporalPass):
@@ -159,6 +163,7 @@ class Upscale(TemporalPass):
     ) -> None:
         super().__init__()
         self.ratio, self.frames, self.gamma = ratio, frames, gamma
+        _check_ratio(ratio)
         self.lock, self.stability, self.sharpness, self.reactivity = lock, stability, sharpness, reactivity
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
