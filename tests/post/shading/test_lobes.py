@@ -20,4 +20,4 @@ def test_reuse_weighs_rays_by_their_density():
     found = (shared * (reflected[:, :1] + reflected[:, 1:2])).mean()
     expected = (light * lobe.weight).mean()
     assert expected > 0.1
-    assert abs(float(found / expected) - 1) < 0.05
+    assert abs(float(found / expected) - 1) < 0.01

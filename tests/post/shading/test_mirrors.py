@@ -86,10 +86,10 @@ def test_unknown_images_share_a_plane_at_the_mean_depth_of_the_known():
     unknown = image.mask & (image.gbuffer.normal == g.normal).all(1, keepdim=True)
     assert 0.1 < float(unknown.sum() / image.mask.sum()) < 0.9
     on_plane = float(depth[unknown].median())
-    assert float((depth[unknown] - on_plane).abs().max()) < 1e-3 * on_plane
+    assert float((depth[unknown] - on_plane).abs().max()) < 1e-5 * on_plane
     known = depth[image.mask & ~unknown]
     assert float(known.min()) < on_plane < float(known.max())
-    assert abs(on_plane / float(known.mean()) - 1) < 0.5  # rays that end behind something count too
+    assert abs(on_plane / float(known.mean()) - 1) < 0.02  # rays that end behind something count too
 
 
 def test_a_mirror_of_the_sky_alone_shows_it_far_away():
@@ -164,8 +164,8 @@ def test_images_move_with_what_is_reflected_and_with_the_mirror(moves):
     block = image.mask & (given(image.gbuffer.object_id) == 2) & expected.isfinite().all(1, keepdim=True)
     assert block.sum() > 20
     assert float(length(expected)[block].median()) > 0.5
-    assert float(length(given(image.gbuffer.motion) - expected)[block].median()) < 0.05
-    assert float(length(image.gbuffer.normal - normal)[block].median()) < 1e-3
+    assert float(length(given(image.gbuffer.motion) - expected)[block].median()) < 1e-3
+    assert float(length(image.gbuffer.normal - normal)[block].median()) < 1e-5
 
 
 def test_without_motion_or_cameras_the_rest_is_found():

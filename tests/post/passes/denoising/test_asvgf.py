@@ -78,7 +78,7 @@ def test_replayed_samples_may_lie_anywhere_in_their_squares():
     again = torch.where(chosen, after, 0.0)
     change = temporal_gradient(before, again, chosen.float(), plain.gbuffer)
     assert float(change[inner(floor)].mean()) > 0.999
-    assert float(change[inner(hit & ~floor)].mean()) < 0.01
+    assert float(change[inner(hit & ~floor)].mean()) < 0.002
     assert not bool(change[~hit].any())
 
 
@@ -158,7 +158,7 @@ def test_a_lamp_that_goes_out_leaves_no_trail():
     assert error(ours[11], 1.0) < 0.25 * error(lights[11], 1.0)
     assert torch.equal(ours[11], plain[11])
     assert error(ours[15], 0.1) < 1.5 * error(ours[3], 1.0)
-    assert error(plain[15], 0.1) > 10 * error(ours[15], 0.1)
+    assert error(plain[15], 0.1) > 50 * error(ours[15], 0.1)
 
 
 def test_a_cut_forgets_all():

@@ -27,7 +27,7 @@ def test_error_reaches_the_floor_that_blend_sets_and_does_not_drift(kind):
     _, errors = still(Temporal(), 500, kind, boxes.frame(boxes.camera((24, 32))))
     floor = (0.05 / 1.95) ** 0.5 * rms(errors[0])
     late = [rms(e) for e in errors[100::50]]
-    assert all(value == pytest.approx(floor, rel=0.25) for value in late)
+    assert all(value == pytest.approx(floor, rel=0.12) for value in late)
     many = torch.stack(errors[100::20]).mean(0)
     assert abs(float(many.mean())) < 0.02, "no bias: what noise does is not taken for a change of light"
 
@@ -134,13 +134,12 @@ def test_with_wavelets_behind_it_beats_each_alone():
     alone = Atrous(signal="ao")(lit)
     hit, truth = frame.gbuffer.hit, truth_of(frame)
     both, time, space = (rms((f.read("ao") - truth)[hit]) for f in (out, accumulated, alone))
-    assert both < 0.5 * min(time, space) or both < 0.03
-    assert both < min(time, space)
+    assert both < 0.4 * min(time, space)
 
 
 def test_feedback_keeps_less_noise_in_the_history():
     left = {f: rms(still(Temporal(feedback=f), 10)[1][-1]) for f in (False, True)}
-    assert left[True] < 0.7 * left[False]
+    assert left[True] < 0.5 * left[False]
 
 
 @pytest.mark.parametrize("case", ["orthographic", "odd", "sky", "pixel", "double"])
