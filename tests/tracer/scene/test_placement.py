@@ -39,6 +39,6 @@ def test_the_front_view_shows_all_of_the_model_in_its_middle_and_nothing_but_gro
     size = torch.tensor([SIZE[1], SIZE[0]])
     assert bool((low >= 0).all())
     assert bool((high <= size).all())
-    assert float(((low + high) / 2 - size / 2).abs().max()) < 0.05 * SIZE[0], "in the middle"
+    assert float(((low + high) / 2 - size / 2).abs().max()) < 0.01 * SIZE[0], "in the middle"
     assert float(((high - low) / size).max()) > 0.75, "large"
     assert bool(trace(scene, *camera.rays()).hit.all()), "no edge of the ground"
