@@ -56,6 +56,7 @@ def test_form_is_checked_when_built(moving, name, change, error, message):
         ("normal", lambda t: t * torch.nan, "normal must be finite"),
         ("depth", lambda t: -t, "negate it"),
         ("depth", lambda t: t * 1000, "raise far"),
+        ("depth", lambda t: t / 1000, "lower near"),
         ("normal", lambda t: t * 0.5 + 0.5, r"2 \* n - 1"),
         ("normal", lambda t: t * 3, "normalize"),
         ("normal", lambda t: -t, "face away"),
