@@ -44,9 +44,10 @@ def read_gbuffer(
 
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
     file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
-    twice. Where direct light holds the sky in mirrors already, as Blender's Glossy Direct does, ``environment`` is
-    black. A warning says which passes of the direct light are missing. Where the file has no normal, the one of the
-    depth is taken, and the extra signal ``normal_estimated`` is 1.
+    twice. Where direct light holds the sky and lamps in mirrors already, as Blender's Glossy Direct does,
+    ``environment`` is black, and ``emitters_mirrored`` is set. A warning says which passes of the direct light are
+    missing. Where the file has no normal, the one of the depth is taken, and the extra signal ``normal_estimated`` is
+    1.
 
     Args:
         path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.
@@ -128,7 +129,15 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     )
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
     counted = torch.zeros(COUNTED) if mirrors else None
-    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, environment=counted, composite=finished, extra=extra)
+    return Frame(
+        gbuffer=gbuffer,
+        index=index,
+        emitters_mirrored=mirrors,
+        radiance=radiance,
+        environment=counted,
+        composite=finished,
+        extra=extra,
+    )
 
 
 def _reaching(view: Camera, depth: Tensor) -> Camera:
@@ -181,7 +190,7 @@ def _motion(
 
 
 def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:
-    """Direct light, or else the finished picture; and whether the light holds the sky as mirrors show it."""
+    """Direct light, or else the finished picture; and whether the light holds sky and lamps as mirrors show them."""
     light = named.light(whole=whole)
     if light.lacking:
         warnings.warn(

@@ -86,6 +86,7 @@ def test_light_that_holds_the_sky_in_mirrors_gets_no_other_one(tmp_path: Path):
     """And is not told to: the message of a frame without an environment asked for what would count twice."""
     frame = read_gbuffer(shot(tmp_path / "a.exr", mirrors=True), camera=foreign_exr.CAMERA)
     assert not frame.read("environment").any()
+    assert frame.emitters_mirrored
     assert SSR().left_out(frame) == []
     alone = SkyAlone()
     assert torch.equal(*(alone(one).read("reflection") for one in (frame, replace(frame, environment=None))))
@@ -93,6 +94,7 @@ def test_light_that_holds_the_sky_in_mirrors_gets_no_other_one(tmp_path: Path):
     assert float(SSR()(frame).read("reflection").sum()) < 0.9 * float(guessed.sum()), "no sky is guessed either"
     bare = read_gbuffer(shot(tmp_path / "b.exr", mirrors=False), camera=foreign_exr.CAMERA)
     assert bare.environment is None
+    assert not bare.emitters_mirrored
     assert len(SSR().left_out(bare)) == 1
 
 
