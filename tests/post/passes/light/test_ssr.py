@@ -251,6 +251,18 @@ def test_roughness_cutoff_leaves_the_environment():
     assert torch.allclose(partly, 0.5 * whole, atol=1e-4)
 
 
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("rough", [0.0, 0.5])
+def test_metal_alone_under_a_sky_shows_it(rough: float, compiled: bool):
+    """It sends no light but what it mirrors, and so no other by which to limit its samples."""
+    lit = shiny(boxes.camera((36, 48)), rough=rough, scene=boxes.ROOM[:1])
+    dark = lit.replace(radiance=torch.zeros_like(lit.read("radiance")))
+    stage = SkyAlone(samples=1, reuse=0 if compiled else 1)  # reuse has no kernel
+    shown, same = (stage(frame).read("reflection") for frame in (dark, lit))
+    assert float(same.mean()) > 0.1
+    torch.testing.assert_close(shown, same)
+
+
 def test_fireflies_are_held_on_rough_surfaces_alone():
     frame = shiny(boxes.camera((60, 80)), rough=0.5)
     light = frame.read("radiance").clone()
