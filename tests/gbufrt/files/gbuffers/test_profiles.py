@@ -13,7 +13,6 @@ from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.profile import SHIPPED, load_profile
-from post.shading.sent_light import outgoing_light
 
 T = truth()
 X, Y, Z = (T["normal"][..., i] for i in range(3))
@@ -70,20 +69,6 @@ def test_lamps_in_direct_light_are_emission(name: str) -> None:
     profile = load_profile(name)
     lamps = {layer for layer in profile.emitted if "emi" in layer.lower()}
     assert lamps <= {*profile.channels.get("emission", ())}
-
-
-def test_what_scripts_add_to_files_of_mitsuba_is_taken(tmp_path: Path) -> None:
-    flat = np.full(SIZE, 0.25)
-    more = {"motion.XY": T["motion"], "roughness.Y": flat, "metallic.Y": flat, "emission.RGB": GREY, "direct.RGB": GREY}
-    path = write(tmp_path / "a.exr", {**FILES["mitsuba"], **more})
-    frame = read_gbuffer(path, "mitsuba", camera=CAMERA, previous_camera=BEFORE)
-    g = frame.gbuffer
-    assert all(channel is not None for channel in (g.roughness, g.metallic, g.emission))
-    assert g.motion is not None
-    off = np.abs(g.motion[0].permute(1, 2, 0).numpy() - T["motion"])[T["hit"]]
-    assert off.max() < 2e-3
-    assert frame.emitters_mirrored
-    assert not outgoing_light(frame)[g.hit.expand(-1, 3, -1, -1)].any(), "all light of this file is lamps'"
 
 
 OWN = {"depth": ["d.Z"], "normal": ["n"], "motion": ["m"], "albedo": ["a"]}
