@@ -36,6 +36,8 @@ class Frame:
     """``(B,)`` bool: the camera jumped, so nothing of the frame before may be used."""
     emitters_sampled: bool = True
     """Whether ``radiance`` already includes direct light from emitters, so that GI must not gather emission again."""
+    emitters_mirrored: bool = False
+    """Whether ``radiance`` already shows emitters in mirrors, so that reflections must not show emission again."""
     behind: Frame | None = None
     """What lies straight behind the first transmissive surface, without refraction; never part of ``radiance``."""
     previous: Frame | None = None
@@ -223,8 +225,7 @@ class Frame:
         return self.replace(gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind, **gone)
 
     def moving_as(self, frame: Frame) -> Frame:
-        """This frame with motion, cut and replayed samples of another one, and the same of what lies `behind`: undoes
-        `still`."""
+        """This frame with motion, cut and replayed samples of another one, `behind` likewise: undoes `still`."""
         g, behind = frame.gbuffer, self.behind
         motion = {name: tensor for name in MOTION if (tensor := getattr(g, name)) is not None}
         if behind is not None and frame.behind is not None:

@@ -36,6 +36,7 @@ REDUCED_ITERATIONS = 2  # of those for pixels that lie apart: as far in the pict
 REFLECTION_REACH = 4  # pixels of the picture: sigma of the reflections' denoiser, and radius of its square of taps
 GI_CLAMP = 3.0  # of one slice a frame: its noise passes two standard deviations often
 AO_RADIUS = 2.0  # metres
+APERTURE_RADIUS = 0.05  # metres
 AO_BLUR = 0.75  # pixels: sigma of the denoiser; wider loses more than it gains, with few directions too
 FRESH = 2  # times as many slices in a frame with none before it
 BEHIND_STEPS = 6
@@ -115,7 +116,7 @@ def me1(
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
         composite: ``physical`` takes sky visibility and GI from one sweep over the whole picture, so that nothing is
             counted twice; ``me1`` is ME1's own formula, with its distances and its factor of 0.6 per bounce.
-        units_per_metre: world units per metre, for ME1's distances.
+        units_per_metre: world units per metre, for ME1's distances, the radius of ``ao`` and the lens's aperture.
         tunables: changes by dotted name, see `Pipeline.with_tunables`.
 
     Returns:
@@ -133,7 +134,7 @@ def me1(
         raise ValueError(f"composite must be one of {', '.join(get_args(Mode))}, got {composite!r}")
     if not units_per_metre > 0:
         raise ValueError(f"units_per_metre must be positive, got {units_per_metre}")
-    pipeline = Pipeline(**_light(QUALITIES[preset], composite, units_per_metre), **_finish(composite))
+    pipeline = Pipeline(**_light(QUALITIES[preset], composite, units_per_metre), **_finish(composite, units_per_metre))
     return pipeline.with_tunables(tunables or {})
 
 
@@ -211,12 +212,12 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
     }
 
 
-def _finish(composite: Mode) -> dict[str, Any]:
+def _finish(composite: Mode, metre: float) -> dict[str, Any]:
     return {
         "composite": Composite(mode=composite),
         "taa": TAA(),
         "motion_blur": MotionBlur(),
-        "depth_of_field": DepthOfField(),
+        "depth_of_field": DepthOfField(aperture_radius=APERTURE_RADIUS * metre),
         "exposure": Exposure(),
         "pulse": Pulse(),
         "tone_map": ToneMap(),

@@ -20,7 +20,8 @@ FILM = {"type": "hdrfilm", "pixel_format": "rgb", "component_format": "float32",
 NEAR = 1e-4  # Mitsuba counts depth from the near plane
 MIDDLE = {"type": "stratified", "sample_count": 1, "jitter": False}
 NAMES = ("depth.T", "normal.X", "normal.Y", "normal.Z", "albedo.R", "albedo.G", "albedo.B")
-LIGHT = ("direct.R", "direct.G", "direct.B")  # gbufrt's profile takes a layer called direct for direct light
+LIGHT = ("direct.R", "direct.G", "direct.B")  # gbufrt's profile takes a layer called direct for direct light,
+GLOW = ("emission.R", "emission.G", "emission.B")  # and what lamps in sight have lit already from one called emission
 
 out, *path = sys.argv[1:]
 mi.set_variant("scalar_rgb")  # llvm_ad_rgb is faster where LLVM is installed
@@ -42,8 +43,9 @@ for number, sensor in enumerate(scene.sensors()):
     look = {"type": "perspective", "fov": x_fov, "fov_axis": "x", "near_clip": NEAR, "to_world": pose, "film": film}
     surface = rendered(look, AOVS, MIDDLE)
     light = rendered(look, {"type": "direct"}, {"type": "independent", "sample_count": SAMPLES})
-    pixels = np.concatenate([surface, light], -1).astype(np.float32)
-    picture = mi.Bitmap(pixels, mi.Bitmap.PixelFormat.MultiChannel, channel_names=[*NAMES, *LIGHT])
+    glow = rendered(look, {"type": "path", "max_depth": 1}, MIDDLE)
+    pixels = np.concatenate([surface, light, glow], -1).astype(np.float32)
+    picture = mi.Bitmap(pixels, mi.Bitmap.PixelFormat.MultiChannel, channel_names=[*NAMES, *LIGHT, *GLOW])
     picture.write(f"{out}/frame_{number:04}.exr")
 
     rows = np.array(pose.matrix).reshape(4, 4) @ np.diag([-1, 1, -1, 1])  # cameras there look along z, x to the left

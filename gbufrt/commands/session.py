@@ -87,6 +87,7 @@ def bare(frame: Frame) -> Frame:
         time=frame.time,
         cut=frame.cut,
         emitters_sampled=frame.emitters_sampled,
+        emitters_mirrored=frame.emitters_mirrored,
         behind=None if frame.behind is None else bare(frame.behind),
         **{name: frame.get(name) for name in LIGHT},  # pyright: ignore[reportArgumentType]
     )

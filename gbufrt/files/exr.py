@@ -166,6 +166,7 @@ def _unpack(head: Mapping[str, Any], parts: Mapping[str, Part]) -> Frame:
         time=float(_number("time", head["time"], (int, float), MOST_SECONDS)),
         cut=None if head["cut"] is None else torch.tensor([bool(head["cut"])]),
         emitters_sampled=bool(head["emitters_sampled"]),
+        emitters_mirrored=bool(head.get("emitters_mirrored")),
         behind=None if head["behind"] is None else _unpack(head["behind"], parts),
         extra={name: tensor for name, tensor in layers.items() if name not in CHANNELS and name not in SIGNALS},
         **{name: tensor for name, tensor in layers.items() if name in SIGNALS},

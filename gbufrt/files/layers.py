@@ -65,6 +65,7 @@ class Packed:
             "time": frame.time,
             "cut": None if frame.cut is None else bool(frame.cut[0]),
             "emitters_sampled": frame.emitters_sampled,
+            "emitters_mirrored": frame.emitters_mirrored,
             "layers": layers,
             "behind": behind if behind is not None and (behind["layers"] or not self.only) else None,
         }

@@ -12,7 +12,7 @@ from gbufrt.camera import Camera
 from gbufrt.validation.pixels import WRONG_SHARE, check_unit, count, example, place, share
 
 FACING_TOLERANCE = 1e-2  # shading normals may tip past the silhouette by this much
-FAR_TOLERANCE = 1e-4  # of the camera's far
+FAR_TOLERANCE = 1e-4  # of the camera's near and far
 SMOOTH = 0.02  # relative second difference of depth up to which there is no edge
 FEW = 16  # pixels that tell nothing
 PLANAR_TOLERANCE = 1.0  # degrees between normals and those of the depth off edges, in the median
@@ -45,13 +45,19 @@ class Geometry(Protocol):
 
 
 def check_depth(g: Geometry, prefix: str) -> None:
-    """Raise ValueError unless depth is positive where hit, and the camera's far elsewhere."""
-    far = g.camera.far
+    """Raise ValueError unless depth lies between the camera's near and far where hit, and is far elsewhere."""
+    near, far = g.camera.near, g.camera.far
     wrong = g.hit & (g.depth <= 0)
     if bool(wrong.any()):
         raise ValueError(
             f"{prefix}depth must be positive planar view-space z where hit, but {count(wrong)} not positive, such as "
             f"{example(g.depth, wrong)}; negate it if your view space looks along -z"
+        )
+    wrong = g.hit & (g.depth < near * (1 - FAR_TOLERANCE))
+    if bool(wrong.any()):
+        raise ValueError(
+            f"{prefix}depth must not be less than the camera's near ({near:g}) where hit, but {count(wrong)} nearer, "
+            f"such as {example(g.depth, wrong)}; lower near, because rays end there and surfaces count as hidden"
         )
     wrong = g.hit & (g.depth > far * (1 + FAR_TOLERANCE))
     if bool(wrong.any()):

@@ -21,7 +21,6 @@ from post.sweep.chords import known_thickness
 
 SMOOTH = 0.15  # perceptual roughness below which a metal shows an image
 METAL = 0.5  # metalness above which the image is all that a surface shows
-FAR = 1000.0  # world units: reach of rays, and depth of the images in a picture in which none of them finds anything
 GRAZING = 1e-3  # least cosine between a mirror's normal and the direction to the eye
 STEPS = 128
 
@@ -69,7 +68,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
     away = _mirrored(-eye, facing)
     found = _first_hits(g, points, torch.where(mask, away, 0.0))
     column, row = (found.px[:, k].floor() for k in (0, 1))
-    distance = _image_distances(found, mask, (eye * facing).sum(1, keepdim=True))
+    distance = _image_distances(found, mask, (eye * facing).sum(1, keepdim=True), camera.far)
     virtual = points - eye * distance
 
     def shown(channel: Tensor) -> Tensor:
@@ -105,11 +104,13 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
 def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:
     normal = g.normal if g.normal_geo is None else g.normal_geo
     hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=known_thickness(g, None))
-    return march_rays(hierarchy, origins, directions, g.camera, steps=STEPS, distance=FAR)
+    return march_rays(hierarchy, origins, directions, g.camera, steps=STEPS, distance=g.camera.far)
 
 
-def _image_distances(found: Hits, mask: Tensor, cosine: Tensor) -> Tensor:
+def _image_distances(found: Hits, mask: Tensor, cosine: Tensor, far: float) -> Tensor:
     """``(B, 1, H, W)`` world units along the ray; those of unknown images lead to the mean depth behind the mirrors.
+
+    That is ``far`` in a picture in which none of the rays finds anything.
 
     Rays that end behind something are not taken to be right one by one, but their mean is.
     """
@@ -118,7 +119,7 @@ def _image_distances(found: Hits, mask: Tensor, cosine: Tensor) -> Tensor:
     known = mask & (found.hit | found.blocked)
     count = known.sum((1, 2, 3), keepdim=True)
     mean = torch.where(known, distance * cosine, 0.0).sum((1, 2, 3), keepdim=True) / count.clamp_min(1)
-    return torch.where(found.hit, distance, torch.where(count > 0, mean, FAR) / cosine)
+    return torch.where(found.hit, distance, torch.where(count > 0, mean, far) / cosine)
 
 
 def _moved(g: GBuffer, previous: Camera, points: Tensor) -> Tensor:

@@ -160,7 +160,7 @@ def reflect(
         depth.new_zeros(1, 1, 1, 3) if environment is None else environment.movedim(1, -1),
         depth.new_zeros(1, 1, 1, 4) + resident(OPEN, depth) if around is None else around.movedim(1, -1),
         none if bent_normal is None else _full(bent_normal, 3, depth),
-        brightest(light, picture.hit).flatten(),
+        brightest(picture).flatten(),
         noise,
         shifts,
         int(bounces),

@@ -66,7 +66,7 @@ def reflect_reference(
 ) -> Tensor:
     """``(B, 5, H, W)``. Arguments and result are those of `post.shading.op.reflect`."""
     depth, hit, roughness, f0 = picture.depth, picture.hit, picture.roughness, picture.f0
-    limit = brightest(picture.light, hit)
+    limit = brightest(picture)
     surface = surface_of(depth, hit, picture.normal, picture.normal_geo, roughness, camera)
     rays = rays_of(surface, f0, roughness, len(shifts))
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
@@ -145,9 +145,16 @@ def _followed(
     return total, *firsts[0]
 
 
-def brightest(light: Tensor, hit: Tensor) -> Tensor:
-    """``(B, 1, 1, 1)`` mean luminance of what was hit, of which limits of samples are multiples."""
-    return (luminance(light) * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
+def brightest(picture: Picture) -> Tensor:
+    """``(B, 1, 1, 1)`` mean luminance of what was hit, of which limits of samples are multiples.
+
+    What that mirrors of the sky counts, as far as it is open to it: metals send no other light.
+    """
+    sent, hit = luminance(picture.light), picture.hit
+    if picture.environment is not None:
+        mirrored = luminance(picture.f0 * picture.environment.mean((2, 3), keepdim=True))
+        sent = sent + (mirrored if picture.visibility is None else mirrored * picture.visibility)
+    return (sent * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
 
 
 def border_width(camera: Camera) -> float:

@@ -20,8 +20,13 @@ BRIGHTEST = 0.9  # greatest ratio of a bounce's light to that of the bounce befo
 
 def gathered_radiance(frame: Frame) -> Tensor:
     """Radiance ``(B, 3, H, W)`` that diffuse light may gather: emission counts only if emitters were not sampled."""
+    return _without_emission(frame, known=frame.emitters_sampled)
+
+
+def _without_emission(frame: Frame, *, known: bool) -> Tensor:
+    """Radiance, less emission where the frame holds all that it sends already."""
     light, emission = frame.read("radiance"), frame.gbuffer.emission
-    return (light - emission).clamp_min(0) if frame.emitters_sampled and emission is not None else light
+    return (light - emission).clamp_min(0) if known and emission is not None else light
 
 
 def sent_light(
@@ -116,13 +121,15 @@ def bounce_light(frame: Frame, *, bounces: int = 1) -> Tensor:
 def outgoing_light(frame: Frame) -> Tensor:
     """Known outgoing light of each surface: direct light, visible sky light, and bounced light.
 
+    Emission that the frame's mirrors show already (``frame.emitters_mirrored``) does not count again.
+
     Args:
         frame: needs ``radiance``; ``ambient``, ``sky_visibility`` or ``ao``, and ``gi`` count if present.
 
     Returns:
         ``(B, 3, H, W)`` linear radiance.
     """
-    light = _with_visible_sky(frame, frame.read("radiance"))
+    light = _with_visible_sky(frame, _without_emission(frame, known=frame.emitters_mirrored))
     return light if frame.gi is None else light + frame.gi
 
 

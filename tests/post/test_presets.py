@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Camera, Frame, Pipeline
-from post import SSGI, Temporal, me1
+from post import SSGI, DepthOfField, Temporal, me1
 from post.presets import QUALITIES
 
 
@@ -73,6 +73,7 @@ def test_the_numbers_of_me1():
     assert [rows[p]["reflection.estimate.distance"] for p in rows] == [80, 120, 150, 200]
     assert all(0.95 <= rows[p][f"{s}.accumulate.blend"] <= 0.97 for p in rows for s in ("ao", "gi", "reflection"))
     assert all(row["gi.estimate.bounce_loss"] == 0.6 for row in rows.values())
+    assert all(row["depth_of_field.aperture_radius"] == 2 * DepthOfField().aperture_radius for row in rows.values())
     assert me1("high").all_tunables()["gi.estimate.bounce_loss"] == 1.0
     assert me1("high").all_tunables()["reflection.estimate.distance"] is None
 

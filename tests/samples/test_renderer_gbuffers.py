@@ -91,6 +91,10 @@ MITSUBA = f"""<scene version="3.0.0">{SENSOR.format(x=0)}{SENSOR.format(x=0.5)}
     <bsdf type="diffuse"><rgb name="reflectance" value="0.8, 0.1, 0.1"/></bsdf>
     <transform name="to_world"><translate y="1"/></transform>
   </shape>
+  <shape type="sphere">
+    <point name="center" x="2.5" y="2.5" z="0"/><float name="radius" value="0.3"/>
+    <emitter type="area"><rgb name="radiance" value="2"/></emitter>
+  </shape>
   <emitter type="directional"><vector name="direction" x="1" y="-2" z="-1"/></emitter>
   <emitter type="constant"><rgb name="radiance" value="0.3"/></emitter>
 </scene>"""
@@ -176,7 +180,11 @@ def test_mitsuba_gives_a_surface_a_pixel_and_direct_light(tmp_path: Path, capfd)
     assert g.camera.position[0].tolist() == pytest.approx([0.5, 2.5, 7])
     x, y, z = g.camera.to_world(g.camera.unproject(g.depth))[0]
     cube = (frame.read("albedo")[0, 0] > 0.7) & (frame.read("albedo")[0, 1] < 0.2)
-    floor = g.hit[0, 0] & ~cube
+    lamp = frame.read("emission")[0].amin(0) > 0
+    assert 10 < int(lamp.sum()) < 200
+    assert float(frame.read("radiance")[0, :, lamp].median()) == float(frame.read("emission")[0, :, lamp].min()) == 2
+    assert frame.emitters_mirrored
+    floor = g.hit[0, 0] & ~cube & ~lamp
     assert 300 < int(cube.sum()) < 1500
     assert float(y[floor].abs().max()) < 2e-3
     assert float((torch.stack([x, y - 1, z]).abs().amax(0)[cube] - 1).abs().max()) < 2e-3

@@ -35,6 +35,7 @@ MISSING = {
     "albedo": "absent",
     "roughness": "absent: no reflections, unless --passes asks for them on a guess",
     "metallic": "absent: nothing counts as metal",
+    "emission": "absent: lamps in sight count as lit surfaces, whose light GI and mirrors add again",
     "thickness": "estimated from widths and sides in the picture",
 }
 
@@ -173,7 +174,7 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else _unposed(profile),
         "motion": f"{profile.motion_unit} to the {profile.motion_target} frame",
     }
-    optional = ("emission", "position")
+    optional = ("position",) if named.light().products else ("emission", "position")
     for channel in (name for name in (*CHANNELS, "thickness") if name not in optional or named.keys(name)):
         keys = named.keys(channel) if channel in CHANNELS else []
         text = _short(keys) + (f" ({told[channel]})" if channel in told else "") if keys else MISSING[channel]

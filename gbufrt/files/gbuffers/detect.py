@@ -92,15 +92,13 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
         f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
     ]
     found, light = 1, Named(layers, profile).light()
-    names_of = {
-        channel: names for channel, names in profile.channels.items() if channel not in ("emission", "position")
-    }
+    names_of = {name: names for name, names in profile.channels.items() if name not in ("emission", "position")}
     for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
         if channel != "depth" and keys:
             found += 1
             reasons.append(f"{channel} is {', '.join(keys)}")
-    share = found / len(names_of)
+    share = min(1.0, found / len(names_of.keys() - {*profile.seldom}))
     if marks:
         return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons), marked=True)
     sure = (PLAIN if name == "generic" else 0.9) * (1 if light.products or light.finished else DARK)

@@ -87,6 +87,8 @@ class Profile:
     shaded: tuple[str, ...] | None = None
     """Colours that shaders write together with roughness. Where these, as far as there are any, and roughness are 0,
     the shader has written neither, and the surface counts as rough. By default roughness 0 is a mirror."""
+    seldom: tuple[str, ...] = ()
+    """Channels that few of the files have: a file without them fits no less."""
     albedo_space: str = "linear"
     """linear, or srgb: encoded for display."""
     direct: tuple[tuple[str, ...], ...] = ()
@@ -94,7 +96,7 @@ class Profile:
     emitted: tuple[str, ...] = ()
     """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
     mirrors: tuple[str, ...] = ()
-    """Layers of ``direct`` that hold the sky as mirrors show it: with them reflections add surfaces alone."""
+    """Layers of ``direct`` that hold sky and lamps as mirrors show them: with them reflections add surfaces alone."""
     environment_turn: float = 0.0
     """Degrees by which lat-long skies of this renderer are to be turned, to the right, for those of `gbufrt`."""
     finished: tuple[str, ...] = ()
@@ -204,7 +206,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
         lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
         lambda v: tuple(map(tuple, v)),
     ),
-    **dict.fromkeys(("finished", "shaded", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
+    **dict.fromkeys(("finished", "shaded", "seldom", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     **dict.fromkeys(("reversed", "any_case", "either_sign"), ("true or false", lambda v: isinstance(v, bool), bool)),

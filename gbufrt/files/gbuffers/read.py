@@ -44,15 +44,16 @@ def read_gbuffer(
 
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
     file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
-    twice. Where direct light holds the sky in mirrors already, as Blender's Glossy Direct does, ``environment`` is
-    black. A warning says which passes of the direct light are missing. Where the file has no normal, the one of the
-    depth is taken, and the extra signal ``normal_estimated`` is 1.
+    twice. Where direct light holds the sky and lamps in mirrors already, as Blender's Glossy Direct does,
+    ``environment`` is black, and ``emitters_mirrored`` is set. A warning says which passes of the direct light are
+    missing. Where the file has no normal, the one of the depth is taken, and the extra signal ``normal_estimated`` is
+    1.
 
     Args:
         path: the file, or the files of a frame whose passes have one each, named ``SHOT.PASS.NUMBER.exr`` or alike.
         profile: ``auto``, the name of a shipped one, a TOML file with the fields of `Profile`, or one.
-        camera: the camera, in a world with y up; by default the one that the file carries. Its ``far`` is raised where
-            the file reaches farther.
+        camera: the camera, in a world with y up; by default the one that the file carries. Its ``near`` is lowered
+            and its ``far`` raised where the file reaches nearer or farther.
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
             ``motion_z`` is that of a static world where the file's motion agrees.
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
@@ -104,8 +105,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         warnings.warn(f"{path} {nothing_hit(raw, profile, named.depth[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)
     depth = torch.where(hit, planar(far, profile, view), 0.0)
-    if (farthest := float(depth.max())) >= view.far:
-        view = replace(view, far=2 * farthest)
+    view = _reaching(view, depth[hit])
     depth = torch.where(hit, depth, view.far)
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
     motion, motion_z = _motion(named, view, previous, depth, hit)
@@ -131,7 +131,22 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     )
     extra = {"normal_estimated": estimated.to(depth.dtype)} if bool(estimated.any()) else {}
     counted = torch.zeros(COUNTED) if mirrors else None
-    return Frame(gbuffer=gbuffer, index=index, radiance=radiance, environment=counted, composite=finished, extra=extra)
+    return Frame(
+        gbuffer=gbuffer,
+        index=index,
+        emitters_mirrored=mirrors,
+        radiance=radiance,
+        environment=counted,
+        composite=finished,
+        extra=extra,
+    )
+
+
+def _reaching(view: Camera, depth: Tensor) -> Camera:
+    """The camera with all ``depth`` between its near and its far: files seldom tell them, nor how long a unit is."""
+    nearest, farthest = (float(depth.min()), float(depth.max())) if depth.numel() else (view.near, 0.0)
+    near = view.near if nearest > view.near else nearest / 2
+    return replace(view, near=near, far=view.far if farthest < view.far else 2 * farthest)
 
 
 def nothing_hit(raw: Tensor, profile: Profile, key: str) -> str:
@@ -177,7 +192,7 @@ def _motion(
 
 
 def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:
-    """Direct light, or else the finished picture; and whether the light holds the sky as mirrors show it."""
+    """Direct light, or else the finished picture; and whether the light holds sky and lamps as mirrors show them."""
     light = named.light(whole=whole)
     if light.lacking:
         warnings.warn(

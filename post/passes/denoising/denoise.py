@@ -18,7 +18,6 @@ from post.passes.denoising.temporal import temporal
 from post.shading.glossy import frames_lasting, glossy_metals
 
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
-FAR = 1000.0  # world units: assumed distance of an unknown reflected surface, farther than most
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces without neighbours, less blurs metals
@@ -130,11 +129,11 @@ def _filled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:
 
 
 def _image_distance(g: GBuffer, reflected: Tensor | None) -> Tensor | None:
-    """Assumed distance of what clear surfaces reflect, to back-project it; zero where they reflect little."""
+    """The camera's far for what clear surfaces reflect, to back-project it; zero where they reflect little."""
     if g.transmittance is None or reflected is None:
         return None
     mirrors = (g.transmittance.amax(1, keepdim=True) > 0) & (reflected > MIRRORS)
-    return torch.where(g.hit & mirrors, FAR, 0.0).to(g.depth)
+    return torch.where(g.hit & mirrors, g.camera.far, 0.0).to(g.depth)
 
 
 class Denoise(TemporalPass):

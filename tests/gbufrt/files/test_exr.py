@@ -35,6 +35,7 @@ def rich_frame(size: tuple[int, int] = SIZE, seed: int = 0) -> Frame:
         time=0.1 + 0.2,
         cut=torch.tensor([True]),
         emitters_sampled=False,
+        emitters_mirrored=True,
         behind=boxes.frame(camera, sun=False),
         gi=noise,
         ao=noise[:, :1],
@@ -63,6 +64,7 @@ def assert_same(a: Frame, b: Frame) -> None:
         assert x.dtype == y.dtype, name
         assert x.contiguous().numpy().tobytes() == y.contiguous().numpy().tobytes(), name
     assert (a.index, a.time, a.emitters_sampled) == (b.index, b.time, b.emitters_sampled)
+    assert a.emitters_mirrored == b.emitters_mirrored
     assert (a.cut is None) == (b.cut is None)
     assert a.cut is None or torch.equal(a.cut, b.cut)  # pyright: ignore[reportArgumentType]
     assert same_camera(a.gbuffer.camera, b.gbuffer.camera)

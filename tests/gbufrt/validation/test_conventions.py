@@ -18,6 +18,7 @@ from gbufrt import Camera, Frame, GBuffer
         ("normal", lambda t: t * torch.nan, "normal must be finite"),
         ("depth", lambda t: -t, "negate it"),
         ("depth", lambda t: t * 1000, "raise far"),
+        ("depth", lambda t: t / 1000, "lower near"),
         ("normal", lambda t: t * 0.5 + 0.5, r"2 \* n - 1"),
         ("normal", lambda t: t * 3, "normalize"),
         ("normal", lambda t: -t, "face away"),

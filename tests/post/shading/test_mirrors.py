@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.directions import length
-from post.shading.mirrors import FAR, mirror_image
+from post.shading.mirrors import mirror_image
 from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_SECONDARY, Instance, Scene, View
@@ -42,7 +42,7 @@ def reflected(scene: Scene, g: GBuffer, poses: Tensor) -> tuple[Tensor, Tensor, 
     away = mirrored(-g.camera.rotate_to_world(g.camera.to_eye(g.points_view())), g.normal)
     origins = (points + 1e-3 * g.normal).permute(0, 2, 3, 1)
     hits = trace(scene, origins, away.permute(0, 2, 3, 1), poses=poses, mask=MASK_SECONDARY)
-    ends = points + away * torch.where(hits.hit, hits.t, FAR)[:, None]
+    ends = points + away * torch.where(hits.hit, hits.t, g.camera.far)[:, None]
     return points + mirrored(ends - points, g.normal), hits.instance[:, None], hits.normal.permute(0, 3, 1, 2)
 
 
@@ -64,17 +64,18 @@ def test_images_lie_where_the_tracer_finds_what_is_reflected():
     assert float(length(found - truth)[on_screen].median()) < 0.05
 
 
-def test_without_thickness_units_do_not_matter():
+@pytest.mark.parametrize("units", [1 / 64, 1024])
+def test_without_thickness_units_do_not_matter(units: float):
     _, g = shown()
     plain = g.replace(thickness=None, motion=None, motion_z=None, previous_camera=None)
     pose, lens = g.camera.world_from_view.clone(), g.camera.intrinsics
-    pose[:, :3, 3] /= 64
-    near, far = g.camera.near / 64, g.camera.far / 64
+    pose[:, :3, 3] *= units
+    near, far = g.camera.near * units, g.camera.far * units
     camera = Camera.from_intrinsics(lens, pose, size=g.camera.size, near=near, far=far)
     image = given(mirror_image(plain)).gbuffer.depth
-    small = given(mirror_image(plain.replace(camera=camera, depth=g.depth / 64))).gbuffer.depth
+    other = given(mirror_image(plain.replace(camera=camera, depth=g.depth * units))).gbuffer.depth
     assert float((image != g.depth).float().mean()) > 0.05
-    assert not ((64 * small - image).abs() > 1e-3 * image).any()
+    assert not ((other / units - image).abs() > 1e-3 * image).any()
 
 
 def test_unknown_images_share_a_plane_at_the_mean_depth_of_the_known():
@@ -96,7 +97,7 @@ def test_a_mirror_of_the_sky_alone_shows_it_far_away():
     _, g = shown()
     image = given(mirror_image(g.replace(hit=g.hit & (given(g.metallic) > 0.5))))
     depth = (g.points_view() - image.gbuffer.points_view()) * g.camera.rotate_to_view(g.normal)
-    assert torch.allclose(depth.sum(1)[image.mask[:, 0]], torch.tensor(FAR), rtol=1e-3)
+    assert torch.allclose(depth.sum(1)[image.mask[:, 0]], torch.tensor(g.camera.far), rtol=1e-3)
 
 
 def test_albedo_is_that_of_what_is_reflected():

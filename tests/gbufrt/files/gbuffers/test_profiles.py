@@ -12,7 +12,7 @@ from writers.foreign_exr import BEFORE, CAMERA, FAR, NEAR, SIZE, truth, write, w
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.detect import detect
-from gbufrt.files.gbuffers.profile import load_profile
+from gbufrt.files.gbuffers.profile import SHIPPED, load_profile
 
 T = truth()
 X, Y, Z = (T["normal"][..., i] for i in range(3))
@@ -61,6 +61,14 @@ def test_each_renderer_gives_the_same_frame(name: str, tmp_path: Path) -> None:
         off = np.abs(found[0].permute(1, 2, 0).numpy() - true)[T["hit"]]
         assert off.max() < 2e-3, (name, off.max())
     assert disagreements(frame) == []
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_lamps_in_direct_light_are_emission(name: str) -> None:
+    """Else what they have lit already is lit again by GI."""
+    profile = load_profile(name)
+    lamps = {layer for layer in profile.emitted if "emi" in layer.lower()}
+    assert lamps <= {*profile.channels.get("emission", ())}
 
 
 OWN = {"depth": ["d.Z"], "normal": ["n"], "motion": ["m"], "albedo": ["a"]}

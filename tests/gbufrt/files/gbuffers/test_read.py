@@ -76,6 +76,18 @@ def test_what_fits_no_profile_says_so(tmp_path: Path) -> None:
         read_gbuffer(_write(tmp_path / "a.exr", {"R": 1.0}), fov=40)
 
 
+@pytest.mark.parametrize("units", [1e-3, 1e3])
+def test_no_unit_of_length_hides_what_a_file_shows(tmp_path: Path, units: float) -> None:
+    truth = foreign_exr.truth()
+    layers = {"depth.Z": np.where(truth["hit"], truth["planar"] * units, 0.0), "normal.XYZ": truth["normal"]}
+    path = foreign_exr.write(tmp_path / "a.exr", {**layers, ".RGB": np.ones((*foreign_exr.SIZE, 3))})
+    frame = read_gbuffer(path, "generic", fov=50)
+    frame.gbuffer.validate()
+    shown = frame.gbuffer.depth[frame.gbuffer.hit]
+    assert frame.gbuffer.camera.near < float(shown.min())
+    assert float(shown.max()) < frame.gbuffer.camera.far
+
+
 @pytest.fixture(params=[name for name in REAL if name.startswith("blender")])
 def shot(request: pytest.FixtureRequest) -> tuple[GBuffer, torch.Tensor, torch.Tensor]:
     """A real file's G-buffer, its true positions ``(1, 3, H, W)`` with y up, and where its cube is."""

@@ -19,6 +19,7 @@ from gbufrt.files.gbuffers.profile import load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
 from gbufrt.files.gbuffers.sky import MOST_ROWS, read_environment, under
 from post import SSR
+from post.shading.sent_light import outgoing_light
 
 
 def sky_file(path: Path, rows: int = 8, columns: int = 16) -> Path:
@@ -86,6 +87,7 @@ def test_light_that_holds_the_sky_in_mirrors_gets_no_other_one(tmp_path: Path):
     """And is not told to: the message of a frame without an environment asked for what would count twice."""
     frame = read_gbuffer(shot(tmp_path / "a.exr", mirrors=True), camera=foreign_exr.CAMERA)
     assert not frame.read("environment").any()
+    assert frame.emitters_mirrored
     assert SSR().left_out(frame) == []
     alone = SkyAlone()
     assert torch.equal(*(alone(one).read("reflection") for one in (frame, replace(frame, environment=None))))
@@ -93,6 +95,7 @@ def test_light_that_holds_the_sky_in_mirrors_gets_no_other_one(tmp_path: Path):
     assert float(SSR()(frame).read("reflection").sum()) < 0.9 * float(guessed.sum()), "no sky is guessed either"
     bare = read_gbuffer(shot(tmp_path / "b.exr", mirrors=False), camera=foreign_exr.CAMERA)
     assert bare.environment is None
+    assert not bare.emitters_mirrored
     assert len(SSR().left_out(bare)) == 1
 
 
@@ -143,3 +146,20 @@ def test_mirrors_tell_whether_plain_direct_light_holds_the_sky(tmp_path: Path, h
             next(under([frame], sky, known=False))
     else:
         assert next(under([frame], sky, known=False)).environment is sky
+
+
+def test_what_scripts_add_to_files_of_mitsuba_is_taken(tmp_path: Path):
+    """Lamps among it, whose light mirrors show already."""
+    found, one = foreign_exr.truth(), np.full(foreign_exr.SIZE, 0.25)
+    grey = np.stack([one] * 3, -1)
+    layers = {"far.T": np.where(found["hit"], found["ray"], 0), "nn.XYZ": found["normal"], "alb.RGB": grey}
+    layers |= {"motion.XY": found["motion"], "roughness.Y": one, "metallic.Y": one}
+    path = foreign_exr.write(tmp_path / "a.exr", {**layers, "emission.RGB": grey, "direct.RGB": grey})
+    frame = read_gbuffer(path, "mitsuba", camera=foreign_exr.CAMERA, previous_camera=foreign_exr.BEFORE)
+    g = frame.gbuffer
+    assert g.roughness is not None
+    assert g.metallic is not None
+    assert g.motion is not None
+    assert np.abs(g.motion[0].permute(1, 2, 0).numpy() - found["motion"])[found["hit"]].max() < 2e-3
+    assert frame.emitters_mirrored
+    assert not outgoing_light(frame)[g.hit.expand(-1, 3, -1, -1)].any()

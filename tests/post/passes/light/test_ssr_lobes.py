@@ -84,3 +84,13 @@ def test_fireflies_are_held_on_rough_surfaces_alone():
     mirror = frame.replace(gbuffer=frame.gbuffer.replace(roughness=torch.zeros_like(frame.gbuffer.depth)))
     light[:, :, 20:40, 30:50] = 50.0
     assert SSR(samples=1)(mirror.replace(radiance=light)).read("reflection").max() > 49
+
+
+def test_lamps_that_mirrors_show_already_are_not_added():
+    """As in direct light of path tracers, where rays of mirrors find lamps."""
+    frame = shiny()
+    glow = torch.where(frame.gbuffer.material_id == 2, 5.0, 0.0).expand(-1, 3, -1, -1)
+    lit = frame.replace(gbuffer=frame.gbuffer.replace(emission=glow), radiance=frame.read("radiance") + glow)
+    plain, both = (SSR(samples=1)(one).read("reflection") for one in (frame, lit))
+    assert float((both - plain).max()) > 1
+    torch.testing.assert_close(SSR(samples=1)(lit.replace(emitters_mirrored=True)).read("reflection"), plain)

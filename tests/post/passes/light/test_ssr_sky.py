@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import boxes
 import mirrors
+import pytest
 import torch
 from mirrors import SkyAlone, shiny
 from torch import Tensor
@@ -75,3 +76,15 @@ def boundless(frame: Frame) -> Frame:
     """The floor viewed from its edge, with sky on screen and a sky visibility of zero."""
     level = shiny(boxes.camera((90, 120)), scene=boxes.ROOM[:1])
     return level.replace(sky_visibility=torch.zeros_like(level.gbuffer.depth), environment=frame.environment)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize("rough", [0.0, 0.5])
+def test_metal_alone_under_a_sky_shows_it(rough: float, compiled: bool):
+    """It sends no light but what it mirrors, and so no other by which to limit its samples."""
+    lit = shiny(boxes.camera((36, 48)), rough=rough, scene=boxes.ROOM[:1])
+    dark = lit.replace(radiance=torch.zeros_like(lit.read("radiance")))
+    stage = SkyAlone(samples=1, reuse=0 if compiled else 1)  # reuse has no kernel
+    shown, same = (stage(frame).read("reflection") for frame in (dark, lit))
+    assert float(same.mean()) > 0.1
+    torch.testing.assert_close(shown, same)
