@@ -16,6 +16,7 @@ from gbufrt.compute.resident import waits
 from gbufrt.sampling import gather
 from post.history.reproject import motion_of
 from post.march.rays import Hits, depth_hierarchy, march_rays
+from post.mirrors.curvature import curved_motion, normals_before
 from post.shading.ggx import grazing, specular_f0
 from post.sweep.chords import known_thickness
 
@@ -41,19 +42,25 @@ class Image(NamedTuple):
     """``(B, 3, H, W)``: Fresnel's, by Schlick."""
     emission: Tensor
     """``(B, 3, H, W)`` in mirrors, linear radiance that what is reflected emits, times the reflectance."""
+    facing: Tensor
+    """``(B, 3, H, W)`` world space: normals of the mirrors themselves, zero elsewhere."""
 
 
-def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | None = None) -> Image | None:
+def mirror_image(
+    g: GBuffer, previous: Camera | None = None, polished: Tensor | None = None, before: Tensor | None = None
+) -> Image | None:
     """Replace smooth metals, and other mirrors, by what they reflect, as far as the picture tells.
 
     One ray a pixel finds it. Where a ray leaves the picture or goes behind something, the image is taken to lie on a
     plane parallel to the mirror, as deep behind it as the other images of the picture are on average: neighbours are
-    then of one surface, so that filters may average them. Curved mirrors are treated as their tangent planes.
+    then of one surface, so that filters may average them. Curved mirrors are treated as their tangent planes, but for
+    the motion of what they show.
 
     Args:
         g: of the frame.
         previous: camera of the frame before; by default the G-buffer's. Without one, motion stays as it is.
         polished: ``(B, 1, H, W)`` bool: mirrors that are no metals.
+        before: ``(B, 3, H, W)`` `Image.facing` of the frame before, to tell which mirrors turned.
 
     Returns:
         The image, or None where there is no mirror, as far as the host knows without waiting for a GPU.
@@ -84,10 +91,16 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
         changed["object_id"] = torch.where(found.hit, shown(g.object_id), g.object_id)
     previous = g.previous_camera if previous is None else previous
     if g.motion is not None and previous is not None:
-        moved = _moved(g, previous, points)
+        moved, (own, _), centers = (
+            _moved(g, previous, points),
+            motion_of(g, previous),
+            camera.pixel_centers(dtype=points.dtype),
+        )
         was = camera.to_world(points + away * distance) + torch.where(found.hit, shown(moved), 0.0)
-        was = previous.to_view(_mirrored_at(was, camera.to_world(points) + moved, g.normal))
-        changed["motion"] = previous.project(was) - camera.pixel_centers(dtype=was.dtype)
+        turned = normals_before(g.normal, before, centers + own)
+        was = previous.to_view(_mirrored_at(was, camera.to_world(points) + moved, turned))
+        flat = previous.project(was) - centers
+        changed["motion"] = curved_motion(flat, own, mask, distance, points, facing, camera)
         if g.motion_z is not None:
             changed["motion_z"] = was[:, 2:] - virtual[:, 2:]
     f0 = specular_f0(g.albedo, g.metallic)
@@ -99,6 +112,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
         reflectance * torch.where(found.hit, shown(g.albedo), 1.0),
         reflectance,
         reflectance * emission,
+        torch.where(mask, g.normal, 0.0),
     )
 
 
