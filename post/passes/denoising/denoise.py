@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import reduce
+
 import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
-from post.filters.around import alike, pooled
+from post.filters.around import alike
+from post.filters.edges import padded, windows
 from post.filters.surfaces import check_sizes, surface
 from post.history.antilag import grain_of, into_shadow, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
+from post.mirrors.glossy import frames_lasting, glossy_metals
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
-from post.shading.glossy import frames_lasting, glossy_metals
 
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
 GROWTH = 1.6  # of the wavelets' tolerance from kernel to kernel
 PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces without neighbours, less blurs metals
 NOISELESS = 1e-12  # variance, square radiance: below it filters tell nothing of what they leave
+FACING = "facing"  # in the history: normals of mirrors, by which those that turn are told
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
 
 
@@ -77,9 +82,12 @@ def denoise(
         raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
     check_sizes(gbuffer.camera, light=light)
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
+    faced = None if history is None else history.signals.get(FACING)
     reflected = reflectance_of(gbuffer, specular=specular)
     surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)
-    shown, divisor, emission, mirrors, glossy = in_mirrors(gbuffer, surfaces, before, reflected if specular else None)
+    shown, divisor, emission, mirrors, glossy, facing = in_mirrors(
+        gbuffer, surfaces, before, reflected if specular else None, faced
+    )
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
     mean, history = temporal(
@@ -113,19 +121,26 @@ def denoise(
     smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
     if mirrors is not None:
-        clean = _filled(clean, same, mirrors)
+        clean = _despeckled(clean, same, mirrors)
+    if facing is not None:
+        history = replace(history, signals={**history.signals, FACING: facing})
     return torch.where(gbuffer.hit, clean, light), history
 
 
-def _filled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:
-    """Light of mirrors, from the pixels around where next to none of them shows the same surface.
+def _despeckled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:
+    """Light of mirrors, within the range of that around where next to none of the pixels around shows the same surface.
 
     Borders of a virtual image are ragged where rays pass close to edges, and a pixel left alone there keeps its noise.
+    Where mirrors curve, all they show is so small that many pixels are alone, and a mean of those around would blur it.
     ``same`` is `alike`.
     """
     alone = mirrors & (same.sum(1, keepdim=True) <= ALONE)
-    others = (mirrors & ~alone).to(light.dtype)
-    return torch.where(alone & (pooled(others, torch.ones_like(others)) > 0), pooled(light, others), light)
+    bounds = []
+    for way in (1, -1):
+        views = windows(padded(torch.where(mirrors, way * light, -torch.inf), 1), 1)
+        bounds.append(way * reduce(torch.maximum, (*views[:4], *views[5:])))
+    clamped = torch.maximum(torch.minimum(light, bounds[0]), bounds[1])
+    return torch.where(alone & bounds[0].isfinite(), clamped, light)
 
 
 def _image_distance(g: GBuffer, reflected: Tensor | None) -> Tensor | None:

@@ -10,8 +10,8 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.luminance import luminance
 from post.filters.signals import MIN_ALBEDO
+from post.mirrors.image import METAL, SMOOTH, mirror_image
 from post.shading.composite_op import specular_albedo
-from post.shading.mirrors import METAL, SMOOTH, mirror_image
 
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MOST = 2.0  # times as much light by reflection as otherwise, for equal light all around, makes a mirror
@@ -32,6 +32,8 @@ class Shown(NamedTuple):
     """``(B, 1, H, W)`` in [0, 1]: share of the divisor by which the surface reflects a narrow lobe; None where it is
     not told apart. Light from there is unlike that from all around, so that what is left after division is unlike too,
     and shows the texture again."""
+    facing: Tensor | None = None
+    """``(B, 3, H, W)`` normals of the mirrors themselves; None where there is no mirror."""
 
 
 def reflectance_of(g: GBuffer, *, specular: bool) -> Tensor | None:
@@ -70,7 +72,9 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, reflected: Tensor | None, 
     return Shown(shown, _divisor(g.hit, albedo), emission, glossy=glossy)
 
 
-def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, reflected: Tensor | None = None) -> Shown:
+def in_mirrors(
+    g: GBuffer, shown: Shown, previous: Camera | None, reflected: Tensor | None = None, before: Tensor | None = None
+) -> Shown:
     """What each pixel shows, with the virtual images of what mirrors reflect in place of the mirrors.
 
     Water and polished stone that mirror more than they scatter or let through count as mirrors: edges of what they
@@ -79,12 +83,13 @@ def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, reflected: Ten
     Args:
         g: of the frame.
         shown: what `visible_layer` found.
-        previous: camera of the frame before, see `post.shading.mirrors.mirror_image`.
+        previous: camera of the frame before, see `post.mirrors.image.mirror_image`.
         reflected: `specular_albedo` of ``g``, where the light holds what dielectrics reflect; without it metals
             alone are mirrors.
+        before: `Shown.facing` of the frame before.
     """
     polished = None if reflected is None else _polished(g, shown, reflected)
-    image = mirror_image(g, previous, polished)
+    image = mirror_image(g, previous, polished, before)
     if image is None:
         return shown
     divisor = torch.where(image.mask, _divisor(g.hit, image.albedo), shown.divisor)
@@ -96,6 +101,7 @@ def in_mirrors(g: GBuffer, shown: Shown, previous: Camera | None, reflected: Ten
         torch.where(image.mask, shown.emission + image.emission, shown.emission),
         image.mask,
         None if shown.glossy is None else torch.where(image.mask, 0.0, shown.glossy),
+        image.facing,
     )
 
 

@@ -18,9 +18,9 @@ from post.filters.around import alike
 from post.filters.surfaces import surface
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
-from post.passes.denoising.denoise import _filled
+from post.mirrors.image import mirror_image
+from post.passes.denoising.denoise import _despeckled
 from post.shading.composite_op import specular_albedo
-from post.shading.mirrors import mirror_image
 from tracer.gbuffers import gbuffer
 
 SIZE = (36, 48)
@@ -146,17 +146,19 @@ def test_polished_tiles_share_their_light_whatever_their_albedo():
     assert error[0] < 0.8 * error[1]
 
 
-def test_a_pixel_left_alone_in_a_mirror_takes_the_light_around_it():
+def test_a_pixel_left_alone_in_a_mirror_stays_within_the_light_around_it():
     frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
     g, light = frame.gbuffer, torch.ones_like(frame.gbuffer.normal)
     depth, mirrors = g.depth.clone(), torch.zeros_like(g.hit)
-    for column in (12, 24):
+    for column, value in ((6, 1.25), (12, 0.0), (24, 0.0)):
         depth[..., 28, column] *= 0.5
-        light[..., 28, column] = 0.0
+        light[..., 28, column] = value
+    light[..., 29, 7] = 1.5
     mirrors[..., :24] = True
-    filled = _filled(light, alike(surface(depth, g.normal, g.hit, g.camera)), mirrors)
-    assert torch.equal(filled[..., 28, 12], torch.ones(1, 3))
-    assert torch.equal(filled[..., 28, 24], torch.zeros(1, 3))
+    clean = _despeckled(light, alike(surface(depth, g.normal, g.hit, g.camera)), mirrors)
+    assert torch.equal(clean[..., 28, 6], torch.full((1, 3), 1.25))  # no brighter than one around it
+    assert torch.equal(clean[..., 28, 12], torch.ones(1, 3))
+    assert torch.equal(clean[..., 28, 24], torch.zeros(1, 3))
 
 
 def test_strong_noise_leaves_no_blotches_and_weak_noise_no_blur():

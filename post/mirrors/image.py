@@ -16,6 +16,7 @@ from gbufrt.compute.resident import waits
 from gbufrt.sampling import gather
 from post.history.reproject import motion_of
 from post.march.rays import Hits, depth_hierarchy, march_rays
+from post.mirrors.curvature import curved_motion, normals_before
 from post.shading.ggx import grazing, specular_f0
 from post.sweep.chords import known_thickness
 
@@ -40,19 +41,25 @@ class Image(NamedTuple):
     """``(B, 3, H, W)``: Fresnel's, by Schlick."""
     emission: Tensor
     """``(B, 3, H, W)`` in mirrors, linear radiance that what is reflected emits, times the reflectance."""
+    facing: Tensor
+    """``(B, 3, H, W)`` world space: normals of the mirrors themselves, zero elsewhere."""
 
 
-def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | None = None) -> Image | None:
+def mirror_image(
+    g: GBuffer, previous: Camera | None = None, polished: Tensor | None = None, before: Tensor | None = None
+) -> Image | None:
     """Replace smooth metals, and other mirrors, by what they reflect, as far as the picture tells.
 
     One ray a pixel finds it. Where a ray leaves the picture or goes behind something, the image is taken to lie on a
     plane parallel to the mirror, as deep behind it as the other images of the picture are on average: neighbours are
-    then of one surface, so that filters may average them. Curved mirrors are treated as their tangent planes.
+    then of one surface, so that filters may average them. Curved mirrors are treated as their tangent planes, but for
+    the motion of what they show.
 
     Args:
         g: of the frame.
         previous: camera of the frame before; by default the G-buffer's. Without one, motion stays as it is.
         polished: ``(B, 1, H, W)`` bool: mirrors that are no metals.
+        before: ``(B, 3, H, W)`` `Image.facing` of the frame before, to tell which mirrors turned.
 
     Returns:
         The image, or None where there is no mirror, as far as the host knows without waiting for a GPU.
@@ -84,11 +91,11 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
     previous = g.previous_camera if previous is None else previous
     if g.motion is not None and previous is not None:
         moved = _moved(g, previous, points)
-        was = camera.to_world(points + away * distance) + torch.where(found.hit, shown(moved), 0.0)
-        was = previous.to_view(_mirrored_at(was, camera.to_world(points) + moved, g.normal))
-        changed["motion"] = previous.project(was) - camera.pixel_centers(dtype=was.dtype)
+        reflected = camera.to_world(points + away * distance) + torch.where(found.hit, shown(moved), 0.0)
+        motion, depth = _image_motion(g, previous, mask, distance, reflected, camera.to_world(points) + moved, before)
+        changed["motion"] = motion
         if g.motion_z is not None:
-            changed["motion_z"] = was[:, 2:] - virtual[:, 2:]
+            changed["motion_z"] = depth - virtual[:, 2:]
     f0 = specular_f0(g.albedo, g.metallic)
     reflectance = f0 + (1 - f0) * grazing((eye * facing).sum(1, keepdim=True))
     emission = torch.zeros_like(reflectance) if g.emission is None else torch.where(found.hit, shown(g.emission), 0.0)
@@ -98,6 +105,7 @@ def mirror_image(g: GBuffer, previous: Camera | None = None, polished: Tensor | 
         reflectance * torch.where(found.hit, shown(g.albedo), 1.0),
         reflectance,
         reflectance * emission,
+        torch.where(mask, g.normal, 0.0),
     )
 
 
@@ -120,6 +128,35 @@ def _image_distances(found: Hits, mask: Tensor, cosine: Tensor, far: float) -> T
     count = known.sum((1, 2, 3), keepdim=True)
     mean = torch.where(known, distance * cosine, 0.0).sum((1, 2, 3), keepdim=True) / count.clamp_min(1)
     return torch.where(found.hit, distance, torch.where(count > 0, mean, far) / cosine)
+
+
+def _image_motion(
+    g: GBuffer,
+    previous: Camera,
+    mask: Tensor,
+    distance: Tensor,
+    reflected: Tensor,
+    place: Tensor,
+    before: Tensor | None,
+) -> tuple[Tensor, Tensor]:
+    """Motion ``(B, 2, H, W)`` of images, and their depth in the frame before.
+
+    Args:
+        g: of the frame.
+        previous: camera of the frame before.
+        mask: of mirrors.
+        distance: ``(B, 1, H, W)`` world units from mirrors to what they reflect.
+        reflected: ``(B, 3, H, W)`` world space: where what they reflect was.
+        place: as ``reflected``, where the mirrors were.
+        before: normals of the mirrors of the frame before.
+    """
+    camera, points = g.camera, g.points_view()
+    own, centers = motion_of(g, previous)[0], camera.pixel_centers(dtype=points.dtype)
+    normal = normals_before(g.normal, before, centers + own)
+    was = previous.to_view(_mirrored_at(reflected, place, normal))
+    flat = previous.project(was) - centers
+    facing = camera.rotate_to_view(g.normal)
+    return curved_motion(flat, own, mask, distance, points, facing, camera), was[:, 2:]
 
 
 def _moved(g: GBuffer, previous: Camera, points: Tensor) -> Tensor:

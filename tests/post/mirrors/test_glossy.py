@@ -9,7 +9,7 @@ import torch
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
 from post import Denoise, denoise
-from post.shading.glossy import LASTING, LEAST, frames_lasting
+from post.mirrors.glossy import LASTING, LEAST, frames_lasting
 
 SIZE = (48, 64)
 RADIUS, DISTANCE = 1.0, 3.0

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.directions import length
-from post.shading.mirrors import METAL, SMOOTH
+from post.mirrors.image import METAL, SMOOTH
 
 LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
 LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
@@ -24,7 +24,7 @@ def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
     """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
 
     A highlight stays where it is on a surface as long as the eye turns round it by less than the lobe is wide. Further
-    frames show light that is no longer there. Smooth metals are left to `post.shading.mirrors`.
+    frames show light that is no longer there. Smooth metals are left to `post.mirrors.image`.
 
     Args:
         g: of the frame.

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.directions import length
-from post.shading.mirrors import mirror_image
+from post.mirrors.image import mirror_image
 from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import MASK_SECONDARY, Instance, Scene, View
