@@ -13,3 +13,4 @@ LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it s
 LANDING_RELATIVE = 0.1  # of the distance it moved, because neighbours on one surface do not move quite alike
 STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
 OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
+OVERSHOOT = 0.1  # of the range around it, by which a pixel may leave that range when sharpened: more would ring

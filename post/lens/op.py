@@ -14,7 +14,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import resident
 from post.lens.constants import EDGE, FINEST, MOST_CHANNELS, MOST_LAYERS
 from post.lens.reference import bright_level, layers_reference, signed
-from post.lens.shutter_reference import reconstruct_reference, similar_reference
+from post.lens.shutter_reference import farthest, reconstruct_reference, similar_reference
 
 
 class Tables(NamedTuple):
@@ -80,12 +80,25 @@ def reconstruct_cpu(
     from post.lens.shutter_kernel import TOGETHER
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
-    picture = side_by_side(color, TOGETHER)
+    picture = side_by_side(prefiltered_cpu(color, path, opening), TOGETHER)
     planes = (color, depth[:, 0], path, dominant, picture, torch.cat([depth, path], 1).flatten(2), noise)
     if form_of(color, cuda=color.shape[1] <= MOST_CHANNELS) is Form.CUDA:
         reconstruct_each(depth.numel(), out, *planes, opening, samples, softness)
     else:
         reconstruct_rows(array(out), *map(array, planes), opening, samples, softness, threads())
+    return out
+
+
+def prefiltered_cpu(color: Tensor, path: Tensor, opening: float) -> Tensor:
+    """See `post.lens.shutter_reference.prefiltered`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.lens.prefilter_kernel import prefilter_each, prefilter_rows
+
+    out, reach = torch.empty_like(color, memory_format=torch.contiguous_format), farthest(opening)
+    if form_of(color, cuda=True) is Form.CUDA:
+        prefilter_each(out[:, 0].numel(), out, color, path, reach)
+    else:
+        prefilter_rows(*map(array, (out, color, path)), reach, threads())
     return out
 
 
@@ -145,7 +158,7 @@ def similar_cpu(color: Tensor, path: Tensor, noise: Tensor, opening: float, samp
     from post.lens.drivers import similar_each
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
-    similar_each(out[:, 0].numel(), out, color, path, noise, opening, samples)
+    similar_each(out[:, 0].numel(), out, color, prefiltered_cpu(color, path, opening), path, noise, opening, samples)
     return out
 
 

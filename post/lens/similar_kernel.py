@@ -11,7 +11,7 @@ ZERO, HALF, ONE, TINY = np.float32(0), np.float32(0.5), np.float32(1), np.float3
 
 
 @scalar
-def similar_pixel(i, out, color, path, noise, opening, samples):
+def similar_pixel(i, out, color, sharp, path, noise, opening, samples):
     """See `post.lens.op.blur_alike`. What stands still is left alone."""
     channels, height, width = color.shape[1], color.shape[2], color.shape[3]
     b, y, x = pixel_of(i, height, width)
@@ -32,7 +32,7 @@ def similar_pixel(i, out, color, path, noise, opening, samples):
         if alike > ZERO:
             alike = min(alike, ONE)
             weight += alike
-            _add_between(out, color, b, y, x, row, column, alike)
+            _add_between(out, sharp, b, y, x, row, column, alike)
     for c in range(channels):
         out[b, c, y, x] /= weight
 

@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.lens.op import blur_alike, reconstruct, reconstruct_cpu, similar_cpu
+from post.lens.op import blur_alike, prefiltered_cpu, reconstruct, reconstruct_cpu, similar_cpu
+from post.lens.shutter_reference import prefiltered
 from post.passes.lens.motion_blur import motion_blur
 
 OPENINGS = {"center": -0.5, "trailing": 0.0}
@@ -129,3 +130,34 @@ def test_similarity_forms_agree(size: tuple[int, int], channels: int, opening: f
         assert torch.equal(got[stays], given["color"][stays]), "moving things do not spill over static ones"
         assert float((want - given["color"])[~stays].abs().mean()) > 0.1
     torch.library.opcheck(similar_cpu, (*planes, opening, 5), test_utils=("test_schema", "test_faketensor"))
+
+
+@pytest.mark.parametrize("opening", OPENINGS.values(), ids=OPENINGS)
+@pytest.mark.parametrize("width", [1, 2, 3, 40])
+def test_the_picture_read_between_pixels_has_both_forms(width: int, opening: float) -> None:
+    color, path = noise(2, 3, 12, width, seed=5), 4 * noise(2, 2, 12, width, seed=6) - 2
+    want = prefiltered(color, path, opening)
+    torch.testing.assert_close(prefiltered_cpu(color, path, opening), want, rtol=1e-5, atol=1e-6)
+    assert torch.equal(prefiltered(color, torch.zeros_like(path), opening), color)
+    assert width < 3 or float((want - color).abs().mean()) > 0.02
+
+
+def test_reading_between_pixels_blurs_no_wave_and_brightens_no_lone_line() -> None:
+    place = torch.arange(60) * (2 * torch.pi / 6)
+    wave = 1 + 0.2 * torch.sin(place).expand(1, 3, 4, 60)
+    path = torch.tensor([7.0, 0.0]).view(1, 2, 1, 1).expand(1, 2, 4, 60)
+
+    def height(picture: Tensor) -> float:
+        """Of the wave, as it is read all the way from one pixel to the next, as a share of what it is."""
+        shares = []
+        for fraction in torch.arange(8) / 8:
+            read = torch.lerp(picture[0, 0, 0, 10:40], picture[0, 0, 0, 11:41], fraction) - 1
+            truth = torch.sin(place[10:40] + fraction * place[1])
+            shares.append(float((read * truth).sum() / (0.2 * truth.square().sum())))
+        return sum(shares) / len(shares)
+
+    assert height(wave) < 0.93
+    assert height(prefiltered(wave, path, -0.5)) == pytest.approx(1.0, abs=0.02)
+    line = torch.zeros(1, 3, 4, 60)
+    line[..., 30] = 50.0
+    assert torch.equal(prefiltered(line, path, -0.5), line)
