@@ -66,7 +66,7 @@ def curved_motion(
     nearness = 1 / distance.clamp_min(1e-9) + (0.0 if camera.orthographic else 1 / length(points))
     steps, turns = [], []
     for axis, focal in enumerate(lens):
-        step = F.one_hot(torch.tensor(axis), 3).to(points)[None, :, None, None] * (wide / focal)
+        step = torch.cat([wide / focal if k == axis else torch.zeros_like(wide) for k in range(3)], dim=1)
         steps.append(step - eye * (_dot(normal, step) / facing))  # by a pixel, in the tangent plane
         turns.append(2 * cosine * _slope(normal, mirrors, 3 - axis))
     across = [step - eye * _dot(step, eye) for step in steps]
