@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute.resident import waits
 from gbufrt.directions import length
 from gbufrt.sampling import sample
 
@@ -58,6 +59,9 @@ def curved_motion(
 
     Source: ray differentials at mirrors, Igehy 1999, to the first order.
     """
+    slopes = [_slope(normal, mirrors, dim) for dim in (3, 2)]
+    if not waits(flat) and not any(bool(slope.any()) for slope in slopes):
+        return flat
     eye = camera.to_eye(points)
     cosine = _dot(eye, normal)
     facing = torch.where(cosine > 0, cosine, torch.inf)
@@ -68,7 +72,7 @@ def curved_motion(
     for axis, focal in enumerate(lens):
         step = torch.cat([wide / focal if k == axis else torch.zeros_like(wide) for k in range(3)], dim=1)
         steps.append(step - eye * (_dot(normal, step) / facing))  # by a pixel, in the tangent plane
-        turns.append(2 * cosine * _slope(normal, mirrors, 3 - axis))
+        turns.append(2 * cosine * slopes[axis])
     across = [step - eye * _dot(step, eye) for step in steps]
     plane = [nearness * _dot(across[i], across[j]) for i, j in ((0, 0), (0, 1), (1, 1))]
     bend = [(_dot(steps[i], turns[j]) + _dot(steps[j], turns[i])) / 2 for i, j in ((0, 0), (0, 1), (1, 1))]
