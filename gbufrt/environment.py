@@ -45,6 +45,13 @@ def environment_solid_angles(
     return ((edges[:-1] - edges[1:]) * (2 * math.pi / width)).to(dtype)[None, None, :, None]
 
 
+def environment_mean(environment: Tensor) -> Tensor:
+    """``(B, C, 1, 1)`` mean over all directions of lat-long pictures ``(B, C, h, w)``; polar rows cover little."""
+    height, width = environment.shape[-2:]
+    angles = environment_solid_angles((height, width), dtype=environment.dtype, device=environment.device)
+    return (environment * angles).sum((2, 3), keepdim=True) / (4 * math.pi)
+
+
 def lookup_environment(environment: Tensor, directions: Tensor) -> Tensor:
     """What a lat-long picture shows in the given directions.
 

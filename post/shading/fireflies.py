@@ -1,4 +1,4 @@
-"""Lone bright pixels of reflections: rays of a lobe's tail that found a lamp."""
+"""Fireflies of reflections: the light by which samples are limited, and lone bright pixels that found a lamp."""
 
 from __future__ import annotations
 
@@ -6,12 +6,35 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.environment import environment_mean
 from gbufrt.luminance import luminance
 from gbufrt.specular import MIRROR_ROUGHNESS
 
 BROAD = 0.2  # perceptual roughness from which bright samples are many, and filters average them
 LIMIT = 2.0  # times the brightest of the pixels around
 UNKNOWN = -1.0  # less than any light: around lie no other pixels of such lobes
+
+
+def mean_light(light: Tensor, hit: Tensor, f0: Tensor, environment: Tensor | None, visibility: Tensor | None) -> Tensor:
+    """Mean luminance of what was hit, of which limits of samples are multiples.
+
+    What surfaces mirror of the sky counts, as far as it is open to them: metals send no other light.
+
+    Args:
+        light: ``(B, 3, H, W)`` outgoing linear radiance.
+        hit: ``(B, 1, H, W)`` bool.
+        f0: ``(B, 3, H, W)`` reflectance at normal incidence.
+        environment: ``(B, 3, h, w)`` lat-long radiance of the sky, where there is one.
+        visibility: ``(B, 1, H, W)`` of the sky; by default it is open.
+
+    Returns:
+        ``(B, 1, 1, 1)``.
+    """
+    sent = luminance(light)
+    if environment is not None:
+        mirrored = luminance(f0 * environment_mean(environment))
+        sent = sent + (mirrored if visibility is None else mirrored * visibility)
+    return (sent * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
 
 
 def without_lone_fireflies(reflection: Tensor, roughness: Tensor) -> Tensor:

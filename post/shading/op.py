@@ -9,7 +9,8 @@ from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import resident
 from post.march.rays import Hierarchy, check_reach, lens_of
-from post.shading.reference import Method, Picture, border_width, brightest, reflect_reference
+from post.shading.fireflies import mean_light
+from post.shading.reference import Method, Picture, border_width, reflect_reference
 
 OPEN = (0.0, 0.0, 0.0, 1.0)  # nothing but the sky lies around
 
@@ -65,7 +66,7 @@ def reflect_cpu(
         sky: ``(B, h, w, 3)`` or ``(1, h, w, 3)``, lat-long.
         around: ``(B, h, w, 4)`` or ``(1, h, w, 4)``, lat-long: see `Picture`.
         bent_normal: see `Picture`.
-        limit: ``(B,)``: see `brightest`.
+        limit: ``(B,)``: see `post.shading.fireflies.mean_light`.
         noise: see `reflect`.
         shifts: ``(samples, 2)``: see `reflect`.
         bounces: see `reflect`, as the rest.
@@ -160,7 +161,7 @@ def reflect(
         depth.new_zeros(1, 1, 1, 3) if environment is None else environment.movedim(1, -1),
         depth.new_zeros(1, 1, 1, 4) + resident(OPEN, depth) if around is None else around.movedim(1, -1),
         none if bent_normal is None else _full(bent_normal, 3, depth),
-        brightest(picture).flatten(),
+        mean_light(light, picture.hit, picture.f0, environment, picture.visibility).flatten(),
         noise,
         shifts,
         int(bounces),

@@ -14,6 +14,7 @@ from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays
 from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT, ROW_SLOPE
+from post.shading.fireflies import mean_light
 from post.shading.ggx import grazing
 from post.shading.lobes import (
     Lobe,
@@ -66,7 +67,7 @@ def reflect_reference(
 ) -> Tensor:
     """``(B, 5, H, W)``. Arguments and result are those of `post.shading.op.reflect`."""
     depth, hit, roughness, f0 = picture.depth, picture.hit, picture.roughness, picture.f0
-    limit = brightest(picture)
+    limit = mean_light(picture.light, hit, f0, picture.environment, picture.visibility)
     surface = surface_of(depth, hit, picture.normal, picture.normal_geo, roughness, camera)
     rays = rays_of(surface, f0, roughness, len(shifts))
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
@@ -143,18 +144,6 @@ def _followed(
         total = total + torch.where(seen * gloss > 0, mirrored * gloss * sky, 0.0)
         carried, way = torch.where(goes, mirrored * metal, 0.0), torch.where(goes, way, 0.0)
     return total, *firsts[0]
-
-
-def brightest(picture: Picture) -> Tensor:
-    """``(B, 1, 1, 1)`` mean luminance of what was hit, of which limits of samples are multiples.
-
-    What that mirrors of the sky counts, as far as it is open to it: metals send no other light.
-    """
-    sent, hit = luminance(picture.light), picture.hit
-    if picture.environment is not None:
-        mirrored = luminance(picture.f0 * picture.environment.mean((2, 3), keepdim=True))
-        sent = sent + (mirrored if picture.visibility is None else mirrored * picture.visibility)
-    return (sent * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
 
 
 def border_width(camera: Camera) -> float:

@@ -5,7 +5,12 @@ import math
 import pytest
 import torch
 
-from gbufrt.environment import environment_directions, environment_solid_angles, lookup_environment
+from gbufrt.environment import (
+    environment_directions,
+    environment_mean,
+    environment_solid_angles,
+    lookup_environment,
+)
 
 
 def one(x: float, y: float, z: float) -> torch.Tensor:
@@ -78,6 +83,13 @@ def test_poles_and_the_zero_vector_are_finite():
     assert torch.isfinite(found).all()
     assert way.grad is not None
     assert torch.isfinite(way.grad).all()
+
+
+def test_the_mean_is_over_directions_not_over_pixels():
+    height = environment_directions((16, 32))[:, 1:2].square()
+    picture = torch.cat([height, 2 * torch.ones_like(height)], dim=1)
+    assert environment_mean(picture)[0, :, 0, 0].tolist() == pytest.approx([1 / 3, 2.0], rel=1e-2)
+    assert float(height.mean()) > 0.45  # the zenith has as many pixels as the horizon
 
 
 def test_wrong_shape_says_what_was_expected():
