@@ -161,8 +161,7 @@ class Frame:
         Raises:
             ValueError: it is absent; the message lists what is there.
         """
-        tensor = self.get(name)
-        if tensor is None:
+        if (tensor := self.get(name)) is None:
             raise ValueError(f"the frame has no {name!r}{meant(name, self.present)}; it has {', '.join(self.present)}")
         return tensor
 

@@ -80,7 +80,7 @@ def reconstruct_cpu(
     from post.lens.shutter_kernel import TOGETHER
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
-    picture = side_by_side(prefiltered_cpu(color, path, opening), TOGETHER)
+    picture = side_by_side(prefiltered_by_kernel(color, path, opening), TOGETHER)
     planes = (color, depth[:, 0], path, dominant, picture, torch.cat([depth, path], 1).flatten(2), noise)
     if form_of(color, cuda=color.shape[1] <= MOST_CHANNELS) is Form.CUDA:
         reconstruct_each(depth.numel(), out, *planes, opening, samples, softness)
@@ -89,7 +89,7 @@ def reconstruct_cpu(
     return out
 
 
-def prefiltered_cpu(color: Tensor, path: Tensor, opening: float) -> Tensor:
+def prefiltered_by_kernel(color: Tensor, path: Tensor, opening: float) -> Tensor:
     """See `post.lens.shutter_reference.prefiltered`."""
     from gbufrt.compute.kernel import array, threads
     from post.lens.prefilter_kernel import prefilter_each, prefilter_rows
@@ -158,7 +158,9 @@ def similar_cpu(color: Tensor, path: Tensor, noise: Tensor, opening: float, samp
     from post.lens.drivers import similar_each
 
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
-    similar_each(out[:, 0].numel(), out, color, prefiltered_cpu(color, path, opening), path, noise, opening, samples)
+    similar_each(
+        out[:, 0].numel(), out, color, prefiltered_by_kernel(color, path, opening), path, noise, opening, samples
+    )
     return out
 
 

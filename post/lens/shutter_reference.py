@@ -58,6 +58,8 @@ def prefiltered(color: Tensor, path: Tensor, opening: float) -> Tensor:
 
     Returns:
         ``(B, C, H, W)``.
+
+    Source: our own; second differences undo a blur to the order of its variance.
     """
     reach = (path.abs() * farthest(opening)).clamp_max(1.0)
     across, down = (reach * (0.5 - reach / 3)).split(1, dim=1)  # means of f (1 - f)

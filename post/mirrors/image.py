@@ -91,11 +91,14 @@ def mirror_image(
     previous = g.previous_camera if previous is None else previous
     if g.motion is not None and previous is not None:
         moved = _moved(g, previous, points)
-        reflected = camera.to_world(points + away * distance) + torch.where(found.hit, shown(moved), 0.0)
-        motion, depth = _image_motion(g, previous, mask, distance, reflected, camera.to_world(points) + moved, before)
-        changed["motion"] = motion
+        own, centers = motion_of(g, previous)[0], camera.pixel_centers(dtype=points.dtype)
+        was = camera.to_world(points + away * distance) + torch.where(found.hit, shown(moved), 0.0)
+        turned = normals_before(g.normal, before, centers + own)
+        was = previous.to_view(_mirrored_at(was, camera.to_world(points) + moved, turned))
+        flat = previous.project(was) - centers
+        changed["motion"] = curved_motion(flat, own, mask, distance, points, facing, camera)
         if g.motion_z is not None:
-            changed["motion_z"] = depth - virtual[:, 2:]
+            changed["motion_z"] = was[:, 2:] - virtual[:, 2:]
     f0 = specular_f0(g.albedo, g.metallic)
     reflectance = f0 + (1 - f0) * grazing((eye * facing).sum(1, keepdim=True))
     emission = torch.zeros_like(reflectance) if g.emission is None else torch.where(found.hit, shown(g.emission), 0.0)
@@ -118,9 +121,8 @@ def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:
 def _image_distances(found: Hits, mask: Tensor, cosine: Tensor, far: float) -> Tensor:
     """``(B, 1, H, W)`` world units along the ray; those of unknown images lead to the mean depth behind the mirrors.
 
-    That is ``far`` in a picture in which none of the rays finds anything.
-
-    Rays that end behind something are not taken to be right one by one, but their mean is.
+    Rays that end behind something are not taken to be right one by one, but their mean is. In a picture in which none
+    of the rays finds anything the depth is ``far``.
     """
     cosine = cosine.clamp_min(GRAZING)
     distance = found.distance.to(cosine)
@@ -128,35 +130,6 @@ def _image_distances(found: Hits, mask: Tensor, cosine: Tensor, far: float) -> T
     count = known.sum((1, 2, 3), keepdim=True)
     mean = torch.where(known, distance * cosine, 0.0).sum((1, 2, 3), keepdim=True) / count.clamp_min(1)
     return torch.where(found.hit, distance, torch.where(count > 0, mean, far) / cosine)
-
-
-def _image_motion(
-    g: GBuffer,
-    previous: Camera,
-    mask: Tensor,
-    distance: Tensor,
-    reflected: Tensor,
-    place: Tensor,
-    before: Tensor | None,
-) -> tuple[Tensor, Tensor]:
-    """Motion ``(B, 2, H, W)`` of images, and their depth in the frame before.
-
-    Args:
-        g: of the frame.
-        previous: camera of the frame before.
-        mask: of mirrors.
-        distance: ``(B, 1, H, W)`` world units from mirrors to what they reflect.
-        reflected: ``(B, 3, H, W)`` world space: where what they reflect was.
-        place: as ``reflected``, where the mirrors were.
-        before: normals of the mirrors of the frame before.
-    """
-    camera, points = g.camera, g.points_view()
-    own, centers = motion_of(g, previous)[0], camera.pixel_centers(dtype=points.dtype)
-    normal = normals_before(g.normal, before, centers + own)
-    was = previous.to_view(_mirrored_at(reflected, place, normal))
-    flat = previous.project(was) - centers
-    facing = camera.rotate_to_view(g.normal)
-    return curved_motion(flat, own, mask, distance, points, facing, camera), was[:, 2:]
 
 
 def _moved(g: GBuffer, previous: Camera, points: Tensor) -> Tensor:

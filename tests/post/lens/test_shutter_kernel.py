@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.lens.op import blur_alike, prefiltered_cpu, reconstruct, reconstruct_cpu, similar_cpu
+from post.lens.op import blur_alike, prefiltered_by_kernel, reconstruct, reconstruct_cpu, similar_cpu
 from post.lens.shutter_reference import prefiltered
 from post.passes.lens.motion_blur import motion_blur
 
@@ -137,7 +137,7 @@ def test_similarity_forms_agree(size: tuple[int, int], channels: int, opening: f
 def test_the_picture_read_between_pixels_has_both_forms(width: int, opening: float) -> None:
     color, path = noise(2, 3, 12, width, seed=5), 4 * noise(2, 2, 12, width, seed=6) - 2
     want = prefiltered(color, path, opening)
-    torch.testing.assert_close(prefiltered_cpu(color, path, opening), want, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(prefiltered_by_kernel(color, path, opening), want, rtol=1e-5, atol=1e-6)
     assert torch.equal(prefiltered(color, torch.zeros_like(path), opening), color)
     assert width < 3 or float((want - color).abs().mean()) > 0.02
 
