@@ -12,7 +12,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import allocating, inlined, scalar
+from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
 
 ZERO, HALF, ONE, NEAREST = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-9)
@@ -26,7 +26,7 @@ Channels = namedtuple("Channels", "depth normal hit kind")
 """Of a G-buffer; ``kind``: the ids of objects."""
 
 Past = namedtuple("Past", "depth normal hit kind length height width lens parallel")
-"""The previous frame: flat planes, and its camera. Normals are in world space; see `WORLD`."""
+"""The previous frame: planes, each row after row in one, and its camera. Normals are in world space; see `WORLD`."""
 
 HIT, OBJECT, POINT, FOOTPRINT = 3, 4, 5, 8
 WORLD = 9  # normals once more, in world space: cosines are the same there, and what is read needs no rotation
@@ -37,14 +37,6 @@ EXPECTED = 12  # rows of what a pixel expects
 def lens_at(values):
     """The lens of the six numbers of `Camera.lens`."""
     return Lens(values[0], values[1], values[2], values[3], values[4], values[5])
-
-
-@allocating
-def past_of(depth, normal, hit, kind, length, lens, parallel):
-    """The previous frame from pictures of its channels."""
-    height, width = depth.shape
-    flat = depth.reshape(height * width), normal.reshape(3, height * width), hit.reshape(height * width)
-    return Past(*flat, kind.reshape(kind.size), length.reshape(length.size), height, width, lens, parallel)
 
 
 @inlined

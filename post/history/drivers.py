@@ -10,7 +10,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.history.correspondence_kernel import EXPECTED, Channels, expected_row, lens_at, past_of, shift_row
+from post.history.correspondence_kernel import EXPECTED, Channels, Past, expected_row, lens_at, shift_row
 from post.history.read_kernel import read_row
 from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
 
@@ -23,7 +23,7 @@ def read_rows(
     lenses, poses, parallel, plane, cosine, search, sharp, threads,
 ):  # fmt: skip
     """See `post.history.read.read_history_cpu`."""
-    batch, _, height, width = image.shape
+    batch, _, height, width = out.shape
     for thread in prange(threads):
         columns, lines = np.empty(width, np.int32), np.empty(width, np.int32)
         places, rows = np.empty((4, width), np.int64), np.empty((9, width), np.float32)
@@ -32,7 +32,7 @@ def read_rows(
             b, y = row // height, row % height
             seen, moved = Channels(depth[b], normal[b], hit[b], kind[b]), (motion[b], motion_z[b], look[b])
             was = was_depth[b], was_normal[b], was_hit[b], was_kind[b], length[b]
-            past = past_of(*was, lens_at(lenses[b, 1]), parallel)
+            past = Past(*was, height, width, lens_at(lenses[b, 1]), parallel)
             views = lens_at(lenses[b, 0]), poses[b]
             options = np.float32(plane), np.float32(cosine), search, sharp
             scratch = columns, lines, places, rows, now, shift
@@ -45,13 +45,14 @@ def read_pixel(
     lenses, poses, parallel, plane, cosine, search, sharp,
 ):  # fmt: skip
     """As `read_rows`, one pixel."""
-    b, y, x = pixel_of(i, image.shape[2], image.shape[3])
+    height, width = out.shape[2:]
+    b, y, x = pixel_of(i, height, width)
     columns, lines = cuda.local.array(1, np.int32), cuda.local.array(1, np.int32)
     places, rows = cuda.local.array((4, 1), np.int64), cuda.local.array((9, 1), np.float32)
     now, shift = cuda.local.array((EXPECTED, 1), np.float32), cuda.local.array((2, 1), np.float32)
     seen, moved = Channels(depth[b], normal[b], hit[b], kind[b]), (motion[b], motion_z[b], look[b])
     was = was_depth[b], was_normal[b], was_hit[b], was_kind[b], length[b]
-    past = past_of(*was, lens_at(lenses[b, 1]), parallel)
+    past = Past(*was, height, width, lens_at(lenses[b, 1]), parallel)
     views, options = (lens_at(lenses[b, 0]), poses[b]), (np.float32(plane), np.float32(cosine), search, sharp)
     _read(out[b], image[b], seen, moved, past, views, options, (columns, lines, places, rows, now, shift), y, x, x + 1)
 

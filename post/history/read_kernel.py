@@ -39,9 +39,9 @@ def _same(now, past, x, row, column, plane, normal):
 
 
 @inlined
-def _tap(image, c, row, column):
+def _tap(plane, past, row, column):
     """A number of the pixel, or of the nearest one of the picture."""
-    return image[c, min(max(row, 0), image.shape[1] - 1), min(max(column, 0), image.shape[2] - 1)]
+    return plane[min(max(row, 0), past.height - 1) * past.width + min(max(column, 0), past.width - 1)]
 
 
 @inlined
@@ -75,13 +75,13 @@ def _add_sharp(out, image, now, past, y, first, x, top, left, fy, fx, plane, nor
             if not inner and not _same(now, past, x, top + row, left + column, plane, normal):
                 row, column = min(max(row, 0), 1), min(max(column, 0), 1)
             for c in range(channels):
-                out[c, y, first + x] += weight * _tap(image, c, top + row, left + column)
+                out[c, y, first + x] += weight * _tap(image[c], past, top + row, left + column)
             used |= 1 << (4 * (row + 1) + column + 1)
     for c in range(channels):
         low, high = np.float32(np.inf), np.float32(-np.inf)
         for k in range(16):
             if used & (1 << k):
-                value = _tap(image, c, top + k // 4 - 1, left + k % 4 - 1)
+                value = _tap(image[c], past, top + k // 4 - 1, left + k % 4 - 1)
                 low, high = min(low, value), max(high, value)
         out[c, y, first + x] = min(max(out[c, y, first + x], low), high)
 
@@ -165,10 +165,8 @@ def _distances(distance, now, past, places, columns, lines, dx, dy):
 @scalar
 def _add_taps(out, image, weights, places, y, first, end):
     """Add one tap of every pixel."""
-    channels, height, width = image.shape
-    there = image.reshape(channels, height * width)
-    for c in range(channels):
-        row, picture = out[c, y, first:end], there[c]
+    for c in range(image.shape[0]):
+        row, picture = out[c, y, first:end], image[c]
         for x in range(weights.shape[0]):
             row[x] += weights[x] * picture[places[x]] if weights[x] > ZERO else ZERO
 
@@ -208,7 +206,7 @@ def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns
             if found:
                 valid[x] = ONE
                 for c in range(channels):
-                    out[c, y, first + x] = image[c, near_row, near]
+                    out[c, y, first + x] = image[c, near_row * past.width + near]
         elif sharp and total[x] > WHOLE and (fx > ZERO or fy > ZERO):
             top, left = np.int64(lines[x]), np.int64(columns[x])
             _add_sharp(out, image, now, past, y, first, x, top, left, fy, fx, plane, normal)

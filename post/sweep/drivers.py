@@ -88,27 +88,27 @@ def _left_out(wide, width, margin):
 
 @driver
 def sweep_all(
-    out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, margin, stride, row, column,
-    directions, steps, limited, parallel, gathers, threads,
+    out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, wide, margin, stride, row,
+    column, directions, steps, limited, parallel, gathers, threads,
 ):  # fmt: skip
-    tall, wide, pairs = picture.shape[1:]
+    tall = picture.shape[1] // wide
     left_out = _left_out(wide, depth.shape[2], margin)
     for thread in prange(threads):
         lanes = new_lanes(radii.shape[0], SUMS + LIGHT if gathers else SUMS, steps)
         for b in range(picture.shape[0]):
-            pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
-            around = Around(pixels, wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
+            known = radii, limited, sky[b], terms, turns
+            around = Around(picture[b], wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
             grid = Grid(depth[b], normal[b], lens[b], pose[b], hit.shape[2], stride, row, column)
             _sweep_rows(out[:, b], lanes, around, grid, hit[b], noise, directions, thread, threads, gathers)
 
 
 @scalar
 def sweep_pixel(
-    i, out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, margin, stride, row, column,
-    directions, steps, limited, parallel, gathers,
+    i, out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, wide, margin, stride, row,
+    column, directions, steps, limited, parallel, gathers,
 ):  # fmt: skip
     """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size."""
-    (height, width), (tall, wide, pairs) = hit.shape[1:], picture.shape[1:]
+    (height, width), tall = hit.shape[1:], picture.shape[1] // wide
     b, place = i // (height * width), i % (height * width)
     left_out = _left_out(wide, depth.shape[2], margin)
     if not hit[b, place // width, place % width]:
@@ -123,8 +123,8 @@ def sweep_pixel(
     each = SUMS + LIGHT if gathers else SUMS
     used = parts[:steps], index, read, read.view(np.float32), covered[: radii.shape[0]], sums[: radii.shape[0] * each]
     lanes = Scratch(rows, *used, places)
-    pixels, known = picture[b].reshape(tall * wide, pairs), (radii, limited, sky[b], terms, turns)
-    around = Around(pixels, wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
+    known = radii, limited, sky[b], terms, turns
+    around = Around(picture[b], wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
     grid = Grid(depth[b], normal[b], lens[b], pose[b], width, stride, row, column)
     _sweep_lanes(out[:, b], lanes, around, grid, noise, directions, 1, gathers)
 

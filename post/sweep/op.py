@@ -70,9 +70,9 @@ def sweep_cpu(
     (batch, *size), count = hit.shape, FOUND + LIGHT * gathers
     out = depth.new_empty((max(len(radii), 1) * count, batch, size[0] * size[1]))
     limits = radii if len(radii) else radii.new_full((1,), torch.inf)
-    pairs = picture.contiguous().view(torch.int64)  # two numbers are read at once
+    pairs = picture.contiguous().view(torch.int64).flatten(1, 2)  # two numbers are read at once
     given = (out, pairs, rays, depth, normal, lens, pose, hit, turns, noise.flatten(1), limits, sky, terms)
-    sizes = (margin, stride, *offset, directions, steps, len(radii) > 0, parallel, gathers)
+    sizes = (picture.shape[2], margin, stride, *offset, directions, steps, len(radii) > 0, parallel, gathers)
     if form_of(depth, cuda=_fits_cuda(steps, len(radii))) is Form.CUDA:
         drivers.sweep_each(batch * size[0] * size[1], *given, *sizes)
     else:

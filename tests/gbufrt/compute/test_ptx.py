@@ -26,6 +26,7 @@ def test_all_bodies_that_a_frame_launches_compile(name: str, monkeypatch: pytest
     compiled = _compiled(ANSWERS[name], monkeypatch)
     assert len(compiled) >= 4
     assert all(".entry" in ptx for ptx in compiled.values())
+    assert [name for name, ptx in compiled.items() if ".extern .func" in ptx] == [], "numba's cache refuses what links"
 
 
 def _compiled(answers: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:

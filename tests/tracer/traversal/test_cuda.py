@@ -60,8 +60,8 @@ def test_the_simulated_cuda_form_answers_as_the_reference(wanted: dict[str, Tens
 
 def test_waves_take_their_kernels_on_a_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
     ran: list[str] = []
-    with gpu(monkeypatch):
-        monkeypatch.setattr(cuda, "launch", lambda body, *given: ran.append(body.__name__))
+    with gpu(monkeypatch), monkeypatch.context() as patch:
+        patch.setattr(cuda, "launch", lambda body, *given: ran.append(body.__name__))
         traversals.waters(GPU)
     assert ran == ["meet", "focused"]
 
