@@ -12,6 +12,7 @@ from gbufrt.compute.threads import wait_passively
 
 if TYPE_CHECKING:
     from gbufrt.camera import Camera
+    from gbufrt.captured import Captured
     from gbufrt.frame import SIGNALS, Frame
     from gbufrt.gbuffer import CHANNELS, GBuffer
     from gbufrt.history import History, PipelineState
@@ -23,6 +24,7 @@ wait_passively()  # before anything here loads torch
 
 _HOMES = {
     "camera": ("Camera",),
+    "captured": ("Captured",),
     "frame": ("SIGNALS", "Frame"),
     "gbuffer": ("CHANNELS", "GBuffer"),
     "history": ("History", "PipelineState"),
@@ -34,6 +36,7 @@ __all__ = [
     "CHANNELS",
     "SIGNALS",
     "Camera",
+    "Captured",
     "Frame",
     "GBuffer",
     "History",

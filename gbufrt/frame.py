@@ -30,8 +30,8 @@ class Frame:
     index: int | Tensor = 0
     """Frame number: with ``seed``, the only source of noise. A 0-dim integer tensor on the device of the rest is read
     by no host, so that a CUDA graph captured with it makes new noise whenever it holds another number."""
-    time: float = 0.0
-    """Seconds."""
+    time: float | Tensor = 0.0
+    """Seconds; like the index, it may lie on the device, as a 0-dim tensor of doubles."""
     cut: Tensor | None = None
     """``(B,)`` bool: the camera jumped, so nothing of the frame before may be used."""
     emitters_sampled: bool = True
@@ -123,7 +123,7 @@ class Frame:
         b, _, h, w = g.depth.shape
         kind = str(g.depth.dtype).removeprefix("torch.")
         cut = "" if self.cut is None else f", cut {self.cut.tolist()}"
-        head = f"Frame {self.index} at {self.time:g} s: batch {b}, {w}x{h}, {kind} on {g.depth.device}{cut}"
+        head = f"Frame {int(self.index)} at {float(self.time):g} s: batch {b}, {w}x{h}, {kind} on {g.depth.device}{cut}"
         return "\n".join([head, *(f"  {name:8s} {text}" for name, text in rows.items() if text)])
 
     def _listed(self, names: Iterable[str]) -> str:

@@ -94,6 +94,10 @@ def finite(tensor: Tensor, *, nan: float = 0.0) -> Tensor:
     """
     if _known_finite(tensor):
         return tensor
+    if waits(tensor) and not (torch.is_grad_enabled() and tensor.requires_grad):  # a third of the kernels
+        largest = torch.nan_to_num(tensor, nan=nan, posinf=nan, neginf=nan).flatten(1).amax(1)
+        open_above = torch.nan_to_num(tensor, nan=nan, posinf=torch.inf, neginf=nan)
+        return torch.minimum(open_above, largest.view(-1, *(1,) * (tensor.ndim - 1)))
     known = torch.isfinite(tensor)
     largest = torch.where(known, tensor.detach(), nan).flatten(1).amax(1).clamp_min(nan)
     largest = largest.view(-1, *(1,) * (tensor.ndim - 1))

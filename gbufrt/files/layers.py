@@ -62,7 +62,7 @@ class Packed:
             "camera": camera_out(g.camera),
             "previous_camera": None if g.previous_camera is None else camera_out(g.previous_camera),
             "index": frame.index.item() if isinstance(frame.index, Tensor) else frame.index,
-            "time": frame.time,
+            "time": float(frame.time),
             "cut": None if frame.cut is None else bool(frame.cut[0]),
             "emitters_sampled": frame.emitters_sampled,
             "emitters_mirrored": frame.emitters_mirrored,

@@ -112,9 +112,9 @@ def vignette_reference(image: Tensor, strength: float, inner: float, outer: floa
 
 def histogram_reference(color: Tensor) -> Tensor:
     """``(B, 2, BINS)``. See `post.display.op.histogram`."""
-    light = luminance(color, 3).flatten(1)
+    light = luminance(color, 3).squeeze(1)
     counted = (light > 0).to(light.dtype)
     stops = light.clamp(2.0**DARKEST, 2.0**BRIGHTEST).log2()
     place = ((stops.detach() - DARKEST) * (BINS / (BRIGHTEST - DARKEST))).long().clamp(0, BINS - 1)
-    empty = stops.new_zeros(stops.shape[0], BINS)
-    return torch.stack([empty.scatter_add(1, place, counted), empty.scatter_add(1, place, stops * counted)], dim=1)
+    empty = stops.new_zeros(*stops.shape[:2], BINS)  # bins of its own for each row: a GPU's threads wait for a bin
+    return torch.stack([empty.scatter_add(2, place, x).sum(1) for x in (counted, stops * counted)], dim=1)

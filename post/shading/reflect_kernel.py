@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gbufrt.compute.each import pixel_of
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.luminance import REC709
 from gbufrt.specular import MIRROR_ROUGHNESS
@@ -97,7 +98,7 @@ def reflect(
     near, distance, far = np.float32(near), np.float32(distance), np.float32(far)
     cutoff, border = np.float32(cutoff), np.float32(border)
     height, width = depth.shape[2:]
-    b, y, x = i // (height * width), i // width % height, i % width
+    b, y, x = pixel_of(i, height, width)
     if not hit[b, 0, y, x]:
         for c in range(5):
             out[b, c, y, x] = ZERO

@@ -9,7 +9,7 @@ import numpy as np
 from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
-from gbufrt.compute.kernel import driver, scalar
+from gbufrt.compute.kernel import driver, inlined, scalar
 from post.sweep.constants import LIGHT, MOST_RADII, MOST_STEPS, SUMS
 from post.sweep.lane_kernel import (
     LANES,
@@ -109,9 +109,10 @@ def sweep_pixel(
 ):  # fmt: skip
     """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size."""
     (height, width), tall = hit.shape[1:], picture.shape[1] // wide
-    b, place = i // (height * width), i % (height * width)
+    b, y, x = pixel_of(i, height, width)
+    place = y * width + x
     left_out = _left_out(wide, depth.shape[2], margin)
-    if not hit[b, place // width, place % width]:
+    if not hit[b, y, x]:
         _clear(out[:, b], out.shape[0] // radii.shape[0], place)
         return
     rows, parts = cuda.local.array(ROWS, np.float32), cuda.local.array(MOST_STEPS, np.float32)
@@ -144,8 +145,21 @@ def bodies_rows(out, depth, hit, back, pixel, stride, threads):
 
 @scalar
 def bodies_pixel(i, out, depth, hit, back, pixel, stride):
-    b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
-    _bodies_row(out[b], depth[b], hit[b], back[b], pixel[b], stride, y, x, x + 1)
+    """As `bodies_rows`, one pixel: what is deepest so far is not in memory that other threads read."""
+    height, width = depth.shape[1:]
+    b, y, x = pixel_of(i, height, width)
+    front, own = depth[b, y, x], back[b, y, x]
+    deepest = own
+    for tap in range(9):
+        dx, dy = (tap % 3 - 1) * stride, (tap // 3 - 1) * stride
+        row, column = y + dy, x + dx
+        if 0 <= row < height and 0 <= column < width:
+            one, apart = (
+                (hit[b, row, column], depth[b, row, column], back[b, row, column]),
+                np.float32(dx * dx + dy * dy),
+            )
+            deepest = _joined(deepest, front, own, pixel[b], one, apart)
+    out[b, y, x] = deepest
 
 
 bodies_each = Each(bodies_pixel)
@@ -167,6 +181,13 @@ def _bodies_row(out, depth, hit, back, pixel, stride, y, begin, stop):
             solid = hit[there, first + dx : end + dx]
             apart = np.float32(dx * dx + (there - y) * (there - y))
             for i in range(deepest.shape[0]):
-                wide = pixel[0] + pixel[1] * front[i]
-                one = solid[i] and near[i] <= own[i] and front[i] <= far[i] and wide * wide * apart <= ONE
-                deepest[i] = max(deepest[i], far[i]) if one else deepest[i]
+                deepest[i] = _joined(deepest[i], front[i], own[i], pixel, (solid[i], near[i], far[i]), apart)
+
+
+@inlined
+def _joined(deepest, front, own, pixel, other, apart):
+    """What is deepest, with the back of another pixel if that shows the same body; ``apart``: squared pixels away."""
+    solid, near, far = other
+    wide = pixel[0] + pixel[1] * front
+    one = solid and near <= own and front <= far and wide * wide * apart <= ONE
+    return max(deepest, far) if one else deepest

@@ -15,6 +15,7 @@ from collections import namedtuple
 
 import numpy as np
 
+from gbufrt.compute.each import parted
 from gbufrt.compute.kernel import WIDTH, Lanes, allocating, inlined, scalar
 from gbufrt.noise.noise import GOLDEN
 from post.sweep import constants, slices
@@ -114,14 +115,20 @@ def keep_slice(rows, cut, x):
     rows[COS_N + x], rows[SIN_N + x] = cut.cos_n, cut.sin_n
 
 
+@inlined
+def _pixel(grid, place):
+    """Row and column in the picture of a receiver."""
+    line, column = parted(place, grid.columns)
+    return line * grid.stride + grid.row, column * grid.stride + grid.column
+
+
 @scalar
 def fill_receivers(lanes, around, grid):
     """Make the receivers of all lanes, see `slices.receivers`, and how far the solids reach back there."""
     rows, place, edge = lanes.rows, lanes.place, np.int64(around.margin + 1)
     first = edge - around.left_out
     for x in range(LANES):
-        line = place[x] // grid.columns * grid.stride + grid.row
-        column = place[x] % grid.columns * grid.stride + grid.column
+        line, column = _pixel(grid, place[x])
         rows[ROW + x], rows[COLUMN + x] = np.float32(line + edge), np.float32(column + edge)
         rows[AT_Z + x] = grid.depth[line, column]
         rows[AT_NX + x], rows[AT_NY + x] = grid.normal[0, line, column], grid.normal[1, line, column]
@@ -168,8 +175,7 @@ def finish(lanes, sums, grid):
         for k in range(3):
             sums[(1 + k) * LANES + x] = (pose[0, k] * a + pose[1, k] * b + pose[2, k] * c) * shorten
         if square <= VANISHED:
-            line = place[x] // grid.columns * grid.stride + grid.row
-            column = place[x] % grid.columns * grid.stride + grid.column
+            line, column = _pixel(grid, place[x])
             for k in range(3):
                 sums[(1 + k) * LANES + x] = grid.normal[k, line, column]
         for k in range(light):

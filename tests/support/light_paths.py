@@ -60,7 +60,8 @@ def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
     """Sums of what two paths from each surface of a picture find."""
     scene = voxels.polished_scene(3).to(device)
     camera = Camera.look_at((14, 16, 19), (0, 2, 0), size=SIZE).with_jitter((0.2, -0.3)).to(device)
-    at = receivers_of(scene, gbuffer(scene, camera, time=0.3), scene.poses([0.3]).to(device))[0]
+    g = gbuffer(scene, camera, time=0.3)
+    at, surfaces = receivers_of(scene, g, scene.poses([0.3]).to(device))[0], int(g.hit.sum())
     cases: dict[str, tuple[int, tuple[float, ...]]] = {
         "occlusion": (integrators.OCCLUSION_DIMS, (7.0,)),
         "indirect": (integrators.indirect_dims(BOUNCES), (BOUNCES,)),
@@ -73,7 +74,8 @@ def from_surfaces(device: str | torch.device = "cpu") -> dict[str, Tensor]:
         start = () if name == "occlusion" else (at.vertices,)
         sequence = Sequence.of(2, dims, SIZE, seed=1, device=at.pixels.device)
         sums = getattr(op, name)(scene, at, *start, sequence, *setting)
-        found |= {f"{name} {key}": value.T.cpu() for key, value in sums.items()}
+        # on a GPU, pixels that show no surface come after those that do
+        found |= {f"{name} {key}": value.T[:surfaces].cpu() for key, value in sums.items()}
     return found
 
 

@@ -97,7 +97,7 @@ def _sampled(
     scene: Scene, frame: Frame, before: Frame | None, cache: IrradianceCache | None, given: dict[str, Any]
 ) -> tuple[Frame, Tensor]:
     """See `sampled`; also the samples for a cache, see `sample`."""
-    poses = sent(scene.poses([frame.time]), frame.gbuffer.depth)
+    poses = sent(scene.poses([float(frame.time)]), frame.gbuffer.depth)
     if "lights" not in given:  # those of both layers, and of what is replayed
         given = {**given, "lights": Lights.of(scene, poses[0])}
     follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
@@ -114,7 +114,7 @@ def _sampled(
         changes["radiance"] = _of_sun_and_lamps(frame, light.direct, frame.radiance)
     if before is not None:
         chosen = _replayed(before, given["seed"], cached=cache is not None)
-        then = sent(scene.poses([before.time]), poses)
+        then = sent(scene.poses([float(before.time)]), poses)
         moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": int(before.index)}
         again, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **given)
         changes |= {"replayed": chosen.to(light.direct)}

@@ -29,7 +29,7 @@ def one_path(scene: Scene, frame: Frame, *, bounces: int = 4) -> Frame:
     check_frame_of(scene, frame=frame)
     camera = frame.gbuffer.camera
     light = path_trace(
-        scene, camera, time=frame.time, bounces=bounces, samples=1, antialias=False, seed=int(frame.index)
+        scene, camera, time=float(frame.time), bounces=bounces, samples=1, antialias=False, seed=int(frame.index)
     ).values["radiance"]
     behind = frame.behind
     if behind is not None:

@@ -6,10 +6,14 @@ import time
 from collections import defaultdict
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gbufrt.commands.benchmark.process import peak_memory, timed, wait
 from gbufrt.commands.busy import beside, cores, fair_slowdown
+
+if TYPE_CHECKING:
+    from gbufrt.frame import Frame
+    from gbufrt.pipeline import Pipeline
 
 HD = (1080, 1920)
 HD_REPEATS = 2  # frames with a history
@@ -64,7 +68,8 @@ def compare_rtx(repeats: int) -> dict[str, float]:
 
 
 def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 0) -> dict[str, Any]:
-    """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file."""
+    """Milliseconds of each pass and the peak memory of this process, over the frame in an EXR file; on a GPU also those
+    of the frame as a CUDA graph, ``captured_ms``."""
     import torch
 
     from gbufrt.commands.profile import around_passes
@@ -96,9 +101,20 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
             alone = total()
         passes = {name: median(times[1:]) for name, times in spent.items()}
         figures: dict[str, Any] = {"passes_ms": passes, "total_ms": alone, "peak_mb": peak_memory()}
+        if device != "cpu":
+            figures["captured_ms"] = time_captured(pipeline, frame, repeats)
         if busy:
             with beside(busy):
                 crowded = total()
             share = crowded / (alone * fair_slowdown(torch.get_num_threads(), busy, cores()))
             figures["busy"] = {"processes": busy, "total_ms": crowded, "over_fair_share": share}
     return figures
+
+
+def time_captured(pipeline: Pipeline, frame: Frame, repeats: int) -> float:
+    """Milliseconds of a steady frame, its inputs copied to where the CUDA graph of a pipeline reads them."""
+    from gbufrt.captured import Captured
+
+    graph = Captured(pipeline, frame)
+    graph(frame)  # the first frame runs without the graph
+    return timed(lambda: graph(frame), repeats, frame.gbuffer.depth.device.type)

@@ -34,6 +34,8 @@ def show_figures(figures: dict[str, Any]) -> None:
         table.add_row(stage, *("" if ms is None else f"{ms:.1f}" for ms in times))
     table.add_section()
     table.add_row("all passes", *(f"{found['total_ms']:.1f}" for found in presets.values()))
+    if all("captured_ms" in found for found in presets.values()):
+        table.add_row("all passes, captured", *(f"{found['captured_ms']:.1f}" for found in presets.values()))
     table.add_row("peak memory, MB", *(f"{found['peak_mb'] or 0:.0f}" for found in presets.values()))
     crowded = [found["busy"] for found in presets.values() if "busy" in found]
     if crowded:

@@ -122,7 +122,7 @@ class Exposure(TemporalPass):
         previous, elapsed = _remembered(frame, state)
         factor, adapted = exposure(frame.read("color"), previous, elapsed=elapsed, **self.tunables())
         value = adapted.detach().reshape(-1, 1, 1, 1)
-        now = torch.full_like(value, frame.time, dtype=torch.float64)
+        now = number(frame.time, value.double()).expand_as(value)
         after = History(length=torch.ones_like(value), signals={"log_luminance": value, "time": now})
         return frame.replace(exposure=factor), after
 

@@ -9,12 +9,12 @@ from torch import Tensor
 from gbufrt import Frame, Pass
 
 
-def pulse(exposure: Tensor, time: float, *, strength: float = 0.0, period: float = 4.0) -> Tensor:
+def pulse(exposure: Tensor, time: float | Tensor, *, strength: float = 0.0, period: float = 4.0) -> Tensor:
     """Take from the exposure in the first and last quarter of each period.
 
     Args:
         exposure: factor on colour, of any shape.
-        time: seconds.
+        time: seconds; a tensor must be 0-dim and on the device of the exposure.
         strength: the largest share that is taken, at the beginning of each period; 0 changes nothing.
         period: seconds.
 
@@ -30,7 +30,9 @@ def pulse(exposure: Tensor, time: float, *, strength: float = 0.0, period: float
         raise ValueError(f"strength must lie in [0, 1], got {strength}")
     if not period > 0:
         raise ValueError(f"period must be positive, in seconds, got {period}")
-    return exposure * (1 - strength * max(0.0, math.cos(2 * math.pi * time / period)))
+    turn = 2 * math.pi / period * time
+    beat = turn.cos().clamp_min(0).to(exposure) if isinstance(turn, Tensor) else max(0.0, math.cos(turn))
+    return exposure * (1 - strength * beat)
 
 
 class Pulse(Pass):

@@ -157,10 +157,12 @@ class MotionBlur(Pass):
         )  # fmt: skip
         return frame.replace(color=blurred)
 
-    def _stretch(self, frame: Frame) -> float:
+    def _stretch(self, frame: Frame) -> float | Tensor:
         if self.target_frame_time is None or frame.previous is None:
             return 1.0
         elapsed = frame.time - frame.previous.time
+        if isinstance(elapsed, Tensor):
+            return torch.where(elapsed > 0, self.target_frame_time / elapsed, 1.0)
         return self.target_frame_time / elapsed if elapsed > 0 else 1.0
 
 

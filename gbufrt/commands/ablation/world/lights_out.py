@@ -107,13 +107,13 @@ def truth(place: Place, frame: Frame) -> Pair:
     """`outgoing` by many paths, in two halves."""
     from tracer import light_truth
 
-    g, poses = frame.gbuffer, place.scene.poses([frame.time])
+    g, poses = frame.gbuffer, place.scene.poses([float(frame.time)])
 
     def make() -> dict[str, Tensor]:
         found = (light_truth(place.scene, g, poses=poses, samples=PATHS, seed=seed) for seed in SEEDS)
         return dict(zip(("first", "second"), (outgoing(frame, light) for light in found), strict=True))
 
-    kept = place.kept("light", g.camera, [frame.time], (PATHS, SEEDS), make)
+    kept = place.kept("light", g.camera, [float(frame.time)], (PATHS, SEEDS), make)
     return kept["first"], kept["second"]
 
 
