@@ -29,6 +29,7 @@ from tracer.lights.shadows import ALL, MOST, REACH, stages
 from tracer.traversal.rays import grid_from_world
 
 BAND = 1 << 17  # pixels whose samples are in memory together, and fewer
+WIDER = 8  # times as many on a GPU: an H100 runs 80,000 pixels at once, and waits for the longest of them
 LONG = 32  # where their lists may have more entries than that
 
 
@@ -61,7 +62,8 @@ class Direct(reference.Direct):
         Lists of its pixels have at most ``longest`` entries.
         """
         height, width = self.surface.size
-        tall = max(BAND * LONG // (max(longest, LONG) * width), 2 * REACH)
+        band = BAND * WIDER if self._on_gpu else BAND
+        tall = max(band * LONG // (max(longest, LONG) * width), 2 * REACH)
         for top in range(0, height, tall):
             first, last = max(top - REACH, 0), min(top + tall + REACH, height)
             yield first * width, (top - first, min(top + tall, height) - first), (last - first) * width
