@@ -96,7 +96,8 @@ def _record(step: Callable[[], Frame], like: Tensor) -> Callable[[], Frame]:
         result = step()
 
     def replay() -> Frame:
-        graph.replay()
+        with torch.cuda.device(like.device):
+            graph.replay()
         return result
 
     return replay

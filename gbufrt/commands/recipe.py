@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -14,7 +15,7 @@ from gbufrt.pipeline import Pipeline
 
 WARMUPS: Mapping[str, int] = {"me1": 3, "minecraft-rtx": 15}
 """Runs of a pipeline over a first frame before it counts."""
-OPTIONAL = ("fog", "pipeline", "denoiser", "irradiance_cache")
+OPTIONAL = ("fog", "pipeline", "denoiser", "irradiance_cache", "units_per_metre")
 """What a recipe says only where it is not the default."""
 
 
@@ -31,6 +32,7 @@ class Recipe:
     pipeline: str = "me1"
     denoiser: str = "asvgf"
     irradiance_cache: bool = False
+    units_per_metre: float = 1.0
 
     @staticmethod
     def of(options: PassOptions, start: Recipe | None = None) -> Recipe:
@@ -43,12 +45,18 @@ class Recipe:
         if options.pipeline not in (None, base.pipeline):
             base = Recipe(pipeline=str(options.pipeline), warmup=WARMUPS[str(options.pipeline)], fog=base.fog)
         if options.preset is not None:
-            kept = {name: getattr(base, name) for name in ("warmup", "fog", "pipeline", "denoiser", "irradiance_cache")}
+            kept = {name: getattr(base, name) for name in ("warmup", *OPTIONAL)}
             base = Recipe(preset=options.preset, **kept)
         if options.composite is not None:
             if base.pipeline != "me1":
                 raise ValueError(f"--composite is for me1; leave it out with --pipeline {base.pipeline}")
             base = replace(base, composite=options.composite)
+        if options.units_per_metre is not None:
+            if base.pipeline != "me1":
+                raise ValueError(f"--units-per-metre is for me1; leave it out with --pipeline {base.pipeline}")
+            if not 0 < options.units_per_metre < math.inf:
+                raise ValueError(f"--units-per-metre must be above 0, got {options.units_per_metre:g}")
+            base = replace(base, units_per_metre=options.units_per_metre)
         if options.denoiser is not None:
             if base.pipeline != "minecraft-rtx":
                 raise ValueError("--denoiser is for minecraft-rtx; leave it out, or give --pipeline minecraft-rtx")
@@ -93,6 +101,7 @@ class Recipe:
                 pipeline=found.get("pipeline", "me1"),
                 denoiser=found.get("denoiser", "asvgf"),
                 irradiance_cache=found.get("irradiance_cache") is True,
+                units_per_metre=float(found.get("units_per_metre", 1.0)),
             )
         except (KeyError, TypeError, ValueError, OverflowError):
             return Recipe()
@@ -126,7 +135,7 @@ class Recipe:
         composite: Any = self.composite
         denoiser: Any = self.denoiser
         if self.pipeline == "me1":
-            pipeline = me1(self.preset, composite=composite)
+            pipeline = me1(self.preset, composite=composite, units_per_metre=self.units_per_metre)
         else:
             pipeline = minecraft_rtx(self.preset, denoiser=denoiser)
         pipeline = with_fog(pipeline) if self.fog else pipeline

@@ -63,7 +63,7 @@ class FakeSSR(Pass):
         return frame.replace(reflection=(0.11 if frame.gi is None else 0.15) * frame.read("radiance"))
 
 
-def fake_me1(preset: str = "high", *, composite: str = "physical") -> Pipeline:
+def fake_me1(preset: str = "high", *, composite: str = "physical", units_per_metre: float = 1.0) -> Pipeline:
     if preset not in ("low", "medium", "high"):
         raise ValueError(f"preset must be low, medium or high, got {preset!r}")
     return Pipeline(

@@ -86,13 +86,14 @@ class Display(Pass):
         return frame.replace(image=(frame.read("color") * self.gain).clamp(0, 1))
 
 
-def fake_me1(preset: str = "high", *, composite: str = "physical") -> Pipeline:
+def fake_me1(preset: str = "high", *, composite: str = "physical", units_per_metre: float = 1.0) -> Pipeline:
     if composite not in ("physical", "me1"):
         raise ValueError(f"composite must be physical or me1, got {composite!r}")
     if preset not in ("low", "high"):
         raise ValueError(f"preset must be low or high, got {preset!r}")
     ao = Pipeline(
-        estimate=Speckle(taps=2 if preset == "low" else 3, radius=0.4 if preset == "low" else 0.8), mean=Mean()
+        estimate=Speckle(taps=2 if preset == "low" else 3, radius=(0.4 if preset == "low" else 0.8) * units_per_metre),
+        mean=Mean(),
     )
     return Pipeline(ao=ao, taa=TAA(), display=Display())
 

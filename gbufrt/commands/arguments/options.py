@@ -31,6 +31,10 @@ class PassOptions:
     composite: str | None = None
     """physical, or me1 for the formula of the original. [default: physical]"""
 
+    units_per_metre: float | None = None
+    """World units in a metre, of me1, whose distances are metres: 100 for worlds in centimetres, as Unreal's. [default:
+    1]"""
+
     without: Without = ()
     """Stage to leave out, such as gi or gi.accumulate; may be repeated, or name several with commas."""
 
