@@ -10,13 +10,11 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.directions import length
-from gbufrt.files.gbuffers.convert import FARTHEST, our_axes
+from gbufrt.files.gbuffers.convert import FARTHEST, VIEWS, our_axes
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 OFF = 0.05  # of the picture's width: how far from their pixels positions may lie
-VIEWS = {"opencv": (1, 1, 1), "opengl": (1, -1, -1), "pbrt": (1, -1, 1)}
-"""Factors on x, y and z of camera spaces that make them OpenCV's; pbrt's is x right, y up, z forward."""
 
 
 def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, Profile]:
@@ -66,7 +64,7 @@ def _readings(position: Tensor, profile: Profile, camera: Camera, *, posed: bool
     for space, signs in VIEWS.items():
         reading = replace(profile, depth_kind="planar")
         if space == "pbrt" and profile.normal_space == AUTO:  # where normals lie too
-            reading = replace(reading, normal_space="opengl", normal_scale=(1.0, 1.0, -1.0))
+            reading = replace(reading, normal_space="pbrt")
         yield reading, position * position.new_tensor(signs).view(1, 3, 1, 1)
 
 

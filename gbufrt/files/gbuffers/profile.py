@@ -29,7 +29,7 @@ CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
     "depth_kind": ("planar", "ray", "device", "reciprocal", "auto"),
-    "normal_space": ("world", "opengl", "opencv", "auto"),
+    "normal_space": ("world", "opengl", "opencv", "pbrt", "auto"),
     "motion_unit": ("pixels", "uv"),
     "motion_target": ("previous", "next"),
     "albedo_space": ("linear", "srgb"),
@@ -68,10 +68,11 @@ class Profile:
     reversed: bool = False
     """Device depth is 1 at the near plane and 0 at the far plane."""
     sky: float = float("inf")
-    """What depth holds where nothing was hit."""
+    """What depth holds where nothing was hit; what is larger is sky too. 65504, the largest half, gives way where
+    float depths of surfaces are larger, and any to a larger depth far beyond all else that many pixels share."""
     normal_space: str = "world"
-    """world, opengl (x right, y up, z to the viewer), opencv (x right, y down, z forward), or auto: the one by
-    which normals agree with depth best."""
+    """world, opengl (x right, y up, z to the viewer), opencv (x right, y down, z forward), pbrt (x right, y up, z
+    forward, as RenderMan's and Mantra's cameras), or auto: the one by which normals agree with depth best."""
     normal_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Factors on x, y and z of normals, before their axes are converted."""
     normal_encoded: bool | str = False
@@ -105,7 +106,7 @@ class Profile:
     @property
     def normals_turn(self) -> bool:
         """Whether normals turn with the camera, so that they serve where nobody knows its pose."""
-        return self.normal_space in ("opengl", "opencv")
+        return self.normal_space not in ("world", AUTO)
 
     @property
     def is_open(self) -> bool:
