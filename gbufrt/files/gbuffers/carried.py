@@ -20,7 +20,7 @@ from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.profile import Profile
 
 RIGID = 1e-3  # how far a camera's axes may be from unit length and right angles
-UNREAL = re.compile(r"unreal/camera/(?:.*/)?(curPos/[xyz]|curRot/(?:pitch|yaw|roll)|fov)")
+UNREAL = re.compile(r"unreal/(?:camera|layerData)/(?:.*/)?(curPos/[xyz]|curRot/(?:pitch|yaw|roll)|fov)")
 
 
 @dataclass(frozen=True)

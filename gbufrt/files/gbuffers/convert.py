@@ -63,12 +63,22 @@ def _off_unit(vectors: Tensor) -> float:
 
 def pixels_to_previous(raw: Tensor, profile: Profile) -> Tensor:
     """``(B, 2, H, W)`` previous minus current px."""
+    return (raw - raw.new_tensor(profile.motion_offset).view(1, 2, 1, 1)) * _pixels(raw, profile)
+
+
+def half_step_px(raw: Tensor, profile: Profile) -> Tensor:
+    """``(B, 2, H, W)`` how many pixels of motion the next half is away."""
+    steps = torch.ldexp(torch.ones_like(raw), torch.frexp(raw).exponent - 11).clamp_min(2.0**-24)
+    return (steps * _pixels(raw, profile)).abs()
+
+
+def _pixels(raw: Tensor, profile: Profile) -> Tensor:
+    """Factors that make pixels to the frame before of the file's motion."""
     height, width = raw.shape[-2:]
     unit = (width, height) if profile.motion_unit == "uv" else (1, 1)
     sign = -1 if profile.motion_target == "next" else 1
     factors = [sign * scale * size for scale, size in zip(profile.motion_scale, unit, strict=True)]
-    moved = raw - raw.new_tensor(profile.motion_offset).view(1, 2, 1, 1)
-    return moved * raw.new_tensor(factors).view(1, 2, 1, 1)
+    return raw.new_tensor(factors).view(1, 2, 1, 1)
 
 
 def linear(colour: Tensor, profile: Profile) -> Tensor:

@@ -20,8 +20,9 @@ OFF = 0.05  # of the picture's width: how far from their pixels positions may li
 def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, Profile]:
     """``(1, 1, H, W)`` depth in the kind and scale of a profile, 0 where nothing was hit; and that profile.
 
-    Where the file has positions alone, depth is planar, and of the spaces that they may lie in (the world with the
-    axes that the profile allows, or the camera's) that one is taken in which they lie on their own pixels.
+    Where the file has positions alone, or they come first, depth is planar, and of the spaces that they may lie in (the
+    world with the axes that the profile allows, or the camera's) that one is taken in which they lie on their own
+    pixels. Where they lie on them in none, the channel of depth serves.
 
     Args:
         named: channels of a file under the names of a profile.
@@ -29,18 +30,20 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
         posed: whether the camera's pose is known; else positions in the world are of no use.
 
     Raises:
-        ValueError: positions lie on their pixels in no space.
+        ValueError: positions lie on their pixels in no space, and there is no channel of depth.
     """
-    profile, keys = named.profile, named.keys("depth")
-    if keys:
+    profile, keys, positions = named.profile, named.keys("depth"), named.keys("position")
+    if keys and not (positions and profile.positions_first and posed):
         return _facing(named.layers.stack(keys), profile), profile
-    position = named.layers.stack(named.keys("position")) * profile.depth_scale
+    position = named.layers.stack(positions) * profile.depth_scale
     there = (position.abs() < FARTHEST).all(1, keepdim=True) & (position != 0).any(1, keepdim=True)
     best, off, seen = profile, torch.inf, position[:, 2:]
     for reading, points in _readings(torch.where(there, position, 1.0), profile, camera, posed=posed):
         found = _off_pixels(points, there, camera)
         if found < off:
             best, off, seen = reading, found, points[:, 2:]
+    if off > OFF * camera.width and keys:
+        return _facing(named.layers.stack(keys), profile), profile
     if off > OFF * camera.width:
         settings = "check --camera, and up, handed and depth_scale of the profile"
         why = settings if posed else "those of the world need --camera"

@@ -18,13 +18,15 @@ CHANNELS = {
     "position": 3,
     "normal": 3,
     "motion": 2,
+    "motion_next": 2,
     "albedo": 3,
     "roughness": 1,
     "metallic": 1,
     "emission": 3,
 }
 """What a profile may name, and how many numbers a pixel has. Positions, in the world or in the camera's space, tell
-depth where it is missing. Emission is a part of the direct light."""
+depth where it is missing. Motion to the next frame serves where that to the one before is missing. Emission is a part
+of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
@@ -43,6 +45,8 @@ class Profile:
 
     channels: Mapping[str, tuple[str, ...]]
     """Names to try for each of `CHANNELS`; depth or position must be there."""
+    positions_first: bool = False
+    """Positions tell depth better than the channel of depth, where the camera is known."""
     header: Mapping[str, str] = field(default_factory=dict)
     """Header attributes that only this renderer writes, and the text that each must contain."""
     layer: str = ""
@@ -210,7 +214,10 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("finished", "shaded", "seldom", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
-    **dict.fromkeys(("reversed", "any_case", "either_sign"), ("true or false", lambda v: isinstance(v, bool), bool)),
+    **dict.fromkeys(
+        ("reversed", "any_case", "either_sign", "positions_first"),
+        ("true or false", lambda v: isinstance(v, bool), bool),
+    ),
     "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
     "normal_scale": ("three numbers", _numbers(3), tuple),
     **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),

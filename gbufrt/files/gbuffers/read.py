@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
-from gbufrt.files.gbuffers.convert import distances, linear, pixels_to_previous, planar, world_normals
+from gbufrt.files.gbuffers.convert import distances, half_step_px, linear, pixels_to_previous, planar, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
@@ -28,6 +28,7 @@ from gbufrt.gbuffer import GBuffer
 MOST_AWAY = (
     0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
 )
+BETTER = "G-buffers with ZIP, PIZ or PXR24"
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
 
 
@@ -98,6 +99,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     path, size = named.layers.path, named.layers.part(named.depth[0]).whole
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
+    if lossy := named.layers.lossy([*named.depth, *named.keys("normal"), *named.motion[0]]):
+        warnings.warn(f"{path} has {', '.join(lossy)} packed with losses, wrong at edges: write {BETTER}", stacklevel=4)
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     raw, profile = stored_depth(named, view, posed=camera is not None)
@@ -180,16 +183,27 @@ def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -
 def _motion(
     named: Named, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
 ) -> tuple[Tensor | None, Tensor | None]:
-    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves."""
-    raw = _channel(named, "motion", view.size)
-    motion = None if raw is None else pixels_to_previous(raw, named.profile)
+    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves.
+
+    Halves are coarse where motion is counted round 0.5: within their steps the cameras know better.
+    """
+    keys, profile = named.motion
+    raw = named.layers.stack(keys, view.size) if keys else None
+    motion = None if raw is None else pixels_to_previous(raw, profile)
+    known = hit if motion is None else hit & motion.isfinite().all(1, keepdim=True)
+    if lost := int((hit & ~known).sum()):
+        what = "stands still" if previous is None else "is that of a world that stands still"
+        warnings.warn(f"{named.layers.path}: motion of {lost} pixels is not finite, and {what} there", stacklevel=4)
     if previous is None:
-        return (None if motion is None else torch.where(hit, motion, 0.0)), None
+        return (None if motion is None else torch.where(known, motion, 0.0)), None
     static, static_z = view.static_motion(previous, depth, hit)
-    if motion is None:
+    if motion is None or raw is None:
         return static, static_z
+    if named.layers.is_half(keys):
+        known = known & ((motion - static).abs() > half_step_px(raw, profile)).any(1, keepdim=True)
+    motion = torch.where(known, motion, static)
     moves = (motion - static).norm(dim=1, keepdim=True) > 0.5
-    return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
+    return motion, torch.where(moves, 0.0, static_z)
 
 
 def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:
@@ -209,12 +223,12 @@ def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | N
 
 def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:
     """Normals, and where they are estimates; those of the file lie in the camera's space, or its pose is known."""
-    normal, there = view.normals_from_depth(depth), torch.zeros_like(hit)
+    eye, there = view.rotate_to_world(view.to_eye(view.unproject(depth))), torch.zeros_like(hit)
+    normal = view.normals_from_depth(depth) if min(view.size) > 1 else eye
     raw = _channel(named, "normal", view.size) if posed or named.profile.normals_turn else None
     if raw is not None:
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
-        eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)
         if int(away.sum()) < MOST_AWAY * int(hit.sum()):
             normal = torch.where(away, -normal, normal)

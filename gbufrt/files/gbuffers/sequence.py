@@ -10,6 +10,7 @@ from pathlib import Path
 from gbufrt.files.guard import Part, read_parts
 
 PATTERN = re.compile(r"#+|%0?\d*d")
+MASKS = frozenset(("R", "G", "B", "A", "RGB", "RGBA"))  # Falcor's ends of names, after the number
 NUMBER = re.compile(r"(?:(?<=[._ ])-)?\d+")  # a hyphen is a sign where it does not stand for a separator
 
 
@@ -42,6 +43,16 @@ def shots_of(paths: Sequence[Path]) -> list[Shot]:
     return [Shot(tuple(files), number, _name(files)) for number, files in found.items()]
 
 
+def numbered(path: Path) -> bool:
+    """Whether a file's name has a frame number."""
+    return bool(NUMBER.search(path.stem))
+
+
+def one_shot(paths: Sequence[Path]) -> Shot:
+    """Files without a number as the passes of one frame, number 0."""
+    return Shot(tuple(paths), 0, _name(paths))
+
+
 def shot_parts(files: Path | Sequence[Path], *, header_only: bool = False) -> list[Part]:
     """The parts of all files of a frame; those of several files are ``of_pass`` what their names tell.
 
@@ -52,9 +63,10 @@ def shot_parts(files: Path | Sequence[Path], *, header_only: bool = False) -> li
     files = [files] if isinstance(files, Path) else list(files)
     if len(files) == 1:
         return read_parts(files[0], header_only=header_only)
-    names = [_pass(file) for file in files]
+    names = _passes(files)
     for name, file in zip(names, files, strict=True):
         if names.count(name) > 1:
+            name = name or _words(file)[-1]
             raise ValueError(f"{file}: two files of one frame number are both of the pass {name!r}; run them apart")
     return [
         replace(part, of_pass=name)
@@ -80,20 +92,57 @@ def expanded(path: Path) -> list[Path]:
 
 
 def by_number(paths: Iterable[Path]) -> list[Path]:
-    """Files by the last number of their names, then by name."""
-    return sorted(paths, key=lambda path: ([int(n) for n in NUMBER.findall(path.stem)[-1:]], path.name))
+    """Files by the last number of their names, then by name, then by folder."""
+    return sorted(paths, key=lambda path: ([int(n) for n in NUMBER.findall(path.stem)[-1:]], path.name, path))
 
 
-def _pass(file: Path) -> str:
-    """What a file of one pass is called by: the last word of its name that is no number."""
-    words = [word for word in re.split(r"[._]", file.stem) if word and not word.lstrip("-").isdecimal()]
-    return words[-1] if words else file.stem
+def exr_files(folder: Path) -> list[Path]:
+    """The EXR files of a folder by number, or else of the folders in it, as those that are called by passes."""
+    inside = [path for path in folder.iterdir() if path.is_dir()]
+    for folders in ([folder], inside):
+        found = [path for some in folders for path in some.iterdir() if path.suffix.lower() == ".exr"]
+        if found:
+            return by_number(found)
+    return []
+
+
+def _passes(files: Sequence[Path]) -> list[str]:
+    """What each file of a frame is called by: of its name what they do not share, and where names are alike the folder.
+
+    Empty where a name has nothing else, as that of the picture without a pass.
+    """
+    told, spans = [_words(file) for file in files], []
+    shared = set.intersection(*map(set, told))
+    for file, words in zip(files, told, strict=True):
+        after = file.stem[file.stem.rfind(words[-1]) :]
+        masked = len(words) > 1 and words[-1] in MASKS and words[-2] not in shared and not NUMBER.search(after)
+        spans.append(words[: len(words) - masked])
+    lead = _alike(spans)
+    tail = _alike([words[lead:][::-1] for words in spans])
+    names = ["_".join(words[lead : len(words) - tail]) for words in spans]
+    folders = [file.parent.name for file in files]
+    if len({*names}) < len(names) and len({*folders}) > 1:
+        names = ["_".join(filter(None, pair)) for pair in zip(folders, names, strict=True)]
+    return names
+
+
+def _alike(words: Sequence[Sequence[str]]) -> int:
+    """How many words all of these begin with."""
+    places = enumerate(zip(*words, strict=False))
+    return next((i for i, some in places if len({*some}) > 1), min(map(len, words)))
+
+
+def _words(file: Path) -> list[str]:
+    """The words of a file's name without its number."""
+    stem, places = file.stem, [*NUMBER.finditer(file.stem)]
+    text = f"{stem[: places[-1].start()]}{stem[places[-1].end() :]}" if places else stem
+    return re.findall(r"[^._ ]+", text) or [stem]
 
 
 def _name(files: Sequence[Path]) -> str:
     stems = [file.stem for file in files]
     if len(stems) == 1:
         return stems[0]
-    digits = NUMBER.findall(stems[0])[-1]
+    digits = NUMBER.findall(stems[0])[-1:]
     shared = [a for a, *others in zip(*(re.split(r"[._]", stem) for stem in stems), strict=False) if {a} == {*others}]
-    return "_".join(dict.fromkeys((*shared, digits)))
+    return "_".join(dict.fromkeys((*shared, *digits))) or "frame"

@@ -38,7 +38,7 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
-    if keys:
+    if keys and min(camera.size) > 1:  # else depth has no normals
         normal = named.layers.stack(keys, camera.size)
         ways = ways if posed else [(space, up) for space, up in ways if space != "world"]
         read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]
