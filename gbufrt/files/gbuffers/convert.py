@@ -47,7 +47,7 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor
         unit = camera.rotate_to_world(unit * unit.new_tensor(VIEWS[profile.normal_space]).view(1, 3, 1, 1))
     else:
         unit = our_axes(unit, profile)
-    return unit, size > UNIT
+    return unit, (size > UNIT) & size.isfinite()
 
 
 def our_axes(vectors: Tensor, profile: Profile) -> Tensor:

@@ -28,6 +28,7 @@ from gbufrt.gbuffer import GBuffer
 MOST_AWAY = (
     0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
 )
+INSTEAD = {"albedo": 0.0, "roughness": 1.0, "metallic": 0.0}
 BETTER = "G-buffers with ZIP, PIZ or PXR24"
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
 
@@ -113,8 +114,9 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     depth = torch.where(hit, depth, view.far)
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
     motion, motion_z = _motion(named, view, previous, depth, hit)
-    albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
-    emission = _channel(named, "emission", size)
+    albedo, roughness, metallic = (_channel(named, name, size, hit) for name in INSTEAD)
+    lamps = named.keys("emission")
+    emission = named.layers.stack(lamps, size) if lamps else None
     if roughness is not None and profile.shaded is not None:
         colors = [named.layers.stack(keys, size) for name in profile.shaded if (keys := named.find((name,), 3))]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
@@ -166,10 +168,17 @@ def nothing_hit(raw: Tensor, profile: Profile, key: str) -> str:
     return f"has no surface: {key} is {span}, which is all sky by sky = {profile.sky:g}; set sky = in a profile"
 
 
-def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:
-    """``(1, C, H, W)`` as the file holds it."""
+def _channel(named: Named, name: str, size: tuple[int, int], hit: Tensor) -> Tensor | None:
+    """``(1, C, H, W)`` as the file holds it; where it is not finite on surfaces, what is said instead."""
     keys = named.keys(name)
-    return named.layers.stack(keys, size) if keys else None
+    if not keys:
+        return None
+    pixels = named.layers.stack(keys, size)
+    lost = hit & ~pixels.isfinite().all(1, keepdim=True)
+    if count := int(lost.sum()):
+        instead = f"{INSTEAD[name]:g} there"
+        warnings.warn(f"{named.layers.path}: {name} of {count} pixels is not finite, and {instead}", stacklevel=5)
+    return torch.where(lost, INSTEAD[name], pixels)
 
 
 def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
@@ -225,8 +234,9 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
     """Normals, and where they are estimates; those of the file lie in the camera's space, or its pose is known."""
     eye, there = view.rotate_to_world(view.to_eye(view.unproject(depth))), torch.zeros_like(hit)
     normal = view.normals_from_depth(depth) if min(view.size) > 1 else eye
-    raw = _channel(named, "normal", view.size) if posed or named.profile.normals_turn else None
-    if raw is not None:
+    keys = named.keys("normal") if posed or named.profile.normals_turn else []
+    if keys:
+        raw = named.layers.stack(keys, view.size)
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)

@@ -17,6 +17,7 @@ from gbufrt.files.gbuffers.surfaces import hit_of
 
 KINDS = ("planar", "ray", "reciprocal")
 PARALLEL = 0.9985  # cosine of normals and those of depth, half of which are above it where they lie in a camera's space
+MANY = 8  # a picture's sides, up to which its pixels tell nothing
 ROUNDING = 1e-6  # of cosines
 FLATTER = 0.1  # of the bend of planar depth, which another kind must stay below: curved surfaces bend by every kind
 
@@ -38,14 +39,15 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
-    if keys and min(camera.size) > 1:  # else depth has no normals
+    if keys and min(camera.size) > MANY:
         normal = named.layers.stack(keys, camera.size)
         ways = ways if posed else [(space, up) for space, up in ways if space != "world"]
         read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]
         found = min(read, key=lambda reading: _apart(_cosines(reading, depth, normal, camera)), default=profile)
         if posed or float(_cosines(found, depth, normal, camera).median()) > PARALLEL:
             return Named(named.layers, found)
-    kind = kinds[0] if len(kinds) == 1 else _flattest(profile, depth, camera)
+    known = len(kinds) == 1 or min(camera.size) <= MANY
+    kind = kinds[0] if known else _flattest(profile, depth, camera)
     return Named(named.layers, replace(profile, depth_kind=kind))
 
 

@@ -105,6 +105,33 @@ def test_motion_that_is_not_finite_is_replaced_and_told(previous: Camera | None,
     assert _off(frame.gbuffer, "motion", expected) < 1e-4
 
 
+def test_colours_that_are_not_finite_are_replaced_and_told(tmp_path: Path) -> None:
+    albedo, normal = GREY.copy(), T["normal"].copy()
+    albedo[-2:, :5], normal[-4:, :5] = np.nan, np.inf
+    rough = np.full(SIZE, 0.3)
+    rough[-2:, :3] = np.inf
+    layers = PLAIN | {"albedo.RGB": albedo, "normal.XYZ": normal, "roughness.R": rough}
+    with pytest.warns(UserWarning, match=r"a.exr: (albedo of 10|roughness of 6) pixels is not finite, and [01] there"):
+        frame = read_gbuffer(write(tmp_path / "a.exr", layers), "generic", camera=CAMERA)
+    frame.validate()
+    g = frame.gbuffer
+    assert g.albedo is not None
+    assert g.roughness is not None
+    assert float(g.albedo[..., -2:, :5].max()) == 0
+    assert bool((g.roughness[..., -2:, :3] == 1).all())
+    assert _off(g, "normal", T["normal"]) < 1e-3  # that of depth
+
+
+def test_a_handful_of_pixels_settles_nothing(tmp_path: Path) -> None:
+    """Some kind of depth fits any normals by chance."""
+    camera = Camera.look_at((0.3, 2, 4), (0, 1.2, 0), size=(3, 3), fov_y=50)
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        layers = {"depth.Z": rng.uniform(1, 3, (3, 3)), "normal.XYZ": rng.normal(size=(3, 3, 3))}
+        g = read_gbuffer(write(tmp_path / "a.exr", layers), "generic", camera=camera).gbuffer
+        assert np.allclose(g.depth[0, 0].numpy(), layers["depth.Z"])
+
+
 @pytest.mark.parametrize("rows", [slice(40, 41), slice(None)])
 def test_pictures_a_pixel_wide_are_read(rows: slice, tmp_path: Path) -> None:
     layers = {name: pixels[rows, 30:31] for name, pixels in PLAIN.items()}
