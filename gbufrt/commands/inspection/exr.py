@@ -172,7 +172,9 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
     told = {
         "depth": f"{profile.depth_kind}, sky at {profile.sky:g}",
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else _unposed(profile),
-        "motion": f"{profile.motion_unit} to the {named.motion[1].motion_target} frame",
+        "motion": "in the units that fit the cameras"
+        if profile.motion_fitted
+        else f"{profile.motion_unit} to the {named.motion[1].motion_target} frame",
     }
     optional = ("position",) if named.light().products else ("emission", "position")
     shown = [name for name in (*CHANNELS, "thickness") if name != "motion_next"]

@@ -88,7 +88,8 @@ def _fitting(layers: Layers) -> Detection:
     """
     weighed = {name: _weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED}
     best, plain = max(weighed.values(), key=lambda detection: detection.certainty), weighed["generic"]
-    unknown = {"motion"} - {*load_profile(best.name).channels}  # how this renderer counts it is not known
+    profile = load_profile(best.name)
+    unknown = {"motion"} if profile.motion_fitted else {"motion"} - {*profile.channels}  # how it is counted
     return plain if plain.found - unknown > best.found and not best.marked else best
 
 

@@ -89,6 +89,9 @@ class Profile:
     """pixels, or uv: parts of the picture's width and height."""
     motion_target: str = "previous"
     """The frame that motion leads to. Motion to the next frame is negated, as if it were even over three frames."""
+    motion_fitted: bool = False
+    """How the file counts motion is not known: it is read with the factors by which most of it fits the cameras, and
+    left out where there are none."""
     shaded: tuple[str, ...] | None = None
     """Colours that shaders write together with roughness. Where these, as far as there are any, and roughness are 0,
     the shader has written neither, and the surface counts as rough. By default roughness 0 is a mirror."""
@@ -215,7 +218,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     **dict.fromkeys(
-        ("reversed", "any_case", "either_sign", "positions_first"),
+        ("reversed", "any_case", "either_sign", "positions_first", "motion_fitted"),
         ("true or false", lambda v: isinstance(v, bool), bool),
     ),
     "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),

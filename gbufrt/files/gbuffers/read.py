@@ -12,10 +12,11 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
-from gbufrt.files.gbuffers.convert import distances, half_step_px, linear, pixels_to_previous, planar, world_normals
+from gbufrt.files.gbuffers.convert import distances, linear, planar, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.motion import motion_of
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
@@ -113,7 +114,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     view = _reaching(view, depth[hit])
     depth = torch.where(hit, depth, view.far)
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
-    motion, motion_z = _motion(named, view, previous, depth, hit)
+    motion, motion_z = motion_of(named, view, previous, depth, hit)
     albedo, roughness, metallic = (_channel(named, name, size, hit) for name in INSTEAD)
     lamps = named.keys("emission")
     emission = named.layers.stack(lamps, size) if lamps else None
@@ -187,32 +188,6 @@ def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -
     intrinsics = camera.intrinsics.clone()
     intrinsics[:, 0, 0] /= pixel_aspect
     return replace(camera, intrinsics=intrinsics)
-
-
-def _motion(
-    named: Named, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
-) -> tuple[Tensor | None, Tensor | None]:
-    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves.
-
-    Halves are coarse where motion is counted round 0.5: within their steps the cameras know better.
-    """
-    keys, profile = named.motion
-    raw = named.layers.stack(keys, view.size) if keys else None
-    motion = None if raw is None else pixels_to_previous(raw, profile)
-    known = hit if motion is None else hit & motion.isfinite().all(1, keepdim=True)
-    if lost := int((hit & ~known).sum()):
-        what = "stands still" if previous is None else "is that of a world that stands still"
-        warnings.warn(f"{named.layers.path}: motion of {lost} pixels is not finite, and {what} there", stacklevel=4)
-    if previous is None:
-        return (None if motion is None else torch.where(known, motion, 0.0)), None
-    static, static_z = view.static_motion(previous, depth, hit)
-    if motion is None or raw is None:
-        return static, static_z
-    if named.layers.is_half(keys):
-        known = known & ((motion - static).abs() > half_step_px(raw, profile)).any(1, keepdim=True)
-    motion = torch.where(known, motion, static)
-    moves = (motion - static).norm(dim=1, keepdim=True) > 0.5
-    return motion, torch.where(moves, 0.0, static_z)
 
 
 def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:

@@ -93,6 +93,23 @@ def test_halves_round_a_half_are_coarser_than_what_cameras_know(tmp_path: Path) 
     assert off[HIT & ~still].max() < 0.1  # what moves by itself is the file's
 
 
+@pytest.mark.parametrize("scale", [(1, -1), (-0.25, 0.25), (2 / SIZE[1], -2 / SIZE[0])])
+def test_motion_of_unknown_units_is_read_as_it_fits_the_cameras(scale: tuple[float, float], tmp_path: Path) -> None:
+    """Arnold's depends on the shutter. What moves by itself is counted in the same units."""
+    motion = T["motion"].copy()
+    motion[20:30, 20:30] += 3
+    layers = {"Z": PLANAR, "N.XYZ": T["normal"], "albedo.RGB": GREY, "RGB": GREY}
+    path = write(tmp_path / "a.exr", layers | {"motionvector.RG": motion * scale})
+    assert detect(path).name == "arnold"
+    with pytest.warns(UserWarning, match=r"^motion is read with motion_scale = \[.*\], by which it fits the cameras"):
+        found = read_gbuffer(path, camera=CAMERA, previous_camera=BEFORE).gbuffer
+    assert _off(found, "motion", motion) < 0.02
+    assert read_gbuffer(path, camera=CAMERA).gbuffer.motion is None
+    write(path, layers | {"motionvector.RG": np.random.default_rng(0).normal(size=(*SIZE, 2))})
+    found = read_gbuffer(path, camera=CAMERA, previous_camera=BEFORE).gbuffer  # nothing fits
+    assert _off(found, "motion", T["motion"]) < 1e-4
+
+
 @pytest.mark.parametrize("previous", [None, BEFORE])
 def test_motion_that_is_not_finite_is_replaced_and_told(previous: Camera | None, tmp_path: Path) -> None:
     motion = T["motion"].copy()
