@@ -14,7 +14,7 @@ from gbufrt.commands.post import gathered
 from gbufrt.files import read_gbuffer
 from gbufrt.files.exr import read_exr
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.sequence import exr_files, shot_parts
+from gbufrt.files.gbuffers.sequence import by_number, exr_files, shot_parts, shots_of
 
 T = truth()
 SKY = ~T["hit"]
@@ -41,10 +41,20 @@ def _layers(folder: Path, *names: str) -> set[str]:
         (("my_shot.7.RGBA.exr", "my_shot.7.depth.exr"), {"RGBA", "depth"}),
         (("shot.RGBA.7.exr", "shot.N.7.exr"), {"RGBA", "N"}),
         (("Z/s.7.exr", "N/s.7.exr"), {"Z", "N"}),
+        (("s.0101.Z.exr", "s.0101.Mask00.exr", "s.0101.Mask01.exr"), {"Z", "Mask00", "Mask01"}),
+        (("Seq.0001FinalImage.exr", "Seq.0001QueueWorldDepth.exr"), {"FinalImage", "QueueWorldDepth"}),
     ],
 )
 def test_a_pass_is_what_names_do_not_share(names: tuple[str, ...], layers: set[str], tmp_path: Path) -> None:
     assert _layers(tmp_path, *names) == layers
+
+
+def test_digits_after_letters_are_of_the_pass_where_others_have_a_number_of_their_own(tmp_path: Path) -> None:
+    files = [tmp_path / f"s.{number}.{name}.exr" for number in (9, 10) for name in ("Mask01", "N", "Mask00")]
+    shots = shots_of(files)
+    assert [(shot.number, len(shot.files), shot.name) for shot in shots] == [(9, 3, "s_9"), (10, 3, "s_10")]
+    assert by_number(reversed(files))[:3] == sorted(files[:3])
+    assert [shot.number for shot in shots_of([tmp_path / f"cam_01_f{n}.exr" for n in (7, 8)])] == [7, 8]
 
 
 def test_two_files_of_one_pass_are_told(tmp_path: Path) -> None:
