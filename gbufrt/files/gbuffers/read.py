@@ -102,7 +102,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
     if lossy := named.layers.lossy([*named.depth, *named.keys("normal"), *named.motion[0]]):
-        warnings.warn(f"{path} has {', '.join(lossy)} packed with losses, wrong at edges: write {BETTER}", stacklevel=4)
+        layers = ", ".join(dict.fromkeys(key.rpartition(".")[0] or key for key in lossy))
+        warnings.warn(f"{layers}: packed with losses, wrong at edges; write {BETTER}", stacklevel=4)
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     raw, profile = stored_depth(named, view, posed=camera is not None)

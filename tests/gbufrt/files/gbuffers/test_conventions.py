@@ -161,14 +161,14 @@ def test_pictures_a_pixel_wide_are_read(rows: slice, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("packing", "lost"),
-    [("DWAA", "QueueWorldDepth.R, Q"), ("B44", "QueueWorldDepth.R, Q"), ("PXR24", ""), ("ZIP", ""), ("PIZ", "")],
+    [("DWAA", "QueueWorldDepth, Q"), ("B44", "QueueWorldDepth, Q"), ("PXR24", ""), ("ZIP", ""), ("PIZ", "")],
 )
 def test_packing_that_loses_is_told(packing: str, lost: str, tmp_path: Path) -> None:
     path = _halves(tmp_path / "a.exr", CENTRED | {"RGB": GREY}, getattr(OpenEXR, f"{packing}_COMPRESSION"))
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         read_gbuffer(path, fov=50)
-    assert [f"a.exr has {lost}" in str(w.message) for w in told if "losses" in str(w.message)] == [True] * bool(lost)
+    assert [str(w.message).startswith(lost) for w in told if "losses" in str(w.message)] == [True] * bool(lost)
 
 
 def test_who_uses_a_renderers_names_need_not_be_it(tmp_path: Path) -> None:
