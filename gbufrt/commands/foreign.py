@@ -18,9 +18,9 @@ from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.detect import better, detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.profile import SHIPPED, Profile, load_profile
+from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
-from gbufrt.files.gbuffers.sequence import Shot, shot_parts, shots_of
+from gbufrt.files.gbuffers.sequence import Shot, numbered, one_shot, shot_parts, shots_of
 from gbufrt.files.gbuffers.settle import found_settings, settled
 from gbufrt.frame import Frame
 from gbufrt.names import unknown
@@ -62,7 +62,10 @@ class Source:
         if profile not in ("auto", *SHIPPED) and not Path(profile).is_file():
             raise ValueError(unknown("profile", profile, "--from", ("auto", *SHIPPED)) + ", or give a .toml file")
         cameras = None if camera is None else load_cameras(camera)
-        return Source(shots=shots_of(paths), profile=profile, cameras=cameras, fov=fov)
+        shots = shots_of(paths)
+        if len(shots) > 1 and not any(map(numbered, paths)) and not _is_frame(paths[0], profile):
+            shots = [one_shot(paths)]
+        return Source(shots=shots, profile=profile, cameras=cameras, fov=fov)
 
     @staticmethod
     def of(
@@ -110,12 +113,7 @@ class Source:
 
     def are_frames(self, shot: Shot) -> bool:
         """Whether several files of one number are frames of their own, because the first has depth and more."""
-        if len(shot.files) == 1:
-            return False
-        try:
-            return len(detect(shot.files[0]).reasons) > 1
-        except ValueError:
-            return False
+        return len(shot.files) > 1 and _is_frame(shot.files[0], self.profile)
 
     def carried(self, shot: Shot) -> Camera | None:
         """The camera in a frame's files."""
@@ -154,7 +152,7 @@ class Source:
         for line in wrong:
             self.tell(f"{shot}: {line}")
         guessed = frame.extra.get("normal_estimated")
-        if guessed is not None:
+        if guessed is not None and min(frame.gbuffer.camera.size) > 1:
             g = frame.gbuffer
             normal = torch.where(guessed > 0, normals_from_depth(g.depth, g.camera, hit=g.hit), g.normal)
             frame = frame.replace(gbuffer=g.replace(normal=normal))
@@ -199,3 +197,13 @@ class Source:
             if found := found_settings(profile, self._profiles[name]):
                 self.tell(f"{shot}: by its pixels {found}")
         return self._profiles.setdefault(name, profile)
+
+
+def _is_frame(path: Path, profile: str) -> bool:
+    """Whether a file has depth and more: it is no pass among others."""
+    try:
+        name = detect(path).name if profile == "auto" else profile
+        named = named_by(Layers(path, shot_parts(path, header_only=True)), load_profile(name))
+    except ValueError:
+        return False
+    return any(named.keys(channel) for channel in CHANNELS if channel not in ("depth", "position"))

@@ -71,12 +71,13 @@ def inspect(
 def _there(files: Iterable[Path]) -> list[Path]:
     """The files with patterns, and folders of EXR files, replaced by what is in them."""
     from gbufrt.commands.post import within
-    from gbufrt.files.gbuffers.sequence import expanded
+    from gbufrt.files.gbuffers.sequence import expanded, exr_files
 
     shown: list[Path] = []
     for file in files:
-        pictures = file.is_dir() and any(path.suffix.lower() == ".exr" for path in file.iterdir())
-        if file.is_dir() and not (pictures or (file / "region").is_dir() or any(file.glob("*.mca"))):
+        world = file.is_dir() and ((file / "region").is_dir() or any(file.glob("*.mca")))
+        pictures = file.is_dir() and not world and exr_files(file)
+        if file.is_dir() and not (pictures or world):
             raise ValueError(f"{file} holds neither EXR files nor a Minecraft world; give files, or another folder")
         shown += within(file) if pictures else expanded(file)
     return shown

@@ -83,6 +83,7 @@ def post(
     size = one_size(paths)
     names = [path.stem for path in paths]
     if source is None:
+        distinct(names)
         recipe, notes = recorded(paths, options)
         pipeline, frames = tried(recipe, device), own(paths)
         if recipe.pipeline != "me1" and options.warmup is None:
@@ -97,6 +98,7 @@ def post(
         wanted = parse_names(passes)
         origin = Source.of(paths, source, camera, fov, wanted)
         paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
+        distinct(names)
         recipe, notes = Recipe.of(options), {path: {} for path in paths}
         tried(recipe, device)
         frames = origin.frames()
@@ -158,8 +160,7 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
     """The files to read, with folders and patterns replaced by what is in them.
 
     Raises:
-        ValueError: there are none, a folder lacks one between others, or two would be written to the same name, or
-            onto their own input.
+        ValueError: there are none, a folder lacks one between others, or one would be written onto itself.
         FileNotFoundError: one does not exist.
     """
     from gbufrt.files.gbuffers.sequence import expanded
@@ -169,7 +170,6 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
         paths += within(file) if file.is_dir() else expanded(file)
     if not paths:
         raise ValueError("no files given; give EXR files or folders that `gbufrt render` wrote")
-    stems = [path.stem for path in paths]
     for path in paths:
         if not path.exists():
             raise FileNotFoundError(f"{path} does not exist; check the path")
@@ -179,21 +179,26 @@ def gathered(files: tuple[Path, ...], out: Path) -> list[Path]:
             raise ValueError(
                 f"--out {out} is where {path.name} lies, which would be overwritten; choose another folder"
             )
-        if stems.count(path.stem) > 1:
-            raise ValueError(f"several inputs are called {path.stem}, and would be written to one file; run them apart")
     return paths
 
 
-def within(folder: Path) -> list[Path]:
-    """The frames that `gbufrt render` wrote into a folder, or else all its EXR files, by number."""
-    from gbufrt.files.gbuffers.sequence import by_number
+def distinct(names: list[str]) -> None:
+    """Raises ValueError where two frames would be written to one name."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"several inputs are called {name}, and would be written to one file; run them apart")
 
-    files = [path for path in folder.iterdir() if path.suffix.lower() == ".exr"]
+
+def within(folder: Path) -> list[Path]:
+    """The frames that `gbufrt render` wrote into a folder, or else all EXR files in it or in its folders, by number."""
+    from gbufrt.files.gbuffers.sequence import exr_files
+
+    files = exr_files(folder)
     if not files:
         raise ValueError(f"{folder} holds no EXR files; give files, or another folder")
     if any(re.fullmatch(r"frame_\d+\.exr", path.name) for path in files):
         return numbered(folder, "exr")
-    return by_number(files)
+    return files
 
 
 def is_own(path: Path) -> bool:

@@ -172,11 +172,15 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
     told = {
         "depth": f"{profile.depth_kind}, sky at {profile.sky:g}",
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else _unposed(profile),
-        "motion": f"{profile.motion_unit} to the {profile.motion_target} frame",
+        "motion": "in the units that fit the cameras"
+        if profile.motion_fitted
+        else f"{profile.motion_unit} to the {named.motion[1].motion_target} frame",
     }
     optional = ("position",) if named.light().products else ("emission", "position")
-    for channel in (name for name in (*CHANNELS, "thickness") if name not in optional or named.keys(name)):
+    shown = [name for name in (*CHANNELS, "thickness") if name != "motion_next"]
+    for channel in (name for name in shown if name not in optional or named.keys(name)):
         keys = named.keys(channel) if channel in CHANNELS else []
+        keys = named.motion[0] if channel == "motion" else keys
         text = _short(keys) + (f" ({told[channel]})" if channel in told else "") if keys else MISSING[channel]
         table.add_row(channel, escape(text), style="" if keys else "dim")
     light = named.light()

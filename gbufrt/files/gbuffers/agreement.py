@@ -63,6 +63,7 @@ def normal_readings(g: GBuffer) -> dict[str, Tensor]:
         "normal_scale with all signs changed": -g.normal,
         'normal_space = "opencv"': turned(g.normal),
         'normal_space = "opengl"': turned(torch.stack([x, -y, -z], 1)),
+        'normal_space = "pbrt"': turned(torch.stack([x, -y, z], 1)),
         'normal_space = "world"': view,
         "normal_encoded = true": torch.nn.functional.normalize(2 * size * g.normal - 1, dim=1),
     }

@@ -10,17 +10,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
 
 from gbufrt.camera import Camera
-from gbufrt.files.gbuffers.profile import Profile
+from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 RIGID = 1e-3  # how far a camera's axes may be from unit length and right angles
-UNREAL = re.compile(r"unreal/camera/(?:.*/)?(curPos/[xyz]|curRot/(?:pitch|yaw|roll)|fov)")
+ROLL = 1e-3  # how far the camera's right points up, from which on it tells which axis is not up
+UNREAL = re.compile(r"unreal/(?:camera|layerData)/(?:.*/)?(curPos/[xyz]|curRot/(?:pitch|yaw|roll)|fov)")
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ def carried_camera(header: Mapping[str, Any], profile: Profile, size: tuple[int,
         return None
     if found is None:
         return None
-    axes = _axes(profile)
+    axes = _axes(replace(profile, up=_upright(found.pose)) if profile.up == AUTO else profile)
     turn, project = axes @ found.pose[:3, :3], found.project
     if np.linalg.det(turn) < 0:  # a left-handed view space looks along +z, a right-handed one along -z
         turn, project = turn * (1, 1, -1), project * (1, 1, -1, 1)
@@ -91,6 +92,12 @@ def _unreal(header: Mapping[str, Any], size: tuple[int, int]) -> _Found | None:
     across = 0.5 / np.tan(np.radians(told["fov"]) / 2)
     project = np.array([[across, 0, 0.5, 0], [0, across * size[1] / size[0], 0.5, 0], [0, 0, 1, 0]])
     return _Found(pose, project)
+
+
+def _upright(pose: np.ndarray) -> str:
+    """Which axis of the file's world is up, as cameras seldom roll: y where that cannot be told."""
+    roll, lean = np.abs(pose[1:3, 0]), np.abs(pose[1:3, 1])
+    return "z" if (roll[1] < roll[0] if roll.max() > ROLL else lean[1] > lean[0]) else "y"
 
 
 def _axes(profile: Profile) -> np.ndarray:

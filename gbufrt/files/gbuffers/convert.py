@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import torch
 from torch import Tensor
 
@@ -12,19 +10,11 @@ from gbufrt.directions import length
 from gbufrt.files.gbuffers.profile import Profile
 
 FARTHEST = 1e12  # world units; what claims to be farther is a sky, or damaged
-SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
 UNIT = 1e-3  # shorter normals are empty pixels
-
-
-def hit_of(raw: Tensor, profile: Profile) -> Tensor:
-    """``(B, 1, H, W)`` where depth is a surface's: positive, nearer than `FARTHEST`, and not the sky's."""
-    near_enough = distances(raw, profile) < FARTHEST  # not so of NaN
-    raw, sky = raw * profile.depth_scale, profile.sky * profile.depth_scale
-    sky = math.inf if sky <= 0 else sky
-    hit = near_enough & (raw > 0) & (raw < sky * SKY_SHARE if abs(profile.sky) > 1 else raw != sky)
-    if profile.depth_kind == "device":
-        hit = hit & (raw < 1) if not profile.reversed else hit
-    return hit
+BELOW = 0.05  # how far below 0 lossy compression takes normals that are stored in [0, 1]
+FEW = 1e-3  # share of their numbers that may be lower still
+VIEWS = {"opencv": (1.0, 1.0, 1.0), "opengl": (1.0, -1.0, -1.0), "pbrt": (1.0, -1.0, 1.0)}
+"""Factors on x, y and z of camera spaces that make them OpenCV's; pbrt's is x right, y up, z forward."""
 
 
 def distances(raw: Tensor, profile: Profile) -> Tensor:
@@ -49,17 +39,15 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor
     """``(B, 3, H, W)`` unit normals in our world, and where the file holds one."""
     encoded = profile.normal_encoded
     if encoded == "auto":
-        encoded = bool((raw >= 0).all()) and _off_unit(2 * raw - 1) < _off_unit(raw)
+        encoded = float((raw < -BELOW).float().mean()) < FEW and _off_unit(2 * raw - 1) < _off_unit(raw)
     raw = (2 * raw - 1 if encoded else raw) * raw.new_tensor(profile.normal_scale).view(1, 3, 1, 1)
     size = length(raw)
     unit = raw / size.clamp_min(UNIT)
-    if profile.normal_space == "opengl":
-        unit = camera.rotate_to_world(unit * unit.new_tensor((1.0, -1.0, -1.0)).view(1, 3, 1, 1))
-    elif profile.normal_space == "opencv":
-        unit = camera.rotate_to_world(unit)
+    if profile.normal_space in VIEWS:
+        unit = camera.rotate_to_world(unit * unit.new_tensor(VIEWS[profile.normal_space]).view(1, 3, 1, 1))
     else:
         unit = our_axes(unit, profile)
-    return unit, size > UNIT
+    return unit, (size > UNIT) & size.isfinite()
 
 
 def our_axes(vectors: Tensor, profile: Profile) -> Tensor:
@@ -75,12 +63,22 @@ def _off_unit(vectors: Tensor) -> float:
 
 def pixels_to_previous(raw: Tensor, profile: Profile) -> Tensor:
     """``(B, 2, H, W)`` previous minus current px."""
+    return (raw - raw.new_tensor(profile.motion_offset).view(1, 2, 1, 1)) * _pixels(raw, profile)
+
+
+def half_step_px(raw: Tensor, profile: Profile) -> Tensor:
+    """``(B, 2, H, W)`` how many pixels of motion the next half is away."""
+    steps = torch.ldexp(torch.ones_like(raw), torch.frexp(raw).exponent - 11).clamp_min(2.0**-24)
+    return (steps * _pixels(raw, profile)).abs()
+
+
+def _pixels(raw: Tensor, profile: Profile) -> Tensor:
+    """Factors that make pixels to the frame before of the file's motion."""
     height, width = raw.shape[-2:]
     unit = (width, height) if profile.motion_unit == "uv" else (1, 1)
     sign = -1 if profile.motion_target == "next" else 1
     factors = [sign * scale * size for scale, size in zip(profile.motion_scale, unit, strict=True)]
-    moved = raw - raw.new_tensor(profile.motion_offset).view(1, 2, 1, 1)
-    return moved * raw.new_tensor(factors).view(1, 2, 1, 1)
+    return raw.new_tensor(factors).view(1, 2, 1, 1)
 
 
 def linear(colour: Tensor, profile: Profile) -> Tensor:

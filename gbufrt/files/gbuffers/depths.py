@@ -10,20 +10,19 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.directions import length
-from gbufrt.files.gbuffers.convert import FARTHEST, our_axes
+from gbufrt.files.gbuffers.convert import FARTHEST, VIEWS, our_axes
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 OFF = 0.05  # of the picture's width: how far from their pixels positions may lie
-VIEWS = {"opencv": (1, 1, 1), "opengl": (1, -1, -1), "pbrt": (1, -1, 1)}
-"""Factors on x, y and z of camera spaces that make them OpenCV's; pbrt's is x right, y up, z forward."""
 
 
 def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, Profile]:
     """``(1, 1, H, W)`` depth in the kind and scale of a profile, 0 where nothing was hit; and that profile.
 
-    Where the file has positions alone, depth is planar, and of the spaces that they may lie in (the world with the
-    axes that the profile allows, or the camera's) that one is taken in which they lie on their own pixels.
+    Where the file has positions alone, or they come first, depth is planar, and of the spaces that they may lie in (the
+    world with the axes that the profile allows, or the camera's) that one is taken in which they lie on their own
+    pixels. Where they lie on them in none, the channel of depth serves.
 
     Args:
         named: channels of a file under the names of a profile.
@@ -31,18 +30,20 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
         posed: whether the camera's pose is known; else positions in the world are of no use.
 
     Raises:
-        ValueError: positions lie on their pixels in no space.
+        ValueError: positions lie on their pixels in no space, and there is no channel of depth.
     """
-    profile, keys = named.profile, named.keys("depth")
-    if keys:
+    profile, keys, positions = named.profile, named.keys("depth"), named.keys("position")
+    if keys and not (positions and profile.positions_first and posed):
         return _facing(named.layers.stack(keys), profile), profile
-    position = named.layers.stack(named.keys("position")) * profile.depth_scale
+    position = named.layers.stack(positions) * profile.depth_scale
     there = (position.abs() < FARTHEST).all(1, keepdim=True) & (position != 0).any(1, keepdim=True)
     best, off, seen = profile, torch.inf, position[:, 2:]
     for reading, points in _readings(torch.where(there, position, 1.0), profile, camera, posed=posed):
         found = _off_pixels(points, there, camera)
         if found < off:
             best, off, seen = reading, found, points[:, 2:]
+    if off > OFF * camera.width and keys:
+        return _facing(named.layers.stack(keys), profile), profile
     if off > OFF * camera.width:
         settings = "check --camera, and up, handed and depth_scale of the profile"
         why = settings if posed else "those of the world need --camera"
@@ -66,7 +67,7 @@ def _readings(position: Tensor, profile: Profile, camera: Camera, *, posed: bool
     for space, signs in VIEWS.items():
         reading = replace(profile, depth_kind="planar")
         if space == "pbrt" and profile.normal_space == AUTO:  # where normals lie too
-            reading = replace(reading, normal_space="opengl", normal_scale=(1.0, 1.0, -1.0))
+            reading = replace(reading, normal_space="pbrt")
         yield reading, position * position.new_tensor(signs).view(1, 3, 1, 1)
 
 

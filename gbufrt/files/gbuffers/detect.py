@@ -15,6 +15,7 @@ from gbufrt.files.header import ATTRIBUTE
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
+UNCOUNTED = ("emission", "position", "motion_next")  # channels that speak for no profile
 DARK = 0.5  # of the certainty of others, where a profile knows none of the file's light
 PLAIN = 0.5  # of the certainty of others, that of plain names, which any program may write
 
@@ -28,6 +29,8 @@ class Detection:
     reasons: tuple[str, ...]
     marked: bool = field(default=False, compare=False)
     """Whether the header tells it."""
+    found: frozenset[str] = field(default=frozenset(), compare=False)
+    """The channels that it finds, and ``direct`` where it finds direct light."""
 
 
 def detect(path: str | Path | Sequence[Path]) -> Detection:
@@ -78,9 +81,16 @@ def better(layers: Layers, name: str) -> Detection | None:
 
 
 def _fitting(layers: Layers) -> Detection:
-    """The shipped profile that fits best; of certainty 0 where none does."""
-    weighed = [_weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED]
-    return max(weighed, key=lambda detection: detection.certainty)
+    """The shipped profile that fits best; of certainty 0 where none does.
+
+    Plain names are taken where they find more than those of a renderer that the header does not tell: other programs
+    use its names too.
+    """
+    weighed = {name: _weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED}
+    best, plain = max(weighed.values(), key=lambda detection: detection.certainty), weighed["generic"]
+    profile = load_profile(best.name)
+    unknown = {"motion"} if profile.motion_fitted else {"motion"} - {*profile.channels}  # how it is counted
+    return plain if plain.found - unknown > best.found and not best.marked else best
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
@@ -91,15 +101,18 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [
         f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
     ]
-    found, light = 1, Named(layers, profile).light()
-    names_of = {name: names for name, names in profile.channels.items() if name not in ("emission", "position")}
+    light = Named(layers, profile).light()
+    found = {"depth", *(["direct"] if light.products else [])}
+    names_of = {name: names for name, names in profile.channels.items() if name not in UNCOUNTED}
     for channel, names in names_of.items():
         keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
         if channel != "depth" and keys:
-            found += 1
+            found.add(channel)
             reasons.append(f"{channel} is {', '.join(keys)}")
-    share = min(1.0, found / len(names_of.keys() - {*profile.seldom}))
+    share = min(1.0, len(found - {"direct"}) / len(names_of.keys() - {*profile.seldom}))
     if marks:
-        return Detection(name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons), marked=True)
+        return Detection(
+            name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons), marked=True, found=frozenset(found)
+        )
     sure = (PLAIN if name == "generic" else 0.9) * (1 if light.products or light.finished else DARK)
-    return Detection(name, round((BY_HEADER + BY_NAMES) * share * sure, 2), tuple(reasons))
+    return Detection(name, round((BY_HEADER + BY_NAMES) * share * sure, 2), tuple(reasons), found=frozenset(found))

@@ -14,6 +14,7 @@ from torch import Tensor
 from gbufrt.files.guard import Part
 
 ENDS = (*map(tuple, ("XYZ", "RGB", "xyz", "rgb", "uv", "UV")), ("red", "green", "blue"))
+DCT = ("R", "G", "B", "Y")  # last names of channels that DWAA and DWAB pack with losses
 ORDER = "RGBAXYZWUVTIrgbaxyzwuv"  # in which letters of channels are said
 
 
@@ -37,6 +38,7 @@ class Layers:
         self.pixel_aspect = parts[0].pixel_aspect
         self.header = {key: value for part in reversed(parts) for key, value in part.header.items()}
         """Attributes of all parts, those of the first before others."""
+        self._joints = "._" if any(part.of_pass for part in parts) else "."
         self._parts: dict[str, tuple[Part, str]] = {}
         told = [(self._seen(_full(part, name, parts), part), part, name) for part in parts for name in part.names]
         holders = Counter(full for full, _ in {(full, part.of_pass) for full, part, _ in told})
@@ -53,11 +55,13 @@ class Layers:
     def find(self, names: Iterable[str], count: int, layer: str = "", *, any_case: bool = False) -> list[str]:
         """Channels of the first name that is there with ``count`` numbers, those of ``layer`` first; or none.
 
-        ``any_case``: capitals and small letters of names are the same.
+        ``any_case``: capitals and small letters of names are the same. Files of a pass each may be called by a name
+        after an underscore too, where none has the whole of it.
         """
-        for name in names:
+        names = tuple(names)
+        for joint, name in [(joint, name) for joint in self._joints for name in names]:
             for end in [()] if count == 1 else [letters[:count] for letters in ENDS if len(letters) >= count]:
-                for base in self._bases(name, layer, whole=not end, any_case=any_case):
+                for base in self._bases(name, layer, whole=not end, any_case=any_case, joint=joint):
                     keys = [f"{base}.{c}" if base else c for c in end] or [base]
                     if all(key in self._parts for key in keys):
                         return keys
@@ -81,6 +85,19 @@ class Layers:
     def part(self, key: str) -> Part:
         """The part that holds a channel."""
         return self._parts[key][0]
+
+    def lossy(self, keys: Iterable[str]) -> list[str]:
+        """Those of the channels that are packed with losses that blur edges: halves by B44, and colours by DWAA."""
+        found = []
+        for key in keys:
+            packing = getattr(self.part(key).header.get("compression"), "name", "")
+            dct = packing.startswith("DWA") and key.rpartition(".")[2] in DCT
+            found += [key] if dct or (packing.startswith("B44") and self.is_half([key])) else []
+        return found
+
+    def is_half(self, keys: Iterable[str]) -> bool:
+        """Whether all of the channels hold halves."""
+        return all(self.pixels(key).dtype == np.float16 for key in keys)
 
     def layers_of(self, names: Iterable[str], *, any_case: bool = False) -> tuple[str, ...]:
         """What stands before each of the channels of one number that ``names`` fit; see `find`."""
@@ -126,14 +143,16 @@ class Layers:
         view = part.header.get("view", next((word for word in words[:-1] if word in self.views), self.views[0]))
         return ".".join(word for word in words if word != view) if view == self.views[0] else ""
 
-    def _bases(self, name: str, layer: str, *, whole: bool, any_case: bool) -> list[str]:
+    def _bases(self, name: str, layer: str, *, whole: bool, any_case: bool, joint: str = ".") -> list[str]:
         """What ``name`` stands for: ``whole`` names, or what comes before the last dot."""
         bases = self.names if whole else tuple(dict.fromkeys(n.rpartition(".")[0] for n in self.names))
         spelled = str.casefold if any_case else str
         fits = lambda base, wanted: fnmatchcase(spelled(base), spelled(wanted))
         if name.startswith("."):
             return [base for base in bases if fits(base, name[1:])]
-        found = [b for b in bases if fits(b, name) or (name and fits(b, f"*.{name}"))]
+        found = [b for b in bases if fits(b, name) or (name and fits(b, f"*{joint}{name}"))]
+        if whole and "*" in name:  # any letter: the first of a layer, whatever the order in the file
+            found.sort(key=lambda b: ORDER.find(b.rpartition(".")[2]) % len(ORDER))
         inside = [b for b in found if layer and b.startswith(f"{layer}.")]
         return inside if layer else found
 

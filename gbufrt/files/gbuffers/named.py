@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.profile import CHANNELS, Profile
@@ -54,6 +54,13 @@ class Named:
     def depth(self) -> list[str]:
         """The file's channels that tell depth: its own, or else the three of positions."""
         return self.keys("depth") or self.keys("position")
+
+    @property
+    def motion(self) -> tuple[list[str], Profile]:
+        """The file's channels of motion, none where it lacks it, and the profile by which they are to be read."""
+        if keys := self.keys("motion"):
+            return keys, self.profile
+        return self.keys("motion_next"), replace(self.profile, motion_target="next")
 
     def keys(self, channel: str) -> list[str]:
         """The file's channels that make one of `CHANNELS`; none where it lacks it."""

@@ -18,18 +18,20 @@ CHANNELS = {
     "position": 3,
     "normal": 3,
     "motion": 2,
+    "motion_next": 2,
     "albedo": 3,
     "roughness": 1,
     "metallic": 1,
     "emission": 3,
 }
 """What a profile may name, and how many numbers a pixel has. Positions, in the world or in the camera's space, tell
-depth where it is missing. Emission is a part of the direct light."""
+depth where it is missing. Motion to the next frame serves where that to the one before is missing. Emission is a part
+of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
     "depth_kind": ("planar", "ray", "device", "reciprocal", "auto"),
-    "normal_space": ("world", "opengl", "opencv", "auto"),
+    "normal_space": ("world", "opengl", "opencv", "pbrt", "auto"),
     "motion_unit": ("pixels", "uv"),
     "motion_target": ("previous", "next"),
     "albedo_space": ("linear", "srgb"),
@@ -43,6 +45,8 @@ class Profile:
 
     channels: Mapping[str, tuple[str, ...]]
     """Names to try for each of `CHANNELS`; depth or position must be there."""
+    positions_first: bool = False
+    """Positions tell depth better than the channel of depth, where the camera is known."""
     header: Mapping[str, str] = field(default_factory=dict)
     """Header attributes that only this renderer writes, and the text that each must contain."""
     layer: str = ""
@@ -68,10 +72,11 @@ class Profile:
     reversed: bool = False
     """Device depth is 1 at the near plane and 0 at the far plane."""
     sky: float = float("inf")
-    """What depth holds where nothing was hit."""
+    """What depth holds where nothing was hit; what is larger is sky too. 65504, the largest half, gives way where
+    float depths of surfaces are larger, and any to a larger depth far beyond all else that many pixels share."""
     normal_space: str = "world"
-    """world, opengl (x right, y up, z to the viewer), opencv (x right, y down, z forward), or auto: the one by
-    which normals agree with depth best."""
+    """world, opengl (x right, y up, z to the viewer), opencv (x right, y down, z forward), pbrt (x right, y up, z
+    forward, as RenderMan's and Mantra's cameras), or auto: the one by which normals agree with depth best."""
     normal_scale: tuple[float, ...] = (1.0, 1.0, 1.0)
     """Factors on x, y and z of normals, before their axes are converted."""
     normal_encoded: bool | str = False
@@ -84,6 +89,9 @@ class Profile:
     """pixels, or uv: parts of the picture's width and height."""
     motion_target: str = "previous"
     """The frame that motion leads to. Motion to the next frame is negated, as if it were even over three frames."""
+    motion_fitted: bool = False
+    """How the file counts motion is not known: it is read with the factors by which most of it fits the cameras, and
+    left out where there are none."""
     shaded: tuple[str, ...] | None = None
     """Colours that shaders write together with roughness. Where these, as far as there are any, and roughness are 0,
     the shader has written neither, and the surface counts as rough. By default roughness 0 is a mirror."""
@@ -105,7 +113,7 @@ class Profile:
     @property
     def normals_turn(self) -> bool:
         """Whether normals turn with the camera, so that they serve where nobody knows its pose."""
-        return self.normal_space in ("opengl", "opencv")
+        return self.normal_space not in ("world", AUTO)
 
     @property
     def is_open(self) -> bool:
@@ -209,7 +217,10 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("finished", "shaded", "seldom", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
-    **dict.fromkeys(("reversed", "any_case", "either_sign"), ("true or false", lambda v: isinstance(v, bool), bool)),
+    **dict.fromkeys(
+        ("reversed", "any_case", "either_sign", "positions_first", "motion_fitted"),
+        ("true or false", lambda v: isinstance(v, bool), bool),
+    ),
     "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
     "normal_scale": ("three numbers", _numbers(3), tuple),
     **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),

@@ -12,21 +12,25 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
-from gbufrt.files.gbuffers.convert import distances, hit_of, linear, pixels_to_previous, planar, world_normals
+from gbufrt.files.gbuffers.convert import distances, linear, planar, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.motion import motion_of
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 from gbufrt.files.gbuffers.settle import settled
 from gbufrt.files.gbuffers.sky import COUNTED
+from gbufrt.files.gbuffers.surfaces import hit_of
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
 MOST_AWAY = (
     0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
 )
+INSTEAD = {"albedo": 0.0, "roughness": 1.0, "metallic": 0.0}
+BETTER = "G-buffers with ZIP, PIZ or PXR24"
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
 
 
@@ -97,6 +101,9 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     path, size = named.layers.path, named.layers.part(named.depth[0]).whole
     if camera is not None and (camera.size, camera.batch) != (size, 1):
         raise ValueError(f"camera must be one of size {size} as {path}, got {camera.batch} of {camera.size}")
+    if lossy := named.layers.lossy([*named.depth, *named.keys("normal"), *named.motion[0]]):
+        layers = ", ".join(dict.fromkeys(key.rpartition(".")[0] or key for key in lossy))
+        warnings.warn(f"{layers}: packed with losses, wrong at edges; write {BETTER}", stacklevel=4)
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     raw, profile = stored_depth(named, view, posed=camera is not None)
@@ -108,9 +115,10 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     view = _reaching(view, depth[hit])
     depth = torch.where(hit, depth, view.far)
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
-    motion, motion_z = _motion(named, view, previous, depth, hit)
-    albedo, roughness, metallic = (_channel(named, name, size) for name in ("albedo", "roughness", "metallic"))
-    emission = _channel(named, "emission", size)
+    motion, motion_z = motion_of(named, view, previous, depth, hit)
+    albedo, roughness, metallic = (_channel(named, name, size, hit) for name in INSTEAD)
+    lamps = named.keys("emission")
+    emission = named.layers.stack(lamps, size) if lamps else None
     if roughness is not None and profile.shaded is not None:
         colors = [named.layers.stack(keys, size) for name in profile.shaded if (keys := named.find((name,), 3))]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
@@ -162,10 +170,17 @@ def nothing_hit(raw: Tensor, profile: Profile, key: str) -> str:
     return f"has no surface: {key} is {span}, which is all sky by sky = {profile.sky:g}; set sky = in a profile"
 
 
-def _channel(named: Named, name: str, size: tuple[int, int]) -> Tensor | None:
-    """``(1, C, H, W)`` as the file holds it."""
+def _channel(named: Named, name: str, size: tuple[int, int], hit: Tensor) -> Tensor | None:
+    """``(1, C, H, W)`` as the file holds it; where it is not finite on surfaces, what is said instead."""
     keys = named.keys(name)
-    return named.layers.stack(keys, size) if keys else None
+    if not keys:
+        return None
+    pixels = named.layers.stack(keys, size)
+    lost = hit & ~pixels.isfinite().all(1, keepdim=True)
+    if count := int(lost.sum()):
+        instead = f"{INSTEAD[name]:g} there"
+        warnings.warn(f"{named.layers.path}: {name} of {count} pixels is not finite, and {instead}", stacklevel=5)
+    return torch.where(lost, INSTEAD[name], pixels)
 
 
 def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
@@ -174,21 +189,6 @@ def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -
     intrinsics = camera.intrinsics.clone()
     intrinsics[:, 0, 0] /= pixel_aspect
     return replace(camera, intrinsics=intrinsics)
-
-
-def _motion(
-    named: Named, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
-) -> tuple[Tensor | None, Tensor | None]:
-    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves."""
-    raw = _channel(named, "motion", view.size)
-    motion = None if raw is None else pixels_to_previous(raw, named.profile)
-    if previous is None:
-        return (None if motion is None else torch.where(hit, motion, 0.0)), None
-    static, static_z = view.static_motion(previous, depth, hit)
-    if motion is None:
-        return static, static_z
-    moves = (motion - static).norm(dim=1, keepdim=True) > 0.5
-    return torch.where(hit, motion, static), torch.where(moves, 0.0, static_z)
 
 
 def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:
@@ -208,12 +208,13 @@ def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | N
 
 def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:
     """Normals, and where they are estimates; those of the file lie in the camera's space, or its pose is known."""
-    normal, there = view.normals_from_depth(depth), torch.zeros_like(hit)
-    raw = _channel(named, "normal", view.size) if posed or named.profile.normals_turn else None
-    if raw is not None:
+    eye, there = view.rotate_to_world(view.to_eye(view.unproject(depth))), torch.zeros_like(hit)
+    normal = view.normals_from_depth(depth) if min(view.size) > 1 else eye
+    keys = named.keys("normal") if posed or named.profile.normals_turn else []
+    if keys:
+        raw = named.layers.stack(keys, view.size)
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
-        eye = view.rotate_to_world(view.to_eye(view.unproject(depth)))
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)
         if int(away.sum()) < MOST_AWAY * int(hit.sum()):
             normal = torch.where(away, -normal, normal)

@@ -9,13 +9,16 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.agreement import BEND, bend_of
-from gbufrt.files.gbuffers.convert import distances, hit_of, planar, world_normals
+from gbufrt.files.gbuffers.convert import VIEWS, distances, planar, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
+from gbufrt.files.gbuffers.surfaces import hit_of
 
 KINDS = ("planar", "ray", "reciprocal")
 PARALLEL = 0.9985  # cosine of normals and those of depth, half of which are above it where they lie in a camera's space
+MANY = 8  # a picture's sides, up to which its pixels tell nothing
+ROUNDING = 1e-6  # of cosines
 FLATTER = 0.1  # of the bend of planar depth, which another kind must stay below: curved surfaces bend by every kind
 
 
@@ -36,14 +39,15 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
-    if keys:
+    if keys and min(camera.size) > MANY:
         normal = named.layers.stack(keys, camera.size)
         ways = ways if posed else [(space, up) for space, up in ways if space != "world"]
         read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]
-        found = max(read, key=lambda reading: float(_cosines(reading, depth, normal, camera).mean()), default=profile)
+        found = min(read, key=lambda reading: _apart(_cosines(reading, depth, normal, camera)), default=profile)
         if posed or float(_cosines(found, depth, normal, camera).median()) > PARALLEL:
             return Named(named.layers, found)
-    kind = kinds[0] if len(kinds) == 1 else _flattest(profile, depth, camera)
+    known = len(kinds) == 1 or min(camera.size) <= MANY
+    kind = kinds[0] if known else _flattest(profile, depth, camera)
     return Named(named.layers, replace(profile, depth_kind=kind))
 
 
@@ -55,7 +59,7 @@ def found_settings(before: Profile, after: Profile) -> str:
 
 def _ways(profile: Profile) -> list[tuple[str, str]]:
     """Spaces and upward axes that a profile allows."""
-    spaces = ("world", "opengl", "opencv") if profile.normal_space == AUTO else (profile.normal_space,)
+    spaces = ("world", *VIEWS) if profile.normal_space == AUTO else (profile.normal_space,)
     ups = ("y", "z") if profile.up == AUTO else (profile.up,)
     return [(space, up) for space in spaces for up in (ups if space == "world" else ups[:1])]
 
@@ -73,6 +77,12 @@ def _cosines(profile: Profile, raw: Tensor, normal: Tensor, camera: Camera) -> T
     read, there = world_normals(normal, profile, camera)
     both = hit & there
     return (read * like).sum(1, keepdim=True).abs()[both] if bool(both.any()) else raw.new_zeros(1)
+
+
+def _apart(cosines: Tensor) -> float:
+    """How far normals are from those of the depth: the mean logarithm, so that what is wrong at edges by every reading
+    does not hide which one is right on surfaces."""
+    return float((1 - cosines).clamp_min(ROUNDING).log().mean())
 
 
 def _flattest(profile: Profile, raw: Tensor, camera: Camera) -> str:

@@ -50,6 +50,17 @@ def test_both_directions_of_view_and_both_ranges_are_read(forward: int, signed: 
     assert close(carried_camera(matrices(forward, signed=signed), Y_UP, SIZE))
 
 
+@pytest.mark.parametrize("target", [(0.0, 1.2, 0.0), (5.0, 3.0, -2.0), (0.3, 1.5, 3.0)])
+def test_the_axis_that_is_up_is_the_one_that_the_camera_holds_upright(target: tuple[float, float, float]) -> None:
+    """Where the profile leaves it open: in the file's own world nothing else would tell."""
+    camera = Camera.look_at((0.3, 2, 4), target, size=SIZE, fov_y=50)
+    from_y_up = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    ours, auto = camera.world_from_view[0].double().numpy(), replace(Y_UP, up="auto")
+    for pose in (ours, from_y_up @ ours):
+        header = {n: (VIEW @ np.linalg.inv(pose)).T @ m for n, m in matrices(1).items()}
+        assert close(carried_camera(header, auto, SIZE), camera)
+
+
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_what_is_written_carries_its_camera_for_others(orthographic: bool, tmp_path: Path) -> None:
     camera = boxes.camera(SIZE)

@@ -241,7 +241,7 @@ def test_depth_beyond_all_scenes_is_sky(tmp_path: Path) -> None:
     depth, places = T["planar"].copy(), T["hit"].nonzero()
     for i, claimed in enumerate((3e38, 2e12, 9e11)):
         depth[places[0][i], places[1][i]] = claimed
-    path = write(tmp_path / "a.exr", FILES["falcor"] | {"linearZ.R": np.where(SKY, 0, depth)})
+    path = write(tmp_path / "a.exr", FILES["houdini"] | {"Pz.Z": np.where(SKY, 1e30, depth)})
     frame = read_gbuffer(path, camera=CAMERA)
     assert frame.gbuffer.hit[0, 0].numpy()[places][:3].tolist() == [False, False, True]
     assert bool(torch.isfinite(frame.gbuffer.depth).all())

@@ -27,6 +27,7 @@ NORMALS = {
     ("world", "z"): np.stack([X, -Z, Y], -1),
     ("opengl", "y"): VIEW * (1, -1, -1),
     ("opencv", "y"): VIEW,
+    ("pbrt", "y"): VIEW * (1, -1, 1),
 }
 
 
@@ -50,6 +51,20 @@ def test_settings_are_found(tmp_path: Path, kind: str, way: tuple[str, str], cod
     assert (g.hit[0, 0].numpy() == T["hit"]).all()
     for read, true in ((g.depth, T["planar"][..., None]), (g.normal, T["normal"])):
         assert np.abs(read[0].permute(1, 2, 0).numpy() - true)[T["hit"]].max() < 2e-3
+
+
+def test_many_edges_hide_no_setting(tmp_path: Path):
+    """Foliage: most normals are those of no surface that depth knows. In the middle of the picture a ray is about as
+    long as planar depth, so that normals on the rest tell the kinds apart by little."""
+    leaves = np.random.default_rng(0).normal(size=(*SIZE, 3))
+    bare = (np.arange(SIZE[0])[:, None] // 8 % 2 == 0) & (np.indices(SIZE)[1] >= 0)
+    normal = np.where(bare[..., None], T["normal"], leaves / np.linalg.norm(leaves, axis=-1, keepdims=True))
+    middle = np.zeros(SIZE, bool)
+    middle[12:36, 16:48] = True
+    depth = np.where(SKY | ~middle, 0, T["planar"])
+    path = write(tmp_path / "a.exr", {"depth.Y": depth, "normal.RGB": normal})
+    found = settled(Named(Layers(path, read_parts(path)), load_profile("generic")), CAMERA).profile
+    assert (found.depth_kind, found.normal_space, found.up) == ("planar", "world", "y")
 
 
 def test_curved_surfaces_are_taken_to_be_planar_depth(tmp_path: Path):

@@ -1,0 +1,79 @@
+"""Motion of a file: as its profile says, as the cameras tell, or that of a world that stands still."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from gbufrt.camera import Camera
+from gbufrt.directions import length
+from gbufrt.files.gbuffers.convert import half_step_px, pixels_to_previous
+from gbufrt.files.gbuffers.named import Named
+from gbufrt.files.gbuffers.profile import Profile
+from gbufrt.validation.geometry import FEW
+
+MOVES = 0.5  # pixels of motion apart from the cameras' own, and of theirs from which on it tells anything
+ALONG = 0.25  # pixels along an axis, from which on they tell its factor
+CLOSE = 0.1  # of the cameras' motion that the file's may be off to agree with it, at least this many pixels
+AGREE = 0.5  # share of the pixels that must agree: what moves by itself does not
+
+
+def motion_of(
+    named: Named, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
+) -> tuple[Tensor | None, Tensor | None]:
+    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves.
+
+    Halves are coarse where motion is counted round 0.5: within their steps the cameras know better.
+
+    Args:
+        named: channels of a file under the names of a profile.
+        view: the camera.
+        previous: that of the frame before, if it is known.
+        depth: ``(1, 1, H, W)`` planar, world units.
+        hit: ``(1, 1, H, W)`` bool.
+
+    Returns:
+        ``(1, 2, H, W)`` previous minus current px, and ``(1, 1, H, W)`` that of view z; None where nothing tells them.
+    """
+    keys, profile = named.motion
+    static, static_z = (None, None) if previous is None else view.static_motion(previous, depth, hit)
+    raw = named.layers.stack(keys, view.size) if keys else None
+    if raw is not None and profile.motion_fitted:
+        found = None if static is None else _fitted(raw, profile, static, hit)
+        raw, profile = (None, profile) if found is None else (raw, found)
+    if raw is None:
+        return static, static_z
+    motion = pixels_to_previous(raw, profile)
+    known = hit & motion.isfinite().all(1, keepdim=True)
+    if lost := int((hit & ~known).sum()):
+        what = "stands still" if static is None else "is that of a world that stands still"
+        warnings.warn(f"{named.layers.path}: motion of {lost} pixels is not finite, and {what} there", stacklevel=5)
+    if static is None or static_z is None:
+        return torch.where(known, motion, 0.0), None
+    if named.layers.is_half(keys):
+        known = known & ((motion - static).abs() > half_step_px(raw, profile)).any(1, keepdim=True)
+    motion = torch.where(known, motion, static)
+    return motion, torch.where(length(motion - static) > MOVES, 0.0, static_z)
+
+
+def _fitted(raw: Tensor, profile: Profile, static: Tensor, hit: Tensor) -> Profile | None:
+    """The profile with the factors by which most motion is that of a static world; None where there are none."""
+    told = hit & (length(static) > MOVES) & raw.isfinite().all(1, keepdim=True)
+    scale = []
+    for axis in (0, 1):
+        wanted, there = static[:, axis : axis + 1], raw[:, axis : axis + 1]
+        tells = told & (wanted.abs() > ALONG) & (there != 0)
+        if int(tells.sum()) < FEW:
+            return None
+        scale.append(float((wanted / there)[tells].median()))
+    found = replace(profile, motion_offset=(0.0, 0.0), motion_scale=tuple(scale), motion_unit="pixels")
+    off = length(pixels_to_previous(raw, replace(found, motion_target="previous")) - static)
+    agrees = off < (CLOSE * length(static)).clamp_min(CLOSE)
+    if float(agrees[told].float().mean()) < AGREE:
+        return None
+    x, y = scale
+    warnings.warn(f"motion is read with motion_scale = [{x:.2g}, {y:.2g}], by which it fits the cameras", stacklevel=6)
+    return replace(found, motion_target="previous")

@@ -1,0 +1,61 @@
+"""What shows a surface and what the sky, where a profile does not know what the sky holds, or a scene is large."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from writers.foreign_exr import CAMERA, SIZE, truth, write
+
+from gbufrt.files import read_gbuffer
+
+T = truth()
+SKY = ~T["hit"]
+NORMAL = {"normal.XYZ": T["normal"]}
+REST = np.random.default_rng(0).choice((-1.0, 1.0), SIZE) * 1e-8
+
+
+def _hit(path: Path, depth: np.ndarray, profile: str = "auto", name: str = "depth.Z") -> np.ndarray:
+    g = read_gbuffer(write(path / "a.exr", {name: depth, **NORMAL}), profile, camera=CAMERA).gbuffer
+    return g.hit[0, 0].numpy()
+
+
+@pytest.mark.parametrize("sky", [1e6, 1e8, 1e10, 9e11])
+def test_what_lies_far_beyond_all_else_at_one_depth_is_sky(sky: float, tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text('[channels]\ndepth = ["depth.Z"]\nnormal = ["normal"]')
+    assert (_hit(tmp_path, np.where(SKY, sky, T["planar"]), str(tmp_path / "own.toml")) == T["hit"]).all()
+
+
+def test_a_backdrop_of_one_depth_is_a_surface(tmp_path: Path) -> None:
+    (tmp_path / "own.toml").write_text('[channels]\ndepth = ["depth.Z"]\nnormal = ["normal"]')
+    assert _hit(tmp_path, np.where(SKY, 900.0, T["planar"]), str(tmp_path / "own.toml")).all()
+
+
+@pytest.mark.parametrize("sky", [0.0, np.inf, 1e11])
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e4, 1e6])
+def test_units_may_be_small(unit: float, sky: float, tmp_path: Path) -> None:
+    """A scene in millimetres reaches beyond the largest half, which as depth is the sky in files of halves."""
+    depth = np.where(SKY, sky, unit * T["planar"])
+    g = read_gbuffer(write(tmp_path / "a.exr", {"depth.Z": depth, **NORMAL}), camera=CAMERA).gbuffer
+    assert (g.hit[0, 0].numpy() == T["hit"]).all()
+    assert np.allclose(g.depth[0, 0].numpy()[T["hit"]], unit * T["planar"][T["hit"]], rtol=1e-5)
+
+
+def test_edges_that_mix_surfaces_with_the_sky_are_sky(tmp_path: Path) -> None:
+    """Of filtered depth, some per cent of the pixels hold any share of the sky's 1e10."""
+    depth, rng = np.where(SKY, 1e10, T["planar"]), np.random.default_rng(0)
+    mixed = (rng.random(SIZE) < 0.05) & T["hit"]
+    depth[mixed] = 10 ** rng.uniform(5, 10, mixed.sum())
+    assert (_hit(tmp_path, depth) == (T["hit"] & ~mixed)).all()
+
+
+def test_what_lossy_compression_leaves_of_an_empty_sky_is_no_surface(tmp_path: Path) -> None:
+    assert (_hit(tmp_path, np.where(SKY, REST, T["planar"])) == T["hit"]).all()
+
+
+def test_normals_in_0_1_may_fall_below_it(tmp_path: Path) -> None:
+    """As lossy compression leaves them."""
+    layers = {"depth.Z": np.where(SKY, 0, T["planar"]), "normal.XYZ": T["normal"] / 2 + 0.5 + 3000 * REST[..., None]}
+    normal = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA).gbuffer.normal[0].permute(1, 2, 0).numpy()
+    assert np.abs(normal - T["normal"])[T["hit"]].max() < 1e-3
