@@ -20,7 +20,12 @@ PHI_COLOR, PHI_NORMAL = 0.3, 16.0  # see `post.atrous`
 
 
 def certain_mean(
-    light: Tensor, variance: Tensor, kept: Tensor, geometry: Surface, lonely: Tensor | None = None
+    light: Tensor,
+    variance: Tensor,
+    kept: Tensor,
+    geometry: Surface,
+    lonely: Tensor | None = None,
+    metallic: Tensor | None = None,
 ) -> Tensor:
     """Average filtered light over 5x5 pixels, weighted by the inverse of the variance that the filter likely left.
 
@@ -39,6 +44,7 @@ def certain_mean(
         geometry: of the same size.
         lonely: ``(B, 1, H, W)`` in [0, 1]: how far pixels lean on like surfaces `FAR` around, in place of all surfaces
             side by side; none where absent.
+        metallic: ``(B, 1, H, W)`` bool: pixels that lean half as far, as metals show other things side by side.
 
     Returns:
         ``(B, 3, H, W)``; pixels that hit nothing are as before.
@@ -50,14 +56,16 @@ def certain_mean(
     noise, around = pooled(torch.cat([variance, own], dim=1), lit, AROUND).split(1, dim=1)
     square = around.square().clamp_min(1e-8)
     left = kept * torch.maximum(variance, noise / square * torch.maximum(own, around).square())
-    light = torch.where(geometry.hit, _shrunk(light, NOISE * left, square, geometry, lonely), light)
+    light = torch.where(geometry.hit, _shrunk(light, NOISE * left, square, geometry, lonely, metallic), light)
     certain, (compared, _) = 1 / (left / square + LEAST), spatial_moments(light, geometry)
     values, none = torch.cat([light * certain, certain, compared, left], dim=1), torch.zeros_like(left)
     sums = wavelet(values, geometry, none, step=1, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL)
     return torch.where(geometry.hit, sums[:, :3] / sums[:, 3:4].clamp_min(1e-12), light)
 
 
-def _shrunk(light: Tensor, noise: Tensor, square: Tensor, geometry: Surface, lonely: Tensor | None) -> Tensor:
+def _shrunk(
+    light: Tensor, noise: Tensor, square: Tensor, geometry: Surface, lonely: Tensor | None, metallic: Tensor | None
+) -> Tensor:
     """Draw light toward its mean over pixels of other surfaces too, by the share of noise in how they differ.
 
     A surface of a pixel or two has no neighbours to average over, and what its few samples say may be far off. That of
@@ -67,6 +75,7 @@ def _shrunk(light: Tensor, noise: Tensor, square: Tensor, geometry: Surface, lon
     own, weight = luminance(light), geometry.hit.to(light.dtype) / (noise / square + LEAST)
     values = torch.cat([light, own * own, noise], dim=1)
     near = _toward(light, noise, pooled(values, weight))
+    near = near if metallic is None else torch.where(metallic, (light + near) / 2, near)
     if lonely is None:
         return near
     far = _toward(light, noise * (ALONE / NOISE), kindred(values, weight, lonely > 0, geometry, FAR))

@@ -17,6 +17,7 @@ from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.mirrors.glossy import frames_lasting, glossy_metals
+from post.mirrors.image import METAL
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
@@ -116,7 +117,9 @@ def denoise(
     kept = torch.where(told > NOISELESS, left / told.clamp_min(NOISELESS), 1.0).clamp_max(1.0)
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera, glossy)
     same, metals = alike(geometry), glossy_metals(gbuffer)
-    smooth = certain_mean(smooth, variance, kept, geometry, _lonely(same, mirrors, metals))
+    shiny = metals if mirrors is None else mirrors if metals is None else mirrors | metals
+    metallic = None if gbuffer.metallic is None else gbuffer.metallic > METAL
+    smooth = certain_mean(smooth, variance, kept, geometry, _lonely(same, shiny), metallic)
     sure = trusted(grain, length)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
     smooth = into_shadow(smooth, noisy, same, sure)
@@ -129,16 +132,14 @@ def denoise(
     return torch.where(gbuffer.hit, clean, light), history
 
 
-def _lonely(same: Tensor, mirrors: Tensor | None, metals: Tensor | None) -> Tensor:
+def _lonely(same: Tensor, shiny: Tensor | None) -> Tensor:
     """``(B, 1, H, W)`` in [0, 1]: how far next to none of the pixels around shows the same surface.
 
     What metals show has its edges elsewhere, and like metals side by side may show unlike light: they do not count.
     ``same`` is `alike`.
     """
     lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - ALONE)).clamp(0.0, 1.0)
-    for shiny in (mirrors, metals):
-        lonely = lonely if shiny is None else torch.where(shiny, 0.0, lonely)
-    return lonely
+    return lonely if shiny is None else torch.where(shiny, 0.0, lonely)
 
 
 def _despeckled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:

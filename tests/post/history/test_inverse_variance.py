@@ -50,6 +50,8 @@ def test_a_surface_of_one_pixel_leans_on_those_around_it_as_its_noise_requires()
     kept = torch.where(alone > 0, 1.0, 0.01)
     noisy, half, sure = (certain_mean(light, WHOLE * variance, kept, geometry) for variance in (1.0, 0.3, 1e-6))
     assert noisy[..., 18, 24].min() > 0.9
+    metal = certain_mean(light, WHOLE, kept, geometry, metallic=alone > 0)[..., 18, 24]
+    torch.testing.assert_close(metal, (noisy[..., 18, 24] + 0.2) / 2)
     assert noisy[..., 17, 24].min() > 0.95
     assert 0.82 < half[..., 18, 24].min() < 0.92  # its variance is half of the squared difference
     torch.testing.assert_close(sure[..., 18, 24], light[..., 18, 24])
