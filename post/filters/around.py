@@ -7,7 +7,18 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
-from post.filters.constants import COARSE_POWER, HIT, LEAST_SHARE, SAME
+from post.filters.constants import (
+    COARSE_POWER,
+    DEPTH,
+    HIT,
+    KINDRED_DEPTH,
+    LEAST_SHARE,
+    NX,
+    NZ,
+    ROUGHNESS,
+    ROUGHNESS_SCALE,
+    SAME,
+)
 from post.filters.edges import Surface, edge_weight, offsets, padded, windows
 
 
@@ -59,6 +70,21 @@ def _(guide, plane, perspective):
     return guide.new_empty(guide.shape[0], 9, *guide.shape[2:], dtype=torch.bool)
 
 
+@torch.library.custom_op("gbufrt::kindred", mutates_args=())
+def kindred_op(value: Tensor, mask: Tensor, where: Tensor, guide: Tensor, plane: Tensor, radius: int) -> Tensor:
+    """See `kindred`; ``guide`` and ``plane`` are those of `Surface`."""
+    from post.filters.pixel_drivers import kindred_each
+
+    out = torch.empty_like(value, memory_format=torch.contiguous_format)
+    kindred_each(where.numel(), out, value, mask[:, 0], where[:, 0], guide, plane, radius)
+    return out
+
+
+@kindred_op.register_fake
+def _(value, mask, where, guide, plane, radius):
+    return torch.empty_like(value, memory_format=torch.contiguous_format)
+
+
 def pooled(value: Tensor, mask: Tensor, size: int = 3, *, compiled: bool | None = None) -> Tensor:
     """Mean over a square of the pixels in ``mask``, 0 where there are none.
 
@@ -100,3 +126,38 @@ def alike(geometry: Surface, *, compiled: bool | None = None) -> Tensor:
         )  # fmt: skip
         same.append((weight > SAME) | ((sky * away[len(away) // 2])[:, 0] > 0))
     return torch.stack(same, dim=1)
+
+
+def kindred(
+    value: Tensor, mask: Tensor, where: Tensor, geometry: Surface, radius: int, *, compiled: bool | None = None
+) -> Tensor:
+    """Mean over a square of pixels of any surface, those most that face the same way and lie as deep.
+
+    A tap counts by the fourth power of the mean of one and the cosine between the normals, by its depth beside that of
+    the pixel, in pixel footprints, and by its roughness where the geometry tells it.
+
+    Args:
+        value: ``(B, C, H, W)``, any unit.
+        mask: ``(B, 1, H, W)``: how much each pixel counts, at least 0.
+        where: ``(B, 1, H, W)`` bool: pixels whose mean is wanted, and which alone take time; that of others is 0.
+        geometry: of the same size.
+        radius: of the square, pixels.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        As ``value``.
+    """
+    given = value, mask, geometry.guide, geometry.plane
+    if form_of(*given, compiled=compiled, cuda=True) is not Form.REFERENCE:
+        return kindred_op(value, mask, where, geometry.guide, geometry.plane, radius)
+    here, footprints = geometry.guide, geometry.plane[:, 3:] * KINDRED_DEPTH
+    guides, values = (windows(padded(t, radius), radius) for t in (here, torch.cat([value, mask], dim=1)))
+    total, sums = torch.zeros_like(mask), torch.zeros_like(value)
+    for guide, tap in zip(guides, values, strict=True):
+        cosine = (guide[:, NX : NZ + 1] * here[:, NX : NZ + 1]).sum(1, keepdim=True)
+        unlike = (guide[:, DEPTH : DEPTH + 1] - here[:, DEPTH : DEPTH + 1]).abs() * footprints
+        if here.shape[1] > ROUGHNESS:
+            unlike = unlike + (guide[:, ROUGHNESS:] - here[:, ROUGHNESS:]).abs() / ROUGHNESS_SCALE
+        weight = tap[:, -1:] * (0.5 + 0.5 * cosine).clamp(0.0, 1.0) ** 4 * torch.exp(-unlike)
+        total, sums = total + weight, sums + weight * tap[:, :-1]
+    return torch.where(where, sums / total.clamp_min(LEAST_SHARE), 0.0)

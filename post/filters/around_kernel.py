@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from gbufrt.compute.approximations import LOG2_E, falling_exp2
+from gbufrt.compute.each import pixel_of
 from gbufrt.compute.kernel import inlined, scalar
 from post.filters import constants
-from post.filters.constants import HIT
+from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 from post.filters.kernel import edge_weights, tap_at
 
 ZERO, ONE, ENDLESS = np.float32(0), np.float32(1), np.float32(np.inf)
+HALF, KINDRED_DEPTH = np.float32(0.5), LOG2_E * np.float32(constants.KINDRED_DEPTH)
+KINDRED_ROUGHNESS = LOG2_E / np.float32(constants.ROUGHNESS_SCALE)
 LEAST, SAME = np.float32(constants.LEAST_SHARE), np.float32(constants.SAME)
 
 
@@ -98,3 +102,34 @@ def alike_row(same, weights, guide, plane, edge, y):
         alike_taps(used, guide, plane, y, tap, edge)
         for i in range(used.shape[0]):
             row[i] = used[i] > ZERO
+
+
+@inlined
+def _kinship(guide, b, y, x, row, column, footprint):
+    """How much a tap counts in `around.kindred`, but for the mask."""
+    nx, ny, nz = guide[b, NX, y, x], guide[b, NY, y, x], guide[b, NZ, y, x]
+    cosine = nx * guide[b, NX, row, column] + ny * guide[b, NY, row, column] + nz * guide[b, NZ, row, column]
+    half = min(max(HALF + HALF * cosine, ZERO), ONE)
+    unlike = footprint * abs(guide[b, DEPTH, row, column] - guide[b, DEPTH, y, x])
+    if guide.shape[1] > ROUGHNESS:
+        unlike += KINDRED_ROUGHNESS * abs(guide[b, ROUGHNESS, row, column] - guide[b, ROUGHNESS, y, x])
+    return half * half * half * half * falling_exp2(-unlike)
+
+
+@scalar
+def kindred_pixel(i, out, value, mask, where, guide, plane, radius):
+    """One pixel of `around.kindred`."""
+    b, y, x = pixel_of(i, mask.shape[1], mask.shape[2])
+    height, width, channels = mask.shape[1], mask.shape[2], value.shape[1]
+    for c in range(channels):
+        out[b, c, y, x] = ZERO
+    if where[b, y, x]:
+        footprint, total = KINDRED_DEPTH * plane[b, 3, y, x], ZERO
+        for row in range(max(y - radius, 0), min(y + radius + 1, height)):
+            for column in range(max(x - radius, 0), min(x + radius + 1, width)):
+                weight = mask[b, row, column] * _kinship(guide, b, y, x, row, column, footprint)
+                total += weight
+                for c in range(channels):
+                    out[b, c, y, x] += weight * value[b, c, row, column]
+        for c in range(channels):
+            out[b, c, y, x] /= max(total, LEAST)

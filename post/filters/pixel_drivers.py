@@ -9,6 +9,7 @@ import numpy as np
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import scalar
+from post.filters.around_kernel import kindred_pixel
 from post.filters.constants import B3, COARSE_POWER, HIT, MOST_PLANES
 from post.filters.denoise_kernel import (
     Own,
@@ -204,4 +205,4 @@ def stairs_pixel(i, out, luma, image, subpixel, edge_threshold, dark_threshold):
 luma_each, stairs_each = Each(luma_pixel), Each(stairs_pixel)
 surface_each, moments_each, wavelet_each = Each(surface_pixel), Each(moments_pixel), Each(wavelet_pixel)
 limits_each, bilateral_each = Each(limits_pixel), Each(bilateral_pixel)
-unit_each = Each(unit_pixel)
+unit_each, kindred_each = Each(unit_pixel), Each(kindred_pixel)

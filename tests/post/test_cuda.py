@@ -41,6 +41,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "sum",
         "specular",
         "unit",
+        "kindred",
     }
     assert ran == {
         "march",

@@ -16,6 +16,7 @@ from gbufrt.atmosphere import Atmosphere
 from gbufrt.atmosphere.rays import marched
 from gbufrt.atmosphere.tables import DTYPE, Tables
 from post.display.op import darkened, encoded, tone_curve
+from post.filters.around import kindred
 from post.filters.fxaa_op import smooth_stairs
 from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.regression import fitted, with_places
@@ -143,6 +144,7 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
         "plane": geometry.plane,
         "moments": around,
         "limits": torch.cat([reach, tolerance], dim=1),
+        "kindred": kindred(values, grain[:, 1:2], grain[:, 2:3] > 0.2, geometry, 2),
         "bilateral": joint_bilateral(values, geometry, reach, tolerance, radius=2, **edge),
         "wavelet": smooth,
         "fit": fitted(wide[:, :-2], wide[:, -1:]),

@@ -17,6 +17,7 @@ from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.mirrors.glossy import frames_lasting, glossy_metals
+from post.mirrors.image import METAL
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
@@ -28,6 +29,7 @@ PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces 
 NOISELESS = 1e-12  # variance, square radiance: below it filters tell nothing of what they leave
 FACING = "facing"  # in the history: normals of mirrors, by which those that turn are told
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
+AMONG = 4  # pixels of 3x3 from which on a surface has neighbours enough
 
 
 def denoise(
@@ -48,7 +50,8 @@ def denoise(
 
     Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
     over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
-    neighbours that keep less noise, and recombined. Highlights do not take the texture of what they lie on, so pixels
+    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces
+    around. Highlights do not take the texture of what they lie on, so pixels
     that owe unlike shares of their reflectance to a highlight are not averaged.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
     the reflected image, whichever agrees better. In smooth metals, and in water and polished surfaces that reflect most
@@ -113,10 +116,12 @@ def denoise(
     )  # fmt: skip
     kept = torch.where(told > NOISELESS, left / told.clamp_min(NOISELESS), 1.0).clamp_max(1.0)
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera, glossy)
-    smooth = certain_mean(smooth, variance, kept, geometry)
-    sure, metals = trusted(grain, length), glossy_metals(gbuffer)
+    same, metals = alike(geometry), glossy_metals(gbuffer)
+    shiny = metals if mirrors is None else mirrors if metals is None else mirrors | metals
+    metallic = None if gbuffer.metallic is None else gbuffer.metallic > METAL
+    smooth = certain_mean(smooth, variance, kept, geometry, _lonely(same, shiny), metallic)
+    sure = trusted(grain, length)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
-    same = alike(geometry)
     smooth = into_shadow(smooth, noisy, same, sure)
     smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     clean = smooth * divisor + emission
@@ -125,6 +130,16 @@ def denoise(
     if facing is not None:
         history = replace(history, signals={**history.signals, FACING: facing})
     return torch.where(gbuffer.hit, clean, light), history
+
+
+def _lonely(same: Tensor, shiny: Tensor | None) -> Tensor:
+    """``(B, 1, H, W)`` in [0, 1]: how far next to none of the pixels around shows the same surface.
+
+    What metals show has its edges elsewhere, and like metals side by side may show unlike light: they do not count.
+    ``same`` is `alike`.
+    """
+    lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - ALONE)).clamp(0.0, 1.0)
+    return lonely if shiny is None else torch.where(shiny, 0.0, lonely)
 
 
 def _despeckled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:

@@ -6,7 +6,7 @@ import boxes
 import pytest
 import torch
 
-from post.filters.around import alike, least, pooled
+from post.filters.around import alike, kindred, least, pooled
 from post.filters.surfaces import surface
 
 SIZE = (19, 37)
@@ -61,3 +61,34 @@ def test_gradients_take_the_definition():
     pooled(value, torch.ones_like(value)).sum().backward()
     assert value.grad is not None
     torch.testing.assert_close(value.grad[0, 0, 5, 5], torch.tensor(1.0))
+
+
+@pytest.mark.parametrize("rough", [False, True])
+def test_means_over_like_surfaces_are_those_of_their_definition(rough):
+    g = boxes.frame(boxes.camera((19, 37))).gbuffer
+    roughness = torch.linspace(0.0, 1.0, 37).expand_as(g.depth) if rough else None
+    geometry = surface(g.depth, g.normal, g.hit, g.camera, roughness)
+    value, mask, where = planes(3, 10)[:1], planes(1, 11)[:1] * g.hit, planes(1, 12)[:1] > 0.5
+    got, want = (kindred(value, mask, where, geometry, 3, compiled=form) for form in (True, False))
+    torch.testing.assert_close(got, want, rtol=1e-5, atol=1e-6)
+    assert (got[:, :, ~where[0, 0]] == 0).all()
+    assert got.std() > 0.1
+
+
+def test_surfaces_count_less_the_more_they_face_elsewhere_and_the_farther_they_lie():
+    g = boxes.frame(boxes.camera((19, 37)), boxes=boxes.ROOM[:1]).gbuffer
+    flat, ones = torch.full_like(g.depth, 4.0), torch.ones_like(g.depth)
+    up = torch.tensor([0.0, 1.0, 0.0])[None, :, None, None].expand_as(g.normal)
+    odd = (torch.arange(37) == 18).expand_as(g.depth)
+    side = torch.where(odd, torch.tensor([1.0, 0.0, 0.0])[None, :, None, None], up)
+
+    def share(depth: torch.Tensor, normal: torch.Tensor) -> float:
+        """What the column counts for, beside another column, for a pixel next to it."""
+        geometry = surface(depth, normal, ones > 0, g.camera)
+        return float(kindred(odd.float(), ones, ones > 0, geometry, 1)[0, 0, 9, 17])
+
+    assert share(flat, up) == pytest.approx(1 / 3)
+    assert share(flat, side) == pytest.approx(0.5**4 / (2 + 0.5**4), rel=1e-4)
+    far = torch.where(odd, flat + 5 / float(g.camera.pixels_per_unit(flat)[0, 0, 0, 0]), flat)
+    away = 2.718281828 ** (-0.15 * 5)  # five footprints
+    assert share(far, up) == pytest.approx(away / (2 + away), rel=1e-4)

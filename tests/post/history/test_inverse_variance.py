@@ -50,6 +50,22 @@ def test_a_surface_of_one_pixel_leans_on_those_around_it_as_its_noise_requires()
     kept = torch.where(alone > 0, 1.0, 0.01)
     noisy, half, sure = (certain_mean(light, WHOLE * variance, kept, geometry) for variance in (1.0, 0.3, 1e-6))
     assert noisy[..., 18, 24].min() > 0.9
+    metal = certain_mean(light, WHOLE, kept, geometry, metallic=alone > 0)[..., 18, 24]
+    torch.testing.assert_close(metal, (noisy[..., 18, 24] + 0.2) / 2)
     assert noisy[..., 17, 24].min() > 0.95
     assert 0.82 < half[..., 18, 24].min() < 0.92  # its variance is half of the squared difference
     torch.testing.assert_close(sure[..., 18, 24], light[..., 18, 24])
+
+
+def test_a_lonely_pixel_leans_on_like_surfaces_farther_around_not_on_those_beside_it():
+    bars = (torch.arange(SIZE[1]) % 3 == 0).expand_as(G.depth)  # a pixel wide, and brighter than what lies between
+    geometry = surface(G.depth, torch.where(bars, -G.normal, G.normal), G.hit, G.camera)
+    alone = torch.zeros_like(G.depth)
+    alone[..., 18, 24] = 1
+    light = torch.where(alone > 0, 9.0, torch.where(bars, 3.0, 1.0)).expand_as(G.normal).contiguous()
+    variance, kept = torch.where(alone > 0, 50.0, 1e-4), torch.where(bars, 1.0, 0.1)
+    among, apart = (
+        certain_mean(light, variance, kept, geometry, lonely)[..., 18, 24] for lonely in (None, bars.float())
+    )
+    assert among.max() < 2.5
+    torch.testing.assert_close(apart, torch.full_like(apart, 3.0), rtol=0.1, atol=0.0)
