@@ -50,9 +50,9 @@ def denoise(
 
     Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
     over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
-    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces
-    around. Highlights do not take the texture of what they lie on, so pixels
-    that owe unlike shares of their reflectance to a highlight are not averaged.
+    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces around.
+    Highlights do not take the texture of what they lie on, so pixels that owe unlike shares of their reflectance to a
+    highlight are not averaged.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
     the reflected image, whichever agrees better. In smooth metals, and in water and polished surfaces that reflect most
     of their light, the guide is what they reflect, as far as it is on screen.
