@@ -40,6 +40,11 @@ class Captured:
         if not isinstance(pipeline, Pipeline):
             raise TypeError(f"pipeline must be a Pipeline, got {type(pipeline).__name__}")
         check_frame(frame)
+        if not _recordable(frame.gbuffer.depth):
+            device = frame.gbuffer.depth.device
+            raise ValueError(
+                f"frame must be on a GPU to be captured, but is on {device}: use the pipeline itself there"
+            )
         self.pipeline = pipeline
         self._frame = _copy(_timed(frame.replace(cut=None, previous=None)))
         with torch.no_grad():
@@ -85,12 +90,13 @@ class Captured:
         return result
 
 
+def _recordable(like: Tensor) -> bool:
+    """Whether a graph can be captured where a tensor lies."""
+    return like.is_cuda
+
+
 def _record(step: Callable[[], Frame], like: Tensor) -> Callable[[], Frame]:
     """Capture a step where a tensor lies; what is returned repeats it."""
-    if not like.is_cuda:
-        raise ValueError(
-            f"frame must be on a GPU to be captured, but is on {like.device}: use the pipeline itself there"
-        )
     graph = torch.cuda.CUDAGraph()
     with torch.cuda.device(like.device), torch.cuda.graph(graph):
         result = step()

@@ -24,6 +24,7 @@ if GPU:
 @pytest.fixture(autouse=True)
 def _repeats(monkeypatch: pytest.MonkeyPatch) -> None:
     if not GPU:
+        monkeypatch.setattr(captured, "_recordable", lambda like: True)
         monkeypatch.setattr(captured, "_record", lambda step, like: step)
 
 
@@ -117,5 +118,7 @@ def test_wrong_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(TypeError, match="pipeline must be a Pipeline, got function"):
         Captured(pipeline, frame)  # pyright: ignore[reportArgumentType]
     monkeypatch.undo()
+    passes = pipeline()
+    monkeypatch.setattr(passes, "forward", lambda *given, **options: pytest.fail("refused before it runs"))
     with pytest.raises(ValueError, match="frame must be on a GPU to be captured, but is on cpu"):
-        Captured(pipeline(), frame.to("cpu"))
+        Captured(passes, frame.to("cpu"))

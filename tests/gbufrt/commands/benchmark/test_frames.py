@@ -17,6 +17,7 @@ RAYS = {"ms": 1.0, "mrays_per_s": 1.0}
 
 def test_a_captured_frame_is_timed_with_its_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
     ran = list[str]()
+    monkeypatch.setattr(captured, "_recordable", lambda like: True)
     monkeypatch.setattr(captured, "_record", lambda step, like: lambda: ran.append("step") or step())
     monkeypatch.setattr(process, "wait", lambda device: ran.append("wait"))
     with torch.no_grad():
