@@ -50,11 +50,11 @@ def contracted(function: F) -> F:
 
 
 def in_lanes(alone: Callable[..., Any]) -> Callable[[F], F]:
-    """Mark a `scalar` helper that works on many items side by side, each in a lane.
+    """Mark a `scalar` helper that targets with lanes run, as it works on many items side by side or suits what does.
 
     Args:
-        alone: `scalar`, takes the same arguments and works on one item after the other; it stands for the helper on
-            targets of one lane.
+        alone: `scalar`, takes the same arguments, and answers alike or for the same items in another order; it stands
+            for the helper on targets of one lane.
     """
 
     def mark(function: F) -> F:

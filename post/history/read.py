@@ -49,9 +49,9 @@ def read_history_cpu(
 
     batch, channels, height, width = image.shape
     out = image.new_empty(batch, channels + 2, height, width)
-    seen = [t if t.shape[1] > 1 else t[:, 0] for t in now]
-    was = [(t if t.shape[1] > 1 else t[:, 0]).flatten(-2) for t in before]
-    pictures = out, image.flatten(2), *seen, *was, lenses, poses
+    given = [t if t.shape[1] > 1 else t[:, 0] for t in (*now, *before)]
+    was = [t.flatten(-2) for t in given[len(now) :]]  # not in the kernel: what reshapes cannot be cached for a GPU
+    pictures = out, image.flatten(2), *given[: len(now)], *was, lenses, poses
     options = parallel, plane, normal, search, sharp
     if form_of(image, cuda=True) is Form.CUDA:
         read_each(batch * height * width, *pictures, *options)
