@@ -10,14 +10,25 @@ import numpy as np
 from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, box
 
 PLANTS = re.compile(
-    ".*(?:sapling|tulip|bush|_coral|_coral_fan|seagrass|mushroom|orchid|daisy|roots|sprouts|propagule|kelp|kelp_plant"
-    "|vines|vines_plant|_stem|crop)|(?:short_|tall_)?grass|(?:large_)?fern|dandelion|poppy|allium|azure_bluet|cornflower"
+    ".*(?:sapling|tulip|bush|_coral|_coral_fan|_coral_wall_fan|fungus|seagrass|mushroom|orchid|daisy|roots|sprouts"
+    "|propagule|kelp|kelp_plant|vines|vines_plant|_stem|crop)|(?:short_|tall_)?(?:dry_)?grass|cactus_flower|pale_hanging_moss|(?:large_)?fern|dandelion|poppy|allium|azure_bluet|cornflower"
     "|lily_of_the_valley|wither_rose|torchflower|sunflower|lilac|rose_bush|peony|sugar_cane|wheat|carrots|potatoes"
     "|beetroots|nether_wart|cobweb|amethyst_cluster|.*amethyst_bud|bamboo_sapling|pitcher_plant|.*dripleaf|fire|soul_fire"
 )
-SOLID_STEMS = ("crimson_stem", "warped_stem", "mushroom_stem", "stripped_crimson_stem", "stripped_warped_stem")
+SOLID = (
+    "crimson_stem",
+    "warped_stem",
+    "mushroom_stem",
+    "stripped_crimson_stem",
+    "stripped_warped_stem",
+    "big_dripleaf",
+    "big_dripleaf_stem",
+    "mangrove_roots",
+    "muddy_mangrove_roots",
+)
 GREEN_STALK = re.compile(
     ".*(?:tulip|orchid|daisy)|dandelion|poppy|allium|azure_bluet|cornflower|lily_of_the_valley|wither_rose|torchflower"
+    "|(?:open|closed)_eyeblossom"
 )
 TALL_FLOWERS = ("sunflower", "lilac", "rose_bush", "peony")
 
@@ -39,7 +50,7 @@ def blossoms() -> Mask:
 
 def is_plant(name: str) -> bool:
     """Whether a block is two upright pictures that cross."""
-    plant = PLANTS.fullmatch(name) is not None and name not in SOLID_STEMS
+    plant = PLANTS.fullmatch(name) is not None and name not in SOLID
     return plant or GREEN_STALK.fullmatch(name) is not None or name in TALL_FLOWERS
 
 

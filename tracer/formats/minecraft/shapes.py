@@ -7,28 +7,25 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from tracer.formats.minecraft import lamps
+from tracer.formats.minecraft.colors import table
 from tracer.formats.minecraft.plants import (
     GREEN_STALK,
     PLANTS,
-    SOLID_STEMS,
+    SOLID,
     TALL_FLOWERS,
     blossoms,
     crossed,
     flower,
     plant,
 )
-from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, beside, box
+from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, beside, box, laid, turned
 
 NOTHING = re.compile(
-    "(?:.*_)?air|barrier|structure_void|light|moving_piston|tripwire.*|glow_lichen|redstone_wire|sculk_vein"
-    "|end_gateway|.*button|lever|string"
+    "(?:.*_)?air|barrier|structure_void|light|moving_piston|tripwire.*|redstone_wire|end_gateway|.*button|lever|string"
 )
-FRONTS = {
-    "jack_o_lantern": ("pumpkin", (".##..##.", ".##..##.", "........", ".#.##.#.", ".######.", "..#..#.."), 1),
-    "lit_furnace": ("furnace", ("..####..", ".######.", ".######."), 1),
-}
-"""Cubes of which one side glows: what the rest is of, and where it glows: rows in eighths, and the lowest's height."""
 OPPOSITE = {"north": "south", "south": "north", "east": "west", "west": "east"}
+SIDES = (*OPPOSITE, "up", "down")
 
 
 def is_nothing(name: str) -> bool:
@@ -54,12 +51,10 @@ def shape_of(name: str, told: Mapping[str, str]) -> Shape | None:
         return flower(name)
     if name in TALL_FLOWERS:
         return (("short_grass", crossed(0, 8)), (name, blossoms())) if told.get("half") == "upper" else plant("fern")
-    if PLANTS.fullmatch(name) and name not in SOLID_STEMS:
-        return plant(name)
     for pattern, make in _MAKERS:
         if re.fullmatch(pattern, name):
             return make(name, told)
-    return None
+    return _of_boxes(name, told) or (plant(name) if PLANTS.fullmatch(name) and name not in SOLID else None)
 
 
 def _slab(name: str, told: Mapping[str, str]) -> Shape | None:
@@ -126,34 +121,6 @@ def _trapdoor(name: str, told: Mapping[str, str]) -> Shape:
     return ((name, box(0, 6, 0, 8, 8, 8) if told.get("half") == "top" else box(0, 0, 0, 8, 2, 8)),)
 
 
-def _torch(name: str, told: Mapping[str, str]) -> Shape:
-    kind = name.replace("wall_", "").removesuffix("torch")
-    x, z = {"east": (1, 3), "west": (5, 3), "south": (3, 1), "north": (3, 5)}.get(told.get("facing", ""), (3, 3))
-    low = 2 if "facing" in told else 0
-    head = "stick" if told.get("lit") == "false" else f"{kind}torch_head"
-    return (("stick", box(x, low, z, x + 1, low + 4, z + 1)), (head, box(x, low + 4, z, x + 2, low + 6, z + 2)))
-
-
-def _front(name: str, told: Mapping[str, str]) -> Shape:
-    body, rows, low = FRONTS[name]
-    drawn = np.zeros((SIDE, SIDE), bool)  # across, and up
-    drawn[:, low : low + len(rows)] = np.array([[c == "#" for c in row] for row in reversed(rows)]).T
-    along = drawn[:, :, None] if front_of(told) in ("north", "south") else drawn.T[None]
-    glowing = beside(front_of(told), 1) & along
-    return ((body, ~glowing), (f"{name}_front", glowing))
-
-
-def front_of(told: Mapping[str, str]) -> str:
-    """The side that a block's front is on."""
-    return told.get("facing", "north")
-
-
-def _lantern(name: str, told: Mapping[str, str]) -> Shape:
-    low = 1 if told.get("hanging") == "true" else 0
-    frame = box(3, low, 3, 5, low + 1, 5) | box(3, low + 5, 3, 5, low + 6, 5)
-    return (("iron", frame), (f"{name}_glass", box(2, low + 1, 2, 6, low + 5, 6)))
-
-
 def _layers(name: str, told: Mapping[str, str]) -> Shape | None:
     count = int(told.get("layers", "1"))
     return None if not 0 < count < 8 else ((name, box(0, 0, 0, 8, count, 8)),)
@@ -164,18 +131,12 @@ def _fluid(name: str, told: Mapping[str, str]) -> Shape | None:
     return None if not 0 < level < 8 else ((name, box(0, 0, 0, 8, 8 - level, 8)),)
 
 
-def _vine(name: str, told: Mapping[str, str]) -> Shape:
+def _sheets(name: str, told: Mapping[str, str]) -> Shape:
+    """What grows on the sides of other blocks."""
     x, y, z = np.indices((SIDE,) * 3)
-    sides = [beside(side, 1) for side in OPPOSITE if told.get(side) == "true"]
+    sides = [beside(side, 1) for side in SIDES if told.get(side) == "true"]
     sheet = np.logical_or.reduce(sides) if sides else box(0, 7, 0, 8, 8, 8)
     return ((name, sheet & ((x + z + 2 * y) % 3 > 0)),)
-
-
-def _fixed(*boxes: tuple[int, int, int, int, int, int]) -> Callable[[str, Mapping[str, str]], Shape]:
-    def make(name: str, told: Mapping[str, str]) -> Shape:
-        return ((name, np.logical_or.reduce([box(*b) for b in boxes])),)
-
-    return make
 
 
 def _ladder(name: str, told: Mapping[str, str]) -> Shape:
@@ -184,12 +145,57 @@ def _ladder(name: str, told: Mapping[str, str]) -> Shape:
     return ((name, beside(OPPOSITE.get(told.get("facing", "north"), "south"), 1) & rungs),)
 
 
+def _vessel(name: str, told: Mapping[str, str]) -> Shape:
+    """A cauldron or composter, and what it is filled with."""
+    legs = box(0, 0, 0, 8, 1, 8) & ~box(2, 0, 0, 6, 1, 8) & ~box(0, 0, 2, 8, 1, 6)
+    walls = box(0, 1, 0, 8, 8, 8) & ~box(1, 2, 1, 7, 8, 7)
+    contents = name.removesuffix("_cauldron")
+    if contents == name:
+        return ((name, legs | walls),)
+    level = int(told.get("level", "3"))
+    return (("cauldron", legs | walls), (contents, box(1, 2, 1, 7, min(max(3 + level, 3), 7), 7)))
+
+
+def _grate(name: str, told: Mapping[str, str]) -> Shape:
+    """A hollow cube of bars: of four along each side, the inner two leave the middle open."""
+    x, y, z = np.indices((SIDE,) * 3)
+    bars = [np.isin(axis, (0, 2, 5, 7)) for axis in (x, y, z)]
+    ends = [np.isin(axis, (0, SIDE - 1)) for axis in (x, y, z)]
+    mask = np.zeros((SIDE,) * 3, bool)
+    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        mask |= ends[a] & (bars[b] | bars[c])
+    return ((name, mask),)
+
+
+def _litter(name: str, told: Mapping[str, str]) -> Shape:
+    """Petals and leaves on the ground."""
+    x, _, z = np.indices((SIDE,) * 3)
+    return ((name, box(0, 0, 0, 8, 1, 8) & ((3 * x + 5 * z) % 8 < 4)),)
+
+
+def _of_boxes(name: str, told: Mapping[str, str]) -> Shape | None:
+    """A block of the boxes that `blocks.toml` lists for it."""
+    for row in table()["boxes"]:
+        if re.fullmatch(row["match"], name):
+            mask = np.logical_or.reduce([box(*b) for b in row["boxes"]])
+            if row.get("turns"):
+                mask = turned(mask, told.get("facing", told.get("axis", "north")))
+            if row.get("lies"):
+                mask = laid(mask, told.get("axis", told.get("facing", "up")))
+            return ((name, mask),)
+    return None
+
+
 _MAKERS: tuple[tuple[str, Callable[[str, Mapping[str, str]], Shape | None]], ...] = (
     (".*_slab", _slab),
     (".*_stairs", _stairs),
-    (".*(?:torch)", _torch),
-    ("(?:soul_)?lantern", _lantern),
-    ("|".join(FRONTS), _front),
+    (".*(?:torch)", lamps.torch),
+    ("(?:soul_|(?:.*_)?copper_)?lantern", lamps.lantern),
+    ("|".join(lamps.FRONTS), lamps.front),
+    ("(?:soul_)?campfire", lamps.campfire),
+    ("(?:.*_)?candle(?:_cake)?", lamps.candles),
+    ("sea_pickle", lamps.sea_pickles),
+    ("cave_vines(?:_plant)?", lamps.cave_vines),
     ("snow", _layers),
     ("(?:flowing_)?(?:water|lava)", _fluid),
     (".*_fence", _fence),
@@ -199,24 +205,8 @@ _MAKERS: tuple[tuple[str, Callable[[str, Mapping[str, str]], Shape | None]], ...
     (".*_trapdoor", _trapdoor),
     (".*_door", _door),
     ("ladder", _ladder),
-    ("vine", _vine),
-    (
-        ".*_carpet|.*rail|lily_pad|pink_petals|leaf_litter|.*pressure_plate|repeater|comparator",
-        _fixed((0, 0, 0, 8, 1, 8)),
-    ),
-    ("dirt_path|farmland", _fixed((0, 0, 0, 8, 7, 8))),
-    (".*_bed", _fixed((0, 1, 0, 8, 5, 8))),
-    (".*chest|decorated_pot", _fixed((1, 0, 1, 7, 7, 7))),
-    ("cactus", _fixed((1, 0, 1, 7, 8, 7))),
-    ("flower_pot|potted_.*", _fixed((3, 0, 3, 5, 3, 5))),
-    ("(?:iron_)?chain|end_rod|bamboo|lightning_rod|pointed_dripstone|chorus_plant", _fixed((3, 0, 3, 5, 8, 5))),
-    ("(?:.*_)?anvil", _fixed((1, 0, 1, 7, 2, 7), (3, 2, 2, 5, 5, 6), (2, 5, 0, 6, 8, 8))),
-    ("hopper|cauldron|composter", _fixed((2, 0, 2, 6, 3, 6), (0, 4, 0, 8, 8, 8), (1, 3, 1, 7, 4, 7))),
-    ("enchanting_table|daylight_detector|stonecutter|end_portal_frame", _fixed((0, 0, 0, 8, 5, 8))),
-    ("brewing_stand", _fixed((3, 0, 3, 5, 7, 5), (1, 0, 1, 7, 1, 7))),
-    ("(?:soul_)?campfire", _fixed((0, 0, 0, 8, 2, 8))),
-    ("lectern", _fixed((0, 0, 0, 8, 1, 8), (2, 1, 2, 6, 6, 6), (0, 6, 0, 8, 7, 8))),
-    ("grindstone|bell|conduit|.*_head|.*_skull", _fixed((2, 2, 2, 6, 6, 6))),
-    (".*_banner|.*sign", _fixed((3, 0, 3, 4, 4, 4), (0, 4, 3, 8, 8, 4))),
-    (".*candle", _fixed((3, 0, 3, 5, 3, 5))),
+    ("vine|resin_clump|glow_lichen|sculk_vein", _sheets),
+    ("(?:.*_)?cauldron|composter", _vessel),
+    (".*(?:_grate|spawner|mangrove_roots)|vault", _grate),
+    ("pink_petals|wildflowers|leaf_litter", _litter),
 )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tracer.formats.minecraft import plants, shapes
 from tracer.formats.minecraft.colors import known, material, table, tint_kind
+from tracer.formats.minecraft.lamps import FRONTS
 from tracer.formats.minecraft.pack.pack import NONE, Dressed, Faces, Pack
 from tracer.formats.minecraft.sections import Section
 from tracer.formats.minecraft.voxels import SIDE, Shape
@@ -104,8 +105,8 @@ class States:
         wet = name in WET or told.get("waterlogged") == "true"
         if shapes.is_nothing(name) or name == "bubble_column":
             return (self._number("water", biome, "water") if wet else 0), 0
-        if told.get("lit") == "true" and f"lit_{name}" in table()["emission"]:
-            name = f"lit_{name}"
+        if told.get("lit") == "true" and (lit := f"lit_{name.removeprefix('waxed_')}") in table()["emission"]:
+            name = lit
         parts = self._parts(name, block, told, biome)
         if parts is None:
             return self._number(name, biome, block, told), 0
@@ -125,9 +126,9 @@ class States:
         except (ValueError, KeyError):  # properties that no game writes
             parts = None
         plant = plants.is_plant(name)
-        if plant or parts is None or name in shapes.FRONTS:
+        if plant or parts is None or name in FRONTS:
             dressed = self._dressed(name, biome, block, told)
-            if name in shapes.FRONTS:  # a pack's own picture tells what glows
+            if name in FRONTS:  # a pack's own picture tells what glows
                 return parts if dressed.faces == NONE else None
             if dressed.solid is not None and dressed.material.opacity == 1.0:
                 return ((name, plants.cut_out(dressed.solid, crossed=plant)),)

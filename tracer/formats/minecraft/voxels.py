@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 SIDE = 8  # voxels along a block
+QUARTERS = {"north": 0, "x": 0, "east": 1, "z": 1, "south": 2, "west": 3}  # of a turn, seen from above
+ALONG = {"x": (0, 1), "east": (0, 1), "west": (0, 1), "z": (1, 2), "north": (1, 2), "south": (1, 2)}
+"""Which axis changes places with the upright one where something lies along an axis or to a side."""
 Mask = NDArray[np.bool_]
 Shape = tuple[tuple[str, Mask], ...]
 """Parts: the block whose colour a part has, and its voxels ``(8, 8, 8)`` in the order x, y, z."""
@@ -27,4 +30,16 @@ def beside(side: str, depth: int) -> Mask:
         "west": box(0, 0, 0, depth, 8, 8),
         "east": box(8 - depth, 0, 0, 8, 8, 8),
         "north": box(0, 0, 0, 8, 8, depth),
+        "down": box(0, 0, 0, 8, depth, 8),
+        "up": box(0, 8 - depth, 0, 8, 8, 8),
     }.get(side, box(0, 0, 8 - depth, 8, 8, 8))
+
+
+def turned(mask: Mask, facing: str) -> Mask:
+    """The voxels of what faces north, or is of axis x, when it faces another way."""
+    return np.rot90(mask, QUARTERS.get(facing, 0), axes=(0, 2))
+
+
+def laid(mask: Mask, along: str) -> Mask:
+    """The voxels of what stands upright, when it lies along an axis, or from the side that ``along`` names."""
+    return mask.swapaxes(*ALONG[along]) if along in ALONG else mask

@@ -24,6 +24,9 @@ prismarine_brick_stairs end_stone_brick_wall dark_oak_fence_gate iron_bars oak_w
 cut_sandstone nether_brick_fence purpur_pillar mud_brick_slab lime_shulker_box pink_bed cobweb kelp
 flowering_azalea_leaves snow powder_snow packed_ice magma_block glow_lichen potted_poppy
 brown_mushroom_block
+campfire candle_cake lava_cauldron sea_pickle copper_lantern oxidized_copper_chain copper_torch copper_grate
+waxed_weathered_lightning_rod spore_blossom big_dripleaf frogspawn resin_clump tube_coral_wall_fan warped_fungus
+closed_eyeblossom cactus_flower tall_dry_grass wildflowers cocoa turtle_egg dried_ghast sign grass_path shulker_box
 """
 
 
@@ -115,6 +118,71 @@ def test_shapes_fill_what_they_should(state: str, count: int):
     assert len(cells) == count
     assert cells.min() >= 0
     assert cells.max() < 8
+
+
+def shape_and_glow(state: str) -> tuple[np.ndarray, np.ndarray]:
+    """Which eighths of a block are filled, and which glow."""
+    blocks = cubes_of(f"minecraft:{state}").build()
+    assert blocks.shaped is not None
+    ids = blocks.shaped.model.bricks.max(dim=0).values[:8, :8, :8]
+    return (ids > 0).numpy(), (blocks.shaped.model.materials.emission.amax(dim=1) > 0)[ids.long()].numpy()
+
+
+@pytest.mark.parametrize(
+    ("lit", "dark"),
+    [
+        ("campfire[lit=true]", "campfire[lit=false]"),
+        ("red_candle[candles=3,lit=true]", "red_candle[candles=3,lit=false]"),
+        ("candle_cake[lit=true]", "candle_cake[lit=false]"),
+        ("lava_cauldron", "water_cauldron[level=3]"),
+        ("sea_pickle[pickles=2,waterlogged=true]", "sea_pickle[pickles=2,waterlogged=false]"),
+        ("cave_vines[berries=true]", "cave_vines[berries=false]"),
+        ("smoker[facing=east,lit=true]", "lectern"),
+        ("waxed_oxidized_copper_lantern", "copper_chain"),
+        ("copper_wall_torch[facing=north]", "redstone_wall_torch[facing=north,lit=false]"),
+    ],
+)
+def test_only_a_part_glows_and_only_when_it_burns(lit: str, dark: str):
+    filled, glows = shape_and_glow(lit)
+    assert 0 < glows.sum() < filled.sum()
+    assert not shape_and_glow(dark)[1].any()
+
+
+@pytest.mark.parametrize("state", ["copper_bulb", "waxed_exposed_copper_bulb", "redstone_lamp", "redstone_ore"])
+def test_whole_blocks_glow_when_they_are_lit(state: str):
+    for lit in (True, False):
+        materials = cubes_of(f"minecraft:{state}[lit={str(lit).lower()}]").build().world.materials
+        assert (float(materials.emission.max()) > 0) is lit
+
+
+def test_what_hangs_on_a_wall_is_turned_with_it():
+    for facing, (axis, place) in {"north": (2, 7), "south": (2, 0), "east": (0, 0), "west": (0, 7)}.items():
+        filled = np.argwhere(shape_and_glow(f"oak_wall_sign[facing={facing}]")[0])
+        assert (filled[:, axis] == place).all()
+    where = np.argwhere(shape_and_glow("cocoa[facing=west]")[0])
+    assert where[:, 0].max() < 4
+
+
+@pytest.mark.parametrize(
+    ("state", "axis"),
+    [("iron_chain[axis=x]", 0), ("chain[axis=y]", 1), ("lightning_rod[facing=up]", 1), ("end_rod[facing=south]", 2)],
+)
+def test_rods_lie_along_their_axis(state: str, axis: int):
+    filled = shape_and_glow(state)[0]
+    assert np.ptp(np.argwhere(filled), axis=0).tolist() == [7 if n == axis else 1 for n in range(3)]
+
+
+def test_portals_are_as_thin_as_their_axis_says():
+    assert np.ptp(np.argwhere(shape_and_glow("nether_portal[axis=x]")[0]), axis=0).tolist() == [7, 7, 1]
+    assert np.ptp(np.argwhere(shape_and_glow("nether_portal[axis=z]")[0]), axis=0).tolist() == [1, 7, 7]
+
+
+def test_what_grows_on_sides_lies_on_them():
+    filled = shape_and_glow("glow_lichen[down=true,north=true]")[0]
+    x, y, z = np.argwhere(filled).T
+    assert ((y == 0) | (z == 0)).all()
+    assert ((y == 0) & (z > 0)).any()
+    assert ((z == 0) & (y > 0)).any()
 
 
 def test_full_forms_are_cubes():

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracer.formats.minecraft.colors import BRIGHTEST
+from tracer.formats.minecraft.lamps import FRONTS
 from tracer.formats.minecraft.pack.models import SIDES, Layer, Part, side_uv
 from tracer.formats.minecraft.pack.pictures import Picture, Plane
-from tracer.formats.minecraft.shapes import FRONTS
 from tracer.scene.material import Material
 from tracer.scene.textures import COLOR, COLUMNS, GLOW, METAL, ROUGH, TILT
 

@@ -12,11 +12,11 @@ import torch
 from numpy.typing import NDArray
 
 from tracer.formats.minecraft.colors import tint_kind, tint_of
+from tracer.formats.minecraft.lamps import FRONTS, front_of
 from tracer.formats.minecraft.pack.archive import Archive, PackError
 from tracer.formats.minecraft.pack.faces import Mask, eighths, laid, over, turned_side
 from tracer.formats.minecraft.pack.models import SIDES, Part, parts_of
 from tracer.formats.minecraft.pack.pictures import Picture, Plane, read_picture
-from tracer.formats.minecraft.shapes import FRONTS, front_of
 from tracer.scene.material import Material
 from tracer.scene.textures import COLOR, COLUMNS, GLOW, MAX_ROWS, METAL, ROUGH, Textures, with_mips
 
