@@ -48,6 +48,10 @@ def _torch(data: int) -> str:
     return f"facing={TURNS[data - 1]}" if 1 <= data <= 4 else ""
 
 
+def _told(bit: int) -> str:
+    return "true" if bit else "false"
+
+
 def _vine(data: int) -> str:
     sides = ("south", "west", "north", "east")
     return ",".join(f"{side}=true" for bit, side in enumerate(sides) if data >> bit & 1)
@@ -64,11 +68,16 @@ _KINDS: dict[str, Callable[[int], str]] = {
     "vine": _vine,
     "half": lambda data: f"half={'upper' if data & 8 else 'lower'}",
     "door": lambda data: (
-        "half=upper" if data & 8 else f"facing={('east', 'south', 'west', 'north')[data & 3]},half=lower"
+        f"half=upper,hinge={'right' if data & 1 else 'left'}"
+        if data & 8
+        else f"facing={('east', 'south', 'west', 'north')[data & 3]},half=lower,open={_told(data & 4)}"
     ),
+    "gate": lambda data: f"facing={COMPASS[data & 3]},open={_told(data & 4)}",
+    "portal": lambda data: f"axis={'z' if data & 3 == 2 else 'x'}",
+    "rod": lambda data: f"facing={('down', 'up', *WALLS[2:])[min(data & 7, 5)]}",
     "trapdoor": lambda data: (
         f"facing={('north', 'south', 'west', 'east')[data & 3]},half={'top' if data & 8 else 'bottom'},"
-        f"open={'true' if data & 4 else 'false'}"
+        f"open={_told(data & 4)}"
     ),
     "wall": lambda data: f"facing={WALLS[min(data, 5)]}",
     "compass": lambda data: f"facing={COMPASS[data & 3]}",

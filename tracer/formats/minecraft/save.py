@@ -11,17 +11,19 @@ from pathlib import Path
 import numpy as np
 
 from tracer.formats.minecraft.build import Blocks, Builder
+from tracer.formats.minecraft.joined import joined_chunk
 from tracer.formats.minecraft.nbt import part, read_nbt
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.region import NAME, Place, Region
-from tracer.formats.minecraft.sections import Section, sections
+from tracer.formats.minecraft.sections import Section, sections, version_of
 
 WIDTH = 16  # blocks along a chunk
 CHUNKS = 24  # along each side of what is taken of a save folder, unless told
 MAX_CHUNKS = 64
 MAX_PLAYER = 1 << 26
 FURTHEST = 30_000_000  # blocks from the middle: the game's own limit
+NAMED_BLOCKS = 1451  # data version of 17w47a: before it blocks are numbers
 NAMED = 3  # of what is damaged; the rest is counted
 LISTED = 8  # names of blocks
 
@@ -203,14 +205,15 @@ def chunk_sections(region: Region, place: Place, box: Box | None) -> list[tuple[
     Raises:
         ValueError: the chunk is damaged.
     """
-    kept = list[tuple[Section, Keep | None]]()
-    for section in list(sections(region.chunk(place))):
+    kept, chunk = list[tuple[Section, Keep | None]](), region.chunk(place)
+    found = list(sections(chunk))
+    if len({section.y for section in found}) < len(found):
+        raise ValueError("a section comes twice")
+    for section in joined_chunk(found) if version_of(chunk) < NAMED_BLOCKS else found:
         at = (place[0], section.y, place[1])
         keep = None if box is None else _kept(at, box)
         if keep is None or all(part.start < part.stop for part in keep):
             kept.append((section, None if keep == (slice(0, WIDTH),) * 3 else keep))
-    if len({section.y for section, _ in kept}) < len(kept):
-        raise ValueError("a section comes twice")
     return kept
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracer.formats.minecraft.build import Blocks, Builder
+from tracer.formats.minecraft.joined import joined
 from tracer.formats.minecraft.legacy import AIR, legacy_state
 from tracer.formats.minecraft.nbt import Tags, part, read_nbt
 from tracer.formats.minecraft.pack.archive import PackError
@@ -48,7 +49,7 @@ def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None =
         sides = [int(part(root, side, int)) & 0xFFFF for side in ("Height", "Length", "Width")]
         if not 0 < math.prod(sides) <= MAX_BLOCKS:
             raise ValueError(f"it must have 1 to {MAX_BLOCKS} blocks, got {sides[2]} x {sides[0]} x {sides[1]}")
-        named, biomes = _sponge(root, sides) if "Version" in root else (_mcedit(root, math.prod(sides)), PLAINS)
+        named, biomes = _sponge(root, sides) if "Version" in root else (_mcedit(root, sides), PLAINS)
         blocks = _built(builder, named, biomes, sides)
     except PackError:
         raise
@@ -110,7 +111,8 @@ def varints(data: NDArray[np.uint8]) -> Numbers:
     return np.add.reduceat(values, starts) if len(starts) else values
 
 
-def _mcedit(root: Tags, volume: int) -> Named:
+def _mcedit(root: Tags, sides: list[int]) -> Named:
+    volume = math.prod(sides)
     low, data = (np.asarray(part(root, key, np.ndarray)).view(np.uint8) for key in ("Blocks", "Data"))
     if low.size != volume or data.size != volume:
         raise ValueError(f"Blocks and Data hold {low.size} and {data.size} blocks, but the sides make {volume}")
@@ -122,7 +124,9 @@ def _mcedit(root: Tags, volume: int) -> Named:
             raise ValueError(f"AddBlocks holds {high.size} blocks, but the sides make {volume}")
         full |= high << 12
     used, which = np.unique(full, return_inverse=True)
-    return [legacy_state(int(n) >> 4, int(n) & 15) for n in used], which.astype(np.int32)
+    states = [legacy_state(int(n) >> 4, int(n) & 15) for n in used]
+    names, blocks = joined(states, which.reshape(sides))
+    return names, blocks.reshape(-1).astype(np.int32)
 
 
 def _built(builder: Builder, blocks: Named, biomes: Named, sides: list[int]) -> Blocks:

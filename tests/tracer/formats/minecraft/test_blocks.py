@@ -179,7 +179,7 @@ def test_portals_are_as_thin_as_their_axis_says():
 
 def test_what_grows_on_sides_lies_on_them():
     filled = shape_and_glow("glow_lichen[down=true,north=true]")[0]
-    x, y, z = np.argwhere(filled).T
+    _, y, z = np.argwhere(filled).T
     assert ((y == 0) | (z == 0)).all()
     assert ((y == 0) & (z > 0)).any()
     assert ((z == 0) & (y > 0)).any()
