@@ -52,6 +52,15 @@ def world_of_cells(cells: Cells, ids: Ids, materials: MaterialTable) -> World:
     )
 
 
+def blocks_of_world(world: World, side: int) -> Cells:
+    """``(N, 3)`` the cubes of ``side`` voxels that hold any, counted in cubes; ``side`` divides a brick's."""
+    index, bricks, each = world.index.cpu().numpy(), world.bricks.cpu().numpy(), BRICK // side
+    there = bricks.reshape(-1, each, side, each, side, each, side).max(axis=(2, 4, 6)) > 0
+    where = np.argwhere(index > 0)
+    n, x, y, z = np.nonzero(there[index[tuple(where.T)]])
+    return where[n] * each + np.stack([x, y, z], axis=1) + np.asarray(world.origin) // side
+
+
 def cells_of_world(world: World) -> tuple[Cells, Ids]:
     """The voxels of a world that are not air: ``(N, 3)`` coordinates and ``(N,)`` ids."""
     index, bricks = world.index.cpu().numpy(), world.bricks.cpu().numpy()

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tracer.scene.cells import Cells, Ids, cells_of_world, world_of_cells
+from tracer.scene.cells import Cells, Ids, blocks_of_world, cells_of_world, world_of_cells
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene, Sky, Sun, View
+from tracer.scene.scene import Instance, Scene, Sky, Sun, View
 from tracer.scene.world import World
 
 Vector = NDArray[np.float64]
@@ -30,11 +30,12 @@ WIDEST = 16 / 9  # the widest picture that shows no end of the ground
 ROUNDS = 4  # of moving the middle of the picture to that of the model
 
 
-def place(model: World, *, margin: float = 2.0, thickness: int = 1) -> Scene:
+def place(model: World, instances: tuple[Instance, ...] = (), *, margin: float = 2.0, thickness: int = 1) -> Scene:
     """A model on a plane of voxels under the sky.
 
     Args:
         model: what to place; it keeps its coordinates.
+        instances: what stands still over it and belongs to it, of voxels that a voxel of the model holds whole ones of.
         margin: least ground round the model, in units of its longest side along the ground; there is as much more as
             the views from above show.
         thickness: voxels of ground.
@@ -48,18 +49,19 @@ def place(model: World, *, margin: float = 2.0, thickness: int = 1) -> Scene:
     if not margin >= 0 or thickness < 1:
         raise ValueError(f"margin must not be negative and thickness at least 1, got {margin} and {thickness}")
     cells, ids = cells_of_world(model)
-    if len(cells) == 0:
+    filled = np.concatenate([cells, *(blocks_of_world(shapes.model, round(1 / shapes.scale)) for shapes in instances)])
+    if len(filled) == 0:
         raise ValueError("model must hold at least one voxel, got an empty world")
-    low, high = cells.min(axis=0), cells.max(axis=0) + 1
+    low, high = filled.min(axis=0), filled.max(axis=0) + 1
     side = int(max(high[0] - low[0], high[2] - low[2]))
-    views = framing_views(_outline(cells))
+    views = framing_views(_outline(filled))
     shown = max(_shown(views[name], float(low[1])) for name in ("front", "orbit"))
     reach = min(max(round(margin * side), math.ceil(shown), 8 * TILE), MAX_REACH)
     ground, tone = _ground(low, high, reach, thickness)
     materials = _joined(model.materials, MaterialTable.of(GROUND))
     both = np.concatenate([ground, cells])
     world = world_of_cells(both, np.concatenate([tone + len(model.materials), ids]).astype(np.int16), materials)
-    return Scene(world=world, sun=SUN, sky=SKY, views=views)
+    return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=views)
 
 
 def framing_views(points: Vector) -> dict[str, View]:

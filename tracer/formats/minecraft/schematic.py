@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 
@@ -33,7 +32,7 @@ PLAINS: Named = ["minecraft:plains"], np.zeros((1, 1, 1), np.int32)
 def load_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None = None) -> Scene:
     """A schematic on ground under the sky; see `read_schematic` for errors, and `tracer.scene.placement.place`."""
     blocks = read_schematic(path, pack)
-    return replace(place(blocks.world), instances=blocks.instances)
+    return place(blocks.world, blocks.instances)
 
 
 def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None = None) -> Blocks:

@@ -190,6 +190,20 @@ def test_a_schematic_stands_on_ground_with_its_shapes(tmp_path: Path):
     assert torch.allclose(hits.t[[0, 2]], torch.tensor([25.0, 30.0]), atol=1e-3)  # the slab's top, and the ground
 
 
+def test_what_is_made_of_shapes_alone_is_framed_with_them(tmp_path: Path):
+    blocks = np.full(SIDES, 4)  # slabs
+    scene = tracer.load(written(tmp_path / "a.schem", sponge(2, BlockData=encoded(blocks))))
+    size = np.array(SIDES)[[2, 0, 1]]
+    for view in scene.views.values():
+        assert np.allclose(view.target(0.0), size / 2, atol=size.max() / 4)
+    camera = scene.views["front"].camera(time=0.0, size=(64, 96))
+    corners = torch.tensor(list(np.ndindex(2, 2, 2))) * torch.from_numpy(size).float()
+    pixels = camera.project(camera.to_view(corners.T[None, :, None]))[0].flatten(1)
+    assert (pixels > 0).all()
+    assert (pixels < torch.tensor([[96.0], [64.0]])).all()
+    assert (pixels.amax(dim=1) - pixels.amin(dim=1) > torch.tensor([40.0, 25.0])).any()
+
+
 def test_the_real_schematic():
     data = os.environ.get("GBUFRT_TEST_DATA")
     if data is None:
