@@ -57,6 +57,12 @@ def looks_free(scene: Scene, name: str, time: float, near: float) -> float:
     return float(hits.hit.float().mean())
 
 
+def test_little_in_a_void_is_framed_rather_than_looked_past():
+    cells = np.argwhere(np.ones((5, 3, 4))) - (-200, -70, 30)
+    alone = landscape(world_of_cells(cells, np.ones(len(cells), np.int16), MaterialTable.of([Material(name="stone")])))
+    assert looks_free(alone, "landscape", 0.0, 2.0) > 0.15
+
+
 @pytest.mark.parametrize("name", ["landscape", "orbit", "flight"])
 def test_views_look_at_the_land_with_nothing_before_the_lens(name: str):
     shares = [

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tracer.scene.grids import BRICK
 from tracer.scene.material import MaterialTable
+from tracer.scene.placement import framing_views
 from tracer.scene.scene import Instance, Plain, Scene, Sky, Sun, View
 from tracer.scene.world import World
+from tracer.worlds.height_map import HeightMap, heights_of, raise_to
 from tracer.worlds.sea import ends_of, in_open_sea, shore_of
 from tracer.worlds.views import loop, round_trip, still
 
@@ -29,35 +30,9 @@ DIPS = (10.0, 20.0)  # below the horizon, degrees
 RAYS = (16, 9)
 STEPS = 1.6 * 1.09 ** np.arange(64)  # along a ray; the last one lies 365 blocks away
 CLEAR = 14.0  # nothing is to be nearer than that, blocks
+EMPTY = -1.5  # score below which a picture shows more of nothing than of land
 SKY_SHARE = 0.30  # of a picture, as painters do
 FLIGHT, ROUND = 48.0, 36.0  # seconds
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class _Map:
-    """Heights over the ground plan.
-
-    Args:
-        top: ``(X, Z)`` upper side of the highest voxel of each column; -inf where there is none.
-        kind: ``(X, Z)`` its material.
-        x0: of the first column.
-        z0: of the first column.
-        beyond: height and material where the map ends.
-    """
-
-    top: Floats
-    kind: NDArray[np.int64]
-    x0: int
-    z0: int
-    beyond: tuple[float, int] = (-math.inf, 0)
-
-    def at(self, x: Floats, z: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Height and material at places."""
-        i, j = np.floor(x).astype(np.int64) - self.x0, np.floor(z).astype(np.int64) - self.z0
-        inside = (i >= 0) & (j >= 0) & (i < self.top.shape[0]) & (j < self.top.shape[1])
-        i, j = np.where(inside, i, 0), np.where(inside, j, 0)
-        height, kind = self.beyond
-        return np.where(inside, self.top[i, j], height), np.where(inside, self.kind[i, j], kind)
 
 
 def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
@@ -72,9 +47,9 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
         A scene with the views ``landscape`` (over the ground, from where most is to be seen), ``orbit`` (once round in
         36 s) and ``flight`` (a round over the land, 48 s).
     """
-    ground = _map_of(world)
+    ground = heights_of(world)
     for instance in instances:
-        _raise(ground, instance)
+        raise_to(ground, instance)
     shore = shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())
     if shore is not None:
         ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
@@ -83,7 +58,7 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     return Scene(world=world, instances=instances, sun=SUN, sky=sky, views=views)
 
 
-def _plain(ground: _Map, materials: MaterialTable) -> Plain:
+def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:
     """What land goes on as: the mean of its border."""
     kinds = torch.from_numpy(ground.kind[ends_of(np.isfinite(ground.top))])
     albedo, water = materials.albedo.cpu()[kinds], materials.water.cpu()[kinds]
@@ -91,50 +66,16 @@ def _plain(ground: _Map, materials: MaterialTable) -> Plain:
     return Plain((r, g, b), float(water.float().mean()))
 
 
-def _map_of(world: World) -> _Map:
-    bricks, index = world.bricks.cpu().numpy(), world.index.cpu().numpy()
-    level = BRICK - 1 - np.argmax(bricks[:, :, ::-1] > 0, axis=2)  # of each column of each brick
-    kind = np.take_along_axis(bricks, level[:, :, None], axis=2)[:, :, 0]
-    nx, ny, nz = index.shape
-    top, kinds = np.full((nx, nz, BRICK, BRICK), -np.inf), np.zeros((nx, nz, BRICK, BRICK), np.int64)
-    for y in range(ny):  # from below: what is higher covers it
-        layer = index[:, y]
-        found = kind[layer] > 0
-        top = np.where(found, level[layer] + (world.origin[1] + BRICK * y + 1.0), top)
-        kinds = np.where(found, kind[layer], kinds)
-    whole = (nx * BRICK, nz * BRICK)
-    return _Map(
-        top=top.transpose(0, 2, 1, 3).reshape(whole),
-        kind=kinds.transpose(0, 2, 1, 3).reshape(whole),
-        x0=world.origin[0],
-        z0=world.origin[2],
-    )
+def _best(ground: HeightMap) -> View:
+    """The eye and direction that show most: many materials, far and near, some sky, and nothing before the lens.
 
-
-def _raise(ground: _Map, shapes: Instance) -> None:
-    """Raise a map to the blocks of an instance that fill their upper side, as leaves do and plants do not."""
-    model, side = shapes.model, round(1 / shapes.scale)
-    bricks, index, each = model.bricks.cpu().numpy(), model.index.cpu().numpy(), BRICK // side
-    upper = bricks[:, :, side - 1 :: side].reshape(-1, each, side, each, each, side)  # x, y in blocks, z
-    filled, kind = (upper > 0).mean(axis=(2, 5)) >= 0.5, upper.max(axis=(2, 5))
-    cells = np.argwhere(index > 0)
-    which = index[tuple(cells.T)]
-    n, i, j, k = np.nonzero(filled[which])
-    x, y, z = ((np.array(model.origin) + BRICK * cells[n]) // side + np.stack([i, j, k], axis=1)).T
-    inside = (x >= ground.x0) & (x < ground.x0 + len(ground.top)) & (z >= ground.z0)
-    inside &= z < ground.z0 + ground.top.shape[1]
-    upward = np.flatnonzero(inside)[np.argsort(y[inside], kind="stable")]  # what is higher is written later
-    a, b, height = x[upward] - ground.x0, z[upward] - ground.z0, y[upward] + 1.0
-    higher = height > ground.top[a, b]
-    a, b = a[higher], b[higher]
-    ground.top[a, b], ground.kind[a, b] = height[higher], kind[which[n], i, j, k][upward[higher]]
-
-
-def _best(ground: _Map) -> View:
-    """The eye and direction that show most: many materials, far and near, some sky, and nothing before the lens."""
+    Where there is so little that each of them shows more of nothing, what there is, framed from above.
+    """
     eyes, directions = _candidates(ground)
     scores = np.concatenate([_scores(ground, e, d) for e, d in zip(_split(eyes), _split(directions), strict=True)])
     best = int(np.argmax(scores))
+    if scores[best] < EMPTY:
+        return framing_views(ground.surface())["front"]
     eye, target = eyes[best], eyes[best] + 40.0 * directions[best]
     return still(_point(eye), _point(target), fov_y=FOV_Y, description="over the land, from where most is to be seen")
 
@@ -143,7 +84,7 @@ def _split(rows: Floats) -> list[Floats]:
     return np.array_split(rows, max(1, len(rows) // 256))
 
 
-def _candidates(ground: _Map) -> tuple[Floats, Floats]:
+def _candidates(ground: HeightMap) -> tuple[Floats, Floats]:
     """``(N, 3)`` eyes over the land and ``(N, 3)`` unit directions."""
     x, z = np.nonzero(np.isfinite(ground.top))
     spots = np.stack(
@@ -156,7 +97,7 @@ def _candidates(ground: _Map) -> tuple[Floats, Floats]:
     spots = spots[np.isfinite(ground.top[spots[:, 0], spots[:, 1]])]
     if not len(spots):
         spots = np.array([[x[0], z[0]]])
-    highest = np.array([_highest(ground, i, j, 10) for i, j in spots])
+    highest = np.array([ground.highest(i, j, 10) for i, j in spots])
     eyes = [
         np.stack([spots[:, 0] + ground.x0 + 0.5, highest + rise, spots[:, 1] + ground.z0 + 0.5], 1) for rise in RISES
     ]
@@ -166,11 +107,7 @@ def _candidates(ground: _Map) -> tuple[Floats, Floats]:
     return flat.repeat(len(ways), axis=0), np.tile(np.array(ways), (len(flat), 1))
 
 
-def _highest(ground: _Map, i: int, j: int, reach: int) -> float:
-    return float(ground.top[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1].max(initial=-np.inf))
-
-
-def _scores(ground: _Map, eyes: Floats, directions: Floats) -> Floats:
+def _scores(ground: HeightMap, eyes: Floats, directions: Floats) -> Floats:
     """How good each picture is, from a few rays over the map of heights."""
     right = np.cross(directions, (0.0, 1.0, 0.0))
     right /= np.linalg.norm(right, axis=1, keepdims=True)
@@ -208,20 +145,20 @@ def _entropy(kinds: NDArray[np.int64]) -> float:
     return float(-(share * np.log(share)).sum())
 
 
-def _extent(ground: _Map) -> tuple[Point, float]:
+def _extent(ground: HeightMap) -> tuple[Point, float]:
     """Middle of the land, at its mean height, and half its longer side."""
     x, z = np.nonzero(np.isfinite(ground.top))
     middle = (ground.x0 + x.mean() + 0.5, float(ground.top[x, z].mean()), ground.z0 + z.mean() + 0.5)
     return middle, float(max(np.ptp(x), np.ptp(z)) + 1) / 2
 
 
-def _orbit(ground: _Map) -> View:
+def _orbit(ground: HeightMap) -> View:
     (x, y, z), half = _extent(ground)
     eye = round_trip((x, y, z), 1.5 * half + 4.0, 0.95 * half + 8.0, ROUND)
     return View(eye=eye, target=lambda _: (x, y, z), fov_y=50.0, description="round the land, 36 s")
 
 
-def _flight(ground: _Map) -> View:
+def _flight(ground: HeightMap) -> View:
     """A round over the land, over the highest that is within reach of the curve between two of its points."""
     (x, y, z), half = _extent(ground)
     eyes, targets = list[Point](), list[Point]()
@@ -230,7 +167,7 @@ def _flight(ground: _Map) -> View:
         angle = 2 * math.pi * n / count
         px, pz = x + 0.62 * half * math.cos(angle), z + 0.62 * half * math.sin(angle)
         reach = round(0.62 * half * 2 * math.pi / count) + 2
-        high = _highest(ground, max(round(px) - ground.x0, 0), max(round(pz) - ground.z0, 0), reach) if half else y
+        high = ground.highest(max(round(px) - ground.x0, 0), max(round(pz) - ground.z0, 0), reach) if half else y
         eyes.append((px, max(high, y) + 9.0 if math.isfinite(high) else y + 12.0, pz))
         ahead = angle + 1.5
         targets.append((x + 0.45 * half * math.cos(ahead), y + 2.0, z + 0.45 * half * math.sin(ahead)))
