@@ -50,7 +50,8 @@ def denoise(
 
     Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
     over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
-    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces around.
+    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces around;
+    bodies thinner than a pixel, which show another side each frame, keep a short history of what lies as deep.
     Highlights do not take the texture of what they lie on, so pixels that owe unlike shares of their reflectance to a
     highlight are not averaged.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
@@ -105,6 +106,7 @@ def denoise(
         distance=_image_distance(gbuffer, reflected),
         excess=True,
         longest=None if before is None else frames_lasting(gbuffer, before),
+        lenient=gbuffer.hit if mirrors is None else gbuffer.hit & ~mirrors,  # images in curved ones lie at any depth
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)

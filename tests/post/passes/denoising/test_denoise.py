@@ -12,7 +12,7 @@ import pytest
 import torch
 from court import court
 
-from gbufrt import Frame
+from gbufrt import Camera, Frame, GBuffer
 from post import Denoise, denoise
 from post.filters.around import alike
 from post.filters.surfaces import surface
@@ -159,6 +159,22 @@ def test_a_pixel_left_alone_in_a_mirror_stays_within_the_light_around_it():
     assert torch.equal(clean[..., 28, 6], torch.full((1, 3), 1.25))  # no brighter than one around it
     assert torch.equal(clean[..., 28, 12], torch.ones(1, 3))
     assert torch.equal(clean[..., 28, 24], torch.zeros(1, 3))
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_what_shows_another_side_each_frame_keeps_a_short_history_unless_it_is_a_mirror(mirror):
+    history = None
+    for turned in (-0.7, 0.7, -0.7):
+        camera = Camera.look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), size=SIZE, far=100.0)
+        depth, one = torch.full((1, 1, *SIZE), 10.0), torch.ones(1, 1, *SIZE)
+        normal = torch.tensor([math.sin(turned), 0.0, math.cos(turned)])[None, :, None, None].expand(1, 3, *SIZE)
+        matt, still = (not mirror) * one, torch.zeros(1, 2, *SIZE)
+        g = GBuffer(
+            camera=camera, depth=depth, hit=depth > 0, normal=normal, albedo=0.5 * one.expand(1, 3, *SIZE),
+            roughness=matt, metallic=1 - matt, motion=still, motion_z=still[:, :1], previous_camera=camera,
+        )  # fmt: skip
+        _, history = denoise(one.expand(1, 3, *SIZE), g, history)
+    assert bool((history.length == 1 if mirror else history.length > 2).all())
 
 
 def test_strong_noise_leaves_no_blotches_and_weak_noise_no_blur():
