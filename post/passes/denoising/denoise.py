@@ -29,7 +29,7 @@ PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces 
 NOISELESS = 1e-12  # variance, square radiance: below it filters tell nothing of what they leave
 FACING = "facing"  # in the history: normals of mirrors, by which those that turn are told
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
-AMONG = 4  # pixels of 3x3 from which on a surface has neighbours enough
+LINE, AMONG = 3, 5  # pixels of 3x3: a body one pixel wide is alone still, and from AMONG on has neighbours enough
 
 
 def denoise(
@@ -140,7 +140,7 @@ def _lonely(same: Tensor, shiny: Tensor | None) -> Tensor:
     What metals show has its edges elsewhere, and like metals side by side may show unlike light: they do not count.
     ``same`` is `alike`.
     """
-    lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - ALONE)).clamp(0.0, 1.0)
+    lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - LINE)).clamp(0.0, 1.0)
     return lonely if shiny is None else torch.where(shiny, 0.0, lonely)
 
 

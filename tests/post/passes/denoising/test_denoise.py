@@ -19,7 +19,7 @@ from post.filters.surfaces import surface
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
 from post.mirrors.image import mirror_image
-from post.passes.denoising.denoise import _despeckled
+from post.passes.denoising.denoise import _despeckled, _lonely
 from post.shading.composite_op import specular_albedo
 from tracer.gbuffers import gbuffer
 
@@ -175,6 +175,14 @@ def test_what_shows_another_side_each_frame_keeps_a_short_history_unless_it_is_a
         )  # fmt: skip
         _, history = denoise(one.expand(1, 3, *SIZE), g, history)
     assert bool((history.length == 1 if mirror else history.length > 2).all())
+
+
+def test_a_body_one_pixel_wide_is_alone_and_metals_never_are():
+    same = torch.zeros(1, 9, 1, 5, dtype=torch.bool)
+    for column, count in enumerate((1, 3, 4, 5, 9)):
+        same[:, :count, :, column] = True
+    assert _lonely(same, None).flatten().tolist() == [1.0, 1.0, 0.5, 0.0, 0.0]
+    assert _lonely(same, torch.ones(1, 1, 1, 5, dtype=torch.bool)).sum() == 0
 
 
 def test_strong_noise_leaves_no_blotches_and_weak_noise_no_blur():
