@@ -7,6 +7,7 @@ MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: below this age, variance comes from the neighbours
 CORRELATED = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
 RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
+ANY_WAY = -2.0  # below every cosine between normals: planes are then not compared, but depths alone
 KEPT = 1e-3  # of a bilinear footprint: less than this on the surface is no history
 STILL = 1e-3  # pixels: motion so near to a whole number is one
 FARTHEST = 1e6  # pixels: motion beyond it is as good as this

@@ -12,6 +12,10 @@ from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from post.history.reproject import check_alike, correspondence_reference, find_taps, motion_of
 
+SAME_PLANE = 0.3  # pixel footprints: a sharp history counts a step in a wall as another surface
+BORROWED = 3.0  # frames: a shorter sharp history is replaced by that of a nearby step, capped at this length
+LENT = 2.0  # frames: a shorter one still by that of what lies as deep, whichever way it faces
+
 
 class Reading(NamedTuple):
     """A picture of the previous frame, read at this frame's pixels."""
@@ -22,14 +26,16 @@ class Reading(NamedTuple):
     """``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface."""
     valid: Tensor
     """``(B, 1, H, W)`` bool: whether there is any history."""
+    lent: Tensor
+    """``(B, 1, H, W)`` bool: whether that is of what lies as deep, whichever way it faces."""
 
 
 @torch.library.custom_op("gbufrt::read_history", mutates_args=())
 def read_history_cpu(
     image: Tensor, now: list[Tensor], before: list[Tensor], lenses: Tensor, poses: Tensor, parallel: bool,
-    plane: float, normal: float, search: bool, sharp: bool,
+    plane: float, normal: float, search: int, sharp: bool,
 ) -> Tensor:  # fmt: skip
-    """``(B, C + 2, H, W)``: the picture, the support, and 1 where it is valid.
+    """``(B, C + 2, H, W)``: the picture, the support, and 1 where it is valid, or half where it is lent.
 
     Args:
         image: ``(B, C, H, W)``.
@@ -41,7 +47,7 @@ def read_history_cpu(
         parallel: whether its camera is orthographic.
         plane: ``plane_tolerance`` of `read_history`.
         normal: ``normal_tolerance``.
-        search: see `read_history`.
+        search: 0 not, 1 for the surface, 2 else for what lies as deep; see `read_history`.
         sharp: see `read_history`.
     """
     from gbufrt.compute.kernel import array, threads
@@ -76,6 +82,7 @@ def read_history(
     normal_tolerance: float = 0.9,
     search: bool = True,
     sharp: bool = False,
+    lenient: bool = False,
     compiled: bool | None = None,
 ) -> Reading:
     """Read a picture of the previous frame where this frame's surfaces were.
@@ -97,6 +104,8 @@ def read_history(
         search: whether to search the neighbours of failures.
         sharp: read with Catmull-Rom weights where all four pixels show the surface; outer taps that do not show it
             give their share to the nearest of the four. A history that moves every frame keeps its detail.
+        lenient: where the search finds nothing, take the nearest of the 3x3 pixels of this object that lies within
+            ``plane_tolerance`` of the depth expected, whichever way it faces.
         compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
@@ -108,15 +117,15 @@ def read_history(
     Source: Schied et al. 2017 (SVGF), section 4.1; per-tap validation as in NVIDIA's ReLAX.
     """
     check_alike(gbuffer, previous)
-    options = (plane_tolerance, normal_tolerance, search, sharp)
     moved, moved_z = motion_of(gbuffer, previous.camera)
     pose, lens, was = previous.camera.rotation_to_view, gbuffer.camera.lens, previous.camera.lens
     normals = [g.normal if g.normal_geo is None else g.normal_geo for g in (gbuffer, previous)]
     geometry = (moved_z, gbuffer.depth, previous.depth, *normals, pose, lens, was)
     steps = [t.detach().to(moved) for t in geometry]  # what counts is a step in them: no gradient to keep
     if form_of(image, length, moved, motion, *steps, compiled=compiled, cuda=True) is Form.REFERENCE:
-        taps = find_taps(*correspondence_reference(gbuffer, previous, length, motion), *options)
-        return Reading(taps.fetch(image), taps.support, taps.valid)
+        look = correspondence_reference(gbuffer, previous, length, motion)
+        taps = find_taps(*look, plane_tolerance, normal_tolerance, search, sharp, lenient)
+        return Reading(taps.fetch(image), taps.support, taps.valid, taps.lent)
     now, then = _ids(gbuffer, previous)
     found = read_history_cpu(
         image,
@@ -125,9 +134,42 @@ def read_history(
         torch.stack([lens, was], dim=1).to(moved),
         pose.to(moved),
         previous.camera.orthographic,
-        *options,
+        plane_tolerance,
+        normal_tolerance,
+        search + (search and lenient),
+        sharp,
     )
-    return Reading(found[:, :-2], found[:, -2:-1], found[:, -1:] > 0)
+    valid = found[:, -1:]
+    return Reading(found[:, :-2], found[:, -2:-1], valid > 0, (valid > 0) & (valid < 1))
+
+
+def read_sharp(gbuffer: GBuffer, previous: GBuffer, state: Tensor, *, lenient: Tensor | None = None) -> Tensor:
+    """Read a state of the previous frame that keeps its detail, where this frame's surfaces were.
+
+    The less of a footprint shows the surface, the shorter the history, because what is left lies to one side; where
+    next to nothing is left it comes from a step beside it. Bodies thinner than a pixel show another of their sides in
+    every frame, so that neither is found: ``lenient`` pixels then have a short history from what lies as deep.
+
+    Args:
+        gbuffer: of this frame.
+        previous: of the frame before, with its own camera.
+        state: ``(B, C, H, W)`` of the frame before, whose last channel is the length of its history.
+        lenient: ``(B, 1, H, W)`` bool; none where absent.
+
+    Returns:
+        As ``state``; zero where there is no history.
+    """
+    length = state[:, -1:]
+    found = read_history(
+        gbuffer, previous, state, length=length, plane_tolerance=SAME_PLANE, search=False, sharp=True
+    )  # fmt: skip
+    kept, age = found.image, found.image[:, -1:] * found.support**2
+    beside = read_history(gbuffer, previous, state, length=length, lenient=lenient is not None)
+    other = beside.image[:, -1:].clamp_max(BORROWED)
+    if lenient is not None:
+        other = torch.where(beside.lent, other.clamp_max(LENT) * lenient, other)
+    kept = torch.where(age < other, beside.image, kept)
+    return torch.cat([kept[:, :-1], torch.maximum(age, other)], dim=1)
 
 
 def _ids(gbuffer: GBuffer, previous: GBuffer) -> list[Tensor]:

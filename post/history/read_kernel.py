@@ -14,6 +14,7 @@ from post.history import constants
 from post.history.correspondence_kernel import FOOTPRINT, HIT, OBJECT, POINT, WORLD, point_of
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
+ANY_WAY = np.float32(constants.ANY_WAY)
 KEPT, WHOLE, FARTHEST = np.float32(constants.KEPT), np.float32(constants.WHOLE), np.float32(constants.FARTHEST)
 
 
@@ -30,6 +31,8 @@ def _same(now, past, x, row, column, plane, normal):
     if not hit:
         return True
     across, down, away = point_of(past, place, row, column)
+    if normal <= ANY_WAY:
+        return abs(away - now[POINT + 2, x]) <= plane * now[FOOTPRINT, x]
     distance = now[0, x] * (across - now[POINT, x]) + now[1, x] * (down - now[POINT + 1, x])
     distance += now[2, x] * (away - now[POINT + 2, x])
     cosine = ZERO
@@ -173,7 +176,8 @@ def _add_taps(out, image, weights, places, y, first, end):
 
 @scalar
 def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end):
-    """Read a history: its channels, then the support of the footprint, then 1 if there is any history.
+    """Read a history: its channels, then the support of the footprint, then 1 if there is any history, or half if that
+    is of what lies as deep alone.
 
     Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
     """
@@ -200,11 +204,14 @@ def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns
             _add_taps(out, image, weights[k], places[k], y, first, end)
     for x in range(count):
         fx, fy = fine[0, x], fine[1, x]
-        if search and valid[x] == ZERO:
+        if search > 0 and valid[x] == ZERO:
             column, line = np.float32(columns[x]) + fx, np.float32(lines[x]) + fy
             found, near_row, near = _nearest(now, past, x, line, column, plane, normal)
+            valid[x] = ONE if found else ZERO
+            if search > 1 and not found:
+                found, near_row, near = _nearest(now, past, x, line, column, plane, ANY_WAY)
+                valid[x] = HALF if found else ZERO
             if found:
-                valid[x] = ONE
                 for c in range(channels):
                     out[c, y, first + x] = image[c, near_row * past.width + near]
         elif sharp and total[x] > WHOLE and (fx > ZERO or fy > ZERO):

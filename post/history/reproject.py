@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -11,7 +11,7 @@ from gbufrt import Camera, GBuffer, History
 from gbufrt.sampling import gather
 from post.filters.edges import offsets
 from post.history.catmull_rom import catmull_rom_taps
-from post.history.constants import FARTHEST, KEPT, STILL, WHOLE
+from post.history.constants import ANY_WAY, FARTHEST, KEPT, STILL, WHOLE
 
 NORMAL, HIT, OBJECT, POINT, FOOTPRINT = slice(0, 3), slice(3, 4), slice(4, 5), slice(5, 8), slice(8, 9)
 
@@ -31,6 +31,8 @@ class Taps:
     y: Tensor
     weight: Tensor
     support: Tensor
+    lent: Tensor
+    """``(B, 1, H, W)`` bool: whether all there is lies as deep, but may be of another surface."""
 
     @property
     def valid(self) -> Tensor:
@@ -59,6 +61,7 @@ def find_taps(
     normal_tolerance: float = 0.9,
     search: bool = True,
     sharp: bool = False,
+    lenient: bool = False,
 ) -> Taps:
     """The pixels of the previous frame that show each pixel's surface, by what `correspondence_reference` returns.
 
@@ -80,16 +83,20 @@ def find_taps(
     kept = total > KEPT
     weight = torch.stack([torch.where(kept, w / total.clamp_min(KEPT), torch.zeros_like(w)) for w in weights], dim=1)
     support = torch.where(kept, total, torch.zeros_like(total))[:, None]
-    taps = Taps(torch.stack(xs, dim=1), torch.stack(ys, dim=1), weight, support)
+    taps = Taps(torch.stack(xs, dim=1), torch.stack(ys, dim=1), weight, support, torch.zeros_like(kept[:, None]))
     if search:
         taps = _search(taps, ~kept, column, row, now, before, plane_tolerance, normal_tolerance)
+    if search and lenient:
+        failed = ~taps.valid
+        taps = _search(taps, failed[:, 0], column, row, now, before, plane_tolerance, ANY_WAY)
+        taps = replace(taps, lent=failed & taps.valid)
     if not sharp:
         return taps
     x, y, weight = catmull_rom_taps(
         taps.x, taps.y, taps.weight, fx, fy, whole=support > WHOLE,
         same=lambda x, y: _same_surface(now, before, x, y, plane_tolerance, normal_tolerance),
     )  # fmt: skip
-    return Taps(x, y, weight, support)
+    return Taps(x, y, weight, support, taps.lent)
 
 
 def correspondence_reference(
@@ -197,8 +204,9 @@ def _same_surface(
     tap = gather(before, x, y)
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     same = inside & (tap[:, HIT] == now[:, HIT])[:, 0] & (tap[:, OBJECT] == now[:, OBJECT])[:, 0]
-    distance = (now[:, NORMAL] * (tap[:, POINT] - now[:, POINT])).sum(1).abs()
-    on_plane = distance <= plane_tolerance * now[:, FOOTPRINT][:, 0]
+    away = tap[:, POINT] - now[:, POINT]
+    distance = away[:, 2] if normal_tolerance <= ANY_WAY else (now[:, NORMAL] * away).sum(1)
+    on_plane = distance.abs() <= plane_tolerance * now[:, FOOTPRINT][:, 0]
     alike = (now[:, NORMAL] * tap[:, NORMAL]).sum(1) >= normal_tolerance
     return same & ((on_plane & alike) | (now[:, HIT] == 0)[:, 0])
 
@@ -238,4 +246,4 @@ def _search(
         return torch.cat([placed(stacked[:, 0], values), stacked[:, 1:]], dim=1)
 
     weight = with_first(taps.weight, torch.ones_like(best))
-    return Taps(with_first(taps.x, best_x), with_first(taps.y, best_y), weight, taps.support)
+    return Taps(with_first(taps.x, best_x), with_first(taps.y, best_y), weight, taps.support, taps.lent)

@@ -82,7 +82,7 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
     g, light = frame.gbuffer, frame.read("radiance")
     before = boxes.frame(boxes.camera(SIZE, dx=0.35)).to(light.device).gbuffer
     geometry, moved = surface(g.depth, g.normal, g.hit, g.camera), light[:, :2] * 3 - 1
-    sharp, found = (read_history(g, before, light, search=not how, sharp=how) for how in (True, False))
+    sharp, found = (read_history(g, before, light, search=not how, sharp=how, lenient=not how) for how in (True, False))
     jitter, old = light.new_full((1, 2), 0.2), light.flip(3) / 2
     aliased = anti_alias(light, jitter, g.depth, moved, old, g.hit.float(), blend=0.9, gamma=1.0)
     return {

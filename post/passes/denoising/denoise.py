@@ -29,7 +29,7 @@ PHI_NORMAL = 16.0  # of the cosine between normals: more leaves curved surfaces 
 NOISELESS = 1e-12  # variance, square radiance: below it filters tell nothing of what they leave
 FACING = "facing"  # in the history: normals of mirrors, by which those that turn are told
 ALONE = 2  # pixels, itself and one more: the most of 3x3 that show a surface that cannot be filtered
-AMONG = 4  # pixels of 3x3 from which on a surface has neighbours enough
+LINE, AMONG = 3, 5  # pixels of 3x3: a body one pixel wide is alone still, and from AMONG on has neighbours enough
 
 
 def denoise(
@@ -50,7 +50,8 @@ def denoise(
 
     Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
     over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
-    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces around.
+    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces around;
+    bodies thinner than a pixel, which show another side each frame, keep a short history of what lies as deep.
     Highlights do not take the texture of what they lie on, so pixels that owe unlike shares of their reflectance to a
     highlight are not averaged.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
@@ -105,6 +106,7 @@ def denoise(
         distance=_image_distance(gbuffer, reflected),
         excess=True,
         longest=None if before is None else frames_lasting(gbuffer, before),
+        lenient=gbuffer.hit if mirrors is None else gbuffer.hit & ~mirrors,  # images in curved ones lie at any depth
     )
     variance, length = history.signals["variance"], history.length
     grain = grain_of(mean, variance, shown.hit)
@@ -138,7 +140,7 @@ def _lonely(same: Tensor, shiny: Tensor | None) -> Tensor:
     What metals show has its edges elsewhere, and like metals side by side may show unlike light: they do not count.
     ``same`` is `alike`.
     """
-    lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - ALONE)).clamp(0.0, 1.0)
+    lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - LINE)).clamp(0.0, 1.0)
     return lonely if shiny is None else torch.where(shiny, 0.0, lonely)
 
 

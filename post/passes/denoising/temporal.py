@@ -22,14 +22,12 @@ from post.history.constants import YOUNG
 from post.history.fireflies import cut_outliers, taken
 from post.history.op import blended, taken_in
 from post.history.planes import together
-from post.history.read import read_history
+from post.history.read import SAME_PLANE, read_history, read_sharp
 from post.history.reproject import geometry_of, history_for, motion_of
 from post.history.virtual import agreeing_motion, misfit, virtual_motion
 from post.passes.denoising.atrous import atrous
 
 STORED = ("signal", "fast", "moments", "share")
-SAME_PLANE = 0.3  # pixel footprints: a sharp history counts a step in a wall as another surface
-BORROWED = 3.0  # frames: a shorter sharp history is replaced by that of a nearby step, capped at this length
 
 
 def temporal(
@@ -47,6 +45,7 @@ def temporal(
     lead: int | None = None,
     excess: bool = False,
     longest: Tensor | None = None,
+    lenient: Tensor | None = None,
 ) -> tuple[Tensor, History]:
     """Average a signal over time along the motion of surfaces.
 
@@ -74,6 +73,7 @@ def temporal(
         excess: cut samples by `post.history.fireflies.cut_outliers` first, accumulate what all cuts take, and follow
             changes of light over a wide area: see `post.history.changes.follow_changes`.
         longest: ``(B, 1, H, W)`` the most frames that each mean may hold; by default ``blend`` alone limits them.
+        lenient: ``(B, 1, H, W)`` bool: pixels for which a sharp history asks less, see `post.history.read.read_sharp`.
 
     Returns:
         The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
@@ -86,14 +86,14 @@ def temporal(
     """
     if not 0.0 <= blend <= 1.0:
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
-    check_sizes(gbuffer.camera, signal=signal, distance=distance, longest=longest)
+    check_sizes(gbuffer.camera, signal=signal, distance=distance, longest=longest, lenient=lenient)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
     before, noise, past = 0.0, None, None if history is None else history.gbuffer
     if history is not None and past is not None:
         history = history.take()
-        state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names)
+        state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names, lenient)
     del history  # what was read of it is in the state: both need not be in memory with what comes out
     if excess:
         first = signal.shape[1] + lead  # of the moments
@@ -132,6 +132,7 @@ def _fetch(
     lead: int,
     sharp: bool,
     names: tuple[str, ...],
+    lenient: Tensor | None,
 ) -> Tensor:
     """The named signals and the length of the history, reprojected to this frame."""
     kept = history.signals
@@ -147,13 +148,10 @@ def _fetch(
     elif distance is not None:  # all channels are read once: two readings of them were most of a frame's memory
         motion = agreeing_motion(everything[:, :lead], signal[:, :lead], gbuffer, before, history.length, distance)
         return read_history(gbuffer, before, everything, motion=motion, **options).image
-    found = read_history(gbuffer, before, everything, **options)
-    state = found.image
     if sharp:
-        state = torch.cat([state[:, :-1], state[:, -1:] * found.support**2], dim=1)
-        beside = read_history(gbuffer, before, everything, length=history.length).image
-        beside = torch.cat([beside[:, :-1], beside[:, -1:].clamp_max(BORROWED)], dim=1)
-        state = torch.where(state[:, -1:] < beside[:, -1:], beside, state)
+        state = read_sharp(gbuffer, before, everything, lenient=lenient)
+    else:
+        state = read_history(gbuffer, before, everything, **options).image
     if distance is not None:
         virtual = virtual_motion(gbuffer, before, distance)
         reflected = read_history(gbuffer, before, everything, motion=virtual, **options)

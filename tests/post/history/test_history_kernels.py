@@ -21,8 +21,9 @@ def noise(channels: int, seed: int = 0) -> Tensor:
 
 @pytest.mark.parametrize("search", [True, False])
 @pytest.mark.parametrize("sharp", [True, False])
+@pytest.mark.parametrize("lenient", [True, False])
 @pytest.mark.parametrize("orthographic", [True, False])
-def test_read_history(search: bool, sharp: bool, orthographic: bool) -> None:
+def test_read_history(search: bool, sharp: bool, lenient: bool, orthographic: bool) -> None:
     camera, before = (
         boxes.camera(SIZE, dx=0.35, orthographic=orthographic),
         boxes.camera(SIZE, orthographic=orthographic),
@@ -31,11 +32,13 @@ def test_read_history(search: bool, sharp: bool, orthographic: bool) -> None:
     assert then.object_id is not None
     decal = torch.arange(SIZE[1]).expand_as(then.object_id) % 20 < 5  # another object in the same plane
     then = then.replace(object_id=torch.where(decal, 999, then.object_id))
-    options = {"length": (noise(1) > 0.1).float(), "search": search, "sharp": sharp}
+    options = {"length": (noise(1) > 0.1).float(), "search": search, "sharp": sharp, "lenient": lenient}
     got, want = (read_history(now, then, noise(3), **options, compiled=form) for form in FORMS)
     torch.testing.assert_close(got.image, want.image, rtol=1e-5, atol=2e-6)
     torch.testing.assert_close(got.support, want.support, rtol=1e-5, atol=1e-6)
     assert torch.equal(got.valid, want.valid)
+    assert torch.equal(got.lent, want.lent)
+    assert bool(want.lent.any()) == (search and lenient)
     assert 0.3 < float(want.valid.float().mean()) < 1.0, "some surfaces are new"
 
 

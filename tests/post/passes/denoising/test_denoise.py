@@ -12,14 +12,14 @@ import pytest
 import torch
 from court import court
 
-from gbufrt import Frame
+from gbufrt import Camera, Frame, GBuffer
 from post import Denoise, denoise
 from post.filters.around import alike
 from post.filters.surfaces import surface
 from post.history.catmull_rom import catmull_rom_weights
 from post.history.reproject import correspondence_reference, find_taps
 from post.mirrors.image import mirror_image
-from post.passes.denoising.denoise import _despeckled
+from post.passes.denoising.denoise import _despeckled, _lonely
 from post.shading.composite_op import specular_albedo
 from tracer.gbuffers import gbuffer
 
@@ -159,6 +159,30 @@ def test_a_pixel_left_alone_in_a_mirror_stays_within_the_light_around_it():
     assert torch.equal(clean[..., 28, 6], torch.full((1, 3), 1.25))  # no brighter than one around it
     assert torch.equal(clean[..., 28, 12], torch.ones(1, 3))
     assert torch.equal(clean[..., 28, 24], torch.zeros(1, 3))
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_what_shows_another_side_each_frame_keeps_a_short_history_unless_it_is_a_mirror(mirror):
+    history = None
+    for turned in (-0.7, 0.7, -0.7):
+        camera = Camera.look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), size=SIZE, far=100.0)
+        depth, one = torch.full((1, 1, *SIZE), 10.0), torch.ones(1, 1, *SIZE)
+        normal = torch.tensor([math.sin(turned), 0.0, math.cos(turned)])[None, :, None, None].expand(1, 3, *SIZE)
+        matt, still = (not mirror) * one, torch.zeros(1, 2, *SIZE)
+        g = GBuffer(
+            camera=camera, depth=depth, hit=depth > 0, normal=normal, albedo=0.5 * one.expand(1, 3, *SIZE),
+            roughness=matt, metallic=1 - matt, motion=still, motion_z=still[:, :1], previous_camera=camera,
+        )  # fmt: skip
+        _, history = denoise(one.expand(1, 3, *SIZE), g, history)
+    assert bool((history.length == 1 if mirror else history.length > 2).all())
+
+
+def test_a_body_one_pixel_wide_is_alone_and_metals_never_are():
+    same = torch.zeros(1, 9, 1, 5, dtype=torch.bool)
+    for column, count in enumerate((1, 3, 4, 5, 9)):
+        same[:, :count, :, column] = True
+    assert _lonely(same, None).flatten().tolist() == [1.0, 1.0, 0.5, 0.0, 0.0]
+    assert _lonely(same, torch.ones(1, 1, 1, 5, dtype=torch.bool)).sum() == 0
 
 
 def test_strong_noise_leaves_no_blotches_and_weak_noise_no_blur():
