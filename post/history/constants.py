@@ -16,3 +16,4 @@ POOL = 3  # pixels to each side over which variance is pooled
 
 WINDOW = -4.0  # exp of this times squared pixels: a Blackman-Harris window narrowed until it nears a pixel's area
 BRIGHTEST = 1.0 - 1e-6  # of tone-mapped luminance
+IN_FRONT = 0.98  # share of a pixel's depth below which a neighbour is in front of it, not of its own surface

@@ -17,6 +17,7 @@ from post.history.color_kernel import luminance, ycocg
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 THREE_HALVES, TWO, FIVE_HALVES, NINTH = np.float32(1.5), np.float32(2), np.float32(2.5), np.float32(1 / 9)
+IN_FRONT = np.float32(constants.IN_FRONT)
 TINY, LEAST, BRIGHTEST = np.float32(1e-12), np.float32(1e-6), np.float32(constants.BRIGHTEST)
 
 
@@ -95,10 +96,10 @@ def box_row(mean, extent, sums, toned, current, y, first, end, gamma):
 
 @scalar
 def nearest_row(which, nearest, depth, y, first, end):
-    """Which of the 3x3 pixels around each pixel is nearest to the camera, counted in rows of three."""
+    """Which of the 3x3 pixels around is nearest to the camera and in front of each pixel, counted in rows of three."""
     height, width = depth.shape
     for x in range(end - first):
-        nearest[x], which[x] = depth[y, first + x], 4
+        nearest[x], which[x] = depth[y, first + x] * IN_FRONT, 4
     for k in range(9):
         row, dx = y + k // 3 - 1, k % 3 - 1
         begin, stop, index = max(-dx, first), min(width - dx, end), np.int32(k)

@@ -10,7 +10,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.filters.edges import offsets, padded, windows
 from post.history.catmull_rom import catmull_rom
-from post.history.constants import BRIGHTEST, WINDOW
+from post.history.constants import BRIGHTEST, IN_FRONT, WINDOW
 
 
 def anti_alias_reference(
@@ -57,11 +57,11 @@ def _resampled(image: Tensor, jitter: Tensor | None) -> Tensor:
 
 
 def dilated(motion: Tensor, depth: Tensor) -> Tensor:
-    """Motion of the nearest surface among 3x3: an edge moves with the surface in front."""
+    """Motion of the nearest surface among 3x3, where it is in front: an edge moves with that."""
     height, width = depth.shape[-2:]
     around = F.pad(depth, (1, 1, 1, 1), value=float("inf"))
     moved = F.pad(motion, (1, 1, 1, 1))
-    nearest, result = depth, motion
+    nearest, result = depth * IN_FRONT, motion
     for dy, dx in offsets(1):
         y, x = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
         closer = around[..., y, x] < nearest

@@ -11,6 +11,7 @@ MOST_LAYERS, MOST_CHANNELS = 64, 3  # on a GPU, whose threads have scratch memor
 
 LANDING_TOLERANCE = 0.25  # pixels by which a point may miss the pixel that it should cover, plus
 LANDING_RELATIVE = 0.1  # of the distance it moved, because neighbours on one surface do not move quite alike
+ALIKE = 0.25  # pixels: paths that differ by less are one
 STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
 OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
 OVERSHOOT = 0.1  # of the range around it, by which a pixel may leave that range when sharpened: more would ring

@@ -15,13 +15,18 @@ from post.lens.gather_kernel import Picture, layered_pixel
 from post.lens.shutter_kernel import (
     OWN_WEIGHT,
     TOGETHER,
+    add_alone_row,
     add_row,
     candidate_row,
     finish_row,
+    guess_row,
+    look_row,
     moves,
+    place_row,
     start_row,
     tap_row,
     time_row,
+    weigh_alone_row,
     weigh_row,
 )
 from post.lens.similar_kernel import similar_pixel
@@ -31,7 +36,7 @@ from post.lens.tile_kernel import tile
 cuda: Any = numba.cuda
 PLANES = MOST_CHANNELS + 1
 TILE = 64  # pixels: what a thread works on fits its cache
-RUN = 256  # pixels of a row: what a thread knows of them fits its fastest cache
+RUN = 128  # pixels of a row: what a thread knows of them fits its fastest cache
 
 
 @driver
@@ -63,7 +68,7 @@ def reconstruct_rows(out, color, depth, path, dominant, picture, known, noise, o
     """See `post.lens.op.reconstruct`."""
     batch, _, height, width = color.shape
     for thread in prange(threads):
-        rows, sums = np.empty((22, RUN), np.float32), np.zeros((picture.shape[1] * TOGETHER, RUN), np.float32)
+        rows, sums = np.empty((24, RUN), np.float32), np.zeros((picture.shape[1] * TOGETHER, RUN), np.float32)
         places = np.empty((2, RUN), np.int32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
@@ -79,7 +84,7 @@ def reconstruct_pixel(
 ):  # fmt: skip
     """As `reconstruct_rows`, one pixel."""
     b, y, x = pixel_of(i, depth.shape[1], depth.shape[2])
-    rows, sums = cuda.local.array((22, 1), np.float32), cuda.local.array((TOGETHER, 1), np.float32)
+    rows, sums = cuda.local.array((24, 1), np.float32), cuda.local.array((TOGETHER, 1), np.float32)
     places = cuda.local.array((2, 1), np.int32)
     given = color[b], depth[b], path[b], dominant[b], picture[b], known[b], noise
     _reconstruct_run(out[b], given, rows, sums, places, opening, samples, softness, y, x, x + 1)
@@ -99,17 +104,28 @@ def _reconstruct_run(out, given, rows, sums, places, opening, samples, softness,
     b, b_x, b_y, b_found = rows[9, :count], rows[10, :count], rows[11, :count], rows[12, :count]
     b_behind, a_taps, b_taps = rows[13, :count], rows[14:18], rows[18:22]
     a_place, b_place = places[0, :count], places[1, :count]
+    aim_x, aim_y, own_x, own_y = rows[22, :count], rows[23, :count], path[0, y, first:end], path[1, y, first:end]
     start_row(sums, weight, color, OWN_WEIGHT, y, first)
     if moves(dominant, y, first, end):
         for i in range(samples):
             time_row(time, noise, opening, i, samples, y, first)
-            moved = a_place, moved_x, moved_y, known, depth
-            candidate_row(a_x, a_y, a_found, a, a_behind, *moved, dominant, time, soft, y, first, end)
-            candidate_row(b_x, b_y, b_found, b, b_behind, *moved, path, time, soft, y, first, end)
-            weigh_row(a, b, a_found, b_found, a_behind, b_behind, soft)
-            tap_row(a_place, a_taps, weight, a_x, a_y, a, width)
+            moved = b_place, moved_x, moved_y, known, depth
+            place_row(a_place, dominant, time, depth.shape, y, first, end)
+            look_row(aim_x, aim_y, a_place, known)
+            two = guess_row(aim_x, aim_y, own_x, own_y)
+            candidate_row(b_x, b_y, b_found, b, b_behind, *moved, own_x, own_y, time, soft, y, first)
+            if two:
+                moved = a_place, moved_x, moved_y, known, depth
+                candidate_row(a_x, a_y, a_found, a, a_behind, *moved, aim_x, aim_y, time, soft, y, first)
+                weigh_row(a, b, a_found, b_found, a_behind, b_behind, soft)
+                tap_row(a_place, a_taps, weight, a_x, a_y, a, width)
+            else:
+                weigh_alone_row(b, b_behind)
             tap_row(b_place, b_taps, weight, b_x, b_y, b, width)
             for k in range(picture.shape[0]):
                 red, green, blue = sums[3 * k, :count], sums[3 * k + 1, :count], sums[3 * k + 2, :count]
-                add_row(red, green, blue, picture[k], a_place, a_taps, b_place, b_taps, width)
+                if two:
+                    add_row(red, green, blue, picture[k], a_place, a_taps, b_place, b_taps, width)
+                else:
+                    add_alone_row(red, green, blue, picture[k], b_place, b_taps, width)
     finish_row(out, color, sums, weight, dominant, y, first, end)

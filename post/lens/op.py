@@ -136,7 +136,8 @@ def reconstruct(
         color: ``(B, C, H, W)`` linear, finite.
         depth: ``(B, 1, H, W)`` planar view z, world units.
         path: ``(B, 2, H, W)`` the way of each pixel's surface while the shutter is open, backward in time, pixels.
-        dominant: as ``path``: of the fastest surface nearby. Where it is shorter than half a pixel, the picture stays.
+        dominant: as ``path``: of the fastest surface nearby; what it leads to may have another path, which is then
+            followed. Where it is shorter than half a pixel, the picture stays.
         noise: ``(H, W)`` in [0, 1): where in its share of the exposure each moment lies.
         opening: when the shutter opens, as a share of its time before the frame: -0.5 or 0.
         samples: moments of the exposure.

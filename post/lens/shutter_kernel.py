@@ -16,6 +16,7 @@ from post.lens import constants
 
 ZERO, HALF, ONE, TWO = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2)
 TOLERANCE, RELATIVE = np.float32(constants.LANDING_TOLERANCE), np.float32(constants.LANDING_RELATIVE)
+ALIKE = np.float32(constants.ALIKE**2)
 STILL, OWN_WEIGHT = np.float32(constants.STILL**2), np.float32(constants.OWN_WEIGHT)
 TINY, SHORTEST = np.float32(1e-12), np.float32(1e-30)
 TOGETHER = 3  # channels that lie side by side for each pixel
@@ -62,9 +63,8 @@ def _length(x, y):
 
 
 @contracted
-def aim_row(at_x, at_y, place, path, time, size, y, first, end):
+def aim_row(at_x, at_y, place, along, down, time, size, y, first):
     """Where the points that paths bring to pixels are now, and which pixels show them; outside, the border does."""
-    along, down = path[0, y, first:end], path[1, y, first:end]
     right, bottom, row = np.float32(size[1] - 1), np.float32(size[0] - 1), np.float32(y)
     width = np.int32(size[1])
     for x in range(time.shape[0]):
@@ -75,17 +75,28 @@ def aim_row(at_x, at_y, place, path, time, size, y, first, end):
 
 
 @scalar
-def look_row(found, place, plane):
-    """What a plane holds at pixels."""
+def look_row(moved_x, moved_y, place, known):
+    """The paths of pixels."""
+    across, down = known[1], known[2]
     for x in range(place.shape[0]):
-        found[x] = plane[np.uint32(place[x])]
+        k = np.uint32(place[x])
+        moved_x[x], moved_y[x] = across[k], down[k]
+
+
+@scalar
+def look_at_row(found, moved_x, moved_y, place, known):
+    """The depths and paths of pixels."""
+    depth, across, down = known[0], known[1], known[2]
+    for x in range(place.shape[0]):
+        k = np.uint32(place[x])
+        found[x], moved_x[x], moved_y[x] = depth[k], across[k], down[k]
 
 
 @contracted
-def land_row(lands, behind, at_x, at_y, found, moved_x, moved_y, depth, path, time, softness, y, first, end):
+def land_row(lands, behind, at_x, at_y, found, moved_x, moved_y, depth, along, down, time, softness, y, first):
     """Whether points land on the pixels, and whether they lie behind what is there now."""
     height, width = depth.shape
-    along, down, own = path[0, y, first:end], path[1, y, first:end], depth[y, first:end]
+    own = depth[y, first : first + time.shape[0]]
     right, bottom = np.float32(width) - HALF, np.float32(height) - HALF
     for x in range(time.shape[0]):
         step_x, step_y = along[x] * time[x], down[x] * time[x]
@@ -99,16 +110,40 @@ def land_row(lands, behind, at_x, at_y, found, moved_x, moved_y, depth, path, ti
         at_y[x] = min(max(at_y[x], ZERO), bottom - HALF)
 
 
+@contracted
+def place_row(place, dominant, time, size, y, first, end):
+    """As `aim_row`, the pixels alone."""
+    along, down = dominant[0, y, first:end], dominant[1, y, first:end]
+    right, bottom, row = np.float32(size[1] - 1), np.float32(size[0] - 1), np.float32(y)
+    width = np.int32(size[1])
+    for x in range(time.shape[0]):
+        from_x, from_y = np.float32(np.int32(first + x)) - along[x] * time[x], row - down[x] * time[x]
+        near_x, near_y = min(max(from_x, ZERO), right) + HALF, min(max(from_y, ZERO), bottom) + HALF
+        place[x] = np.int32(near_y) * width + np.int32(near_x)
+
+
+@contracted
+def guess_row(along, down, own_x, own_y):
+    """Guesses that are hardly unlike a pixel's own path become that; returns whether others are left."""
+    most = ZERO
+    for x in range(along.shape[0]):
+        off_x, off_y = along[x] - own_x[x], down[x] - own_y[x]
+        unlike = off_x * off_x + off_y * off_y
+        alike = unlike < ALIKE
+        along[x] = own_x[x] if alike else along[x]
+        down[x] = own_y[x] if alike else down[x]
+        most = max(most, unlike)
+    return most >= ALIKE
+
+
 @scalar
 def candidate_row(
-    at_x, at_y, found, lands, behind, place, moved_x, moved_y, known, depth, path, time, softness, y, first, end
+    at_x, at_y, found, lands, behind, place, moved_x, moved_y, known, depth, along, down, time, softness, y, first
 ):
     """The points that paths bring to pixels; ``known`` are depth and path of the picture, a row each."""
-    aim_row(at_x, at_y, place, path, time, depth.shape, y, first, end)
-    look_row(found, place, known[0])
-    look_row(moved_x, place, known[1])
-    look_row(moved_y, place, known[2])
-    land_row(lands, behind, at_x, at_y, found, moved_x, moved_y, depth, path, time, softness, y, first, end)
+    aim_row(at_x, at_y, place, along, down, time, depth.shape, y, first)
+    look_at_row(found, moved_x, moved_y, place, known)
+    land_row(lands, behind, at_x, at_y, found, moved_x, moved_y, depth, along, down, time, softness, y, first)
 
 
 @contracted
@@ -120,6 +155,15 @@ def weigh_row(a, b, a_found, b_found, a_behind, b_behind, softness):
         share = a[x] * (ONE - b[x] * (ONE - front)) + bare * a_behind[x]
         b[x] = b[x] * (ONE - a[x] * front) + bare * b_behind[x]
         a[x] = share
+
+
+@contracted
+def weigh_alone_row(b, b_behind):
+    """As `weigh_row` for two points that are one: the weight of both."""
+    for x in range(b.shape[0]):
+        free = ONE - b[x]
+        bare = free * free / max(TWO * b_behind[x], ONE)
+        b[x] = b[x] * (TWO - b[x]) + TWO * bare * b_behind[x]
 
 
 @contracted
@@ -153,6 +197,18 @@ def add_row(red, green, blue, picture, a_place, a_taps, b_place, b_taps, width):
         red[x] += first
         green[x] += second
         blue[x] += third
+
+
+@contracted
+def add_alone_row(red, green, blue, picture, place, taps, width):
+    """Add the weighted colours of one point between pixels."""
+    upper_left, upper_right, lower_left, lower_right = taps[0], taps[1], taps[2], taps[3]
+    lower = picture[width * TOGETHER :]
+    for x in range(red.shape[0]):
+        k, q, r, s, t = np.uint32(place[x]), upper_left[x], upper_right[x], lower_left[x], lower_right[x]
+        red[x] += q * picture[k] + r * picture[k + U3] + s * lower[k] + t * lower[k + U3]
+        green[x] += q * picture[k + U1] + r * picture[k + U4] + s * lower[k + U1] + t * lower[k + U4]
+        blue[x] += q * picture[k + U2] + r * picture[k + U5] + s * lower[k + U2] + t * lower[k + U5]
 
 
 @scalar

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt.directions import length
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
-from post.lens.constants import LANDING_RELATIVE, LANDING_TOLERANCE, OVERSHOOT, OWN_WEIGHT, STILL
+from post.lens.constants import ALIKE, LANDING_RELATIVE, LANDING_TOLERANCE, OVERSHOOT, OWN_WEIGHT, STILL
 
 
 def reconstruct_reference(
@@ -87,7 +87,9 @@ def _moment(
     color: Tensor, known: Tensor, px: Tensor, path: Tensor, dominant: Tensor, time: Tensor, softness: float | Tensor
 ) -> tuple[Tensor, Tensor]:
     """A pixel's weighted colour at one moment, and the weight."""
-    a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, dominant, time, softness)
+    guess = sample(known, px - dominant * time, mode="nearest")[:, 1:]  # the path of what comes by is seldom quite that
+    guess = torch.where((guess - path).detach().square().sum(1, keepdim=True) < ALIKE**2, path, guess)
+    a_color, a_depth, a_lands, a_behind = _candidate(color, known, px, guess, time, softness)
     b_color, b_depth, b_lands, b_behind = _candidate(color, known, px, path, time, softness)
     a_front = _in_front(a_depth, b_depth, softness)
     # Where nothing lands at this moment, a surface behind the pixel's own shows; one in front of it does not count.

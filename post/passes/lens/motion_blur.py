@@ -18,6 +18,7 @@ from post.lens.op import blur_alike, reconstruct
 
 Position = Literal["center", "trailing"]
 Weights = Literal["reconstruction", "similarity"]
+CELLS = 4  # to each side of a tile: the fastest of few pixels is more often what comes by
 
 
 def motion_blur(
@@ -37,9 +38,10 @@ def motion_blur(
     """Blur moving things along their paths while the shutter is open.
 
     Each sample is a moment of the exposure. At that moment a pixel is covered by a point of its own surface or by one
-    that moves as the fastest thing nearby does (maximum of the surrounding tiles, their borders jittered). A candidate
-    counts if its own motion really brings it here, and the nearer one occludes the other. What is disoccluded is
-    filled with the surface behind.
+    that comes by. The path of the fastest thing nearby, of the cells around from which something reaches here (their
+    borders jittered), leads to where that may be now, and the motion found there to which point of it comes by: parts
+    of a spinning body all move unlike. A candidate counts if its own motion really brings it here, and the nearer one
+    occludes the other. What is disoccluded is filled with the surface behind.
 
     Args:
         color: ``(B, C, H, W)`` linear.
@@ -48,7 +50,7 @@ def motion_blur(
         shutter: share of the frame interval during which the shutter is open; a float or ``(B,)``.
         position: ``"center"`` exposes half before and half after the frame, ``"trailing"`` ends with it.
         samples: moments of the exposure a pixel.
-        tile: pixels; also the largest blur to either side.
+        tile: pixels: the largest blur to either side; cells are a quarter of that.
         weights: ``"reconstruction"``, or ``"similarity"``: the weights saturate(m_s . m_0 / m_0 . m_0) along the
             pixel's own motion, with which moving things do not spill over static ones.
         softness: relative difference in depth over which "in front" fades to "behind".
@@ -61,8 +63,8 @@ def motion_blur(
     Raises:
         ValueError: shapes disagree, a choice is unknown, or a number is out of range.
 
-    Source: McGuire et al. 2012 and Guertin et al. 2014 (tiles, two directions, soft depth); Rosado 2007, GPU Gems 3
-    chapter 27, and BetterRTX for ``similarity``.
+    Source: McGuire et al. 2012 and Guertin et al. 2014 (tiles, two directions, soft depth); Bowles et al. 2012
+    (iterated image warping) for the second look; Rosado 2007, GPU Gems 3 chapter 27, and BetterRTX for ``similarity``.
     """
     _check(color, depth, motion, samples, tile, softness)
     if weights not in ("reconstruction", "similarity"):
@@ -73,31 +75,53 @@ def motion_blur(
     opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
     path = _limited(motion.to(color.dtype) * share, tile / (1 + opening))
-    tiles = _longest(path, tile, tile, 0)
-    if weights == "reconstruction" and not waits(color) and not bool((tiles.square().sum(1) > STILL**2).any()):
+    cell = max(tile // CELLS, 1)
+    cells = _longest(path, cell)
+    if weights == "reconstruction" and not waits(color) and not bool((cells.square().sum(1) > STILL**2).any()):
         return color
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
     if weights == "similarity":
         return blur_alike(color, path, noise[0], opening=opening, samples=samples)
-    dominant = _dominant(_longest(tiles, 3, 1, 1), tile, noise[1:])
+    dominant = _dominant(_reaching(cells, cell, 1 + opening, tile), cell, noise[1:])
     return reconstruct(color, depth, path, dominant, noise[0], opening=opening, samples=samples, softness=softness)
 
 
-def _dominant(around: Tensor, tile: int, noise: Tensor) -> Tensor:
-    """``(B, 2, H, W)``: the longest path ``around`` a pixel's tile, looked up with jitter to hide the tiles."""
+def _dominant(around: Tensor, cell: int, noise: Tensor) -> Tensor:
+    """``(B, 2, H, W)``: the longest path ``around`` a pixel's cell, looked up with jitter to hide the cells."""
     height, width = noise.shape[-2:]
-    y = torch.arange(height, device=noise.device)[:, None] + (noise[0] - 0.5) * (tile / 2)
-    x = torch.arange(width, device=noise.device)[None] + (noise[1] - 0.5) * (tile / 2)
-    row = y.clamp(0, height - 1).div(tile).long()
-    column = x.clamp(0, width - 1).div(tile).long()
-    return around[:, :, row, column]
+    y = torch.arange(height, device=noise.device)[:, None] + (noise[0] - 0.5) * (cell / 2)
+    x = torch.arange(width, device=noise.device)[None] + (noise[1] - 0.5) * (cell / 2)
+    row = y.clamp_(0, height - 1).div_(cell).floor_()
+    column = x.clamp_(0, width - 1).div_(cell).floor_()
+    which = row.mul_(around.shape[-1]).add_(column).long().flatten()
+    return around.flatten(2)[:, :, which].view(*around.shape[:2], height, width)
 
 
-def _longest(path: Tensor, size: int, stride: int, padding: int) -> Tensor:
-    """Like max pooling of vectors by their length."""
+def _longest(path: Tensor, size: int) -> Tensor:
+    """``(B, 2, h, w)``: the longest path in each cell of ``size`` pixels."""
     square = path.detach().square().sum(1, keepdim=True)
-    _, where = F.max_pool2d(square, size, stride, padding, ceil_mode=True, return_indices=True)
+    _, where = F.max_pool2d(square, size, size, 0, ceil_mode=True, return_indices=True)
     return path.flatten(2).gather(2, where.flatten(2).expand(-1, 2, -1)).view(*path.shape[:2], *where.shape[2:])
+
+
+def _reaching(cells: Tensor, size: int, most: float, reach: int) -> Tensor:
+    """The longest of the paths of the cells around, across and then down, that lead into each cell or one beside it.
+
+    Args:
+        cells: ``(B, 2, h, w)``, see `_longest`.
+        size: of a cell, pixels.
+        most: share of a path that is covered to either side.
+        reach: pixels that no path exceeds to either side.
+    """
+    rings = -(-reach // size)
+    for axis, dim in ((0, 3), (1, 2)):
+        around = F.pad(cells, (rings, rings, 0, 0) if dim == 3 else (0, 0, rings, rings)).unfold(dim, 2 * rings + 1, 1)
+        apart = torch.arange(-rings, rings + 1, device=cells.device).abs().sub(1).clamp_min(0) * size
+        leads = around[:, axis].abs() * most >= apart
+        square = torch.where(leads, around.detach().square().sum(1), -1.0)
+        best = square.argmax(-1, keepdim=True)
+        cells = around.gather(-1, best[:, None].expand(-1, 2, -1, -1, -1))[..., 0]
+    return cells
 
 
 def _limited(path: Tensor, longest: float) -> Tensor:

@@ -23,9 +23,9 @@ def taa(
     """Average jittered frames into one anti-aliased picture on the grid without jitter.
 
     Each frame is resampled to pixel centres by a narrow Gaussian window around its jittered samples. The history is
-    read with Catmull-Rom weights along the motion of the nearest surface in 3x3, and clipped in YCoCg to the mean and
-    variance of the current 3x3 pixels. All colours are weighted by 1 / (1 + luminance), so that bright edges are
-    anti-aliased as they will be displayed.
+    read with Catmull-Rom weights along the motion of the nearest surface in 3x3, if that is in front of the pixel's
+    own, and clipped in YCoCg to the mean and variance of the current 3x3 pixels. All colours are weighted by
+    1 / (1 + luminance), so that bright edges are anti-aliased as they will be displayed.
 
     Args:
         color: ``(B, 3, H, W)`` linear radiance.

@@ -59,6 +59,16 @@ def test_forms_agree(size: tuple[int, int], opening: float) -> None:
         assert float((want - given["color"]).abs().mean()) > 0.1
 
 
+def test_forms_agree_where_nothing_else_comes_by() -> None:
+    """The dominant path leads to the pixel itself, so that there is one candidate, which may not land."""
+    given = scene()
+    given["dominant"] = torch.zeros_like(given["path"])
+    given["dominant"][:, 1] = 0.55
+    got, want = forms(given)
+    assert_close(got, want)
+    assert float((want - given["color"]).abs().mean()) > 0.1
+
+
 @pytest.mark.parametrize("channels", [1, 2, 4, 7])
 def test_any_number_of_channels(channels: int) -> None:
     assert_close(*forms(scene(channels=channels)))

@@ -78,6 +78,45 @@ def test_background_stays_sharp_and_mover_spills_over_it():
     assert torch.allclose(similar[(~mover).expand_as(color)], color[(~mover).expand_as(color)], atol=1e-4)
 
 
+def fan(time: float, turn: float, size: tuple[int, int] = (96, 96)) -> tuple[Tensor, Tensor, Tensor]:
+    """Colour, mask and motion of four blades that turn by ``turn`` radians a frame, before a dark wall."""
+    y, x = torch.meshgrid(*(torch.arange(n) + 0.5 - n / 2 for n in size), indexing="ij")
+    angle, radius = torch.atan2(y, x) - turn * time, torch.hypot(y, x)
+    along, across = radius * torch.cos(2 * angle).abs(), radius * torch.sin(2 * angle).abs()
+    blades = ((across / 2 < 4) & (along > 0) & (torch.cos(2 * angle).abs() > 0.7) & (radius < 42))[None, None]
+    cosine, sine = math.cos(turn), math.sin(turn)
+    before = torch.stack([cosine * x + sine * y - x, cosine * y - sine * x - y])[None]
+    return torch.where(blades, 0.9, 0.1).expand(-1, 3, -1, -1), blades, torch.where(blades, before, 0.0)
+
+
+@pytest.mark.parametrize("position", ["center", "trailing"])
+def test_all_parts_of_a_spinning_fan_spill(position):
+    """Near its hub too, where nothing moves as fast as the tips of the blades, whose path leads past what comes by."""
+    turn, shutter = 0.3, 1.0
+    color, blades, motion = fan(0.0, turn)
+    start = -shutter / 2 if position == "center" else -shutter
+    moments = [fan(start + shutter * (i + 0.5) / 64, turn)[0] for i in range(64)]
+    truth = torch.stack(moments).mean(0)
+    depth = torch.where(blades, 3.0, 9.0)
+    blurred = motion_blur(color, depth, motion, shutter=shutter, position=position)  # type: ignore[arg-type]
+    y, x = torch.meshgrid(*(torch.arange(96) - 47.5,) * 2, indexing="ij")
+    inner = ~blades & (torch.hypot(y, x) < 30) & ((truth - color).abs().amax(1, keepdim=True) > 0.05)
+    assert int(inner.sum()) > 100
+    error, sharp = ((image - truth).square()[inner.expand_as(truth)].mean() for image in (blurred, color))
+    assert float(error) < 0.2 * float(sharp)
+
+
+def test_something_slower_spills_beside_something_fast():
+    """Two movers a tile apart: the faster one, which does not come by, is not taken for the slower."""
+    color, motion = torch.zeros(1, 3, 40, 96), torch.zeros(1, 2, 40, 96)
+    color[..., 8:32, 20:32], motion[:, 0, 8:32, 20:32] = 1.0, 9.0
+    color[..., 8:32, 60:72], motion[:, 1, 8:32, 60:72] = 1.0, 24.0
+    depth = torch.where(color[:, :1] > 0, 3.0, 9.0)
+    row = motion_blur(color, depth, motion, shutter=1.0, samples=64)[0, 0, 20]
+    want = [(i - 15.0) / 9 for i in range(16, 24)]
+    assert torch.allclose(row[16:24], torch.tensor(want), atol=0.1)
+
+
 def test_a_line_under_even_motion_becomes_a_box():
     """All of the picture moves by 8 px: the blur is a box of 8 px, ahead of the line when trailing."""
     color = torch.zeros(1, 3, 9, 64)
