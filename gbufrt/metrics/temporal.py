@@ -61,7 +61,7 @@ def flicker(pictures: Sequence[Tensor], gbuffers: Sequence[GBuffer], truth: Sequ
 
     Args:
         pictures: at least two.
-        gbuffers: theirs.
+        gbuffers: theirs. Where they have ``object_id``, static is what has 0; without, all is.
         truth: what the pictures should be; its own change is not flicker. By default nothing may change.
 
     Returns:
