@@ -1,1 +1,1 @@
-"""Minecraft Java: region files and save folders, 1.12 to 1.21, and schematics."""
+"""Minecraft Java: region files and save folders, 1.8 to 1.21, and schematics."""

@@ -1,4 +1,4 @@
-"""Chunks as sections of 16 x 16 x 16 block states and biomes, in every packing from 1.12 to 1.21."""
+"""Chunks as sections of 16 x 16 x 16 block states and biomes, in every packing from 1.8 to 1.21."""
 
 from __future__ import annotations
 
