@@ -35,7 +35,8 @@ def place(model: World, instances: tuple[Instance, ...] = (), *, margin: float =
 
     Args:
         model: what to place; it keeps its coordinates.
-        instances: what stands still over it and belongs to it, of voxels that a voxel of the model holds whole ones of.
+        instances: what stands in the same place, neither turned nor shifted, and is framed with it; a whole number of
+            its voxels lies along one of the model's.
         margin: least ground round the model, in units of its longest side along the ground; there is as much more as
             the views from above show.
         thickness: voxels of ground.

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracer.formats.minecraft.legacy import AIR
-from tracer.formats.minecraft.sections import Section
+from tracer.formats.minecraft.sections import Section, state_of
 from tracer.formats.minecraft.shapes import is_nothing, parse_state, shape_of
+from tracer.formats.minecraft.voxels import COMPASS
 from tracer.scene.grids import BRICK
 
 Numbers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
-SIDES = ("north", "east", "south", "west")  # each a quarter of a turn from the one before, seen from above
 STEPS = {"north": (1, -1), "east": (2, 1), "south": (1, 1), "west": (2, -1), "up": (0, 1), "down": (0, -1)}
 """Axis and direction of each side, in the order y, z, x."""
 CORNERS = ("straight", "outer_left", "outer_right", "inner_left", "inner_right")
@@ -104,7 +104,7 @@ def _of(blocks: Numbers, values: Sequence[int]) -> Numbers:
 
 
 def _facing(told: Mapping[str, str]) -> int:
-    return SIDES.index(told["facing"]) if told.get("facing") in SIDES else 0
+    return COMPASS.index(told["facing"]) if told.get("facing") in COMPASS else 0
 
 
 def _is_full(name: str, told: Mapping[str, str]) -> bool:
@@ -120,10 +120,10 @@ def _near(values: Numbers, side: str, beyond: int) -> Numbers:
 
 
 def _arms(to: Mask, facing: Numbers, *, goes_on: bool) -> Numbers:
-    """A bit for each side to which an arm leads, the lowest for the first of `SIDES`."""
-    arms = [_near(to | (facing == (n + 2) % 4), side, 0) for n, side in enumerate(SIDES)]
+    """A bit for each side to which an arm leads, the lowest for the first of `COMPASS`."""
+    arms = [_near(to | (facing == (n + 2) % 4), side, 0) for n, side in enumerate(COMPASS)]
     if goes_on:
-        for n, side in enumerate(SIDES):
+        for n, side in enumerate(COMPASS):
             axis, step = STEPS[side]
             border = (slice(None),) * axis + (-1 if step > 0 else 0,)
             arms[n][border] = arms[(n + 2) % 4][border]
@@ -136,7 +136,7 @@ def _corners(facing: Numbers, top: Numbers) -> Numbers:
     if (facing < 0).all():
         return corners
     kind = np.where(facing < 0, -1, 2 * facing + top)
-    near = [_near(kind, side, -1) for side in SIDES]
+    near = [_near(kind, side, -1) for side in COMPASS]
     for n in range(4):
         for rises, first in ((n, 1), ((n + 2) % 4, 3)):  # outer ones meet in front, which is where stairs rise to
             for left in (True, False):
@@ -180,11 +180,10 @@ def _longer(whole: str, name: str, told: dict[str, str], code: int) -> str:
     elif name in TALL:
         name = TALL[code - 1] if code and told.get("half") == "upper" else name
     elif not name.endswith("_door"):
-        told = told | {side: "true" for n, side in enumerate(SIDES) if code >> n & 1}
+        told = told | {side: "true" for n, side in enumerate(COMPASS) if code >> n & 1}
         told |= {"up": str(code >= POST).lower()} if name.endswith("_wall") else {}
     elif code and told.get("half") == "upper":
-        told = told | {"facing": SIDES[(code - 1) % 4], "open": str(code > 4).lower()}
+        told = told | {"facing": COMPASS[(code - 1) % 4], "open": str(code > 4).lower()}
     elif code:
         told = told | {"hinge": ("left", "right")[code - 1]}
-    listed = ",".join(f"{key}={told[key]}" for key in sorted(told))
-    return f"minecraft:{name}[{listed}]" if listed else f"minecraft:{name}"
+    return state_of(f"minecraft:{name}", told)

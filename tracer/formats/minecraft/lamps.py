@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from tracer.formats.minecraft.plants import crossed
-from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, beside, box
+from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, beside, box, boxes
 
 FRONTS = {
     "jack_o_lantern": ("pumpkin", (".##..##.", ".##..##.", "........", ".#.##.#.", ".######.", "..#..#.."), 1),
@@ -54,8 +54,7 @@ def lantern(name: str, told: Mapping[str, str]) -> Shape:
 
 
 def campfire(name: str, told: Mapping[str, str]) -> Shape:
-    lower, upper = box(0, 0, 1, 8, 2, 3) | box(0, 0, 5, 8, 2, 7), box(1, 2, 0, 3, 4, 8) | box(5, 2, 0, 7, 4, 8)
-    logs = ("oak_log", lower | upper)
+    logs = ("oak_log", boxes([(0, 0, 1, 8, 2, 3), (0, 0, 5, 8, 2, 7), (1, 2, 0, 3, 4, 8), (5, 2, 0, 7, 4, 8)]))
     if told.get("lit", "true") == "false":
         return (logs,)
     flames = crossed(1, 8) & box(2, 1, 2, 6, 8, 6) & ~logs[1]
@@ -67,18 +66,18 @@ def candles(name: str, told: Mapping[str, str]) -> Shape:
     cake = box(1, 0, 1, 7, 4, 7)
     on = 4 if name.endswith("_cake") else 0
     places = CANDLES[: _count(told, "candles")]
-    wax = [box(x, on, z, x + 1, on + 3, z + 1) for x, z in places]
-    parts: Shape = ((name.removesuffix("_cake"), np.logical_or.reduce(wax)),)
+    wax = boxes((x, on, z, x + 1, on + 3, z + 1) for x, z in places)
+    parts: Shape = ((name.removesuffix("_cake"), wax),)
     if told.get("lit") == "true":
-        parts += (("candle_flame", np.logical_or.reduce([box(x, on + 3, z, x + 1, on + 4, z + 1) for x, z in places])),)
+        parts += (("candle_flame", boxes((x, on + 3, z, x + 1, on + 4, z + 1) for x, z in places)),)
     return (("cake", cake), *parts) if on else parts
 
 
 def sea_pickles(name: str, told: Mapping[str, str]) -> Shape:
     """They glow under water."""
     places = PICKLES[: _count(told, "pickles")]
-    stalks = np.logical_or.reduce([box(x, 0, z, x + 2, 2, z + 2) for x, z in places])
-    tips = np.logical_or.reduce([box(x, 2, z, x + 2, 3, z + 2) for x, z in places])
+    stalks = boxes((x, 0, z, x + 2, 2, z + 2) for x, z in places)
+    tips = boxes((x, 2, z, x + 2, 3, z + 2) for x, z in places)
     return ((name, stalks), (f"{name}_tip" if told.get("waterlogged", "true") == "true" else name, tips))
 
 
@@ -87,7 +86,7 @@ def cave_vines(name: str, told: Mapping[str, str]) -> Shape:
     leaves: Mask = crossed(0, 8)
     if told.get("berries") != "true":
         return ((name, leaves),)
-    berries = np.logical_or.reduce([box(x, y, z, x + 2, y + 2, z + 2) for x, y, z in BERRIES])
+    berries = boxes((x, y, z, x + 2, y + 2, z + 2) for x, y, z in BERRIES)
     return ((name, leaves & ~berries), ("glow_berries", berries))
 
 

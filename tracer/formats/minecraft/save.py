@@ -16,14 +16,13 @@ from tracer.formats.minecraft.nbt import part, read_nbt
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.region import NAME, Place, Region
-from tracer.formats.minecraft.sections import Section, sections, version_of
+from tracer.formats.minecraft.sections import FLATTENED, Section, sections, version_of
 
 WIDTH = 16  # blocks along a chunk
 CHUNKS = 24  # along each side of what is taken of a save folder, unless told
 MAX_CHUNKS = 64
 MAX_PLAYER = 1 << 26
 FURTHEST = 30_000_000  # blocks from the middle: the game's own limit
-NAMED_BLOCKS = 1451  # data version of 17w47a: before it blocks are numbers
 NAMED = 3  # of what is damaged; the rest is counted
 LISTED = 8  # names of blocks
 
@@ -209,7 +208,7 @@ def chunk_sections(region: Region, place: Place, box: Box | None) -> list[tuple[
     found = list(sections(chunk))
     if len({section.y for section in found}) < len(found):
         raise ValueError("a section comes twice")
-    for section in joined_chunk(found) if version_of(chunk) < NAMED_BLOCKS else found:
+    for section in joined_chunk(found) if version_of(chunk) < FLATTENED else found:
         at = (place[0], section.y, place[1])
         keep = None if box is None else _kept(at, box)
         if keep is None or all(part.start < part.stop for part in keep):

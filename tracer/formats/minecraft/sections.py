@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tracer.formats.minecraft.legacy import legacy_biome, legacy_state
 from tracer.formats.minecraft.nbt import Tags, part
 
+FLATTENED = 1451  # data version of 17w47a: before it blocks are numbers
 PADDED = 2529  # data version of 20w17a: from there on no value spans two longs
 COUNT = 4096
 LOWEST, HIGHEST = -128, 127  # a section's Y is a byte
@@ -105,12 +106,15 @@ def nibbles(packed: Any) -> Numbers:
 
 
 def state_name(tags: Any) -> str:
-    """A palette entry as one string: ``minecraft:oak_log[axis=y]``, properties in alphabetic order."""
+    """A palette entry as one string; see `state_of`."""
     properties = tags.get("Properties") if isinstance(tags, dict) else None
-    name = str(part(tags, "Name", str))
-    if not isinstance(properties, dict) or not properties:
-        return name
-    return f"{name}[{','.join(f'{key}={properties[key]}' for key in sorted(properties))}]"
+    return state_of(str(part(tags, "Name", str)), properties if isinstance(properties, dict) else {})
+
+
+def state_of(name: str, properties: Mapping[str, Any]) -> str:
+    """A block state as one string: ``minecraft:oak_log[axis=y]``, properties in alphabetic order."""
+    listed = ",".join(f"{key}={properties[key]}" for key in sorted(properties))
+    return f"{name}[{listed}]" if listed else name
 
 
 def _blocks(tags: Tags, version: int) -> tuple[tuple[str, ...], Numbers] | None:

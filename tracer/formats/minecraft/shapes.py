@@ -19,7 +19,7 @@ from tracer.formats.minecraft.plants import (
     flower,
     plant,
 )
-from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, beside, box, laid, turned
+from tracer.formats.minecraft.voxels import COMPASS, QUARTERS, SIDE, Mask, Shape, beside, box, boxes, laid, turned
 
 NOTHING = re.compile(
     "(?:.*_)?air|barrier|structure_void|light|moving_piston|tripwire.*|redstone_wire|end_gateway|.*button|lever|string"
@@ -66,7 +66,7 @@ def _stairs(name: str, told: Mapping[str, str]) -> Shape:
     facing, shape = told.get("facing", "north"), told.get("shape", "straight")
     step = beside(facing, 4)
     if shape != "straight":
-        left = {"north": "west", "west": "south", "south": "east", "east": "north"}[facing]
+        left = COMPASS[QUARTERS[facing] - 1]
         other = beside(left if shape.endswith("left") else OPPOSITE[left], 4)
         step = step & other if shape.startswith("outer") else step | other
     top = told.get("half") == "top"
@@ -110,8 +110,8 @@ def _gate(name: str, told: Mapping[str, str]) -> Shape:
 def _door(name: str, told: Mapping[str, str]) -> Shape:
     facing = told.get("facing", "north")
     if told.get("open") == "true":
-        turned = {"north": "east", "east": "south", "south": "west", "west": "north"}[facing]
-        facing = turned if told.get("hinge") == "left" else OPPOSITE[turned]
+        right = COMPASS[(QUARTERS[facing] + 1) % 4]
+        facing = right if told.get("hinge") == "left" else OPPOSITE[right]
     return ((name, beside(OPPOSITE.get(facing, "south"), 2)),)
 
 
@@ -177,7 +177,7 @@ def _of_boxes(name: str, told: Mapping[str, str]) -> Shape | None:
     """A block of the boxes that `blocks.toml` lists for it."""
     for row in table()["boxes"]:
         if re.fullmatch(row["match"], name):
-            mask = np.logical_or.reduce([box(*b) for b in row["boxes"]])
+            mask = boxes(row["boxes"])
             if row.get("turns"):
                 mask = turned(mask, told.get("facing", told.get("axis", "north")))
             if row.get("lies"):

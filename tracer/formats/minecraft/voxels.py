@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 SIDE = 8  # voxels along a block
-QUARTERS = {"north": 0, "x": 0, "east": 1, "z": 1, "south": 2, "west": 3}  # of a turn, seen from above
+COMPASS = ("north", "east", "south", "west")  # each a quarter of a turn from the one before, seen from above
+QUARTERS = {side: n for n, side in enumerate(COMPASS)} | {"x": 0, "z": 1}
+"""Of a turn from facing north, or from axis x."""
 ALONG = {"x": (0, 1), "east": (0, 1), "west": (0, 1), "z": (1, 2), "north": (1, 2), "south": (1, 2)}
 """Which axis changes places with the upright one where something lies along an axis or to a side."""
 Mask = NDArray[np.bool_]
@@ -22,6 +25,11 @@ def box(x0: int, y0: int, z0: int, x1: int, y1: int, z1: int) -> Mask:
     mask = np.zeros((SIDE,) * 3, bool)
     mask[x0:x1, y0:y1, z0:z1] = True
     return mask
+
+
+def boxes(corners: Iterable[Sequence[int]]) -> Mask:
+    """All voxels of several boxes, each as for `box`."""
+    return np.logical_or.reduce([box(*six) for six in corners])
 
 
 def beside(side: str, depth: int) -> Mask:
