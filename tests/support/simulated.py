@@ -8,7 +8,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +31,11 @@ def answers_of(script: Path, out: Path) -> tuple[dict[str, Tensor], set[str]]:
 
 def save(answers: Callable[[], dict[str, Tensor]]) -> None:
     """Find the answers, and save them where the command line says."""
+    from numba.cuda.simulator import kernel
+
     from gbufrt.compute import cuda  # imports the compiler
 
+    kernel.swapped_cuda_module = swap_of_a_launch()  # pyright: ignore[reportPrivateImportUsage]
     launch, ran = cuda.launch, set()
 
     def watched(body: Any, *given: Any) -> None:
@@ -40,3 +45,30 @@ def save(answers: Callable[[], dict[str, Tensor]]) -> None:
     cuda.launch = watched
     found = answers()
     torch.save((found, ran), sys.argv[1])
+
+
+def swap_of_a_launch() -> Callable:
+    """The simulator's swap of ``cuda`` in a function's module, kept until the kernel ends.
+
+    The simulator's own puts the true module back as one thread leaves a function that others are still inside.
+    """
+    from numba import cuda
+
+    swapped: dict[str, tuple[dict, list[str]]] = {}  # by module: its names, and those that mean ``cuda``
+
+    @contextmanager
+    def swap(function: Any, fake: Any) -> Iterator[None]:
+        module = function.__globals__
+        if module["__name__"] not in swapped:
+            names = [name for name, value in module.items() if value is cuda or value is fake]
+            module.update(dict.fromkeys(names, fake))
+            swapped[module["__name__"]] = module, names
+        try:
+            yield
+        finally:
+            if threading.current_thread() is threading.main_thread():  # the kernel's own swap, the outermost
+                for module, names in swapped.values():
+                    module.update(dict.fromkeys(names, cuda))
+                swapped.clear()
+
+    return swap
