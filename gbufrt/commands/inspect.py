@@ -75,7 +75,7 @@ def _there(files: Iterable[Path]) -> list[Path]:
 
     shown: list[Path] = []
     for file in files:
-        world = file.is_dir() and ((file / "region").is_dir() or any(file.glob("*.mca")))
+        world = any((file / folder).is_dir() for folder in ("region", "dimensions")) or any(file.glob("*.mca"))
         pictures = file.is_dir() and not world and exr_files(file)
         if file.is_dir() and not (pictures or world):
             raise ValueError(f"{file} holds neither EXR files nor a Minecraft world; give files, or another folder")

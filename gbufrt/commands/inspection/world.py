@@ -53,8 +53,8 @@ def _schematic(path: Path) -> str:
 
 
 def _blocks(path: Path) -> str:
-    from tracer.formats.minecraft.region import Region
-    from tracer.formats.minecraft.save import WIDTH, region_files
+    from tracer.formats.minecraft.region import Region, region_files
+    from tracer.formats.minecraft.save import WIDTH
     from tracer.formats.minecraft.sections import version_of
 
     regions = [Region.of(file) for file in region_files(path)]

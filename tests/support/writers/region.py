@@ -1,4 +1,4 @@
-"""A tiny writer of Minecraft regions, for tests: every packing of blocks from 1.12 to 1.21."""
+"""A tiny writer of Minecraft regions, for tests: every packing of blocks from 1.12 to 26.3."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from nbtlib import Byte, ByteArray, Compound, File, Int, IntArray, List, LongArray, String
 from numpy.typing import NDArray
 
-VERSIONS = {"1.12": 1343, "1.13": 1631, "1.15": 2230, "1.16": 2566, "1.18": 2975, "1.21": 3955}
+VERSIONS = {"1.12": 1343, "1.13": 1631, "1.15": 2230, "1.16": 2566, "1.18": 2975, "1.21": 3955, "26.3": 5023}
 Blocks = NDArray[np.int64]
 
 
@@ -28,14 +28,19 @@ def pack(numbers: Blocks, bits: int, *, padded: bool) -> LongArray:
     return LongArray((stream << np.arange(64, dtype=np.uint64)).sum(axis=1, dtype=np.uint64).view(np.int64))
 
 
-def palette_entry(state: str) -> Compound:
-    """A block state as the game writes it."""
-    name, _, rest = state.partition("[")
-    entry = Compound({"Name": String(name)})
-    if rest:
-        pairs = (pair.split("=") for pair in rest.rstrip("]").split(","))
-        entry["Properties"] = Compound({key: String(value) for key, value in pairs})
-    return entry
+def palette_of(states: Sequence[str], version: str) -> List:
+    """Block states as the game writes them: since 26.3 those without properties as names, wrapped among compounds."""
+    short = VERSIONS[version] >= 5023
+    entries, names = list[Compound](), ("id", "properties") if short else ("Name", "Properties")
+    for state in states:
+        name, _, rest = state.partition("[")
+        pairs = (pair.split("=") for pair in rest.rstrip("]").split(",") if pair)
+        told = Compound({key: String(value) for key, value in pairs})
+        whole = Compound({names[0]: String(name), **({names[1]: told} if told else {})})
+        entries.append(whole if told or not short else Compound({"": String(name)}))
+    if all("" in entry for entry in entries):
+        return List[String]([entry[""] for entry in entries])
+    return List[Compound](entries)
 
 
 def section(version: str, y: int, blocks: Blocks, states: Sequence[str], biome: str = "minecraft:plains") -> Compound:
@@ -48,7 +53,7 @@ def section(version: str, y: int, blocks: Blocks, states: Sequence[str], biome: 
         tags["Data"] = ByteArray((low | high << 4).astype(np.uint8).view(np.int8))
         return tags
     used, which = np.unique(blocks.reshape(-1), return_inverse=True)
-    palette = List[Compound]([palette_entry(str(states[n])) for n in used.tolist()])
+    palette = palette_of([str(states[n]) for n in used.tolist()], version)
     data = pack(which.astype(np.int64), max(4, (len(used) - 1).bit_length()), padded=VERSIONS[version] >= 2529)
     if VERSIONS[version] < 2860:
         return Compound({**tags, "Palette": palette, "BlockStates": data})

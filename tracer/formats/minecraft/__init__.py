@@ -1,1 +1,1 @@
-"""Minecraft Java: region files and save folders, 1.8 to 1.21, and schematics."""
+"""Minecraft Java: region files and save folders, 1.8 to 26.3, and schematics."""

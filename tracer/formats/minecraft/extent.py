@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tracer.formats.minecraft.region import SIDE, Place, Region, region_place
-from tracer.formats.minecraft.save import WIDTH, Selection, chunk_sections, region_files
+from tracer.formats.minecraft.region import SIDE, Place, Region, region_files, region_place
+from tracer.formats.minecraft.save import WIDTH, Selection, chunk_sections
 from tracer.formats.minecraft.sections import Section
 from tracer.formats.minecraft.shapes import is_nothing, parse_state
 

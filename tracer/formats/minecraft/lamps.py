@@ -23,8 +23,9 @@ BERRIES = ((2, 2, 3), (5, 4, 4), (3, 5, 5))
 
 def torch(name: str, told: Mapping[str, str]) -> Shape:
     kind = name.replace("wall_", "").removesuffix("torch")
-    x, z = {"east": (1, 3), "west": (5, 3), "south": (3, 1), "north": (3, 5)}.get(told.get("facing", ""), (3, 3))
-    low = 2 if "facing" in told else 0
+    leans = {"east": (1, 3), "west": (5, 3), "south": (3, 1), "north": (3, 5)}
+    on_a_wall = "wall_" in name
+    (x, z), low = (leans[told.get("facing", "north")], 2) if on_a_wall else ((3, 3), 0)
     head = "stick" if told.get("lit") == "false" else f"{kind}torch_head"
     return (("stick", box(x, low, z, x + 1, low + 4, z + 1)), (head, box(x, low + 4, z, x + 2, low + 6, z + 2)))
 

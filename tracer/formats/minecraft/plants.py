@@ -10,7 +10,7 @@ import numpy as np
 from tracer.formats.minecraft.voxels import SIDE, Mask, Shape, box
 
 PLANTS = re.compile(
-    ".*(?:sapling|tulip|bush|_coral|_coral_fan|_coral_wall_fan|fungus|seagrass|mushroom|orchid|daisy|roots|sprouts"
+    ".*(?:sapling|tulip|bush|shrub|_coral|_coral_fan|_coral_wall_fan|fungus|seagrass|mushroom|orchid|daisy|roots|sprouts"
     "|propagule|kelp|kelp_plant|vines|vines_plant|_stem|crop)|(?:short_|tall_)?(?:dry_)?grass|cactus_flower|pale_hanging_moss|(?:large_)?fern|dandelion|poppy|allium|azure_bluet|cornflower"
     "|lily_of_the_valley|wither_rose|torchflower|sunflower|lilac|rose_bush|peony|sugar_cane|wheat|carrots|potatoes"
     "|beetroots|nether_wart|cobweb|amethyst_cluster|.*amethyst_bud|bamboo_sapling|pitcher_plant|.*dripleaf|fire|soul_fire"
@@ -27,7 +27,7 @@ SOLID = (
     "muddy_mangrove_roots",
 )
 GREEN_STALK = re.compile(
-    ".*(?:tulip|orchid|daisy)|dandelion|poppy|allium|azure_bluet|cornflower|lily_of_the_valley|wither_rose|torchflower"
+    ".*(?:tulip|orchid|daisy)|(?:golden_)?dandelion|poppy|allium|azure_bluet|cornflower|lily_of_the_valley|wither_rose|torchflower"
     "|(?:open|closed)_eyeblossom"
 )
 TALL_FLOWERS = ("sunflower", "lilac", "rose_bush", "peony")

@@ -1,4 +1,4 @@
-"""Region files: where each of their 32 x 32 chunks lies, and its bytes."""
+"""Region files: where they lie in a save, where each of their 32 x 32 chunks lies, and its bytes."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ SIDE = 32  # chunks along a region
 EXTERNAL = 128  # the chunk has a file of its own, because it is larger than 255 sectors
 MAX_EXTERNAL = 1 << 23
 NAME = re.compile(r"r\.(-?\d{1,7})\.(-?\d{1,7})\.mca", re.IGNORECASE)
+FOLDERS = ("dimensions/minecraft/overworld/region", "region", "")  # of a save since 26.1 and before; of a dimension
 
 COMPRESSIONS = {1: inflate, 2: inflate, 3: bytes, 4: unpack_lz4}  # by the number before a chunk's data
 
@@ -26,6 +27,29 @@ def region_place(path: Path) -> Place:
     """Which region a file is by its name, ``r.X.Z.mca``; another name stands for 0, 0."""
     named = NAME.fullmatch(path.name)
     return (int(named[1]), int(named[2])) if named else (0, 0)
+
+
+def region_files(path: Path) -> list[Path]:
+    """The region files of a save folder, or the one that ``path`` is.
+
+    Raises:
+        ValueError: a folder without such files.
+        FileNotFoundError: there is no such file or folder.
+    """
+    if path.is_file():
+        return [path]
+    if not path.is_dir():
+        raise FileNotFoundError(f"{path} does not exist")
+    files = files_within(path)
+    if not files:
+        raise ValueError(f"{path} holds no region files (region/r.X.Z.mca); give a save folder or a .mca file")
+    return files
+
+
+def files_within(folder: Path) -> list[Path]:
+    """The region files of a save's overworld, or of one of its dimensions; none of another folder."""
+    found = ([file for file in (folder / at).glob("*.mca") if NAME.fullmatch(file.name)] for at in FOLDERS)
+    return sorted(next((files for files in found if files), []))
 
 
 @dataclass(frozen=True, kw_only=True)

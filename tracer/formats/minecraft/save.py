@@ -7,15 +7,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
+from uuid import UUID
 
 import numpy as np
 
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.joined import joined_chunk
-from tracer.formats.minecraft.nbt import part, read_nbt
+from tracer.formats.minecraft.nbt import Tags, part, read_nbt
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
-from tracer.formats.minecraft.region import NAME, Place, Region
+from tracer.formats.minecraft.region import Place, Region, region_files
 from tracer.formats.minecraft.sections import FLATTENED, Section, sections, version_of
 
 WIDTH = 16  # blocks along a chunk
@@ -25,6 +27,8 @@ MAX_PLAYER = 1 << 26
 FURTHEST = 30_000_000  # blocks from the middle: the game's own limit
 NAMED = 3  # of what is damaged; the rest is counted
 LISTED = 8  # names of blocks
+PLAYERS = ("players/data", "playerdata")
+OVERWORLD = ("minecraft:overworld", 0)
 
 Box = tuple[int, int, int, int, int, int]
 Keep = tuple[slice, slice, slice]
@@ -151,24 +155,6 @@ def _told(names: Sequence[str], one: str, many: str) -> str:
     return f"{len(names)} {one if len(names) == 1 else many}: {listed}" if names else ""
 
 
-def region_files(path: Path) -> list[Path]:
-    """The region files of a save folder, or the one that ``path`` is.
-
-    Raises:
-        ValueError: a folder without such files.
-        FileNotFoundError: there is no such file or folder.
-    """
-    if path.is_file():
-        return [path]
-    if not path.is_dir():
-        raise FileNotFoundError(f"{path} does not exist")
-    folder = path / "region" if (path / "region").is_dir() else path
-    files = sorted(file for file in folder.glob("*.mca") if NAME.fullmatch(file.name))
-    if not files:
-        raise ValueError(f"{path} holds no region files (region/r.X.Z.mca); give a save folder or a .mca file")
-    return files
-
-
 def _middle(path: Path, there: Iterable[Place]) -> Place:
     """Where the player is, in blocks; else in the middle of the chunks."""
     for x, z in _players(path) if path.is_dir() else ():
@@ -178,18 +164,35 @@ def _middle(path: Path, there: Iterable[Place]) -> Place:
 
 
 def _players(path: Path) -> Iterator[Place]:
-    """Places of the players of a save: the one of a game alone, then those of a server."""
-    for file in (path / "level.dat", *sorted((path / "playerdata").glob("*.dat"))):
-        if file.is_file():
-            try:
-                tags = read_nbt(file, limit=MAX_PLAYER)
-                if file.name == "level.dat":
-                    tags = part(part(tags, "Data", dict), "Player", dict)
-                x, _, z = (float(number) for number in part(tags, "Pos", list))
-                if max(abs(x), abs(z)) <= FURTHEST:
-                    yield int(x // 1), int(z // 1)
-            except (ValueError, TypeError):
-                continue  # a server's level.dat has no player; a damaged one must not hide the world
+    """Places of the players of a save in its overworld: the one of a game alone, then those of a server."""
+    level = _tags_of(path / "level.dat").get("Data")
+    data = level if isinstance(level, dict) else {}
+    alone = _uuid(data.get("singleplayer_uuid"))
+    files = [file for folder in PLAYERS for file in sorted((path / folder).glob("*.dat"))]
+    for file in (None, *sorted(files, key=lambda file: file.stem != alone)):
+        try:
+            tags = data.get("Player") if file is None else _tags_of(file)
+            x, _, z = (float(number) for number in part(tags, "Pos", list))
+            here = tags.get("Dimension", OVERWORLD[0]) in OVERWORLD if isinstance(tags, dict) else False
+            if here and max(abs(x), abs(z)) <= FURTHEST:
+                yield int(x // 1), int(z // 1)
+        except (ValueError, TypeError):
+            continue  # a server's level.dat has no player
+
+
+def _tags_of(file: Path) -> Tags:
+    """The tags of a file; none where it is missing or damaged, which must not hide the world."""
+    try:
+        return read_nbt(file, limit=MAX_PLAYER) if file.is_file() else {}
+    except ValueError:
+        return {}
+
+
+def _uuid(words: Any) -> str | None:
+    """Four integers as the name of a player's file."""
+    if not isinstance(words, np.ndarray) or words.shape != (4,):
+        return None
+    return str(UUID(bytes=words.astype(">i4").tobytes()))
 
 
 def _add(builder: Builder, region: Region, place: Place, box: Box | None) -> None:

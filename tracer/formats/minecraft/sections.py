@@ -1,4 +1,4 @@
-"""Chunks as sections of 16 x 16 x 16 block states and biomes, in every packing from 1.8 to 1.21."""
+"""Chunks as sections of 16 x 16 x 16 block states and biomes, in every packing from 1.8 to 26.3."""
 
 from __future__ import annotations
 
@@ -105,10 +105,19 @@ def nibbles(packed: Any) -> Numbers:
     return np.stack([pairs & 15, pairs >> 4], axis=1).reshape(-1).astype(np.int64)
 
 
-def state_name(tags: Any) -> str:
-    """A palette entry as one string; see `state_of`."""
-    properties = tags.get("Properties") if isinstance(tags, dict) else None
-    return state_of(str(part(tags, "Name", str)), properties if isinstance(properties, dict) else {})
+def state_name(entry: Any) -> str:
+    """A palette entry as one string; see `state_of`.
+
+    Since 26.3 an entry is a name alone where all properties have their defaults, which NBT wraps in a compound where
+    others of the list are compounds, or tells the properties that have not.
+    """
+    if isinstance(entry, dict) and "" in entry:
+        entry = entry[""]
+    if isinstance(entry, str):
+        return str(entry)
+    name, told = ("id", "properties") if isinstance(entry, dict) and "id" in entry else ("Name", "Properties")
+    properties = entry.get(told) if isinstance(entry, dict) else None
+    return state_of(str(part(entry, name, str)), properties if isinstance(properties, dict) else {})
 
 
 def state_of(name: str, properties: Mapping[str, Any]) -> str:

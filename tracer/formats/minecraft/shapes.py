@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import cache
 
 import numpy as np
 
@@ -38,6 +39,13 @@ def parse_state(state: str) -> tuple[str, dict[str, str]]:
     name, _, rest = state.partition("[")
     pairs = (pair.partition("=") for pair in rest.rstrip("]").split(",") if pair)
     return name.rpartition(":")[2], {key: value for key, _, value in pairs}
+
+
+@cache
+def defaults_of(name: str) -> Mapping[str, str]:
+    """What a block's state may leave out: since 26.3 the game writes no property that has its default."""
+    rows = (row["told"] for row in table()["defaults"] if re.fullmatch(row["match"], name))
+    return {key: value for row in rows for key, value in row.items()}
 
 
 def shape_of(name: str, told: Mapping[str, str]) -> Shape | None:

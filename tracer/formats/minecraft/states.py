@@ -101,7 +101,7 @@ class States:
 
     def _made(self, state: str, biome: str) -> tuple[int, int]:
         name, told = shapes.parse_state(state)
-        block = name
+        told, block = {**shapes.defaults_of(name), **told}, name
         wet = name in WET or told.get("waterlogged") == "true"
         if shapes.is_nothing(name) or name == "bubble_column":
             return (self._number("water", biome, "water") if wet else 0), 0

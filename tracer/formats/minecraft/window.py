@@ -17,16 +17,8 @@ from numpy.typing import NDArray
 from tracer.formats.minecraft.build import Blocks, instance_of
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
-from tracer.formats.minecraft.region import SIDE, Place, Region, region_place
-from tracer.formats.minecraft.save import (
-    NAMED,
-    WIDTH,
-    Selection,
-    chunk_sections,
-    region_files,
-    unknown_told,
-    untextured_told,
-)
+from tracer.formats.minecraft.region import SIDE, Place, Region, region_files, region_place
+from tracer.formats.minecraft.save import NAMED, WIDTH, Selection, chunk_sections, unknown_told, untextured_told
 from tracer.formats.minecraft.states import GROUPS, States, Voxels
 from tracer.scene.grids import BRICK
 from tracer.scene.material import MaterialTable

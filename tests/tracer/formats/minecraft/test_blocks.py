@@ -26,6 +26,8 @@ flowering_azalea_leaves snow powder_snow packed_ice magma_block glow_lichen pott
 brown_mushroom_block
 campfire candle_cake lava_cauldron sea_pickle copper_lantern oxidized_copper_chain copper_torch copper_grate
 waxed_weathered_lightning_rod spore_blossom big_dripleaf frogspawn resin_clump tube_coral_wall_fan warped_fungus
+sulfur_spike polished_sulfur_wall cinnabar_brick_stairs potent_sulfur red_poplar_leaves poplar_shelf red_shrub
+shelf_mushroom straw_bed cyan_concrete_slab magenta_wool_stairs golden_dandelion
 closed_eyeblossom cactus_flower tall_dry_grass wildflowers cocoa turtle_egg dried_ghast sign grass_path shulker_box
 """
 
@@ -170,6 +172,28 @@ def test_what_hangs_on_a_wall_is_turned_with_it():
 def test_rods_lie_along_their_axis(state: str, axis: int):
     filled = shape_and_glow(state)[0]
     assert np.ptp(np.argwhere(filled), axis=0).tolist() == [7 if n == axis else 1 for n in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("bare", "told"),
+    [
+        ("soul_wall_torch", "soul_wall_torch[facing=north]"),
+        ("redstone_torch", "redstone_torch[lit=true]"),
+        ("water_cauldron", "water_cauldron[level=1]"),
+        ("tube_coral_fan", "tube_coral_fan[waterlogged=true]"),
+        ("end_rod", "end_rod[facing=up]"),
+        ("iron_chain", "iron_chain[axis=y]"),
+        ("nether_portal", "nether_portal[axis=x]"),
+        ("vine[north=true]", "vine[north=true,up=false,south=false]"),
+        ("brick_wall[east=tall]", "brick_wall[east=tall,up=true,west=none]"),
+        ("oak_stairs[half=top]", "oak_stairs[facing=north,half=top,shape=straight]"),
+    ],
+)
+def test_what_a_state_leaves_out_is_as_the_game_has_it(bare: str, told: str):
+    for one, other in zip(shape_and_glow(bare), shape_and_glow(told), strict=True):
+        assert (one == other).all()
+    wet = [bool(cells_of_world(cubes_of(f"minecraft:{state}").build().world)[1].any()) for state in (bare, told)]
+    assert wet[0] == wet[1] == (bare == "tube_coral_fan")
 
 
 def test_portals_are_as_thin_as_their_axis_says():

@@ -44,7 +44,7 @@ def test_pictures_stand_upright_on_every_side(tmp_path: Path, where: str):
 def test_logs_lie_along_their_axis(tmp_path: Path):
     """By names alone: the bark's picture, which stands upright on a tree, points along the axis."""
     pack = write_pack(tmp_path / "a.zip", textures(oak_log=CORNERS, oak_log_top=flat(A, A, A)))
-    table, (up, x, z) = table_of(pack, "oak_log[axis=y]", "oak_log[axis=x]", "oak_log[axis=z]")
+    table, (up, x, z) = table_of(pack, "oak_log", "oak_log[axis=x]", "oak_log[axis=z]")
     for number, ends in ((up, ("up", "down")), (x, ("east", "west")), (z, ("north", "south"))):
         whole = {face: len(set(tile(table, number, face)[..., COLOR].flatten().tolist())) == 1 for face in FACES}
         assert {face for face, one in whole.items() if one} == set(ends)
@@ -92,7 +92,8 @@ def test_models_follow_parents_references_uv_and_rotation(tmp_path: Path):
             },
         ),
     )
-    table, (up, east, north) = table_of(pack, *(f"barrel[facing={way}]" for way in ("up", "east", "north")))
+    states = [f"barrel[facing={way}]" for way in ("up", "east", "north")]
+    table, (up, east, north, bare) = table_of(pack, *states, "barrel")
     turned, mirrored = [[0.12, 0.5], [0.0, 0.25]], [[0.25, 0.5], [0.0, 0.12]]
     assert seen_from_outside(table, up, "up") == turned
     assert seen_from_outside(table, up, "north") == mirrored
@@ -100,6 +101,7 @@ def test_models_follow_parents_references_uv_and_rotation(tmp_path: Path):
     assert seen_from_outside(table, east, "east") == mirrored, "y = 90 turns north to east"
     assert seen_from_outside(table, east, "up") == [[0.0, 0.12], [0.25, 0.5]], "the lid turns with it"
     assert seen_from_outside(table, north, "north") == [[0.25, 0.0], [0.5, 0.12]], "x = 90 turns up to north"
+    assert bare == north, "a state that leaves a property out has its default"
 
 
 def test_biomes_tint_what_is_grey(tmp_path: Path):

@@ -12,7 +12,7 @@ pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 pytest.importorskip("lz4", reason="needs gbufrt[worlds]")
 
 import torch
-from nbtlib import Compound, Double, File, List
+from nbtlib import Compound, Double, File, IntArray, List, String
 from writers.region import (
     CUBES,
     STATES,
@@ -27,8 +27,9 @@ from writers.region import (
 )
 
 import tracer
+from tracer.formats.minecraft.region import Region
 from tracer.formats.minecraft.save import Selection, read_minecraft, untextured_told
-from tracer.formats.minecraft.sections import unpack
+from tracer.formats.minecraft.sections import sections, unpack
 
 
 def names_at(world: tracer.World, cell: tuple[int, int, int]) -> np.ndarray:
@@ -93,6 +94,35 @@ def test_chunks_are_taken_round_a_place_or_the_player(tmp_path: Path):
     assert read_minecraft(tmp_path, Selection(chunks=8)).world.bounds()[0][0] >= -64  # the middle of the chunks
     with pytest.raises(ValueError, match=r"no chunks in that part; its chunks lie in x -512\.\.976 and z 0\.\.64"):
         read_minecraft(tmp_path, Selection(around=(9000, 9000), chunks=2))
+
+
+def test_since_26_1_a_save_keeps_its_overworld_and_its_players_in_other_folders(tmp_path: Path):
+    stone = [section("26.3", 0, np.ones((16, 16, 16), int), STATES)]
+    chunks = {(x, 0): chunk("26.3", x, 0, stone) for x in range(0, 32, 4)}
+    write_region(tmp_path / "dimensions/minecraft/overworld/region/r.0.0.mca", chunks)
+    write_region(tmp_path / "dimensions/minecraft/the_nether/region/r.0.0.mca", {(9, 0): chunk("26.3", 9, 0, stone)})
+    (tmp_path / "region").mkdir()  # the game may leave it behind
+    assert read_minecraft(tmp_path).world.bounds() == ((64, 0, 0), (400, 16, 16))  # the middle of the chunks
+    assert read_minecraft(tmp_path / "dimensions/minecraft/the_nether").world.bounds()[0] == (144, 0, 0)
+    alone, guest = "00000001-0000-0002-0000-00030000abcd", "00000000-0000-0002-0000-00030000abcd"
+    level = File({"Data": Compound({"singleplayer_uuid": IntArray([1, 2, 3, 0xABCD])})})
+    (tmp_path / "level.dat").write_bytes(zlib.compress(nbt_bytes(level), wbits=31))
+    for name, x, dimension in ((guest, 72, "overworld"), (alone, 456, "overworld"), (alone, 456, "the_nether")):
+        tags = {"Pos": List[Double]([x, 64, 8]), "Dimension": String(f"minecraft:{dimension}")}
+        (tmp_path / "players/data").mkdir(parents=True, exist_ok=True)
+        (tmp_path / f"players/data/{name}.dat").write_bytes(zlib.compress(nbt_bytes(File(tags)), wbits=31))
+        followed = 72 if (name, dimension) != (alone, "overworld") else 456
+        first = read_minecraft(tmp_path, Selection(chunks=2)).world.bounds()[0][0]
+        assert first == followed // 64 * 64, "who plays alone goes first, but not from another dimension"
+
+
+def test_since_26_3_a_palette_tells_only_what_is_not_the_default(tmp_path: Path):
+    states = ["minecraft:oak_log", "minecraft:oak_log[axis=x]", "minecraft:oak_slab", "minecraft:stone"]
+    blocks = np.arange(4096).reshape(16, 16, 16) % 4
+    for palette in (states, states[:1] + states[2:]):  # with a compound among the names, and without
+        tags = chunk("26.3", 0, 0, [section("26.3", 0, blocks % len(palette), palette)])
+        found = next(iter(sections(Region.of(write_region(tmp_path / "r.0.0.mca", {(0, 0): tags})).chunk((0, 0)))))
+        assert [found.states[n] for n in found.blocks[: len(palette)]] == palette
 
 
 def test_biomes_tint_grass(tmp_path: Path):
