@@ -133,6 +133,34 @@ def test_below_the_horizon_lies_what_the_border_shows():
     assert float(night[..., -1, :].mean()) < 0.1 * float(night[..., 0, :].mean()), "and does not glow by itself"
 
 
+def roofed(*, lid: str) -> World:
+    """Ground with pillars in a closed hall of which the highest parts are 29 voxels high."""
+    x, y, z = np.indices((96, 48, 96))
+    floor = 8 + 4 * np.sin(x / 9.0) + 3 * np.cos(z / 7.0)
+    inside = (y > floor) & (y < 40 + 3 * np.sin(z / 8.0)) & ~((x % 24 < 4) & (z % 20 < 4))
+    ids = np.where(y == 47, 3, np.where(y < 3, 2, 1))
+    names = ("netherrack", "lava", lid)
+    cells = np.stack([x + 16, y, z - 40], axis=-1)[~inside]
+    return world_of_cells(cells, ids[~inside].astype(np.int16), MaterialTable.of([Material(name=n) for n in names]))
+
+
+def test_under_a_roof_of_bedrock_the_eye_is_between_floor_and_roof():
+    found = landscape(roofed(lid="bedrock"))
+    assert found.sun is None
+    assert found.haze is not None
+    for name, time in (("landscape", 0.0), ("panorama", 9.0), ("panorama", 20.0)):
+        assert 3 < found.views[name].eye(time)[1] < 44
+        assert looks_free(found, name, time, near=1.0) > 0.1  # it ends where the file does
+    ahead, around = (found.views["panorama"].target(time) for time in (0.0, 18.0))
+    assert np.allclose(np.add(ahead, around)[[0, 2]], 2 * np.array(found.views["landscape"].eye(0.0))[[0, 2]])
+    assert looks_free(found, "landscape", 0.0, near=9.0) > 0.5
+    outside = landscape(roofed(lid="granite"))
+    assert outside.views["landscape"].eye(0.0)[1] > 48
+    assert outside.sun is not None
+    solid = world_of_cells(np.array([[0, 0, 0]]), np.array([1], np.int16), MaterialTable.of([Material(name="bedrock")]))
+    assert "orbit" in landscape(solid).views, "there is nothing below it"
+
+
 def test_a_single_voxel_has_views():
     table = MaterialTable.of([Material(name="stone")])
     found = landscape(world_of_cells(np.array([[5, -3, 7]]), np.array([1], np.int16), table))

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import contracted, inlined, scalar
-from tracer.direct.choice_reference import DRAWS, DRAWS_PER_SHARE, FAINT, RAISE, SHARE_ALONE, SHARE_FINE, SHARE_FULL
+from tracer.direct.choice_reference import DRAWS_PER_SHARE, FAINT, RAISE, SHARE_ALONE, SHARE_FINE, SHARE_FULL
 from tracer.direct.kernel import CENTER, FACING, MEAN, OFFSET, RADIUS
 from tracer.sampling.scatter_kernel import along, dot
 from tracer.traversal.kernel import triple
@@ -159,13 +159,13 @@ def find_candidates(sources, few, point, normal, known, clearest, low, high, can
 
 
 @inlined
-def _draws(share):
-    """How many lamps are drawn in the mean for a share of the light."""
-    return min(max(DRAWS_PER_SHARE * share, min(max(FAINT * share, 1e-6), 1.0)), DRAWS)
+def _draws(share, most):
+    """How many lamps are drawn in the mean for a share of the light, at ``most``."""
+    return min(max(DRAWS_PER_SHARE * share, min(max(FAINT * share, 1e-6), 1.0)), most)
 
 
 @inlined
-def _alone(power, total, sent, rays, marked):
+def _alone(power, total, sent, rays, drawn, marked):
     """Number of the lamps that get rays of their own, where at most so many ``rays`` are sent; their places come first
     in ``marked``."""
     count, whole, least, inverse = 0, sent, SHARE_ALONE * total, 1 / max(total, 1e-30)
@@ -181,23 +181,24 @@ def _alone(power, total, sent, rays, marked):
                 marked[kept] = marked[j]
                 kept, rest = kept + 1, rest - power[marked[j]]
         count = kept
-        if count + _draws(rest * inverse) <= rays:
+        if count + _draws(rest * inverse, drawn) <= rays:
             return count
         least *= RAISE
 
 
 @scalar
-def list_lamps(candidates, known, seen, sent, power, rays, marked):
+def list_lamps(candidates, known, seen, sent, power, rays, drawn, marked):
     """List the candidates worth rays of their own; ``power``, their importance, becomes its running sum over the rest.
 
     A lamp for which ``marked`` has no room stays in the rest, and so do the faintest where more than so many ``rays``
-    were due. Returned: the length of the list, and how many of the rest are drawn in the mean.
+    were due; of the rest at most so many are ``drawn``. Returned: the length of the list, and how many of the rest are
+    drawn in the mean.
     """
     total = known + sent
     for k in range(len(candidates)):
         total += power[k]
     total /= seen
-    count, rest, j = _alone(power, total, sent, rays, marked), 0.0, 0
+    count, rest, j = _alone(power, total, sent, rays, drawn, marked), 0.0, 0
     for k in range(len(candidates)):
         if j < count and marked[j] == k:
             level = 1 + (1 if power[k] > SHARE_FINE * total else 0) + (1 if power[k] > SHARE_FULL * total else 0)
@@ -206,7 +207,7 @@ def list_lamps(candidates, known, seen, sent, power, rays, marked):
         else:
             rest += power[k]
         power[k] = rest
-    return count, _draws((rest + sent) / max(total, 1e-30))
+    return count, _draws((rest + sent) / max(total, 1e-30), drawn)
 
 
 @scalar

@@ -15,10 +15,15 @@ from tracer.lights.shadows import Surface
 CHUNK = 1 << 13  # pixels at a time: bounds memory, and keeps planes in the cache
 SHARE_ALONE = 1 / 96  # lamps that may give a pixel at most this share of its light are drawn;
 RAYS, RAISE = 12, 1.25  # where more rays than 12 for each sample were due, the share is raised, step by step
-DRAWS, DRAWS_PER_SHARE = 8, 40  # one ray for each 40th of the light that these give, at most eight,
+DRAWS, DRAWS_PER_SHARE = 8, 40  # one ray for each 40th of the light that these give, at most eight, or `most_drawn`,
 FAINT = 192  # and at least one in 192 pixels for each 192nd of it, up to one in each
 SHARE_FINE = 1 / 32  # a lamp that may give a pixel at most this share gets a sixteenth of the samples,
 SHARE_FULL = 1 / 16  # and one that may give at most this a quarter
+
+
+def most_drawn(samples: int) -> int:
+    """How many lamps are drawn at most: eight, or half as many as there are ``samples``."""
+    return min(max(DRAWS, samples // 2), DRAWS_PER_SHARE)
 
 
 def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor]:
@@ -38,7 +43,7 @@ def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor, samples
         a pixel is not lit.
     """
     levels = torch.zeros(len(lamps), len(known), dtype=torch.uint8, device=known.device)
-    chosen = torch.zeros(DRAWS, len(known), dtype=torch.long, device=known.device)
+    chosen = torch.zeros(most_drawn(samples), len(known), dtype=torch.long, device=known.device)
     scale = known.new_zeros(chosen.shape)
     faces, seen = [faces_of(lamps, lamp) for lamp in range(len(lamps))], surface.share
     for part in seen.nonzero()[:, 0].split(CHUNK):
@@ -48,7 +53,7 @@ def choices(lamps: Lamps, surface: Surface, known: Tensor, dice: Tensor, samples
         rest, draws = _rest(power, total, samples)
         levels[:, part] = (power > rest) * (1 + sum((power > s * total).byte() for s in (SHARE_FINE, SHARE_FULL)))
         upto = rest.cumsum(dim=0)
-        for draw in range(DRAWS):
+        for draw in range(len(chosen)):
             die = (dice[part] + draw) / draws
             which = (die.clamp_max(1) * upto[-1] >= upto).sum(dim=0).clamp_max(len(lamps) - 1)
             mine = rest.gather(0, which[None])[0]
@@ -64,7 +69,7 @@ def _rest(power: Tensor, total: Tensor, samples: int) -> tuple[Tensor, Tensor]:
     while True:
         rest = torch.where(power > alone * total, 0.0, power)
         share = rest.sum(dim=0) / total.clamp_min(1e-30)
-        draws = (FAINT * share).clamp(1e-6, 1).maximum(DRAWS_PER_SHARE * share).clamp_max(DRAWS)
+        draws = (FAINT * share).clamp(1e-6, 1).maximum(DRAWS_PER_SHARE * share).clamp_max(most_drawn(samples))
         many = (power > rest).sum(dim=0) + draws > RAYS * samples
         if not bool(many.any()):
             return rest, draws

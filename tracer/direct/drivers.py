@@ -19,7 +19,7 @@ from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.kernel import array, replaced, threads
 from tracer.direct import reference
 from tracer.direct.choice_kernel import EVEN, FEW, GROUPS, MANY, MOST_ALONE, SIDES, TILE
-from tracer.direct.choice_reference import DRAWS, RAYS
+from tracer.direct.choice_reference import RAYS, most_drawn
 from tracer.direct.kernel import Sources
 from tracer.direct.list_drivers import candidates_each, list_all, list_each, pack_each
 from tracer.direct.pixel_kernel import LEVEL
@@ -44,7 +44,7 @@ class Direct(reference.Direct):
             for start, rows, pixels in self._bands(1):
                 offsets = F.pad(lit[start : start + pixels].cumsum(0), (1, 0))
                 marked = offsets.new_full((pixels,), (len(self.lamps) << LEVEL) + ALL, dtype=torch.int32)
-                none = marked.new_zeros(pixels, DRAWS), arrived.new_zeros(pixels, DRAWS)
+                none = marked.new_zeros(pixels, most_drawn(samples)), arrived.new_zeros(pixels, most_drawn(samples))
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, none, 1)
         if len(self.lamps):
             known, dice = self._known(arrived), noise[2].flatten()
@@ -84,7 +84,7 @@ class Direct(reference.Direct):
         """
         width, lamps = self.surface.size[1], len(self.lamps)
         lists = known.new_empty(pixels, self._longest(samples), dtype=torch.int32)
-        counts, chosen = known.new_empty(pixels, dtype=torch.int64), lists.new_zeros(pixels, DRAWS)
+        counts, chosen = known.new_empty(pixels, dtype=torch.int64), lists.new_zeros(pixels, most_drawn(samples))
         out = lists, counts, chosen, known.new_empty(chosen.shape)
         rows = slice(start, start + pixels)
         surface = *(t[rows] for t in (*self._surface, known)), self.groups(known, rows)

@@ -77,11 +77,11 @@ def _alike(low, high, least, greatest):
 
 
 @scalar
-def _list_at(near, place, known, seen, given, rays):
+def _list_at(near, place, known, seen, given, rays, drawn):
     """What `list_lamps` returns at a place: a point, a normal, and the reach of the pixels there."""
     used, _, sent, power, row = given
     importances(near, place[0], place[1], place[2], power)
-    return list_lamps(used, known, seen, sent, power, rays, row)
+    return list_lamps(used, known, seen, sent, power, rays, drawn, row)
 
 
 @scalar
@@ -94,7 +94,7 @@ def _list_area(sources, surface, dice, width, rays, out, area, group, near, othe
     place = _ball(low, high)
     if not _alike(low, high, least, greatest) or place[2] > CLOSE * closest(near, place[0], len(used)):
         return False
-    length, draws = _list_at(near, place, least, clearest, given, rays)
+    length, draws = _list_at(near, place, least, clearest, given, rays, scale.shape[1])
     for y in range(area[0], area[1]):
         for p in range(y * width + area[2], y * width + area[3]):
             if surface[4][p] == group:
@@ -113,7 +113,7 @@ def _list_pixels(sources, surface, dice, width, rays, out, area, group, near, ot
         for p in range(y * width + area[2], y * width + area[3]):
             if surface[4][p] == group:
                 place = triple(surface[0], p, 0), triple(surface[1], p, 0), 0.0
-                counts[p], draws = _list_at(near, place, surface[3][p], surface[2][p], given, rays)
+                counts[p], draws = _list_at(near, place, surface[3][p], surface[2][p], given, rays, scale.shape[1])
                 for k in range(counts[p]):
                     lists[p, k] = row[k]
                 draw_rest(used, power, others, count, dice[p], draws, chosen[p], scale[p])
@@ -215,7 +215,7 @@ def list_pixel(p, table, surface, dice, width, many, rays, tiles, power, lists, 
             square //= 2
         for k in range(len(used)):
             mine[k] = importance(sources, used[k], point, normal, reach)
-        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, row)
+        counts[p], draws = list_lamps(used, least, clearest, sent[n], mine, rays, scale.shape[1], row)
         for k in range(counts[p]):
             lists[p, k] = row[k]
         draw_rest(used, mine, (numbers[n], upto[n]), found[n, 1], dice[p], draws, chosen[p], scale[p])

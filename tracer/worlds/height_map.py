@@ -25,6 +25,7 @@ class HeightMap:
         x0: of the first column.
         z0: of the first column.
         beyond: height and material where the map ends.
+        roof: ``(X, Z)`` the underside of what lies over it, inf where nothing does; None under the open sky.
     """
 
     top: Floats
@@ -32,20 +33,30 @@ class HeightMap:
     x0: int
     z0: int
     beyond: tuple[float, int] = (-math.inf, 0)
+    roof: Floats | None = None
 
-    def at(self, x: Floats, z: Floats) -> tuple[Floats, NDArray[np.int64]]:
-        """Height and material at places."""
+    def at(self, x: Floats, y: Floats, z: Floats) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Whether places lie in the ground, or in the roof, and the material of their column."""
         i, j = np.floor(x).astype(np.int64) - self.x0, np.floor(z).astype(np.int64) - self.z0
         inside = (i >= 0) & (j >= 0) & (i < self.top.shape[0]) & (j < self.top.shape[1])
         i, j = np.where(inside, i, 0), np.where(inside, j, 0)
         height, kind = self.beyond
-        return np.where(inside, self.top[i, j], height), np.where(inside, self.kind[i, j], kind)
+        filled = y < np.where(inside, self.top[i, j], height)
+        if self.roof is not None:
+            filled |= inside & (y >= self.roof[i, j])
+        return filled, np.where(inside, self.kind[i, j], kind)
 
     def highest(self, i: int, j: int, reach: int) -> float:
         """The highest within ``reach`` columns of one; -inf where there is none."""
         return float(
             self.top[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1].max(initial=-np.inf)
         )
+
+    def lowest_roof(self, i: int, j: int, reach: int) -> float:
+        """The lowest underside within ``reach`` columns of one; inf where nothing lies over them."""
+        if self.roof is None:
+            return math.inf
+        return float(self.roof[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1].min())
 
     def surface(self) -> Floats:
         """``(N, 3)`` corners of the highest voxel of each column."""
@@ -92,3 +103,21 @@ def raise_to(ground: HeightMap, shapes: Instance) -> None:
     higher = height > ground.top[a, b]
     a, b = a[higher], b[higher]
     ground.top[a, b], ground.kind[a, b] = height[higher], kind[which[n], i, j, k][upward[higher]]
+
+
+def caverns_of(world: World) -> HeightMap:
+    """Floor and roof of the highest closed space of each column, by how far it is from one to the other."""
+    bricks, index = world.bricks.cpu().numpy(), world.index.cpu().numpy()
+    nx, ny, nz = index.shape
+    shape = (nx, nz, BRICK, BRICK)
+    under, run, height = np.zeros(shape, np.int64), np.zeros(shape), np.zeros(shape)  # of what is open so far
+    top, kind = np.full(shape, -np.inf), np.zeros(shape, np.int64)
+    for y in range(ny * BRICK):
+        here = bricks[index[:, y // BRICK], :, y % BRICK]
+        closes = (here > 0) & (run > height) & (under > 0)
+        top, kind = np.where(closes, world.origin[1] + y - run, top), np.where(closes, under, kind)
+        height = np.where(closes, run, height)
+        under, run = np.where(here > 0, here, under), np.where(here > 0, 0.0, run + 1)
+    top, kind, height = (a.transpose(0, 2, 1, 3).reshape(nx * BRICK, nz * BRICK) for a in (top, kind, height))
+    roof = np.where(height > 0, top + height, np.inf)
+    return HeightMap(top=top, kind=kind, x0=world.origin[0], z0=world.origin[2], roof=roof)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from tracer.scene.material import MaterialTable
 from tracer.scene.placement import framing_views
-from tracer.scene.scene import Instance, Plain, Scene, Sky, Sun, View
+from tracer.scene.scene import Haze, Instance, Plain, Scene, Sky, Sun, View
 from tracer.scene.world import World
-from tracer.worlds.height_map import HeightMap, heights_of, raise_to
+from tracer.worlds.height_map import HeightMap, caverns_of, heights_of, raise_to
 from tracer.worlds.sea import ends_of, in_open_sea, shore_of
 from tracer.worlds.views import loop, round_trip, still
 
@@ -23,6 +23,10 @@ Point = tuple[float, float, float]
 SUN = Sun(direction=(-0.62, 0.60, 0.50), irradiance=(4.2, 3.7, 3.0))
 MEADOW = Plain((0.17, 0.21, 0.10))  # where the border is not known
 SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68), plain=MEADOW)
+EMBERS = Sky(zenith=(0.045, 0.009, 0.0055), horizon=(0.08, 0.015, 0.009), ground=(0.045, 0.009, 0.0055))
+SMOKE = Haze(begin=40.0, end=192.0)
+ROOFED = 0.9  # of the land lies under a roof of bedrock, where all of it does
+HEADROOM = 3.0  # between eye and roof, blocks
 FOV_Y = 55.0
 PLACES, TURNS = 7, 10  # tried along each side of the map, and round the compass
 RISES = (6.0, 18.0)  # above the highest ground near by, blocks
@@ -40,14 +44,20 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
 
     Args:
         world: the land. Where the file ends it goes on as the sea if there is water all round it; else there is empty
-            space, and below the horizon a plain of the border's mean colour.
+            space, and below the horizon a plain of the border's mean colour. What lies under a roof of bedrock, as the
+            Nether does, has smoke lit by embers in place of sun and sky.
         instances: what else there is.
 
     Returns:
         A scene with the views ``landscape`` (over the ground, from where most is to be seen), ``orbit`` (once round in
-        36 s) and ``flight`` (a round over the land, 48 s).
+        36 s) and ``flight`` (a round over the land, 48 s); under a roof ``landscape`` and ``panorama`` (once round on
+        the spot, 36 s).
     """
     ground = heights_of(world)
+    if _roofed(ground, world.materials) and np.isfinite((caverns := caverns_of(world)).top).any():
+        view = _best(caverns)
+        views = {"landscape": view, "panorama": _panorama(view)}
+        return Scene(world=world, instances=instances, sun=None, sky=EMBERS, haze=SMOKE, views=views)
     for instance in instances:
         raise_to(ground, instance)
     shore = shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())
@@ -56,6 +66,11 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
     sky = replace(SKY, plain=_plain(ground, world.materials))
     return Scene(world=world, instances=instances, sun=SUN, sky=sky, views=views)
+
+
+def _roofed(ground: HeightMap, materials: MaterialTable) -> bool:
+    rock = np.array([name.startswith("bedrock") for name in materials.names])
+    return bool(rock[ground.kind[np.isfinite(ground.top)]].mean() > ROOFED)
 
 
 def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:
@@ -98,9 +113,12 @@ def _candidates(ground: HeightMap) -> tuple[Floats, Floats]:
     if not len(spots):
         spots = np.array([[x[0], z[0]]])
     highest = np.array([ground.highest(i, j, 10) for i, j in spots])
+    roof = np.array([ground.lowest_roof(i, j, 3) for i, j in spots])
     eyes = [
         np.stack([spots[:, 0] + ground.x0 + 0.5, highest + rise, spots[:, 1] + ground.z0 + 0.5], 1) for rise in RISES
     ]
+    below = [eye[eye[:, 1] + HEADROOM < roof] for eye in eyes]
+    eyes = below if sum(map(len, below)) else eyes
     angles = [(2 * math.pi * (n + 0.5) / TURNS, math.radians(dip)) for n in range(TURNS) for dip in DIPS]
     ways = [(math.cos(b) * math.cos(a), -math.sin(b), math.cos(b) * math.sin(a)) for a, b in angles]
     flat = np.concatenate(eyes)
@@ -117,10 +135,9 @@ def _scores(ground: HeightMap, eyes: Floats, directions: Floats) -> Floats:
     u, v = (g.reshape(-1) * slope for g in np.meshgrid(across * 16 / 9, -down))
     rays = directions[:, None] + u[:, None] * right[:, None] + v[:, None] * up[:, None]
     points = eyes[:, None, None] + rays[:, :, None] * STEPS[:, None]  # (N, R, T, 3)
-    height, kind = ground.at(points[..., 0], points[..., 2])
-    below = points[..., 1] < height
-    first = below.argmax(axis=2)
-    hit = below.any(axis=2)
+    filled, kind = ground.at(points[..., 0], points[..., 1], points[..., 2])
+    first = filled.argmax(axis=2)
+    hit: NDArray[np.bool_] = np.any(filled, axis=2)
     seen = np.where(hit, np.take_along_axis(kind, first[..., None], axis=2)[..., 0], 0)
     far = np.where(hit, STEPS[first], STEPS[-1])
     lost = ~hit & (rays[..., 1] < -0.02)  # looks past the end of the land
@@ -156,6 +173,19 @@ def _orbit(ground: HeightMap) -> View:
     (x, y, z), half = _extent(ground)
     eye = round_trip((x, y, z), 1.5 * half + 4.0, 0.95 * half + 8.0, ROUND)
     return View(eye=eye, target=lambda _: (x, y, z), fov_y=50.0, description="round the land, 36 s")
+
+
+def _panorama(view: View) -> View:
+    """Once round on the spot."""
+    eye, target = (np.array(place(0.0)) for place in (view.eye, view.target))
+    ahead = target - eye
+
+    def around(time: float) -> Point:
+        angle = 2 * math.pi * time / ROUND
+        c, s = math.cos(angle), math.sin(angle)
+        return _point(eye + np.array([c * ahead[0] - s * ahead[2], ahead[1], s * ahead[0] + c * ahead[2]]))
+
+    return View(eye=view.eye, target=around, fov_y=view.fov_y, description="once round on the spot, 36 s")
 
 
 def _flight(ground: HeightMap) -> View:

@@ -35,7 +35,7 @@ def test_a_list_holds_no_more_lamps_than_it_has_room_for(monkeypatch: pytest.Mon
 
     def listed(room: np.ndarray) -> tuple[int, float]:
         power = np.full(128, sent)
-        count, _ = choice_kernel.list_lamps(np.full(128, number, np.int32), 0.0, 1.0, 0.0, power, np.inf, room)
+        count, _ = choice_kernel.list_lamps(np.full(128, number, np.int32), 0.0, 1.0, 0.0, power, np.inf, 8, room)
         return count, power[-1]
 
     assert listed(row)[0] == 128, "rounding has to matter for what follows"
@@ -49,7 +49,7 @@ def test_where_many_rays_were_due_only_the_greatest_lamps_are_listed():
     listed = dict[int, set[int]]()
     for rays in (12, 20, 1000):
         row, rest = np.empty(95, np.int32), power.copy()
-        count, draws = choice_kernel.list_lamps(np.arange(40, dtype=np.int32), 0.0, 1.0, 0.0, rest, rays, row)
+        count, draws = choice_kernel.list_lamps(np.arange(40, dtype=np.int32), 0.0, 1.0, 0.0, rest, rays, 8, row)
         assert count + draws <= rays
         listed[rays] = {int(entry) >> 2 for entry in row[:count]}
         assert listed[rays] == set(power.argsort()[40 - count :].tolist())

@@ -107,7 +107,7 @@ def test_a_soft_sun_alone_casts_the_same_penumbrae():
     assert ((soft - hard).abs() > 0.1).float().mean() > 0.02
 
 
-@pytest.mark.parametrize(("seed", "samples"), [(1, 16), (2, 16), (2, 1)])
+@pytest.mark.parametrize(("seed", "samples"), [(1, 16), (2, 16), (2, 1), (2, 64)])
 def test_the_same_lamps_matter(seed: int, samples: int):
     plain, compiled = forms(polished_scene(seed))
     dice, known = torch.rand(2, plain.surface.lit.numel(), generator=torch.Generator().manual_seed(seed))
@@ -122,6 +122,7 @@ def test_the_same_lamps_matter(seed: int, samples: int):
     assert set(want.unique().tolist()) == {0, FIRST, QUARTER, ALL}
     drawn = ratio > 0
     assert int(drawn.sum()) > 50
+    assert len(which) == chosen.shape[1] == (32 if samples == 64 else 8)
     chosen, scale = chosen.T, scale.T
     agree = chosen[drawn] == which[drawn]
     assert agree.float().mean() > 0.99
