@@ -11,6 +11,7 @@ from post.filters.constants import (
     COARSE_POWER,
     DEPTH,
     HIT,
+    KINDRED_AWAY,
     KINDRED_DEPTH,
     LEAST_SHARE,
     NX,
@@ -131,10 +132,11 @@ def alike(geometry: Surface, *, compiled: bool | None = None) -> Tensor:
 def kindred(
     value: Tensor, mask: Tensor, where: Tensor, geometry: Surface, radius: int, *, compiled: bool | None = None
 ) -> Tensor:
-    """Mean over a square of pixels of any surface, those most that face the same way and lie as deep.
+    """Mean over every other pixel of a square, of any surface, those most that face the same way and lie as deep.
 
-    A tap counts by the fourth power of the mean of one and the cosine between the normals, by its depth beside that of
-    the pixel, in pixel footprints, and by its roughness where the geometry tells it.
+    A tap counts by the sixth power of the mean of one and the cosine between the normals, by its depth beside that of
+    the pixel, in pixel footprints, and by its roughness where the geometry tells it. Those that face away do not count.
+    Taps are those of the pixel's colour on a chessboard: half the time for a square as wide.
 
     Args:
         value: ``(B, C, H, W)``, any unit.
@@ -153,11 +155,14 @@ def kindred(
     here, footprints = geometry.guide, geometry.plane[:, 3:] * KINDRED_DEPTH
     guides, values = (windows(padded(t, radius), radius) for t in (here, torch.cat([value, mask], dim=1)))
     total, sums = torch.zeros_like(mask), torch.zeros_like(value)
-    for guide, tap in zip(guides, values, strict=True):
+    for (dy, dx), guide, tap in zip(offsets(radius), guides, values, strict=True):
+        if (dy + dx) % 2:
+            continue
         cosine = (guide[:, NX : NZ + 1] * here[:, NX : NZ + 1]).sum(1, keepdim=True)
         unlike = (guide[:, DEPTH : DEPTH + 1] - here[:, DEPTH : DEPTH + 1]).abs() * footprints
         if here.shape[1] > ROUGHNESS:
             unlike = unlike + (guide[:, ROUGHNESS:] - here[:, ROUGHNESS:]).abs() / ROUGHNESS_SCALE
-        weight = tap[:, -1:] * (0.5 + 0.5 * cosine).clamp(0.0, 1.0) ** 4 * torch.exp(-unlike)
+        facing = torch.where(cosine > KINDRED_AWAY, (0.5 + 0.5 * cosine) ** 6, 0.0)
+        weight = tap[:, -1:] * facing * torch.exp(-unlike)
         total, sums = total + weight, sums + weight * tap[:, :-1]
     return torch.where(where, sums / total.clamp_min(LEAST_SHARE), 0.0)

@@ -10,7 +10,7 @@ import numpy as np
 
 from gbufrt.compute.approximations import LOG2_E, falling_exp2
 from gbufrt.compute.each import pixel_of
-from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters import constants
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 from post.filters.kernel import edge_weights, tap_at
@@ -19,6 +19,7 @@ ZERO, ONE, ENDLESS = np.float32(0), np.float32(1), np.float32(np.inf)
 HALF, KINDRED_DEPTH = np.float32(0.5), LOG2_E * np.float32(constants.KINDRED_DEPTH)
 KINDRED_ROUGHNESS = LOG2_E / np.float32(constants.ROUGHNESS_SCALE)
 LEAST, SAME = np.float32(constants.LEAST_SHARE), np.float32(constants.SAME)
+AWAY = np.float32(constants.KINDRED_AWAY)
 
 
 @inlined
@@ -104,18 +105,7 @@ def alike_row(same, weights, guide, plane, edge, y):
             row[i] = used[i] > ZERO
 
 
-@inlined
-def _kinship(guide, b, y, x, row, column, footprint):
-    """How much a tap counts in `around.kindred`, but for the mask."""
-    nx, ny, nz = guide[b, NX, y, x], guide[b, NY, y, x], guide[b, NZ, y, x]
-    cosine = nx * guide[b, NX, row, column] + ny * guide[b, NY, row, column] + nz * guide[b, NZ, row, column]
-    half = min(max(HALF + HALF * cosine, ZERO), ONE)
-    unlike = footprint * abs(guide[b, DEPTH, row, column] - guide[b, DEPTH, y, x])
-    if guide.shape[1] > ROUGHNESS:
-        unlike += KINDRED_ROUGHNESS * abs(guide[b, ROUGHNESS, row, column] - guide[b, ROUGHNESS, y, x])
-    return half * half * half * half * falling_exp2(-unlike)
-
-
+@contracted
 @scalar
 def kindred_pixel(i, out, value, mask, where, guide, plane, radius):
     """One pixel of `around.kindred`."""
@@ -124,12 +114,20 @@ def kindred_pixel(i, out, value, mask, where, guide, plane, radius):
     for c in range(channels):
         out[b, c, y, x] = ZERO
     if where[b, y, x]:
-        footprint, total = KINDRED_DEPTH * plane[b, 3, y, x], ZERO
+        here, given, counts, footprint, total = guide[b], value[b], mask[b], KINDRED_DEPTH * plane[b, 3, y, x], ZERO
+        nx, ny, nz, depth, roughness = here[NX, y, x], here[NY, y, x], here[NZ, y, x], here[DEPTH, y, x], here[-1, y, x]
         for row in range(max(y - radius, 0), min(y + radius + 1, height)):
-            for column in range(max(x - radius, 0), min(x + radius + 1, width)):
-                weight = mask[b, row, column] * _kinship(guide, b, y, x, row, column, footprint)
-                total += weight
-                for c in range(channels):
-                    out[b, c, y, x] += weight * value[b, c, row, column]
+            first = max(x - radius, 0)
+            for column in range(first + (first + row + x + y) % 2, min(x + radius + 1, width), 2):
+                r, k = np.uint64(row), np.uint64(column)  # never below zero: nothing to wrap
+                cosine = nx * here[NX, r, k] + ny * here[NY, r, k] + nz * here[NZ, r, k]
+                if cosine > AWAY:
+                    square, unlike = (HALF + HALF * cosine) ** 2, footprint * abs(here[DEPTH, r, k] - depth)
+                    if here.shape[0] > ROUGHNESS:
+                        unlike += KINDRED_ROUGHNESS * abs(here[ROUGHNESS, r, k] - roughness)
+                    weight = counts[r, k] * square * square * square * falling_exp2(-unlike)
+                    total += weight
+                    for c in range(channels):
+                        out[b, c, y, x] += weight * given[np.uint64(c), r, k]
         for c in range(channels):
             out[b, c, y, x] /= max(total, LEAST)

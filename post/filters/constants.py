@@ -11,7 +11,8 @@ MIN_CONTRAST = 0.01  # of the local luminance: smaller differences are no edge
 ROUGHNESS_SCALE = 0.1  # a neighbour this much rougher or smoother counts 1/e
 COARSE_POWER = 8.0  # of the cosine between normals, where neighbours are only told apart or averaged
 SAME = 0.3  # edge weight above which a neighbour shows the same surface
-KINDRED_DEPTH = 0.15  # sensitivity to depth per pixel footprint, where surfaces apart from one another share light
+KINDRED_DEPTH = 0.25  # sensitivity to depth per pixel footprint, where surfaces apart from one another share light
+KINDRED_AWAY = -0.1  # cosine between normals below which they share none: a right angle, and room for rounding
 LEAST_SHARE = 1e-6  # of a square that counts: keeps means over none finite
 
 LUMA = (0.299, 0.587, 0.114)  # Rec. 601, of encoded colour

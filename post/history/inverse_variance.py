@@ -13,7 +13,7 @@ from post.filters.op import spatial_moments, wavelet
 AROUND = 7  # pixels: square over which noise is compared with light
 LEAST = 0.1  # relative variance of the best of neighbours: they count alike below
 NOISE = 0.5  # share of measured variance that is taken to be noise: the rest is contrast of the light itself
-FAR = 4  # pixels to each side: what pixels next to alone on their surface are compared with
+FAR = 8  # pixels to each side: what pixels next to alone on their surface are compared with
 ALONE = 1.0  # as NOISE, of such pixels: they hold little contrast of their own
 SAME_LIGHT = 0.02  # of the light: surfaces are taken to differ by this at least
 PHI_COLOR, PHI_NORMAL = 0.3, 16.0  # see `post.atrous`

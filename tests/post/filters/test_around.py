@@ -83,12 +83,13 @@ def test_surfaces_count_less_the_more_they_face_elsewhere_and_the_farther_they_l
     side = torch.where(odd, torch.tensor([1.0, 0.0, 0.0])[None, :, None, None], up)
 
     def share(depth: torch.Tensor, normal: torch.Tensor) -> float:
-        """What the column counts for, beside another column, for a pixel next to it."""
+        """What the column counts for, for a pixel next to it: two taps, beside itself and two on its other side."""
         geometry = surface(depth, normal, ones > 0, g.camera)
         return float(kindred(odd.float(), ones, ones > 0, geometry, 1)[0, 0, 9, 17])
 
-    assert share(flat, up) == pytest.approx(1 / 3)
-    assert share(flat, side) == pytest.approx(0.5**4 / (2 + 0.5**4), rel=1e-4)
+    assert share(flat, up) == pytest.approx(2 / 5)
+    assert share(flat, side) == pytest.approx(2 * 0.5**6 / (3 + 2 * 0.5**6), rel=1e-4)
+    assert share(flat, torch.where(odd, -up, up)) == 0
     far = torch.where(odd, flat + 5 / float(g.camera.pixels_per_unit(flat)[0, 0, 0, 0]), flat)
-    away = 2.718281828 ** (-0.15 * 5)  # five footprints
-    assert share(far, up) == pytest.approx(away / (2 + away), rel=1e-4)
+    away = 2.718281828 ** (-0.25 * 5)  # five footprints
+    assert share(far, up) == pytest.approx(2 * away / (3 + 2 * away), rel=1e-4)

@@ -69,3 +69,15 @@ def test_a_lonely_pixel_leans_on_like_surfaces_farther_around_not_on_those_besid
     )
     assert among.max() < 2.5
     torch.testing.assert_close(apart, torch.full_like(apart, 3.0), rtol=0.1, atol=0.0)
+
+
+def test_a_lonely_pixel_leans_on_like_surfaces_six_pixels_away():
+    rows, columns = (torch.arange(side) % 6 == 0 for side in SIZE)
+    dots = (rows[:, None] & columns).expand_as(G.depth)
+    geometry = surface(G.depth, torch.where(dots, -G.normal, G.normal), G.hit, G.camera)
+    alone = torch.zeros_like(G.depth)
+    alone[..., 18, 24] = 1
+    light = torch.where(alone > 0, 9.0, torch.where(dots, 3.0, 1.0)).expand_as(G.normal).contiguous()
+    variance, kept = torch.where(alone > 0, 50.0, 1e-4), torch.where(dots, 1.0, 0.1)
+    mean = certain_mean(light, variance, kept, geometry, dots.float())[..., 18, 24]
+    torch.testing.assert_close(mean, torch.full_like(mean, 3.0), rtol=0.15, atol=0.0)
