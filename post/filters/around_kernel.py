@@ -122,10 +122,11 @@ def kindred_pixel(i, out, value, mask, where, guide, plane, radius):
                 r, k = np.uint64(row), np.uint64(column)  # never below zero: nothing to wrap
                 cosine = nx * here[NX, r, k] + ny * here[NY, r, k] + nz * here[NZ, r, k]
                 if cosine > AWAY:
-                    square, unlike = (HALF + HALF * cosine) ** 2, footprint * abs(here[DEPTH, r, k] - depth)
+                    half, unlike = HALF + HALF * cosine, footprint * abs(here[DEPTH, r, k] - depth)
                     if here.shape[0] > ROUGHNESS:
                         unlike += KINDRED_ROUGHNESS * abs(here[ROUGHNESS, r, k] - roughness)
-                    weight = counts[r, k] * square * square * square * falling_exp2(-unlike)
+                    cube = half * half * half
+                    weight = counts[r, k] * cube * cube * falling_exp2(-unlike)
                     total += weight
                     for c in range(channels):
                         out[b, c, y, x] += weight * given[np.uint64(c), r, k]
