@@ -106,7 +106,7 @@ def raise_to(ground: HeightMap, shapes: Instance) -> None:
 
 
 def caverns_of(world: World) -> HeightMap:
-    """Floor and roof of the highest closed space of each column, by how far it is from one to the other."""
+    """Floor and roof of the tallest closed space of each column."""
     bricks, index = world.bricks.cpu().numpy(), world.index.cpu().numpy()
     nx, ny, nz = index.shape
     shape = (nx, nz, BRICK, BRICK)
