@@ -46,11 +46,11 @@ def light(
     times the transmittance, is added later.
 
     Unshadowed light is exact; only penumbrae have noise (see `tracer.lights.shadows.arriving`). No lamp is cut
-    off: those that may give a pixel at most 1/96 of the light it could get are represented by up to eight of them,
-    drawn in proportion, those below 1/32 get a sixteenth of the samples, and those below 1/16 a quarter. Where more
-    than twelve first rays a pixel were due for each of ``samples``, greater lamps are drawn too. A share of the sky's
-    light counts to what a pixel could get, as much of it as reaches all but the deepest caves, and so does what a
-    surface emits.
+    off: those that may give a pixel at most 1/96 of the light it could get are represented by up to eight of them, or
+    half as many as there are ``samples``, drawn in proportion, those below 1/32 get a sixteenth of the samples, and
+    those below 1/16 a quarter. Where more than twelve first rays a pixel were due for each of ``samples``, greater
+    lamps are drawn too. A share of the sky's light counts to what a pixel could get, as much of it as reaches all but
+    the deepest caves, and so does what a surface emits.
 
     Args:
         scene: what is there, and its sun and sky.
