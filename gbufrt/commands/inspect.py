@@ -75,6 +75,7 @@ def _there(files: Iterable[Path]) -> list[Path]:
 
     shown: list[Path] = []
     for file in files:
+        # as `tracer.formats.minecraft.region.files_within`, which would load torch first
         world = any((file / folder).is_dir() for folder in ("region", "dimensions")) or any(file.glob("*.mca"))
         pictures = file.is_dir() and not world and exr_files(file)
         if file.is_dir() and not (pictures or world):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from blocks import cubes_of
 
 import tracer
 from gbufrt import Camera
@@ -159,6 +161,13 @@ def test_under_a_roof_of_bedrock_the_eye_is_between_floor_and_roof():
     assert outside.sun is not None
     solid = world_of_cells(np.array([[0, 0, 0]]), np.array([1], np.int16), MaterialTable.of([Material(name="bedrock")]))
     assert "orbit" in landscape(solid).views, "there is nothing below it"
+
+
+def test_land_without_a_cube_has_views():
+    built = cubes_of("minecraft:oak_slab[type=top]").build()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert looks_free(landscape(built.world, built.instances), "landscape", 0.0, near=1.0) > 0
 
 
 def test_a_single_voxel_has_views():

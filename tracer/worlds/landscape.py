@@ -69,8 +69,10 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
 
 
 def _roofed(ground: HeightMap, materials: MaterialTable) -> bool:
+    """Whether next to all of the land has bedrock on top."""
     rock = np.array([name.startswith("bedrock") for name in materials.names])
-    return bool(rock[ground.kind[np.isfinite(ground.top)]].mean() > ROOFED)
+    on_top = rock[ground.kind[np.isfinite(ground.top)]]
+    return on_top.size > 0 and bool(on_top.mean() > ROOFED)
 
 
 def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:

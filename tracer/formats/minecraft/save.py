@@ -171,9 +171,9 @@ def _players(path: Path) -> Iterator[Place]:
     files = [file for folder in PLAYERS for file in sorted((path / folder).glob("*.dat"))]
     for file in (None, *sorted(files, key=lambda file: file.stem != alone)):
         try:
-            tags = data.get("Player") if file is None else _tags_of(file)
+            tags = data.get("Player", {}) if file is None else _tags_of(file)
             x, _, z = (float(number) for number in part(tags, "Pos", list))
-            here = tags.get("Dimension", OVERWORLD[0]) in OVERWORLD if isinstance(tags, dict) else False
+            here = tags.get("Dimension", OVERWORLD[0]) in OVERWORLD
             if here and max(abs(x), abs(z)) <= FURTHEST:
                 yield int(x // 1), int(z // 1)
         except (ValueError, TypeError):
