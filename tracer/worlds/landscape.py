@@ -60,6 +60,10 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
         return Scene(world=world, instances=instances, sun=None, sky=EMBERS, haze=SMOKE, views=views)
     for instance in instances:
         raise_to(ground, instance)
+    if instances and not np.isfinite(ground.top).any():  # nothing but plants and the like
+        ends = [np.array(instance.model.bounds()) * instance.scale for instance in instances]
+        points = np.array([[end[i, 0], end[j, 1], end[k, 2]] for end in ends for i, j, k in np.ndindex(2, 2, 2)])
+        return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=framing_views(points))
     shore = shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())
     if shore is not None:
         ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
