@@ -110,6 +110,19 @@ def test_motion_of_unknown_units_is_read_as_it_fits_the_cameras(scale: tuple[flo
     assert _off(found, "motion", T["motion"]) < 1e-4
 
 
+@pytest.mark.parametrize(("name", "scale"), [("backward.XY", (1, -1)), ("forward.XY", (-1, 1))])
+def test_files_for_renderman_s_denoiser_are_read_with_their_motion(name: str, scale: tuple, tmp_path: Path) -> None:
+    normal = T["normal"] @ CAMERA.world_from_view[0, :3, :3].double().numpy()
+    guides = {"z": PLANAR, "normal.RGB": normal, "albedo.RGB": GREY, "normal_var.RGB": 0 * GREY, "mse.RGB": 0 * GREY}
+    lit = {"diffuse.RGB": GREY, "specular.RGB": GREY, "RGB": GREY}
+    path = write(tmp_path / "a.exr", guides | lit | {name: T["motion"] * scale})
+    assert detect(path).name == "renderman"
+    with pytest.warns(UserWarning, match="by which it fits the cameras"):
+        found = read_gbuffer(path, camera=CAMERA, previous_camera=BEFORE).gbuffer
+    assert _off(found, "motion", T["motion"]) < 1e-4
+    assert _off(found, "normal", T["normal"]) < 2e-3
+
+
 @pytest.mark.parametrize("previous", [None, BEFORE])
 def test_motion_that_is_not_finite_is_replaced_and_told(previous: Camera | None, tmp_path: Path) -> None:
     motion = T["motion"].copy()
