@@ -25,6 +25,8 @@ MEADOW = Plain((0.17, 0.21, 0.10))  # where the border is not known
 SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68), plain=MEADOW)
 EMBERS = Sky(zenith=(0.045, 0.009, 0.0055), horizon=(0.08, 0.015, 0.009), ground=(0.045, 0.009, 0.0055))
 SMOKE = Haze(begin=40.0, end=192.0)
+NIGHT, GLOW = (0.0018, 0.0011, 0.0025), (0.05, 0.044, 0.056)  # of the End: what is round it, and light from overhead
+OVERHEAD = 0.4  # sine of the elevation at which that light begins, where few pictures show it
 ROOFED = 0.9  # of the land lies under a roof of bedrock, where all of it does
 HEADROOM = 3.0  # between eye and roof, blocks
 FOV_Y = 55.0
@@ -45,7 +47,8 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     Args:
         world: the land. Where the file ends it goes on as the sea if there is water all round it; else there is empty
             space, and below the horizon a plain of the border's mean colour. What lies under a roof of bedrock, as the
-            Nether does, has smoke lit by embers in place of sun and sky.
+            Nether does, has smoke lit by embers in place of sun and sky. What is of end stone has a night lit from
+            overhead.
         instances: what else there is.
 
     Returns:
@@ -54,7 +57,7 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
         the spot, 36 s).
     """
     ground = heights_of(world)
-    if _roofed(ground, world.materials) and np.isfinite((caverns := caverns_of(world)).top).any():
+    if _topped(ground, world.materials, "bedrock") > ROOFED and np.isfinite((caverns := caverns_of(world)).top).any():
         view = _best(caverns)
         views = {"landscape": view, "panorama": _panorama(view)}
         return Scene(world=world, instances=instances, sun=None, sky=EMBERS, haze=SMOKE, views=views)
@@ -68,15 +71,26 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     if shore is not None:
         ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
+    if _topped(ground, world.materials, "end_stone") > 0.5:
+        return Scene(world=world, instances=instances, sun=None, sky=Sky(picture=_night()), views=views)
     sky = replace(SKY, plain=_plain(ground, world.materials))
     return Scene(world=world, instances=instances, sun=SUN, sky=sky, views=views)
 
 
-def _roofed(ground: HeightMap, materials: MaterialTable) -> bool:
-    """Whether next to all of the land has bedrock on top."""
-    rock = np.array([name.startswith("bedrock") for name in materials.names])
-    on_top = rock[ground.kind[np.isfinite(ground.top)]]
-    return on_top.size > 0 and bool(on_top.mean() > ROOFED)
+def _topped(ground: HeightMap, materials: MaterialTable, name: str) -> float:
+    """The share of the land that has a material on top."""
+    of_it = np.array([material.startswith(name) for material in materials.names])
+    on_top = of_it[ground.kind[np.isfinite(ground.top)]]
+    return float(on_top.mean()) if on_top.size else 0.0
+
+
+def _night() -> torch.Tensor:
+    """``(1, 3, 64, 128)`` the sky of the End: dark all round, with light from overhead, as it has no sun."""
+    up = torch.cos((torch.arange(64) + 0.5) / 64 * math.pi)
+    share = ((up - OVERHEAD) / (1 - OVERHEAD)).clamp(0, 1).square()
+    return torch.lerp(torch.tensor(NIGHT)[:, None], torch.tensor(GLOW)[:, None], share)[None, :, :, None].repeat(
+        1, 1, 1, 128
+    )
 
 
 def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:
