@@ -12,9 +12,9 @@ from torch import Tensor
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
-from post.history.constants import WINDOW
+from post.history.constants import WINDOW as NARROW
 from post.history.taa_reference import rgb, ycocg
-from post.upsampling.constants import BOX, COUNTS, COVERED, DECAY, FIRST, LEAST, MATURE, PARTING
+from post.upsampling.constants import ALONG, BOX, COVERED, DECAY, FIRST, FLAT, LEAST, MATURE, PARTING, WINDOW
 from post.upsampling.samples import Samples
 
 OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
@@ -28,44 +28,82 @@ class Gathered:
     """What one frame tells of each pixel of the large picture; all ``(B, C, H, W)``."""
 
     color: Tensor
-    """Mean of the samples around."""
+    """Mean of the four samples around."""
+    expected: Tensor
+    """Mean, by the same weights, of what the history shows where they lie."""
     weight: Tensor
     """How many samples there are, counted by how near they lie."""
     mean: Tensor
     """In YCoCg, of the wider surroundings."""
     spread: Tensor
     """Standard deviation there."""
+    least: Tensor
+    """Of each channel, in the four samples."""
+    most: Tensor
+    """See ``least``."""
 
 
-def gathered(toned: Tensor, at: Samples, weight: Tensor) -> Gathered:
+def gathered(toned: Tensor, expected: Tensor, at: Samples, weight: Tensor) -> Gathered:
     """Gather a small picture ``(B, 3, h, w)`` for the pixels of a large one.
 
     Args:
         toned: tone-mapped colour.
+        expected: ``(B, 3, h, w)`` what the history shows where the samples lie.
         at: its samples.
         weight: ``(B, 1, H, W)`` of the history; with little of it the window is that of the small picture's pixels.
     """
     area, ready = at.ratio[0] * at.ratio[1], (weight / MATURE).clamp(0, 1)
     window = WINDOW * ready + FIRST / area * (1 - ready)
+    xx, xy, yy = at.nearest(ellipses(toned)).split(1, dim=1)
+    taps = list(at.surrounding(torch.cat([toned, expected], dim=1)))
     zero = torch.zeros_like(weight)
-    near, share, color, total, first, second = zero, zero, zero, zero, zero, zero
-    for tap, away in at.around(toned):
-        square = away.square().sum(1, keepdim=True)
-        near = near + torch.exp(COUNTS * square)
-        counts = torch.exp(window * square)
-        share, color = share + counts, color + counts * tap
-        counts, tap = torch.exp(BOX / area * square), ycocg(tap)
+    count, share, sums = zero, zero, zero
+    for tap, away in taps:
+        x, y = away[:, :1], away[:, 1:]
+        square = xx * x * x + 2 * xy * x * y + yy * y * y
+        counts = near(window * square)
+        count, share, sums = count + near(WINDOW * square), share + counts, sums + counts * tap
+    total, first, second = zero, zero, zero
+    for tap, away in at.around(ycocg(toned)):
+        counts = torch.exp(BOX / area * away.square().sum(1, keepdim=True))
         total, first, second = total + counts, first + counts * tap, second + counts * tap * tap
-    mean = first / total
+    mean, colors = first / total, torch.stack([tap[:, :3] for tap, _ in taps])
     spread = (second / total - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
-    return Gathered(
-        color=color / share.clamp_min(1e-30), weight=near * (COUNTS / WINDOW) + LEAST, mean=mean, spread=spread
-    )
+    color, expected = (sums / share).split(3, dim=1)
+    return Gathered(color, expected, count + LEAST, mean, spread, colors.amin(0), colors.amax(0))
+
+
+def near(exponent: Tensor) -> Tensor:
+    """Nearly `torch.exp` of what is not positive, in products alone."""
+    power = (1 + exponent / 8).clamp_min(1 / 32)
+    square = power * power
+    return square * square * square * square
+
+
+def ellipses(toned: Tensor) -> Tensor:
+    """``(B, 3, h, w)``: how squared distances xx, twice xy and yy count; along an edge less than across it.
+
+    Source: the kernels of Wronski et al. 2019, Handheld Multi-Frame Super-Resolution, from structure tensors.
+    """
+    light = F.pad(luminance(toned), (2, 2, 2, 2), mode="replicate")
+    x, y = light[..., 1:-1, 2:] - light[..., 1:-1, :-2], light[..., 2:, 1:-1] - light[..., :-2, 1:-1]
+    xx, xy, yy = (9 * F.avg_pool2d(torch.cat([x * x, x * y, y * y], dim=1), 3, stride=1)).split(1, dim=1)
+    larger = (xx + yy + ((xx - yy) * (xx - yy) + 4 * xy * xy + 1e-12).sqrt()) / 2
+    share = (1 - ALONG) / (xx + yy + FLAT)
+    return torch.cat([1 - share * (larger - xx), share * xy, 1 - share * (larger - yy)], dim=1)
+
+
+def shear(motion: Tensor) -> Tensor:
+    """``(B, 1, H, W)``: by how much motion ``(B, 2, H, W)`` differs from that of a neighbour at most, as a length."""
+    around = F.pad(motion, (1, 1, 1, 1), mode="replicate")
+    height, width = motion.shape[-2:]
+    apart = [around[..., j : j + height, i : i + width] - motion for j in range(3) for i in range(3)]
+    return torch.stack([difference.square().sum(1, keepdim=True) for difference in apart]).amax(0).sqrt()
 
 
 def mean_weight(at: Samples) -> float:
     """What a frame's samples weigh at a pixel, in the mean."""
-    return math.pi / -WINDOW / (at.ratio[0] * at.ratio[1])
+    return 8 / 9 * math.pi / -WINDOW / (at.ratio[0] * at.ratio[1])
 
 
 def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]:
@@ -111,7 +149,7 @@ def locked(locks: Tensor, found: Tensor, at: Samples, weight: Tensor, depth: Ten
         depth: ``(B, 1, H, W)`` of each pixel now.
         motion: ``(B, 2, H, W)`` pixels, of each pixel.
     """
-    met = at.nearest(found) * torch.exp(WINDOW / 2 * at.away.square().sum(1, keepdim=True))
+    met = at.nearest(found) * torch.exp(NARROW / 2 * at.away.square().sum(1, keepdim=True))
     now = torch.cat([met, depth, motion], dim=1)
     old = torch.cat([(locks[:, :1] - DECAY * weight.detach()).clamp_min(0.0), locks[:, 1:]], dim=1)
     return torch.where(met > old[:, :1], now, old)

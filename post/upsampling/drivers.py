@@ -21,7 +21,8 @@ from post.upsampling.upscale_history_kernel import (
     filtered_across,
     filtered_down,
 )
-from post.upsampling.upscale_kernel import NOW, SUMS, mix_row, now_row, sums_row
+from post.upsampling.upscale_kernel import NOW, SUMS, box_row, colors_row, mix_row, sums_row
+from post.upsampling.upscale_samples_kernel import TENSOR, samples_row
 
 cuda: Any = numba.cuda
 AROUND = SPAN * SPAN  # samples around a pixel
@@ -91,9 +92,31 @@ down_each, across_each = Each(down_pixel), Each(across_pixel)
 
 
 @driver
+def sample_rows(seen, curve, old, luma, motion, lenses, threads):
+    """See `post.upsampling.upscale_samples_kernel.samples_row`."""
+    batch, _, height, width = seen.shape
+    for thread in prange(threads):
+        sums = np.empty((TENSOR, width + 2), np.float32)
+        for item in range(thread, batch * height, threads):
+            b, y = item // height, item % height
+            samples_row(seen[b, :, y], sums, curve[b], old[b], luma[b], motion[b], lenses[b], y, 0)
+
+
+@scalar
+def samples_pixel(i, seen, curve, old, luma, motion, lenses):
+    """As `sample_rows`, one sample."""
+    b, y, x = pixel_of(i, seen.shape[2], seen.shape[3])
+    sums = cuda.local.array((TENSOR, 3), np.float32)
+    samples_row(seen[b, :, y, x : x + 1], sums, curve[b], old[b], luma[b], motion[b], lenses[b], y, x)
+
+
+samples_each = Each(samples_pixel)
+
+
+@driver
 def upscaled_rows(
-    light, new, lengths, news, toned, small, farthest, curve, old, length, planes, across, down, lenses, orthographic,
-    gamma, frames, lock, stability, weight, threads,
+    light, new, lengths, news, toned, small, farthest, curve, old, seen, length, planes, across, down, lenses,
+    orthographic, gamma, frames, lock, stability, weight, threads,
 ):  # fmt: skip
     """See `post.upsampling.upscale_op.upscaled`."""
     batch, _, height, width = new.shape
@@ -104,13 +127,13 @@ def upscaled_rows(
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
             there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic
-            given = *there, curve[b], old[b], length[b], planes[b], np.float32(lock), y, 0
+            given = *there, curve[b], old[b], seen[b], length[b], planes[b], np.float32(lock), y, 0
             _upscaled_row((new[b], light[b], lengths[b], news[b]), toned[b], given, (kept, now, sums), numbers, 0)
 
 
 @scalar
 def upscaled_pixel(
-    i, light, new, lengths, news, toned, small, farthest, curve, old, length, planes, across, down, lenses,
+    i, light, new, lengths, news, toned, small, farthest, curve, old, seen, length, planes, across, down, lenses,
     orthographic, gamma, frames, lock, stability, weight,
 ):  # fmt: skip
     """As `upscaled_rows`, one pixel."""
@@ -121,7 +144,7 @@ def upscaled_pixel(
     end, begin = x + 1, bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
     out = new[b, :, :, x:end], light[b, :, :, x:end], lengths[b, :, x:end], news[b, :, :, x:end]
     there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic
-    there = *there, curve[b], old[b], length[b], planes[b], np.float32(lock), y, x
+    there = *there, curve[b], old[b], seen[b], length[b], planes[b], np.float32(lock), y, x
     some = sums[:, : min(3, toned.shape[3] - begin)]
     _upscaled_row(out, toned[b], there, (kept, now, some), numbers, begin)
 
@@ -135,8 +158,10 @@ def _upscaled_row(out, toned, there, scratch, numbers, begin):
 
     ``there`` is what `fetch_row` takes.
     """
-    (kept, now, sums), small, lens, across, down, y = scratch, there[0], there[2], there[3], there[4], there[11]
+    (kept, now, sums), small, lens, across, down = scratch, there[0], there[2], there[3], there[4]
+    seen, y = there[8], there[12]
     fetch_row(kept, *there)
     sums_row(sums, toned, down, y, begin)
-    now_row(now, kept, sums, toned, across, down, lens[22] * lens[23], y, begin)
+    box_row(now, sums, across, down, y, begin, toned.shape[2])
+    colors_row(now, kept, toned, seen, across, down, lens[22] * lens[23], y)
     mix_row(kept, now, small, across, down, numbers, y, *out)

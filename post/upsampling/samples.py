@@ -71,3 +71,13 @@ class Samples:
             x, y = self.x + dx, self.y + dy
             step = self.away.new_tensor([dx * across, dy * down])[None, :, None, None]
             yield gather(small, x.clamp(0, width - 1), y.clamp(0, height - 1)), self.away + step
+
+    def surrounding(self, small: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
+        """As `around`, the four samples that surround each pixel."""
+        (across, down), (height, width) = self.ratio, small.shape[-2:]
+        side = torch.where(self.away > 0, -1, 1)
+        step = side * resident((across, down), self.away)[None, :, None, None]
+        for dy, dx in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            x, y = self.x + dx * side[:, 0], self.y + dy * side[:, 1]
+            away = self.away + step * resident((float(dx), float(dy)), self.away)[None, :, None, None]
+            yield gather(small, x.clamp(0, width - 1), y.clamp(0, height - 1)), away

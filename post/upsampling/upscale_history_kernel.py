@@ -17,16 +17,18 @@ ZERO, HALF, ONE, FOUR = (np.float32(x) for x in (0, 0.5, 1, 4))
 SIXTH, TWO_THIRDS, NEAREST = np.float32(1 / 6), np.float32(2 / 3), np.float32(1e-9)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
 BETWEEN, IN_FRONT = np.float32(constants.BETWEEN), np.float32(1 - constants.IN_FRONT)
-STRAYS, FASTEST = np.float32(constants.STRAYS), np.float32(constants.FASTEST)
+STRAYS, SHEARS, FASTEST = np.float32(constants.STRAYS), np.float32(constants.SHEARS), np.float32(constants.FASTEST)
 STRETCH, TOLERANCE = np.float32(constants.STRETCH), np.float32(1 + constants.TOLERANCE)
 EDGE_ON, ALMOST = np.float32(constants.EDGE_ON), np.float32(constants.ALMOST)
-INDEX, TAPS, BOXES, LOCK, PLACE, AWAY, STEP, COUNTED = 0, 1, 4, 7, 8, 9, 10, 11
+INDEX, BOXES, LOCK, PLACE, AWAY, STEP = 0, 1, 4, 5, 6, 7
 """Rows of `axis_table`."""
 DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
 """Channels of what the small picture tells of its surfaces."""
 WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT = 0, 1, 4, 5, 6, 10, 11, 13, 14
 """Rows of what is kept of each pixel's history; `LOCKED` has four, as `accumulate.locked`, `REACT` three."""
 KEPT = 17
+EXPECTED, SHEAR, ELLIPSE = 0, 3, 4
+"""Channels of what `samples_row` tells of samples."""
 
 
 @inlined
@@ -122,17 +124,49 @@ def _cubic(f):
 
 
 @inlined
+def spline(curve, old, x, y):
+    """Colour of a history ``old`` between pixels, by splines of coefficients ``curve``, within the four around."""
+    _, height, width = curve.shape
+    left, top = np.float32(math.floor(x - HALF)), np.float32(math.floor(y - HALF))
+    u, v, x0, y0 = x - HALF - left, y - HALF - top, np.int64(left), np.int64(top)
+    xa, xb = bounded(x0 - 1, width), bounded(x0, width)
+    xc, xd = bounded(x0 + 1, width), bounded(x0 + 2, width)
+    ye, yf = bounded(y0 - 1, height), bounded(y0, height)
+    yg, yh = bounded(y0 + 1, height), bounded(y0 + 2, height)
+    x0 += 1 if u > ONE - ALMOST else 0
+    y0 += 1 if v > ONE - ALMOST else 0
+    west, east = bounded(x0, width), bounded(x0 + 1, width)
+    north, south = bounded(y0, height), bounded(y0 + 1, height)
+    a, b, c, d = _cubic(u)
+    e, f, g, h = _cubic(v)
+    red, green, blue = ZERO, ZERO, ZERO
+    for n in range(3):
+        r0, r1, r2, r3 = curve[n, ye], curve[n, yf], curve[n, yg], curve[n, yh]
+        read = (
+            e * (a * r0[xa] + b * r0[xb] + c * r0[xc] + d * r0[xd])
+            + f * (a * r1[xa] + b * r1[xb] + c * r1[xc] + d * r1[xd])
+            + g * (a * r2[xa] + b * r2[xb] + c * r2[xc] + d * r2[xd])
+            + h * (a * r3[xa] + b * r3[xb] + c * r3[xc] + d * r3[xd])
+        )
+        p, q, r, s = old[n, north, west], old[n, north, east], old[n, south, west], old[n, south, east]
+        red, green, blue = green, blue, min(max(read, min(p, q, r, s)), max(p, q, r, s))
+    return red, green, blue
+
+
+@inlined
 def _between(plane, i, k, u, j, m, v):
     """A plane between columns ``i`` and ``k``, by ``u`` of the way, and rows ``j`` and ``m``, by ``v``."""
     return (ONE - v) * ((ONE - u) * plane[j, i] + u * plane[j, k]) + v * ((ONE - u) * plane[m, i] + u * plane[m, k])
 
 
 @scalar
-def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, old, length, planes, lock, y, first):
+def fetch_row(
+    kept, small, farthest, lens, across, down, orthographic, curve, old, seen, length, planes, lock, y, first
+):
     """History where each pixel was, and what is left of its locks; zero where the pixel was not seen.
 
     ``kept`` and ``across`` are of the columns from ``first`` on. ``curve`` are the coefficients of the splines through
-    ``old``.
+    ``old``; ``seen`` is of `samples_row`.
     """
     (_, height, width), (low_height, low_width) = curve.shape, farthest.shape
     for x in range(kept.shape[1]):
@@ -153,12 +187,11 @@ def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, ol
         u, v = there_x - HALF - left, there_y - HALF - top
         blur = HALF * (FOUR * u * (ONE - u) + FOUR * v * (ONE - v))
         x0, y0 = np.int64(left), np.int64(top)
-        xa, xb = bounded(x0 - 1, width), bounded(x0, width)
-        xc, xd = bounded(x0 + 1, width), bounded(x0 + 2, width)
-        ye, yf = bounded(y0 - 1, height), bounded(y0, height)
-        yg, yh = bounded(y0 + 1, height), bounded(y0 + 2, height)
+        xb, xc, yf, yg = bounded(x0, width), bounded(x0 + 1, width), bounded(y0, height), bounded(y0 + 1, height)
         speed = min(math.sqrt(move_x * move_x + move_y * move_y), FASTEST)
-        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - BETWEEN * blur) / (ONE + STRAYS * speed)
+        apart = seen[SHEAR, np.int64(down[INDEX, y]), np.int64(across[INDEX, x])]
+        lost = (ONE + SHEARS * apart) * (ONE + STRAYS * speed)
+        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - BETWEEN * blur) / lost
         kept[DRIFT, x] = _between(planes[0], xb, xc, u, yf, yg, v)
         kept[WOBBLE, x] = _between(planes[1], xb, xc, u, yf, yg, v)
         strength, was = _between(planes[2], xb, xc, u, yf, yg, v), _between(planes[3], xb, xc, u, yf, yg, v)
@@ -179,19 +212,5 @@ def fetch_row(kept, small, farthest, lens, across, down, orthographic, curve, ol
                 react = _between(small[REACTIVE + c], i, k, s, j, m, t)
             kept[REACT + c, x], most = react, max(most, react)
         kept[SPARED, x] = lock * strength * (ONE - most)
-        x0 += 1 if u > ONE - ALMOST else 0
-        y0 += 1 if v > ONE - ALMOST else 0
-        west, east = bounded(x0, width), bounded(x0 + 1, width)
-        north, south = bounded(y0, height), bounded(y0 + 1, height)
-        a, b, c, d = _cubic(u)
-        e, f, g, h = _cubic(v)
-        for n in range(3):
-            r0, r1, r2, r3 = curve[n, ye], curve[n, yf], curve[n, yg], curve[n, yh]
-            read = (
-                e * (a * r0[xa] + b * r0[xb] + c * r0[xc] + d * r0[xd])
-                + f * (a * r1[xa] + b * r1[xb] + c * r1[xc] + d * r1[xd])
-                + g * (a * r2[xa] + b * r2[xb] + c * r2[xc] + d * r2[xd])
-                + h * (a * r3[xa] + b * r3[xb] + c * r3[xc] + d * r3[xd])
-            )
-            p, q, r, s = old[n, north, west], old[n, north, east], old[n, south, west], old[n, south, east]
-            kept[OLD + n, x] = min(max(read, min(p, q, r, s)), max(p, q, r, s))
+        red, green, blue = spline(curve, old, there_x, there_y)
+        kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x] = red, green, blue

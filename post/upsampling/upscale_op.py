@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
-
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.resident import resident
+from gbufrt.luminance import luminance
 from post.history.constants import WINDOW
 from post.upsampling.accumulate import mean_weight
-from post.upsampling.constants import BOX, COUNTS
+from post.upsampling.constants import BOX
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_taps
 from post.upsampling.upscale_reference import Large, Small, Tunables, upscaled_reference
@@ -47,18 +47,19 @@ def upscaled(
     planes = torch.cat([small.surfaces, small.alike, small.features, small.reactive], dim=1).detach()
     tables = [axis_table(at, axis, small.toned.shape[-1 - axis]) for axis in (0, 1)]
     size, numbers = (before.length.shape[-2], before.length.shape[-1]), [float(number) for number in tunables]
+    light = F.pad(luminance(small.toned.detach()), (2, 2, 2, 2), mode="replicate")
+    motion = F.pad(small.motion.detach(), (1, 1, 1, 1), mode="replicate")
     found = upscaled_cpu(
-        small.toned, planes, small.farthest, *before, *tables, _lenses(camera, previous, at, size),
+        small.toned, light, motion, planes, small.farthest, *before, *tables, _lenses(camera, previous, at, size),
         resident(spline_taps(), small.toned), camera.orthographic, *numbers, mean_weight(at),
     )  # fmt: skip
     return found[0], Large(*found[1:])
 
 
 def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
-    """``(B, 12, N)``, of the columns (axis 0) or rows (1) of a large picture: number of the nearest sample; what it and
-    those before and after it weigh, in the narrow window and in the box; what the nearest one counts for a lock; the
-    column's own place, from the first sample on; how many pixels away the nearest is, and each from the next; and how
-    much the three count for the history's weight.
+    """``(B, 8, N)``, of the columns (axis 0) or rows (1) of a large picture: number of the nearest sample; what it and
+    those before and after it weigh in the box; what the nearest one counts for a lock; the column's own place, from the
+    first sample on; how many pixels away the nearest is, and each from the next.
 
     Args:
         at: the samples.
@@ -71,49 +72,65 @@ def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
     place = (index - away / ratio).clamp(0, limit - 1)
     rows = [index, away.square().mul(WINDOW / 2).exp(), place, away, torch.full_like(away, ratio)]
     number, lock, place, away, step = (row.to(away)[:, None] for row in rows)
-    windows = (taps * WINDOW).exp(), (taps * (BOX / (at.ratio[0] * at.ratio[1]))).exp()
-    counts = (taps * COUNTS).exp().sum(1, keepdim=True) * math.sqrt(COUNTS / WINDOW)
-    return torch.cat([number, *windows, lock, place, away, step, counts], dim=1)
+    box = (taps * (BOX / (at.ratio[0] * at.ratio[1]))).exp()
+    return torch.cat([number, box, lock, place, away, step], dim=1)
 
 
 def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]) -> Tensor:
-    """``(B, 24)``: focal lengths and principal point at the size of the large picture; rotation and shift to the view
-    of the frame before; its focal lengths and principal point; its jitter, in small pixels; and the ratios."""
+    """``(B, 26)``: focal lengths and principal point at the size of the large picture; rotation and shift to the view
+    of the frame before; its focal lengths and principal point; its jitter, in small pixels; the ratios; and this
+    frame's jitter."""
     now, before = camera.resized(size).lens[:, :4], previous.resized(size).lens[:, :4]
     way = previous.view_from_world.double() @ camera.world_from_view.double()
     ratio = resident(at.ratio, now).expand(camera.batch, 2)
-    parts = [now, way[:, :3, :3].flatten(1), way[:, :3, 3], before, previous.lens[:, 4:], ratio]
+    parts = [now, way[:, :3, :3].flatten(1), way[:, :3, 3], before, previous.lens[:, 4:], ratio, camera.lens[:, 4:]]
     return torch.cat([part.float() for part in parts], dim=1)
 
 
 @torch.library.custom_op("gbufrt::upscale", mutates_args=())
 def upscaled_cpu(
-    toned: Tensor, planes: Tensor, farthest: Tensor, old: Tensor, length: Tensor, kept: Tensor, across: Tensor,
-    down: Tensor, lenses: Tensor, taps: Tensor, orthographic: bool, gamma: float, frames: float, lock: float,
-    stability: float, weight: float,
+    toned: Tensor, luma: Tensor, motion: Tensor, planes: Tensor, farthest: Tensor, old: Tensor, length: Tensor,
+    kept: Tensor, across: Tensor, down: Tensor, lenses: Tensor, taps: Tensor, orthographic: bool, gamma: float,
+    frames: float, lock: float, stability: float, weight: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
-    """See `upscaled`: light, and the three of `Large`; ``weight`` is what a frame's samples weigh in the mean."""
+    """See `upscaled`: light, and the three of `Large`; ``weight`` is what a frame's samples weigh in the mean.
+
+    ``luma`` and ``motion`` reach two and one pixels beyond the small picture.
+    """
     from gbufrt.compute.kernel import array, threads
-    from post.upsampling.drivers import across_each, coefficient_rows, down_each, upscaled_each, upscaled_rows
+    from post.upsampling.drivers import (
+        across_each,
+        coefficient_rows,
+        down_each,
+        sample_rows,
+        samples_each,
+        upscaled_each,
+        upscaled_rows,
+    )
+    from post.upsampling.upscale_samples_kernel import SEEN
 
     curve, light, new, lengths, news = (
         torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, old, length, kept)
     )
-    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, old, length[:, 0], kept
+    seen = toned.new_empty(toned.shape[0], SEEN, *toned.shape[2:])
+    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, old, seen, length[:, 0], kept
+    samples = seen, curve, old, luma[:, 0], motion, lenses
     numbers = orthographic, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
         image, smooth = old.flatten(0, 1), curve.flatten(0, 1)
         padded = image.new_empty(*image.shape[:2], image.shape[2] + len(taps) - 1)
         down_each(padded.numel(), padded, image, taps)
         across_each(smooth.numel(), smooth, padded, taps)
+        samples_each(seen[:, 0].numel(), *samples)
         upscaled_each(new[:, 0].numel(), *pictures, across, down, lenses, *numbers)
     else:
         coefficient_rows(array(curve), array(old), array(taps), threads())
+        sample_rows(*map(array, samples), threads())
         given = (*map(array, pictures), array(across), array(down), array(lenses))
         upscaled_rows(*given, *numbers, threads())
     return light, new, lengths, news
 
 
 @upscaled_cpu.register_fake
-def _(toned, planes, farthest, old, length, kept, *_):
+def _(toned, luma, motion, planes, farthest, old, length, kept, *_):
     return torch.empty_like(old), torch.empty_like(old), torch.empty_like(length), torch.empty_like(kept)

@@ -8,12 +8,13 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
+from gbufrt.compute.resident import resident
 from gbufrt.directions import length as size_of
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.history.constants import BRIGHTEST
-from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight
-from post.upsampling.constants import BETWEEN, FASTEST, SLOW, STEADY, STRAYS, WIDER
+from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight, shear
+from post.upsampling.constants import BETWEEN, FASTEST, FOLLOWS, SHEARS, SLOW, STEADY, STRAYS, TRUSTED, WIDER
 from post.upsampling.motion import upscaled_motion
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_coefficients, spline_read, without_overshoot
@@ -32,6 +33,8 @@ class Small(NamedTuple):
     """1: see `post.upsampling.accumulate.same_light`."""
     features: Tensor
     """1: see `post.upsampling.accumulate.thin_features`."""
+    motion: Tensor
+    """2: of each sample, in pixels of the small picture."""
     reactive: Tensor
     """0, 1 or 3: how much less history each channel may hold."""
 
@@ -64,29 +67,50 @@ def upscaled_reference(
     gamma, frames, lock, stability = tunables
     there, seen, depth, depth_before = upscaled_motion(small.surfaces, small.farthest, camera, previous, at, size)
     motion = there - pixel_centers(there)
-    valid = inside(there, size) & seen
+    valid, samples = inside(there, size) & seen, samples_before(small.motion, camera, at, size)
     between = (there - 0.5) - torch.floor(there - 0.5)
     read = torch.where(valid, sample(torch.cat([before.length, before.planes], dim=1), there), 0.0)
     weight, drift, wobble, locks = read.split((1, 1, 1, 4), dim=1)
     weight = weight * (1 - BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
+    apart = shear(small.motion * resident(at.ratio, weight)[None, :, None, None])
+    weight = weight / (1 + SHEARS * at.nearest(apart).clamp_max(FASTEST))
     weight = weight / (1 + STRAYS * size_of(motion).clamp_max(FASTEST))
     locks = held(locks, depth, depth_before, motion)
     locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
-    old = without_overshoot(spline_read(spline_coefficients(before.toned), there), before.toned, there)
+    coefficients = spline_coefficients(before.toned)
+    old = without_overshoot(spline_read(coefficients, there), before.toned, there)
 
-    now = gathered(small.toned, at, weight)
+    expected = without_overshoot(spline_read(coefficients, samples), before.toned, samples)
+    now = gathered(small.toned, expected, at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
     kept, moved = clipped(old, now, gamma + WIDER * spared + stability * calm)
     moved = torch.where(weight > 0, moved.detach(), 0.0)
     most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
-    mixed = torch.lerp(torch.lerp(kept, old, spared), now.color, now.weight / (most + now.weight))
+    kept = torch.lerp(kept, old, spared)
+    color = now.color + FOLLOWS * weight / (weight + TRUSTED) * (old - now.expected)
+    mixed = torch.lerp(kept, color, now.weight / (most + now.weight))
+    mixed = torch.minimum(torch.maximum(mixed, torch.minimum(kept, now.least)), torch.maximum(kept, now.most))
     result = torch.where(weight > 0, mixed, now.color)
     drift, wobble = torch.lerp(drift, moved, SLOW), torch.lerp(wobble, moved.abs(), SLOW)
     locks = locked(locks, small.features, at, now.weight, depth, motion)
     length = (weight + now.weight).clamp_max(frames * mean_weight(at))
     return light_of(result), Large(result, length, torch.cat([drift, wobble, locks], dim=1))
+
+
+def samples_before(motion: Tensor, camera: Camera, at: Samples, size: tuple[int, int]) -> Tensor:
+    """``(B, 2, h, w)``: where each sample was, in pixels of the large picture; beyond its border by one at most.
+
+    Args:
+        motion: see `Small`.
+        camera: of this frame, small.
+        at: the samples about each pixel.
+        size: ``(H, W)`` of the large picture.
+    """
+    jitter = 0.0 if camera.jitter is None else camera.jitter.to(motion)[:, :, None, None]
+    px = (pixel_centers(motion) + jitter + motion) * resident(at.ratio, motion)[None, :, None, None]
+    return torch.stack([px[:, k].clamp(-1, size[1 - k] + 1) for k in (0, 1)], dim=1)
 
 
 def begun(toned: Tensor, features: Tensor, depth: Tensor, at: Samples, size: tuple[int, int], frames: float) -> Large:
@@ -102,7 +126,7 @@ def begun(toned: Tensor, features: Tensor, depth: Tensor, at: Samples, size: tup
     """
     none = toned.new_zeros(toned.shape[0], 1, *size)
     motion, depth = none.expand(-1, 2, -1, -1), at.nearest(depth.detach().to(toned))
-    now = gathered(toned, at, none)
+    now = gathered(toned, toned, at, none)
     locks = locked(torch.cat([none, depth, motion], dim=1), features, at, now.weight, depth, motion)
     length = now.weight.clamp_max(frames * mean_weight(at))
     return Large(now.color, length, torch.cat([none, none, locks], dim=1))

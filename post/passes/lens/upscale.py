@@ -37,10 +37,12 @@ def upscale(
 ) -> tuple[Tensor, History]:
     """Average jittered frames into one anti-aliased picture of ``ratio`` times their sides.
 
-    Every sample counts for the pixels of the large picture by how near it lies to them. The history is read through a
-    spline, where the surface in front was, and clipped in YCoCg to mean and variance of the samples around. Thin
-    features, which the samples often miss, are locked: they are not clipped until light changes. The box is wider where
-    clipping moves history to and fro, which would flicker. All colours are weighted by 1 / (1 + luminance).
+    Every sample counts for the pixels of the large picture by how near it lies to them; along an edge it counts farther
+    than across it. What a history shows at a pixel and not where the samples lie is added to them, so that they do not
+    blur it. The history is read through a spline, where the surface in front was, and clipped in YCoCg to mean and
+    variance of the samples around; its weight falls where neighbours move otherwise. Thin features, which the samples
+    often miss, are locked: they are not clipped until light changes. The box is wider where clipping moves history to
+    and fro, which would flicker. All colours are weighted by 1 / (1 + luminance).
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 
@@ -64,7 +66,9 @@ def upscale(
     Raises:
         ValueError: a number is out of its range, or a shape does not fit.
 
-    Source: the method of AMD FidelityFX FSR 2, 2022; Karis 2014; Salvi 2016. Planes carried on and splines are our own.
+    Source: the method of AMD FidelityFX FSR 2, 2022; Karis 2014; Salvi 2016; kernels along edges by Wronski et al.
+    2019; samples compared with what the history shows there by Irani and Peleg 1991. Planes carried on and splines are
+    our own.
     """
     _check(color, gbuffer, reactive, ratio, frames, sharpness)
     size = round(color.shape[-2] * ratio), round(color.shape[-1] * ratio)
@@ -79,9 +83,10 @@ def upscale(
         light = light_of(large.toned)
     else:
         previous, react = history.gbuffer.camera, toned[:, :0] if reactive is None else _spread(reactive.to(toned))
-        alike = same_light(around, history.signals["around"], motion_of(gbuffer, previous)[0])
+        motion = motion_of(gbuffer, previous)[0]
+        alike = same_light(around, history.signals["around"], motion)
         surfaces, farthest = moving_surfaces(gbuffer, previous), farthest_around(history.gbuffer)
-        small = Small(toned, surfaces, farthest, alike, features, react)
+        small = Small(toned, surfaces, farthest, alike, features, motion.detach().to(toned), react)
         before = Large(history.signals["toned"], history.length, history.signals["planes"])
         tunables = Tunables(gamma, frames, lock, stability)
         light, large = upscaled(small, before, at, gbuffer.camera, previous, tunables)
