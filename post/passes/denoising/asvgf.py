@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import torch
@@ -11,6 +12,7 @@ from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.luminance import REC709, luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
+from post.filters.around import pooled
 from post.history.antilag import grain_of, tolerated
 from post.history.read import read_history
 from post.history.reproject import history_for
@@ -20,9 +22,11 @@ from post.passes.denoising.temporal import temporal
 from post.upsampling.gradient import forgetting, temporal_gradient
 
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
+BLEND = {"diffuse": 0.95, "specular": 0.9}  # replayed samples do not tell how images in mirrors move
 FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
 ITERATIONS = {"diffuse": 7, "specular": 3}
 PHI_NORMAL = {"diffuse": 128.0, "specular": 2048.0}  # see `atrous`: normals 3 degrees apart mirror different things
+SHARED, NEAR = 5, 3  # pixels: squares whose pixels share their noise relative to the light, and whose light it is of
 
 
 def asvgf(
@@ -34,7 +38,7 @@ def asvgf(
     chosen: Tensor | None = None,
     distance: Tensor | None = None,
     cached: Tensor | None = None,
-    blend: float = 0.9,
+    blend: float = 0.95,
     firefly: float = 6.0,
     iterations: int = 7,
     phi_color: float = 0.5,
@@ -90,7 +94,7 @@ def asvgf(
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
         longest=longest,
     )  # fmt: skip
-    variance = history.signals["variance"]
+    variance = _shared(history.signals["variance"], luminance(mean), gbuffer.hit)
     variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
     phi_normal = PHI_NORMAL["diffuse" if distance is None else "specular"]
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, phi_normal, roughness)
@@ -107,6 +111,17 @@ def _new(gbuffer: GBuffer, history: History | None) -> Tensor:
     before = history.signals.get("new", torch.zeros_like(history.length))
     found = read_history(gbuffer, history.gbuffer, before, length=history.length)
     return torch.where(found.valid, FADING * found.image, 1.0)
+
+
+def _shared(variance: Tensor, light: Tensor, hit: Tensor) -> Tensor:
+    """Variance of the mean, nowhere below what the pixels around have in relation to their light.
+
+    That of a few frames is small where none of them met a rare bright path. Wavelets would trust such pixels, and leave
+    them out where they average one that did meet it: dark dots, and rings round bright ones.
+    """
+    count = hit.to(light.dtype)
+    noise, square = pooled(torch.cat([variance, light * light], dim=1), count, SHARED).split(1, dim=1)
+    return torch.maximum(variance, noise / square.clamp_min(1e-8) * pooled(light, count, NEAR).square())
 
 
 def _filtered(
@@ -144,7 +159,7 @@ class ASVGF(TemporalPass):
     Args:
         signal: ``diffuse``, ``specular``, or another light of which the frame has a ``replayed_`` one.
         gradients: follow changes of light; False is plain SVGF.
-        blend: see `asvgf`, as the rest.
+        blend: see `asvgf`, as the rest; by default 0.9 for ``specular``, else 0.95.
         iterations: see `asvgf`; by default 3 for ``specular``, else 7.
     """
 
@@ -153,7 +168,7 @@ class ASVGF(TemporalPass):
         *,
         signal: str = "diffuse",
         gradients: bool = True,
-        blend: float = 0.9,
+        blend: float | None = None,
         firefly: float = 6.0,
         iterations: int | None = None,
         phi_color: float = 0.5,
@@ -181,10 +196,15 @@ class ASVGF(TemporalPass):
             replayed=frame.get(f"replayed_{self.signal}") if self.gradients else None, chosen=frame.replayed,
             distance=_image_distance(frame) if self.signal == "specular" else None,
             cached=frame.cached_diffuse if self.signal == "diffuse" else None,
-            blend=self.blend, firefly=self.firefly, phi_color=self.phi_color,
-            iterations=self.iterations or ITERATIONS.get(self.signal, ITERATIONS["diffuse"]),
+            blend=_default(BLEND, self.signal, self.blend), firefly=self.firefly,
+            iterations=int(_default(ITERATIONS, self.signal, self.iterations or None)), phi_color=self.phi_color,
         )  # fmt: skip
         return frame.write(self.signal, light).write(f"{self.signal}_history", state.length), state
+
+
+def _default(table: Mapping[str, float], signal: str, given: float | None) -> float:
+    """What is given, or else that of the signal, or of diffuse light."""
+    return table.get(signal, table["diffuse"]) if given is None else given
 
 
 def _image_distance(frame: Frame) -> Tensor | None:

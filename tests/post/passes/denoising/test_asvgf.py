@@ -104,11 +104,37 @@ def test_this_frame_counts_as_much_as_has_changed(share: float):
     torch.testing.assert_close(after.signals["signal"][hit], want[hit], atol=2e-3, rtol=0)
 
 
+def rare(seed: int) -> Tensor:
+    """Light of mean 1 of which one pixel in a hundred brings a third, as paths by way of something shiny do."""
+    generator = torch.Generator().manual_seed(seed)
+    base, shine = torch.rand(2, 1, 1, *SIZE, generator=generator)
+    return even() * (4 / 3 * base + 100 / 3 * (shine < 0.01))
+
+
+def after_rare(frames: int, signal: str = "diffuse") -> Tensor:
+    """Luminance of the floor relative to its mean, after some frames of `rare` light."""
+    f, state = frame(even()), None
+    for seed in range(frames):
+        f, state = ASVGF(signal=signal)(f.replace(**{signal: torch.where(f.gbuffer.hit, rare(seed), 0.0)}), state)
+    light = f.read(signal)[:, :1] / COLOR[:, :1]
+    return light[inner(upward(f))]
+
+
+def test_pixels_that_missed_rare_bright_paths_are_no_dots(monkeypatch: pytest.MonkeyPatch):
+    def roughness() -> float:
+        light = after_rare(8)
+        return float(light.std() / light.mean())
+
+    found = roughness()
+    monkeypatch.setattr("post.passes.denoising.asvgf._shared", lambda variance, light, hit: variance)
+    assert found < 0.95 * roughness()
+
+
 def test_new_surfaces_show_what_a_cache_knows_until_they_have_a_history():
     """The share of the cache falls over frames; what it shows is no sample, so that gradients stay as they are."""
     f, history, shares = frame(0 * even()), None, []
     hit = f.gbuffer.hit
-    for _ in range(24):
+    for _ in range(40):
         light, history = asvgf(f.read("diffuse"), f.gbuffer, history, cached=even(), firefly=0.0)
         assert not bool(history.signals["sample"].any())
         shares.append(float((light / even())[hit.expand_as(light)].mean()))
