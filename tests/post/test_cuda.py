@@ -27,6 +27,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
     light |= {
         "down",
         "across",
+        "samples",
         "upscaled",
         "surface",
         "moments",

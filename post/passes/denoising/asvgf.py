@@ -13,7 +13,9 @@ from gbufrt.luminance import REC709, luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.around import pooled
+from post.filters.surfaces import surface
 from post.history.antilag import grain_of, tolerated
+from post.history.fireflies import given_back
 from post.history.read import read_history
 from post.history.reproject import history_for
 from post.history.virtual import image_kept
@@ -24,6 +26,7 @@ from post.upsampling.gradient import forgetting, temporal_gradient
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
 BLEND = {"diffuse": 0.95, "specular": 0.9}  # replayed samples do not tell how images in mirrors move
 FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
+FIREFLY = {"diffuse": 4.0, "specular": 6.0}  # of diffuse light what is cut is given back
 ITERATIONS = {"diffuse": 7, "specular": 3}
 PHI_NORMAL = {"diffuse": 128.0, "specular": 2048.0}  # see `atrous`: normals 3 degrees apart mirror different things
 SHARED, NEAR = 5, 3  # pixels: squares whose pixels share their noise relative to the light, and whose light it is of
@@ -39,7 +42,7 @@ def asvgf(
     distance: Tensor | None = None,
     cached: Tensor | None = None,
     blend: float = 0.95,
-    firefly: float = 6.0,
+    firefly: float = 4.0,
     iterations: int = 7,
     phi_color: float = 0.5,
 ) -> tuple[Tensor, History]:
@@ -48,7 +51,7 @@ def asvgf(
     The mean of N frames gives way to this frame with the weight lerp(1 / N, 1, 1 - (1 - g)^2), where g is the
     `temporal_gradient`. Weighted by g alone, a history ten times as bright as what is left of the light would still be
     half of the mean. Luminance is filtered by wavelets as its variance requires; chroma as the filtered luminance and
-    what is left of that variance allow.
+    what is left of that variance allow. What is cut of diffuse samples is given back to the surface around them.
 
     Args:
         light: ``(B, 3, H, W)`` of this frame, linear radiance, without albedo.
@@ -62,7 +65,7 @@ def asvgf(
         cached: ``(B, 3, H, W)`` as ``light``, with less noise, of surfaces that a cache in the world knows: what pixels
             show at first that have no history. Its share falls by `FADING` a frame.
         blend: largest share of history, see `temporal`.
-        firefly: see `temporal`.
+        firefly: see `temporal`, for diffuse light `post.history.fireflies.cut_outliers`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for luminance.
 
@@ -92,12 +95,15 @@ def asvgf(
     mean, history = temporal(
         light, gbuffer, history,
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
-        longest=longest,
+        longest=longest, excess=distance is None,
     )  # fmt: skip
     variance = _shared(history.signals["variance"], luminance(mean), gbuffer.hit)
     variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
     phi_normal = PHI_NORMAL["diffuse" if distance is None else "specular"]
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, phi_normal, roughness)
+    if distance is None:  # in mirrors light belongs to what they show, not to the surface around
+        geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
+        smooth = given_back(smooth, mean, history.signals["excess"], geometry)
     kept = {"sample": sample} if new is None else {"sample": sample, "new": new}
     history = replace(history, signals={**history.signals, **kept})
     return torch.where(gbuffer.hit, smooth, light), history
@@ -160,6 +166,7 @@ class ASVGF(TemporalPass):
         signal: ``diffuse``, ``specular``, or another light of which the frame has a ``replayed_`` one.
         gradients: follow changes of light; False is plain SVGF.
         blend: see `asvgf`, as the rest; by default 0.9 for ``specular``, else 0.95.
+        firefly: see `asvgf`; by default 6 for ``specular``, else 4.
         iterations: see `asvgf`; by default 3 for ``specular``, else 7.
     """
 
@@ -169,7 +176,7 @@ class ASVGF(TemporalPass):
         signal: str = "diffuse",
         gradients: bool = True,
         blend: float | None = None,
-        firefly: float = 6.0,
+        firefly: float | None = None,
         iterations: int | None = None,
         phi_color: float = 0.5,
     ) -> None:
@@ -196,7 +203,7 @@ class ASVGF(TemporalPass):
             replayed=frame.get(f"replayed_{self.signal}") if self.gradients else None, chosen=frame.replayed,
             distance=_image_distance(frame) if self.signal == "specular" else None,
             cached=frame.cached_diffuse if self.signal == "diffuse" else None,
-            blend=_default(BLEND, self.signal, self.blend), firefly=self.firefly,
+            blend=_default(BLEND, self.signal, self.blend), firefly=_default(FIREFLY, self.signal, self.firefly),
             iterations=int(_default(ITERATIONS, self.signal, self.iterations or None)), phi_color=self.phi_color,
         )  # fmt: skip
         return frame.write(self.signal, light).write(f"{self.signal}_history", state.length), state
