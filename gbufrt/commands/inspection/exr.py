@@ -21,10 +21,10 @@ from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, CHANNELS, Profile, load_profile
 from gbufrt.files.gbuffers.read import nothing_hit
 from gbufrt.files.gbuffers.sequence import Shot, shot_parts
-from gbufrt.files.gbuffers.surfaces import HALF_MAX
 from gbufrt.files.guard import Part
 from gbufrt.files.header import ATTRIBUTE
 from gbufrt.files.png import to_pil, write_png
+from gbufrt.files.precision import MOST_HALF
 from gbufrt.files.raw_views import pictures, span
 from gbufrt.files.views import debug_names, debug_view, sheet_of
 from gbufrt.frame import Frame
@@ -171,7 +171,7 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
     """
     table, profile = _table("gbufrt's", "from"), named.profile
     told = {
-        "depth": f"{profile.depth_kind}, sky {'by its pixels' if profile.sky == HALF_MAX else f'at {profile.sky:g}'}",
+        "depth": f"{profile.depth_kind}, sky {'by its pixels' if profile.sky == MOST_HALF else f'at {profile.sky:g}'}",
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else _unposed(profile),
         "motion": "in the units that fit the cameras"
         if profile.motion_fitted

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from gbufrt.files.gbuffers.convert import FARTHEST, distances
 from gbufrt.files.gbuffers.profile import Profile
+from gbufrt.files.precision import MOST_HALF
 
-HALF_MAX = 65504.0  # the largest half: as the sky of a profile it is that of halves, which floats may pass
 SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
 ALIKE = 0.001  # share of the pixels that hold the largest depth exactly, where it is the sky's
 BEYOND = 1000.0  # how many times farther than surfaces such a sky is at least
@@ -35,7 +35,7 @@ def _sky_of(raw: Tensor, profile: Profile) -> float:
     """From which depth on, scaled as the profile says, a pixel shows the sky: the profile's, if the pixels allow it.
 
     A largest depth that many pixels share and that is far beyond all others is a sky that the profile does not know.
-    The largest half is no sky where float depths of many surfaces are larger.
+    The largest half, as the sky of a profile, is that of halves: no sky where float depths of many surfaces are larger.
     """
     sky = profile.sky * profile.depth_scale
     sky = math.inf if sky <= 0 else sky
@@ -48,7 +48,7 @@ def _sky_of(raw: Tensor, profile: Profile) -> float:
         return sky
     shared = there.numel() - others.numel() > ALIKE * raw.numel()
     middle, most = (_quantile(others, share) for share in (0.5, 1 - MANY))
-    if profile.sky == HALF_MAX:
+    if profile.sky == MOST_HALF:
         lost = (others >= sky * SKY_SHARE) & (others < BEYOND * middle)
         if int(lost.sum()) > MANY * others.numel():
             sky = math.inf if not shared else last
