@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -24,12 +24,23 @@ from post.passes.denoising.temporal import temporal
 from post.upsampling.gradient import forgetting, temporal_gradient
 
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
-BLEND = {"diffuse": 0.95, "specular": 0.9}  # replayed samples do not tell how images in mirrors move
 FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
-FIREFLY = {"diffuse": 4.0, "specular": 6.0}  # of diffuse light what is cut is given back
-ITERATIONS = {"diffuse": 7, "specular": 3}
-PHI_NORMAL = {"diffuse": 128.0, "specular": 2048.0}  # see `atrous`: normals 3 degrees apart mirror different things
 SHARED, NEAR = 5, 3  # pixels: squares whose pixels share their noise relative to the light, and whose light it is of
+
+
+class Lobe(NamedTuple):
+    """What suits one kind of light; see `asvgf`."""
+
+    blend: float
+    firefly: float
+    iterations: int
+    phi_normal: float
+
+
+DIFFUSE = Lobe(blend=0.95, firefly=4.0, iterations=7, phi_normal=128.0)
+# Replayed samples do not tell how images in mirrors move, what is cut there is not given back, and normals 3 degrees
+# apart mirror different things.
+SPECULAR = Lobe(blend=0.9, firefly=6.0, iterations=3, phi_normal=2048.0)
 
 
 def asvgf(
@@ -41,9 +52,9 @@ def asvgf(
     chosen: Tensor | None = None,
     distance: Tensor | None = None,
     cached: Tensor | None = None,
-    blend: float = 0.95,
-    firefly: float = 4.0,
-    iterations: int = 7,
+    blend: float = DIFFUSE.blend,
+    firefly: float = DIFFUSE.firefly,
+    iterations: int = DIFFUSE.iterations,
     phi_color: float = 0.5,
 ) -> tuple[Tensor, History]:
     """Denoise light whose history follows changes of the scene, told by samples of the frame before taken again.
@@ -99,7 +110,7 @@ def asvgf(
     )  # fmt: skip
     variance = _shared(history.signals["variance"], luminance(mean), gbuffer.hit)
     variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
-    phi_normal = PHI_NORMAL["diffuse" if distance is None else "specular"]
+    phi_normal = (DIFFUSE if distance is None else SPECULAR).phi_normal
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, phi_normal, roughness)
     if distance is None:  # in mirrors light belongs to what they show, not to the surface around
         geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
@@ -183,9 +194,10 @@ class ASVGF(TemporalPass):
         super().__init__()
         self.signal = signal
         self.gradients = gradients
-        self.blend = blend
-        self.firefly = firefly
-        self.iterations = iterations
+        lobe = SPECULAR if signal == "specular" else DIFFUSE
+        self.blend = lobe.blend if blend is None else blend
+        self.firefly = lobe.firefly if firefly is None else firefly
+        self.iterations = lobe.iterations if iterations is None else iterations
         self.phi_color = phi_color
         self.reads = frozenset({"depth", "normal", "hit", signal})
         self.optional = frozenset({"motion", "motion_z", "normal_geo", "object_id"})
@@ -203,15 +215,9 @@ class ASVGF(TemporalPass):
             replayed=frame.get(f"replayed_{self.signal}") if self.gradients else None, chosen=frame.replayed,
             distance=_image_distance(frame) if self.signal == "specular" else None,
             cached=frame.cached_diffuse if self.signal == "diffuse" else None,
-            blend=_default(BLEND, self.signal, self.blend), firefly=_default(FIREFLY, self.signal, self.firefly),
-            iterations=int(_default(ITERATIONS, self.signal, self.iterations or None)), phi_color=self.phi_color,
+            blend=self.blend, firefly=self.firefly, iterations=self.iterations, phi_color=self.phi_color,
         )  # fmt: skip
         return frame.write(self.signal, light).write(f"{self.signal}_history", state.length), state
-
-
-def _default(table: Mapping[str, float], signal: str, given: float | None) -> float:
-    """What is given, or else that of the signal, or of diffuse light."""
-    return table.get(signal, table["diffuse"]) if given is None else given
 
 
 def _image_distance(frame: Frame) -> Tensor | None:
