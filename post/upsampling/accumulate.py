@@ -12,9 +12,9 @@ from torch import Tensor
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
-from post.history.constants import WINDOW as NARROW
+from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
-from post.upsampling.constants import ALONG, BOX, COVERED, DECAY, FIRST, FLAT, LEAST, MATURE, PARTING, WINDOW
+from post.upsampling.constants import ALONG, BOX, COUNTS, COVERED, DECAY, FIRST, FLAT, LEAST, MATURE, PARTING
 from post.upsampling.samples import Samples
 
 OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
@@ -53,7 +53,7 @@ def gathered(toned: Tensor, expected: Tensor, at: Samples, weight: Tensor) -> Ga
         weight: ``(B, 1, H, W)`` of the history; with little of it the window is that of the small picture's pixels.
     """
     area, ready = at.ratio[0] * at.ratio[1], (weight / MATURE).clamp(0, 1)
-    window = WINDOW * ready + FIRST / area * (1 - ready)
+    window = COUNTS * ready + FIRST / area * (1 - ready)
     xx, xy, yy = at.nearest(ellipses(toned)).split(1, dim=1)
     taps = list(at.surrounding(torch.cat([toned, expected], dim=1)))
     zero = torch.zeros_like(weight)
@@ -62,7 +62,7 @@ def gathered(toned: Tensor, expected: Tensor, at: Samples, weight: Tensor) -> Ga
         x, y = away[:, :1], away[:, 1:]
         square = xx * x * x + 2 * xy * x * y + yy * y * y
         counts = near(window * square)
-        count, share, sums = count + near(WINDOW * square), share + counts, sums + counts * tap
+        count, share, sums = count + near(COUNTS * square), share + counts, sums + counts * tap
     total, first, second = zero, zero, zero
     for tap, away in at.around(ycocg(toned)):
         counts = torch.exp(BOX / area * away.square().sum(1, keepdim=True))
@@ -103,7 +103,7 @@ def shear(motion: Tensor) -> Tensor:
 
 def mean_weight(at: Samples) -> float:
     """What a frame's samples weigh at a pixel, in the mean."""
-    return 8 / 9 * math.pi / -WINDOW / (at.ratio[0] * at.ratio[1])
+    return 8 / 9 * math.pi / -COUNTS / (at.ratio[0] * at.ratio[1])
 
 
 def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]:
@@ -149,7 +149,7 @@ def locked(locks: Tensor, found: Tensor, at: Samples, weight: Tensor, depth: Ten
         depth: ``(B, 1, H, W)`` of each pixel now.
         motion: ``(B, 2, H, W)`` pixels, of each pixel.
     """
-    met = at.nearest(found) * torch.exp(NARROW / 2 * at.away.square().sum(1, keepdim=True))
+    met = at.nearest(found) * torch.exp(WINDOW / 2 * at.away.square().sum(1, keepdim=True))
     now = torch.cat([met, depth, motion], dim=1)
     old = torch.cat([(locks[:, :1] - DECAY * weight.detach()).clamp_min(0.0), locks[:, 1:]], dim=1)
     return torch.where(met > old[:, :1], now, old)

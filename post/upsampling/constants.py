@@ -7,9 +7,9 @@ ANY = 1e-4  # weight that even another surface keeps, so that a pixel without it
 ONLY_NEAR = 1e-3  # share of samples two spacings away
 
 # of `post.upscale`
-WINDOW = -3.0  # as `WINDOW` of `post.history.constants`, of the kernel that `accumulate.near` is
+COUNTS = -3.0  # as `post.history.constants.WINDOW`: of how much samples about a pixel count, by `accumulate.near`
 LEAST = 1e-4  # weight of a frame none of whose samples lie near a pixel
-FIRST = -4.0  # as `WINDOW`, in pixels of the small picture: of a pixel without history
+FIRST = -4.0  # as `COUNTS`, in pixels of the small picture: of a pixel without history
 ALONG = 0.2  # of squared distances along an edge, as far as they count where nothing else is near
 FLAT = 7e-3  # squared differences of luminance in 3x3 below which no edge is seen
 FOLLOWS = 0.5  # most of the difference between a history at a pixel and at the samples about it that colours take on

@@ -39,7 +39,7 @@ from post.upsampling.upscale_history_kernel import (
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 TINY, SMALL, SMALLEST = np.float32(1e-12), np.float32(1e-6), np.float32(1e-30)
 BRIGHTEST, EIGHTH, FARTHEST = np.float32(MOST_BRIGHT), np.float32(1 / 8), np.float32(1 / 32)
-WINDOW, FIRST = np.float32(constants.WINDOW), np.float32(constants.FIRST)
+COUNTS, FIRST = np.float32(constants.COUNTS), np.float32(constants.FIRST)
 FOLLOWS, TRUSTED = np.float32(constants.FOLLOWS), np.float32(constants.TRUSTED)
 LEAST, MATURE, DECAY = np.float32(constants.LEAST), np.float32(constants.MATURE), np.float32(constants.DECAY)
 SLOW, STEADY, WIDER = np.float32(constants.SLOW), np.float32(constants.STEADY), np.float32(constants.WIDER)
@@ -87,7 +87,7 @@ def colors_row(now, kept, toned, seen, across, down, area, y):
         beside, right = bounded(column + side, width), left + np.float32(side) * step
         xx, xy, yy = seen[ELLIPSE, row, column], seen[ELLIPSE + 1, row, column], seen[ELLIPSE + 2, row, column]
         ready = min(max(kept[WEIGHT, x] / MATURE, ZERO), ONE)
-        window = WINDOW * ready + FIRST / area * (ONE - ready)
+        window = COUNTS * ready + FIRST / area * (ONE - ready)
         count, share, r, g, b, e, f, h = LEAST, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
         l0, l1, l2 = toned[0, row, column], toned[1, row, column], toned[2, row, column]
         m0, m1, m2 = l0, l1, l2
@@ -95,7 +95,7 @@ def colors_row(now, kept, toned, seen, across, down, area, y):
             i, j = beside if k % 2 else column, other if k > 1 else row
             u, v = right if k % 2 else left, below if k > 1 else above
             square = xx * u * u + xy * u * v * TWO + yy * v * v
-            count += _near(WINDOW * square)
+            count += _near(COUNTS * square)
             counts = _near(window * square)
             t0, t1, t2 = toned[0, j, i], toned[1, j, i], toned[2, j, i]
             share, r, g, b = share + counts, r + counts * t0, g + counts * t1, b + counts * t2
