@@ -15,12 +15,9 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame
 from gbufrt.noise.noise import halton_jitter
-from gbufrt.sampling import pixel_centers, sample
+from gbufrt.sampling import pixel_centers
 from post import Upscale, reactive_mask, upscale
-from post.upsampling.accumulate import ellipses, near, same_light, shear
-from post.upsampling.samples import Samples
 from post.upsampling.sharpen import sharpened
-from post.upsampling.spline import spline_coefficients, spline_read
 
 SMALL, LARGE = (30, 40), (60, 80)
 STEP = 0.04  # world units a frame
@@ -147,51 +144,6 @@ def test_the_mask_knows_glass_and_mirrors():
     assert float(reactive_mask(smooth)[~g.hit].sum()) == 0.0
 
 
-def test_light_that_changes_ends_locks():
-    one = torch.ones(1, 1, 6, 8)
-    still = torch.zeros(1, 2, 6, 8)
-    assert bool((same_light(one, one * 1.05, still) == 1).all())
-    assert bool((same_light(one, one * 0.3, still) == 0).all())
-
-
-def test_samples_along_an_edge_count_farther_than_across_it():
-    ramp = torch.arange(8.0).expand(1, 3, 8, 8) / 8
-    for edge, along in ((ramp, 2), (ramp.transpose(2, 3), 0)):
-        xx, xy, yy = (ellipses(edge)[0, k, 4, 4] for k in range(3))
-        counts = torch.stack([xx, xy, yy])
-        assert float(counts[2 - along]) == pytest.approx(1.0, abs=0.01)
-        assert float(counts[along]) < 0.3
-        assert float(xy) == pytest.approx(0.0, abs=1e-4)
-    slanted = (ramp + ramp.transpose(2, 3)) / 2  # its edges go from lower left to upper right
-    xx, xy, yy = ellipses(slanted)[0, :, 4, 4].tolist()
-    assert xx + yy - 2 * xy < 0.3 * (xx + yy + 2 * xy)
-    assert torch.allclose(ellipses(torch.ones(1, 3, 5, 5))[0, :, 2, 2], torch.tensor([1.0, 0.0, 1.0]), atol=1e-4)
-
-
-def test_four_samples_surround_each_pixel():
-    at = Samples.of(SMALL, LARGE, torch.tensor([[0.3, -0.4]]), torch.zeros(1, 1, *SMALL))
-    index = torch.arange(float(SMALL[0] * SMALL[1])).view(1, 1, *SMALL)
-    taps, away = (torch.stack(found)[..., 4:-4, 4:-4] for found in zip(*at.surrounding(index), strict=True))
-    least, most = away.amin(0), away.amax(0)
-    assert bool(((least <= 0) & (most >= 0)).all())
-    assert torch.allclose(most - least, torch.tensor(2.0))
-    assert bool((taps.sort(0).values.diff(dim=0) > 0).all()), "they are four"
-    assert torch.equal(taps[0], at.nearest(index)[..., 4:-4, 4:-4])
-
-
-def test_the_kernel_is_nearly_exponential_and_never_zero():
-    exponent = torch.linspace(-40, 0, 81)
-    assert torch.allclose(near(exponent), exponent.exp(), atol=0.04)
-    assert float(near(exponent).min()) > 0
-
-
-def test_shear_is_how_otherwise_neighbours_move():
-    motion = torch.zeros(1, 2, 5, 8)
-    motion[:, :, :, 4:] = torch.tensor([3.0, -4.0]).view(1, 2, 1, 1)
-    assert shear(motion)[0, 0, 2].tolist() == [0, 0, 0, 5, 5, 0, 0, 0]
-    assert float(shear(motion * 0 + 7).max()) == 0.0
-
-
 def test_few_samples_draw_edges_at_once():
     """After four frames a pixel has one sample or so; with round kernels, error is half of bicubic interpolation's."""
     assert error(run(4)[-1], truth_at()) < 0.43 * error(bicubic(), truth_at())
@@ -200,20 +152,6 @@ def test_few_samples_draw_edges_at_once():
 def test_samples_that_lie_beside_pixels_do_not_blur_what_moves():
     """Error is 0.367 of bicubic interpolation's; without what the history shows where they lie, 0.385."""
     assert error(run(20, STEP)[-1], truth_at(STEP * 19)) < 0.376 * error(bicubic(STEP * 19), truth_at(STEP * 19))
-
-
-def test_splines_go_through_pixels_and_hardly_blur():
-    white = torch.rand((1, 3, 24, 24), generator=torch.Generator().manual_seed(1))
-    centers = pixel_centers(white)
-    read = spline_read(spline_coefficients(white), centers)
-    assert torch.allclose(read[..., 6:-6, 6:-6], white[..., 6:-6, 6:-6], atol=2e-3)
-    wave = torch.cos(torch.arange(24.0) * 1.8).expand(1, 1, 24, 24)
-    there = centers + torch.tensor([0.5, 0.0]).view(1, 2, 1, 1)
-    exact = torch.cos((torch.arange(24.0) + 0.5) * 1.8)
-    inner = (..., slice(6, -6))
-    by_spline = (spline_read(spline_coefficients(wave), there) - exact)[inner].abs().max()
-    by_bicubic = (sample(wave, there, mode="bicubic") - exact)[inner].abs().max()
-    assert by_spline < 0.65 * by_bicubic
 
 
 def test_sharpening_stays_in_range_and_leaves_flat_places():
