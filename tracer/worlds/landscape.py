@@ -27,6 +27,7 @@ EMBERS = Sky(zenith=(0.045, 0.009, 0.0055), horizon=(0.08, 0.015, 0.009), ground
 SMOKE = Haze(begin=40.0, end=192.0)
 NIGHT, GLOW = (0.0018, 0.0011, 0.0025), (0.05, 0.044, 0.056)  # of the End: what is round it, and light from overhead
 OVERHEAD = 0.4  # sine of the elevation at which that light begins, where few pictures show it
+ENDLESS = 0.5  # of the land is end stone, where it floats in the End
 ROOFED = 0.9  # of the land lies under a roof of bedrock, where all of it does
 HEADROOM = 3.0  # between eye and roof, blocks
 FOV_Y = 55.0
@@ -71,7 +72,7 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     if shore is not None:
         ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
     views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
-    if _topped(ground, world.materials, "end_stone") > 0.5:
+    if _topped(ground, world.materials, "end_stone") > ENDLESS:
         return Scene(world=world, instances=instances, sun=None, sky=Sky(picture=_night()), views=views)
     sky = replace(SKY, plain=_plain(ground, world.materials))
     return Scene(world=world, instances=instances, sun=SUN, sky=sky, views=views)
