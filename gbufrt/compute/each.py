@@ -10,7 +10,7 @@ from numba import prange
 from torch import Tensor
 
 from gbufrt.compute.dispatch import simulated
-from gbufrt.compute.kernel import CPU, Kernel, array, in_lanes, replaced, scalar, tensors_of, threads
+from gbufrt.compute.kernel import CPU, Kernel, array, in_lanes, inlined, replaced, scalar, tensors_of, threads
 
 Argument = Tensor | float | tuple[Any, ...]
 ROWS = 64  # items handed to a thread at a time
@@ -56,6 +56,22 @@ def pixel_of(i, height, width):
     """Picture, row and column of an item that is a pixel of one of several pictures."""
     row, column = parted(i, width)
     return *parted(row, height), column
+
+
+@inlined
+def _one(row):
+    return 1
+
+
+@in_lanes(_one)
+@inlined
+def pixels(row):
+    """How many pixels a part of a row has, which must have one, and begins and ends with its item.
+
+    A GPU's threads have a pixel each. If their compiler knows, it makes no loop of it, and keeps in registers what rows
+    of scratch hold.
+    """
+    return row.shape[0]
 
 
 class Each:

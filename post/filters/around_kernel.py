@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gbufrt.compute.approximations import LOG2_E, falling_exp2
-from gbufrt.compute.each import pixel_of
+from gbufrt.compute.each import pixel_of, pixels
 from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters import constants
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
@@ -88,7 +88,7 @@ def alike_taps(weights, guide, plane, y, tap, edge):
     """Where one tap shows the surface of a row's pixels, or the sky if they do: 1, else 0."""
     edge_weights(weights, guide, plane, y, tap, edge)
     hit, there = guide[HIT, y, tap.first : tap.end], guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    for i in range(weights.shape[0]):
+    for i in range(pixels(weights)):
         weights[i] = ONE if weights[i] > SAME or (hit[i] == ZERO and there[i] == ZERO) else ZERO
 
 
@@ -99,6 +99,8 @@ def alike_row(same, weights, guide, plane, edge, y):
     same[:, y] = False
     for k in range(9):
         tap = tap_at(y, 0, width, k % 3 - 1, k // 3 - 1, (height, width))
+        if tap.end == tap.first:
+            continue
         row, used = same[k, y, tap.first : tap.end], weights[: tap.end - tap.first]
         alike_taps(used, guide, plane, y, tap, edge)
         for i in range(used.shape[0]):

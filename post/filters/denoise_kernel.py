@@ -19,6 +19,7 @@ from post.filters.kernel import guide_row
 from post.filters.weight_kernel import edge_weight, near_of, there_row, weigh_further
 
 ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
+HALF_LOG2_E = LOG2_E / np.float32(2)
 LEAST, NOISELESS, THIRD = np.float32(1e-6), np.float32(1e-12), np.float32(1 / 3)
 FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
 NARROWEST, MIN_CONTRAST = np.float32(constants.NARROWEST), np.float32(constants.MIN_CONTRAST)
@@ -28,30 +29,19 @@ Own = namedtuple("Own", "light scale limit")
 """What a pixel holds against its taps: its light, a factor on the difference, and what a square pixel away costs."""
 
 
-@scalar
-def surface_weights(weights, guide, near, y, taps, edge):
-    """The weights of taps by surface alone, for a row of pixels."""
-    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
-    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
-    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
-    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
-    if taps.count == 1:
-        for i in range(size):
-            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
-    else:
-        for i in range(size):
-            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
-            two[i] = edge_weight(i, here, near, i + step, there, dx + gap, dy, edge, ZERO)
-            three[i] = edge_weight(i, here, near, i + step + step, there, dx + gap + gap, dy, edge, ZERO)
-    weigh_further(weights, guide, y, taps, edge)
+@contracted
+@inlined
+def wavelet_exponent(own, other, dx, dy):
+    """What light and distance do to one tap of `reference.wavelet_reference`, as an exponent of 2."""
+    return -(abs(other - own.light) * own.scale + own.limit * (dx * dx + dy * dy))
 
 
 @contracted
 @inlined
 def wavelet_weight(i, here, near, own, j, there, other, dx, dy, edge):
     """One tap of `reference.wavelet_reference`, without its share."""
-    away = abs(other[j] - own.light[i]) * own.scale[i] + own.limit[i] * (dx * dx + dy * dy)
-    return edge_weight(i, here, near, j, there, dx, dy, edge, -away)
+    one = Own(own.light[i], own.scale[i], own.limit[i])
+    return edge_weight(i, here, near, j, there, dx, dy, edge, wavelet_exponent(one, other[j], dx, dy))
 
 
 @contracted
@@ -80,11 +70,18 @@ def wavelet_weights(weights, guide, near, light, scale, limit, y, taps, shares, 
 
 @contracted
 @inlined
+def bilateral_exponent(own, other, dx, dy):
+    """What light and distance do to one tap of `reference.bilateral_reference`, as an exponent of 2."""
+    away = (other - own.light) * own.scale
+    return own.limit * (dx * dx + dy * dy) - LOG2_E * max(away * away - ONE, ZERO)
+
+
+@contracted
+@inlined
 def bilateral_weight(i, here, near, own, j, there, other, dx, dy, edge):
     """One tap of `reference.bilateral_reference`."""
-    away = (other[j] - own.light[i]) * own.scale[i]
-    exponent = own.limit[i] * (dx * dx + dy * dy) - LOG2_E * max(away * away - ONE, ZERO)
-    return edge_weight(i, here, near, j, there, dx, dy, edge, exponent)
+    one = Own(own.light[i], own.scale[i], own.limit[i])
+    return edge_weight(i, here, near, j, there, dx, dy, edge, bilateral_exponent(one, other[j], dx, dy))
 
 
 @scalar
@@ -124,28 +121,21 @@ def add_moments(sums, weights, light, y, taps):
             square[i] += weight * away * away
 
 
-@contracted
-@scalar
-def add_spread(spread, weights, variance, taps):
-    """Add the taps' variance, weighted as that of a mean."""
-    total = spread[taps.first : taps.end]
-    for k in range(taps.count):
-        shift = taps.dx + k * taps.step
-        row, there = weights[k, : total.shape[0]], variance[taps.y, taps.first + shift : taps.end + shift]
-        for i in range(row.shape[0]):
-            total[i] += row[i] * row[i] * there[i]
+@inlined
+def moments_of(total, mean, square, light):
+    """Mean and unbiased variance from sums about the centre's ``light``."""
+    count = max(total, LEAST)
+    average = mean / count
+    variance = max(square / count - average * average, ZERO)
+    return average + light, variance * (count / max(count - ONE, ONE))
 
 
 @scalar
 def finish_moments(out, total, mean, square, light, y):
-    """Mean and unbiased variance of a row from its sums."""
+    """`moments_of` a row."""
     means, variances, here = out[0, y], out[1, y], light[y]
     for x in range(here.shape[0]):
-        count = max(total[x], LEAST)
-        average = mean[x] / count
-        variance = max(square[x] / count - average * average, ZERO)
-        means[x] = average + here[x]
-        variances[x] = variance * (count / max(count - ONE, ONE))
+        means[x], variances[x] = moments_of(total[x], mean[x], square[x], here[x])
 
 
 @scalar
@@ -166,17 +156,29 @@ def noise_row(noise, column, variance, y):
         beside = column[min(x + 1, last)] if x == 0 else column[x - 1]
         noise[x] = (column[x] + column[x] + beside) / (ONE + ONE + ONE) if width > 1 else column[x]
     for x in range(width):
-        noise[x] = math.sqrt(max(noise[x], ZERO) + NOISELESS) * THIRD
+        noise[x] = deviation_of(noise[x])
+
+
+@inlined
+def deviation_of(blurred):
+    """The standard deviation of a 3x3 mean, from the blurred variance there."""
+    return math.sqrt(max(blurred, ZERO) + NOISELESS) * THIRD
+
+
+@inlined
+def wavelet_own(light, noise, reach, phi_color):
+    """What differences from a pixel cost in exponents of 2: a unit of luminance, from its noise, and a square pixel."""
+    return Own(light, LOG2_E / (phi_color * noise + FLOOR * abs(light)), LOG2_E * reach)
 
 
 @scalar
 def wavelet_limits(limits, light, reach, y, phi_color):
-    """What differences cost in exponents of 2: a unit of luminance, from the noise there, and a square pixel."""
+    """`wavelet_own` of a row, whose noise ``limits`` holds."""
     here, wide, phi = light[y], reach[y], np.float32(phi_color)
     noise, square = limits[0], limits[1]
     for x in range(here.shape[0]):
-        noise[x] = LOG2_E / (phi * noise[x] + FLOOR * abs(here[x]))
-        square[x] = LOG2_E * wide[x]
+        own = wavelet_own(here[x], noise[x], wide[x], phi)
+        noise[x], square[x] = own.scale, own.limit
 
 
 @scalar
@@ -202,31 +204,39 @@ def center_row(sums, values, y, span):
         spread[i] = share * share * here[i]
 
 
+@inlined
+def bilateral_own(light, share, width, tolerance):
+    """What differences from a pixel cost: one over the tolerance, and the spatial Gaussian as an exponent of 2 for each
+    square pixel; narrower at edges, where few of the four neighbours are on its surface (``share`` of them)."""
+    sigma = width * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share)
+    return Own(light, ONE / tolerance, -HALF_LOG2_E / (sigma * sigma))
+
+
 @scalar
 def bilateral_limits(limits, share, width, tolerance, y):
-    """One over the tolerance, and the spatial Gaussian as an exponent of 2 for each square pixel; narrower at edges."""
-    scale, falloff, here, limit, half = limits[0], limits[1], width[y], tolerance[y], LOG2_E / np.float32(2)
+    """`bilateral_own` of a row."""
+    scale, falloff, here, limit = limits[0], limits[1], width[y], tolerance[y]
     for x in range(here.shape[0]):
-        sigma = here[x] * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share[x])
-        scale[x], falloff[x] = ONE / limit[x], -half / (sigma * sigma)
+        own = bilateral_own(ZERO, share[x], here[x], limit[x])
+        scale[x], falloff[x] = own.scale, own.limit
 
 
 @scalar
 def limits_row(width, tolerance, column, light, variance, y, sigma, sensitivity, phi_color):
     """A row of `reference.limits_reference`."""
-    noise_row(tolerance[y], column, variance, y)
-    limit_row(width, tolerance, light, variance, y, sigma, sensitivity, phi_color)
+    wide, limit, here, spread = width[y], tolerance[y], light[y], variance[y]
+    noise_row(limit, column, variance, y)
+    for x in range(here.shape[0]):
+        wide[x], limit[x] = limits_of(here[x], spread[x], limit[x], sigma, sensitivity, phi_color)
 
 
 @inlined
-def limit_row(width, tolerance, light, variance, y, sigma, sensitivity, phi_color):
-    """As `limits_row`, where the tolerance is the 3x3 means' standard deviation still."""
-    wide, limit, here, spread = width[y], tolerance[y], light[y], variance[y]
-    for x in range(here.shape[0]):
-        size = abs(here[x])
-        noise = math.sqrt(max(spread[x], NOISELESS)) / max(size, MIN_MEAN)
-        wide[x] = sigma * (NARROWEST + (ONE - NARROWEST) * min(sensitivity * noise, ONE))
-        limit[x] = phi_color * limit[x] + MIN_CONTRAST * size
+def limits_of(light, variance, deviation, sigma, sensitivity, phi_color):
+    """Width and tolerance of one pixel; ``deviation`` is that of the 3x3 mean."""
+    size = abs(light)
+    noise = math.sqrt(max(variance, NOISELESS)) / max(size, MIN_MEAN)
+    width = sigma * (NARROWEST + (ONE - NARROWEST) * min(sensitivity * noise, ONE))
+    return width, phi_color * deviation + MIN_CONTRAST * size
 
 
 @scalar

@@ -10,7 +10,6 @@ from post.filters.around_kernel import alike_row, least_row, pooled_row
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.denoise_kernel import (
     add_moments,
-    add_spread,
     bilateral_limits,
     bilateral_weights,
     center_row,
@@ -19,13 +18,21 @@ from post.filters.denoise_kernel import (
     limits_row,
     noise_row,
     spline_shares,
-    surface_weights,
     wavelet_limits,
     wavelet_weights,
 )
 from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
 from post.filters.kernel import edge_of, hit_span, surface_row, unit_row
-from post.filters.weight_kernel import GROUP, PARTS, add_values, edge_with, near_row, part_of
+from post.filters.weight_kernel import (
+    GROUP,
+    PARTS,
+    add_spread,
+    add_values,
+    edge_with,
+    near_row,
+    part_of,
+    surface_weights,
+)
 
 
 @driver

@@ -9,7 +9,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
-from post.filters.fits import fits_cuda, squarings
+from post.filters.fits import counted, fits_cuda, squarings
 from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
 
 
@@ -56,7 +56,7 @@ def wavelet_cpu(
     out = torch.empty_like(values, memory_format=torch.contiguous_format)
     pictures, options = (out, values, guide, plane, reach[:, 0]), (step, perspective, phi_color, phi_depth, phi_normal)
     if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
-        wavelet_each(reach.numel(), *pictures, *options, squarings(phi_normal))
+        wavelet_each(reach.numel(), *pictures, *options, squarings(phi_normal), counted(values.shape[1] - 1))
     else:
         wavelet_rows(*map(array, pictures), *options, squarings(phi_normal), threads())
     return out
@@ -88,7 +88,7 @@ def bilateral_cpu(
     pictures = (out, values, guide, plane, width[:, 0], tolerance[:, 0])
     options = (radius, perspective, depth_sensitivity, normal_power, squarings(normal_power))
     if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
-        bilateral_each(width.numel(), *pictures, *options)
+        bilateral_each(width.numel(), *pictures, *options, counted(values.shape[1] - 1))
     else:
         bilateral_rows(*map(array, pictures), *options, threads())
     return out

@@ -7,28 +7,27 @@ from typing import Any
 import numba.cuda
 import numpy as np
 
+from gbufrt.compute.approximations import LOG2_E
 from gbufrt.compute.each import Each, pixel_of
-from gbufrt.compute.kernel import scalar
+from gbufrt.compute.kernel import inlined, scalar
 from post.filters.around_kernel import kindred_pixel
-from post.filters.constants import B3, COARSE_POWER, HIT, MOST_PLANES
+from post.filters.constants import B3, COARSE_POWER, DEPTH, HIT, MOST_PLANES, NX, NY, NZ, ROUGHNESS
 from post.filters.denoise_kernel import (
-    Own,
-    bilateral_limits,
-    bilateral_weight,
-    center_row,
-    finish_moments,
-    finish_row,
-    limit_row,
-    noise_row,
-    wavelet_limits,
-    wavelet_weight,
+    LEAST,
+    bilateral_exponent,
+    bilateral_own,
+    deviation_of,
+    limits_of,
+    moments_of,
+    wavelet_exponent,
+    wavelet_own,
 )
 from post.filters.fxaa_kernel import edge_row, luma_of, smooth
-from post.filters.kernel import guide_row, surface_row, unit_row
-from post.filters.weight_kernel import ZERO, Near, Taps, edge_weight, edge_with, near_row, weigh_further
+from post.filters.kernel import Guide, surface_row, unit_row
+from post.filters.weight_kernel import ONE, ZERO, Near, edge_with, gloss_between, power_between, weight_between
 
 cuda: Any = numba.cuda
-SUMS = MOST_PLANES + 1  # and the sum of the weights, or of their squares
+MIDDLE, BESIDE, LAST = np.float32(B3[2]), np.float32(B3[1]), np.float32(B3[0])
 FOUR = ((-1, 0), (1, 0), (0, -1), (0, 1))  # pixels beside one
 
 
@@ -45,141 +44,153 @@ def unit_pixel(i, out, vector, fallback):
     unit_row(out[b], vector[b], fallback[b], y, x, x + 1)
 
 
-@scalar
-def _near(near, plane, y, x, depth_sensitivity):
-    near_row(near, plane, y, x, x + 1, depth_sensitivity)
-    return Near(near[0], near[1], near[2])
+@inlined
+def _guide_of(guide, y, x):
+    """One pixel of the guide; see `weight_kernel.guide_at`."""
+    rough = ROUGHNESS if guide.shape[0] > ROUGHNESS else HIT
+    return Guide(
+        guide[DEPTH, y, x], guide[NX, y, x], guide[NY, y, x], guide[NZ, y, x], guide[HIT, y, x], guide[rough, y, x]
+    )
 
 
-@scalar
-def _around(y, x, dx, dy, size):
-    return 0 <= y + dy < size[0] and 0 <= x + dx < size[1]
+@inlined
+def _near_of(plane, y, x, depth_sensitivity):
+    """One pixel of `weight_kernel.near_row`."""
+    footprint = LOG2_E * np.float32(depth_sensitivity) * plane[3, y, x]
+    return Near(footprint * plane[0, y, x], footprint * plane[1, y, x], footprint * plane[2, y, x])
 
 
-@scalar
-def _further(weights, weight, guide, y, x, dx, dy, edge):
-    """A weight with `weight_kernel.weigh_further`."""
-    weights[0, 0] = weight
-    weigh_further(weights, guide, y, Taps(y + dy, x, x + 1, dx, dy, 1, 1, 0), edge)
-    return weights[0, 0]
+@inlined
+def _within(y, x, size):
+    return 0 <= y < size[0] and 0 <= x < size[1]
 
 
-@scalar
-def _surface_weight(weights, guide, here, near, y, x, dx, dy, edge):
-    there = guide_row(guide, y + dy, x + dx, x + dx + 1)
-    weight = edge_weight(0, here, near, 0, there, np.float32(dx), np.float32(dy), edge, ZERO)
-    return _further(weights, weight, guide, y, x, dx, dy, edge)
+@inlined
+def _weight(here, near, there, dx, dy, edge, exponent):
+    """The edge weight of a tap with all of its factors."""
+    weight = weight_between(here, near, there, np.float32(dx), np.float32(dy), edge, exponent)
+    if edge.rest != ZERO:
+        weight *= power_between(here, there, edge)
+    if edge.roughness != ZERO:
+        weight *= gloss_between(here, there, edge)
+    return weight
 
 
-@scalar
-def _add(sums, weight, values, channels, y, x):
-    """Add a tap to the sums of `weight_kernel.add_values`."""
-    for c in range(channels):
-        sums[c, 0] += weight * values[c, y, x]
-    sums[channels, 0] += weight
+@inlined
+def _deviation(variance, y, x, size):
+    """One pixel of `denoise_kernel.noise_row`: its separable blur at once, over the pixels that are there."""
+    total, shares = ZERO, ZERO
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            if _within(y + dy, x + dx, size):
+                share = np.float32((2 - abs(dx)) * (2 - abs(dy)))
+                total += share * variance[np.uint64(y + dy), np.uint64(x + dx)]
+                shares += share
+    return deviation_of(total / shares)
 
 
-@scalar
-def _finish(out, sums, total, before, guide, channels, y, x):
-    for c in range(channels):
-        known = guide[HIT, :, x : x + 1]
-        finish_row(out[c, :, x : x + 1], sums[c], total, before[c, :, x : x + 1], known, y)
+@inlined
+def _spline(i):
+    """The B-spline's share of a tap; to look it up would take a branch for each."""
+    return MIDDLE if i == 0 else (BESIDE if abs(i) == 1 else LAST)
 
 
 @scalar
 def moments_pixel(i, out, light, guide, plane, radius, perspective, depth_sensitivity, squares):
     b, y, x = pixel_of(i, light.shape[1], light.shape[2])
-    weights, prepared = cuda.local.array((1, 1), np.float32), cuda.local.array((3, 1), np.float32)
-    sums = cuda.local.array((3, 1), np.float32)
-    edge, near = (
-        edge_with(guide[b], perspective, squares, COARSE_POWER),
-        _near(prepared, plane[b], y, x, depth_sensitivity),
-    )
-    here, size = guide_row(guide[b], y, x, x + 1), light.shape[1:]
-    sums[:] = 0
+    edge, size, seen = edge_with(guide[b], perspective, squares, COARSE_POWER), light.shape[1:], guide[b]
+    here, near, own = _guide_of(seen, y, x), _near_of(plane[b], y, x, depth_sensitivity), light[b, y, x]
+    total, mean, square = ZERO, ZERO, ZERO
     for dy in range(-radius, radius + 1):
         for dx in range(-radius, radius + 1):
-            if _around(y, x, dx, dy, size):
-                weight = _surface_weight(weights, guide[b], here, near, y, x, dx, dy, edge)
-                away = light[b, y + dy, x + dx] - light[b, y, x]
-                sums[0, 0] += weight
-                sums[1, 0] += weight * away
-                sums[2, 0] += weight * away * away
-    finish_moments(out[b, :, :, x : x + 1], sums[0], sums[1], sums[2], light[b, :, x : x + 1], y)
+            if _within(y + dy, x + dx, size):
+                row, column = np.uint64(y + dy), np.uint64(x + dx)  # never below zero: nothing to wrap
+                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, ZERO)
+                away = light[b, row, column] - own
+                total += weight
+                mean += weight * away
+                square += weight * away * away
+    out[b, 0, y, x], out[b, 1, y, x] = moments_of(total, mean, square, own)
 
 
 @scalar
 def wavelet_pixel(
-    i, out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, squares
+    i, out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, squares, planes
 ):  # fmt: skip
+    """One pixel; ``planes`` is as long as the signal and its luminance have channels, so that their sums stay in
+    registers."""
     b, y, x = pixel_of(i, values.shape[2], values.shape[3])
-    planes, size = values.shape[1], values.shape[2:]
-    channels, first = planes - 1, max(x - 1, 0)
-    weights, prepared = cuda.local.array((1, 1), np.float32), cuda.local.array((3, 1), np.float32)
-    limits, rows = cuda.local.array((2, 1), np.float32), cuda.local.array((2, 3), np.float32)
-    sums = cuda.local.array((SUMS, 1), np.float32)[: planes + 1]
-    edge, near = edge_with(guide[b], perspective, squares, phi_normal), _near(prepared, plane[b], y, x, phi_depth)
-    light, variance, here = values[b, channels - 1], values[b, channels], guide_row(guide[b], y, x, x + 1)
-    noise_row(rows[0], rows[1], variance[:, first : x + 2], y)
-    limits[0, 0] = rows[0, x - first]
-    wavelet_limits(limits, light[:, x : x + 1], reach[b, :, x : x + 1], y, phi_color)
-    own = Own(light[y, x : x + 1], limits[0], limits[1])
-    center_row(sums, values[b, :, :, x : x + 1], y, (0, 1))
+    size, seen, channels = values.shape[2:], guide[b], len(planes)
+    if guide[b, HIT, y, x] == ZERO:
+        for c in range(channels + 1):
+            out[b, c, y, x] = values[b, c, y, x]
+        return
+    edge, light, variance = edge_with(seen, perspective, squares, phi_normal), values[b, channels - 1], values[b, -1]
+    here, near, noise = _guide_of(seen, y, x), _near_of(plane[b], y, x, phi_depth), _deviation(variance, y, x, size)
+    own = wavelet_own(light[y, x], noise, reach[b, y, x], np.float32(phi_color))
+    sums, share = cuda.local.array(MOST_PLANES, np.float32), MIDDLE * MIDDLE
+    for c in range(channels):
+        sums[c] = share * values[b, c, y, x]
+    total, spread = share, share * share * variance[y, x]
     for j in range(-2, 3):
         for i in range(-2, 3):
             dx, dy = i * step, j * step
-            if (i != 0 or j != 0) and _around(y, x, dx, dy, size):
-                there, other = guide_row(guide[b], y + dy, x + dx, x + dx + 1), light[y + dy, x + dx : x + dx + 1]
-                away = np.float32(dx), np.float32(dy)
-                weight = np.float32(B3[j + 2] * B3[i + 2]) * wavelet_weight(
-                    0, here, near, own, 0, there, other, *away, edge
-                )
-                weight = _further(weights, weight, guide[b], y, x, dx, dy, edge)
-                _add(sums, weight, values[b], channels, y + dy, x + dx)
-                sums[planes, 0] += weight * weight * variance[y + dy, x + dx]
-    _finish(out[b], sums, sums[channels], values[b], guide[b], channels, y, x)
-    sums[channels, 0] *= sums[channels, 0]
-    _finish(out[b, channels:], sums[planes:], sums[channels], values[b, channels:], guide[b], 1, y, x)
+            if (i != 0 or j != 0) and _within(y + dy, x + dx, size):
+                row, column, away = np.uint64(y + dy), np.uint64(x + dx), (np.float32(dx), np.float32(dy))
+                exponent = wavelet_exponent(own, light[row, column], *away)
+                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, exponent)
+                weight *= _spline(j) * _spline(i)
+                for c in range(channels):
+                    sums[c] += weight * values[b, c, row, column]
+                total += weight
+                spread += weight * weight * variance[row, column]
+    norm = ONE / max(total, LEAST)
+    for c in range(channels):
+        out[b, c, y, x] = sums[c] * norm
+    out[b, channels, y, x] = spread / max(total * total, LEAST)
 
 
 @scalar
 def limits_pixel(i, width, tolerance, light, variance, sigma, sensitivity, phi_color):
     b, y, x = pixel_of(i, light.shape[1], light.shape[2])
-    rows, first = cuda.local.array((2, 3), np.float32), max(x - 1, 0)
-    noise_row(rows[0], rows[1], variance[b, :, first : x + 2], y)
-    tolerance[b, y, x] = rows[0, x - first]
+    given = light[b, y, x], variance[b, y, x], _deviation(variance[b], y, x, light.shape[1:])
     limits = np.float32(sigma), np.float32(sensitivity), np.float32(phi_color)
-    one = width[b, :, x : x + 1], tolerance[b, :, x : x + 1], light[b, :, x : x + 1], variance[b, :, x : x + 1]
-    limit_row(*one, y, *limits)
+    width[b, y, x], tolerance[b, y, x] = limits_of(*given, *limits)
 
 
 @scalar
 def bilateral_pixel(
-    i, out, values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power, squares
+    i, out, values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power, squares,
+    planes,
 ):  # fmt: skip
+    """One pixel; ``planes`` is as long as the signal has channels, see `wavelet_pixel`."""
     b, y, x = pixel_of(i, values.shape[2], values.shape[3])
-    channels, size = values.shape[1] - 1, values.shape[2:]
-    weights, prepared = cuda.local.array((1, 1), np.float32), cuda.local.array((3, 1), np.float32)
-    limits, sums = cuda.local.array((2, 1), np.float32), cuda.local.array((SUMS, 1), np.float32)
-    edge = edge_with(guide[b], perspective, squares, normal_power)
-    near, here = _near(prepared, plane[b], y, x, depth_sensitivity), guide_row(guide[b], y, x, x + 1)
-    sums[:] = 0
+    channels, size, seen, light = len(planes), values.shape[2:], guide[b], values[b, -1]
+    if guide[b, HIT, y, x] == ZERO:
+        for c in range(channels):
+            out[b, c, y, x] = values[b, c, y, x]
+        return
+    edge = edge_with(seen, perspective, squares, normal_power)
+    here, near, beside = _guide_of(seen, y, x), _near_of(plane[b], y, x, depth_sensitivity), ZERO
     for dx, dy in FOUR:
-        if _around(y, x, dx, dy, size):
-            sums[0, 0] += _surface_weight(weights, guide[b], here, near, y, x, dx, dy, edge)
-    bilateral_limits(limits, sums[0], width[b, :, x : x + 1], tolerance[b, :, x : x + 1], y)
-    sums[0] = 0
-    light = values[b, channels]
-    own = Own(light[y, x : x + 1], limits[0], limits[1])
+        if _within(y + dy, x + dx, size):
+            beside += _weight(here, near, _guide_of(seen, np.uint64(y + dy), np.uint64(x + dx)), dx, dy, edge, ZERO)
+    own = bilateral_own(light[y, x], beside, width[b, y, x], tolerance[b, y, x])
+    sums, total = cuda.local.array(MOST_PLANES, np.float32), ZERO
+    for c in range(channels):
+        sums[c] = ZERO
     for dy in range(-radius, radius + 1):
         for dx in range(-radius, radius + 1):
-            if _around(y, x, dx, dy, size):
-                there, other = guide_row(guide[b], y + dy, x + dx, x + dx + 1), light[y + dy, x + dx : x + dx + 1]
-                away = np.float32(dx), np.float32(dy)
-                weight = bilateral_weight(0, here, near, own, 0, there, other, *away, edge)
-                weight = _further(weights, weight, guide[b], y, x, dx, dy, edge)
-                _add(sums, weight, values[b], channels, y + dy, x + dx)
-    _finish(out[b], sums, sums[channels], values[b], guide[b], channels, y, x)
+            if _within(y + dy, x + dx, size):
+                row, column = np.uint64(y + dy), np.uint64(x + dx)
+                exponent = bilateral_exponent(own, light[row, column], np.float32(dx), np.float32(dy))
+                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, exponent)
+                for c in range(channels):
+                    sums[c] += weight * values[b, c, row, column]
+                total += weight
+    norm = ONE / max(total, LEAST)
+    for c in range(channels):
+        out[b, c, y, x] = sums[c] * norm
 
 
 @scalar

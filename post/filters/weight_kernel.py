@@ -14,7 +14,7 @@ import numpy as np
 from gbufrt.compute.approximations import LOG2_E, exp2, falling_exp2, log2
 from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters.constants import ROUGHNESS
-from post.filters.kernel import ROUGHNESS_FALLOFF, guide_row
+from post.filters.kernel import ROUGHNESS_FALLOFF, Guide, guide_row
 
 ZERO, ONE, TWO, TINY = np.float32(0), np.float32(1), np.float32(2), np.float32(1e-30)
 GROUP = 3  # taps at a time
@@ -95,33 +95,83 @@ def there_row(guide, taps):
     return guide_row(guide, taps.y, taps.first + taps.dx, taps.end + taps.dx + (taps.count - 1) * taps.step)
 
 
+@inlined
+def guide_at(guide, i):
+    """Of rows, one pixel as numbers."""
+    return Guide(guide.depth[i], guide.nx[i], guide.ny[i], guide.nz[i], guide.hit[i], guide.roughness[i])
+
+
+@inlined
+def _cosine(here, there):
+    return here.nx * there.nx + here.ny * there.ny + here.nz * there.nz
+
+
+@contracted
+@inlined
+def weight_between(here, near, there, dx, dy, edge, exponent):
+    """`edges.edge_weight` of a pixel and its tap, given as numbers, times 2 to the power ``exponent``, but for the
+    factors of `power_between` and `gloss_between`."""
+    factor = there.depth if edge.perspective else ONE
+    distance = near.along * (there.depth - here.depth) + (near.x * dx + near.y * dy) * factor
+    cosine = max(_cosine(here, there), TINY)
+    for _ in range(len(edge.squares)):
+        cosine = cosine * cosine
+    return there.hit * cosine * falling_exp2(exponent - abs(distance))
+
+
+@contracted
+@inlined
+def power_between(here, there, edge):
+    """The power of the cosine that squarings do not make."""
+    return exp2(edge.rest * log2(min(max(_cosine(here, there), TINY), ONE)))
+
+
+@contracted
+@inlined
+def gloss_between(here, there, edge):
+    """What a difference of roughness leaves of a weight."""
+    return falling_exp2(-abs(here.roughness - there.roughness) * edge.roughness)
+
+
 @contracted
 @inlined
 def edge_weight(i, here, near, j, there, dx, dy, edge, exponent):
-    """`edges.edge_weight` of pixel i and its tap j times 2 to the power ``exponent``, but for `weigh_further`."""
-    factor = there.depth[j] if edge.perspective else ONE
-    distance = near.along[i] * (there.depth[j] - here.depth[i]) + (near.x[i] * dx + near.y[i] * dy) * factor
-    cosine = max(here.nx[i] * there.nx[j] + here.ny[i] * there.ny[j] + here.nz[i] * there.nz[j], TINY)
-    for _ in range(len(edge.squares)):
-        cosine = cosine * cosine
-    return there.hit[j] * cosine * falling_exp2(exponent - abs(distance))
+    """`weight_between` of pixel i and its tap j, in rows."""
+    own = Near(near.along[i], near.x[i], near.y[i])
+    return weight_between(guide_at(here, i), own, guide_at(there, j), dx, dy, edge, exponent)
 
 
 @contracted
 @scalar
 def weigh_further(weights, guide, y, taps, edge):
-    """Multiply weights by what few filters need: a power of the cosine that squarings do not make, and roughness."""
+    """Multiply weights by what few filters need: `power_between` and `gloss_between`."""
     here, every = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps)
     for k in range(taps.count):
         row, shift = weights[k, : taps.end - taps.first], np.uint64(k * taps.step)
         if edge.rest != ZERO:
             for i in range(np.uint64(row.shape[0])):
-                j = i + shift
-                cosine = here.nx[i] * every.nx[j] + here.ny[i] * every.ny[j] + here.nz[i] * every.nz[j]
-                row[i] *= exp2(edge.rest * log2(min(max(cosine, TINY), ONE)))
+                row[i] *= power_between(guide_at(here, i), guide_at(every, i + shift), edge)
         if edge.roughness != ZERO:
             for i in range(np.uint64(row.shape[0])):
-                row[i] *= falling_exp2(-abs(here.roughness[i] - every.roughness[i + shift]) * edge.roughness)
+                row[i] *= gloss_between(guide_at(here, i), guide_at(every, i + shift), edge)
+
+
+@scalar
+def surface_weights(weights, guide, near, y, taps, edge):
+    """The weights of taps by surface alone, for a row of pixels."""
+    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
+    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
+    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
+    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
+    if taps.count == 1:
+        for i in range(size):
+            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
+    else:
+        for i in range(size):
+            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
+            two[i] = edge_weight(i, here, near, i + step, there, dx + gap, dy, edge, ZERO)
+            three[i] = edge_weight(i, here, near, i + step + step, there, dx + gap + gap, dy, edge, ZERO)
+    weigh_further(weights, guide, y, taps, edge)
 
 
 @contracted
@@ -146,3 +196,15 @@ def add_values(sums, weights, values, taps, channels):
             total[i] += one[i] * there[i] + two[i] * there[i + step] + three[i] * there[i + step + step]
     for i in range(size):
         weight[i] += one[i] + two[i] + three[i]
+
+
+@contracted
+@scalar
+def add_spread(spread, weights, variance, taps):
+    """Add the taps' variance, weighted as that of a mean."""
+    total = spread[taps.first : taps.end]
+    for k in range(taps.count):
+        shift = taps.dx + k * taps.step
+        row, there = weights[k, : total.shape[0]], variance[taps.y, taps.first + shift : taps.end + shift]
+        for i in range(row.shape[0]):
+            total[i] += row[i] * row[i] * there[i]

@@ -69,22 +69,25 @@ def fast_rows(fast, sample, noise, bits, state, lead, clamp, threads):
         sums, rows = np.zeros((lead, width), np.float32), np.ones((2, width), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            _fast_row(fast[b], sample[b], noise[b], bits[b], state[b], sums, rows, lead, clamp, y, 0, width)
+            given = sample[b], noise[b], bits[b], state[b]
+            _fast_row(fast[b], given, sums, rows, lead, sample.shape[1], clamp, y, 0, width)
 
 
 @scalar
-def fast_pixel(i, fast, sample, noise, bits, state, lead, clamp):
+def fast_pixel(i, fast, sample, noise, bits, state, lead, channels, clamp):
+    """One pixel; ``lead`` and ``channels`` are as long as what they count, so that sums stay in registers."""
     b, y, x = pixel_of(i, sample.shape[2], sample.shape[3])
     sums, rows = cuda.local.array((MOST_PLANES, 1), np.float32), cuda.local.array((2, 1), np.float32)
     sums[:] = 0
     rows[:] = 1
-    _fast_row(fast[b], sample[b], noise[b], bits[b], state[b], sums, rows, lead, clamp, y, x, x + 1)
+    given = sample[b], noise[b], bits[b], state[b]
+    _fast_row(fast[b], given, sums, rows, len(lead), len(channels), clamp, y, x, x + 1)
 
 
 @scalar
-def _fast_row(fast, sample, noise, bits, state, sums, rows, lead, clamp, y, first, end):
+def _fast_row(fast, given, sums, rows, lead, channels, clamp, y, first, end):
     """The fast history after it has followed the sample."""
-    channels, limit = sample.shape[0], np.float32(clamp)
+    (sample, noise, bits, state), limit = given, np.float32(clamp)
     if clamp > 0:
         difference_row(sums, rows[0], bits, sample, state[channels:], lead, y, first, end)
         explained_row(rows[1], sums, rows[0], noise, state, lead, channels, limit, False, y, first, end)
@@ -100,29 +103,29 @@ def blend_rows(out, fast, sample, noise, bits, state, longest, lead, clamp, thre
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             given = fast[b], sample[b], noise[b], bits[b], state[b], longest[b]
-            _blend_row(out[b], given, sums, rows, lead, clamp, y, 0, width)
+            _blend_row(out[b], given, sums, rows, lead, sample.shape[1], clamp, y, 0, width)
 
 
 @scalar
-def blend_pixel(i, out, fast, sample, noise, bits, state, longest, lead, clamp):
+def blend_pixel(i, out, fast, sample, noise, bits, state, longest, lead, channels, clamp):
+    """One pixel; see `fast_pixel`."""
     b, y, x = pixel_of(i, sample.shape[2], sample.shape[3])
     sums, rows = cuda.local.array((MOST_PLANES, 1), np.float32), cuda.local.array((2, 1), np.float32)
     sums[:] = 0
     rows[:] = 1
     given = fast[b], sample[b], noise[b], bits[b], state[b], longest[b]
-    _blend_row(out[b], given, sums, rows, lead, clamp, y, x, x + 1)
+    _blend_row(out[b], given, sums, rows, len(lead), len(channels), clamp, y, x, x + 1)
 
 
 @scalar
-def _blend_row(out, given, sums, rows, lead, clamp, y, first, end):
+def _blend_row(out, given, sums, rows, lead, channels, clamp, y, first, end):
     """The state after this frame: the slow history follows the fast one, and both take the sample in."""
-    fast, sample, noise, bits, state, longest = given
-    channels, limit = sample.shape[0], np.float32(clamp)
+    (fast, sample, noise, bits, state, longest), limit = given, np.float32(clamp)
     if clamp > 0:
         difference_row(sums, rows[0], bits, fast, state, lead, y, first, end)
         explained_row(rows[1], sums, rows[0], noise, state, lead, channels, limit, True, y, first, end)
     age_row(out, rows[0], rows[1], state, longest, y, first, end)
-    blend_row(out, sums, rows[0], sample, fast, state, lead, y, first, end)
+    blend_row(out, sums, rows[0], sample, fast, state, lead, channels, y, first, end)
 
 
 sample_each, fast_each, blend_each = Each(sample_pixel), Each(fast_pixel), Each(blend_pixel)

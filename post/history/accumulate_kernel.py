@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.luminance import REC709
 from post.filters.around_kernel import alike_taps
@@ -64,7 +65,7 @@ def noise_row(noise, sums, state, plane, y, first, end):
             s4[x] += visible
     pool = LEAST * np.float32((2 * POOL + 1) ** 2)
     m1, m2, age = mean[y, first:end], square[y, first:end], ages[y, first:end]
-    for x in range(age.shape[0]):
+    for x in range(pixels(age)):
         own, mature, second, average, visible = ZERO, ZERO, ZERO, ZERO, ZERO
         for k in range(2 * POOL + 1):
             own += sums[0, x + k]
@@ -90,7 +91,7 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
             light = luminance_of(signal, lead, row, x)
             sums[0, x - first + 1] += light
             sums[1, x - first + 1] += light * light
-    for x in range(end - first):
+    for x in range(pixels(noise)):
         light = luminance_of(signal, lead, y, first + x)
         nine = NINE / np.float32((bottom - top) * (min(first + x + 2, width) - max(first + x - 1, 0)))
         around = (nine * (sums[0, x] + sums[0, x + 1] + sums[0, x + 2]) - light) / EIGHT
@@ -102,7 +103,7 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
         scale[x] = limit / max(light, TINY) if cut else ONE
     for c in range(channels):
         given, kept = signal[c, y, first:end], sample[c, y, first:end]
-        for x in range(kept.shape[0]):
+        for x in range(pixels(kept)):
             kept[x] = given[x] * (scale[x] if c < lead else ONE)
 
 
@@ -112,11 +113,13 @@ def alike_row(bits, weights, guide, plane, age, edge, y, first, end):
     bits[y, first:end] = 0
     for k in range(9):
         tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, age.shape)
+        if tap.end == tap.first:
+            continue
         used = weights[: tap.end - tap.first]
         alike_taps(used, guide, plane, y, tap, edge)
         mask, own = bits[y, tap.first : tap.end], age[y, tap.first : tap.end]
         there, bit = age[tap.y, tap.first + tap.dx : tap.end + tap.dx], np.int32(1 << k)
-        for i in range(used.shape[0]):
+        for i in range(pixels(used)):
             mask[i] |= bit if used[i] > ZERO and own[i] > ZERO and there[i] > ZERO else np.int32(0)
 
 
@@ -127,17 +130,19 @@ def difference_row(sums, count, bits, one, other, lead, y, first, end):
     count[:] = 0
     for k in range(9):
         tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, one.shape[1:])
+        if tap.end == tap.first:
+            continue
         begin, stop, low, high = tap.first - first, tap.end - first, tap.first + tap.dx, tap.end + tap.dx
         mask, number = bits[y, tap.first : tap.end], count[begin:stop]
-        for i in range(mask.shape[0]):
+        for i in range(pixels(mask)):
             number[i] += np.float32((mask[i] >> k) & 1)
         for c in range(lead):
             total, a, b = sums[c, begin:stop], one[c, tap.y, low:high], other[c, tap.y, low:high]
-            for i in range(mask.shape[0]):
+            for i in range(pixels(mask)):
                 total[i] += np.float32((mask[i] >> k) & 1) * (a[i] - b[i])
     for c in range(lead):
         total = sums[c]
-        for x in range(count.shape[0]):
+        for x in range(pixels(count)):
             total[x] /= max(count[x], ONE)
 
 
@@ -148,9 +153,9 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
     explained[:] = ZERO
     for c in range(lead):
         difference = sums[c]
-        for x in range(explained.shape[0]):
+        for x in range(pixels(explained)):
             explained[x] = max(explained[x], abs(difference[x]))
-    for x in range(explained.shape[0]):
+    for x in range(pixels(explained)):
         few = ONE / min(max(ages[x], ONE), FEW_FAST)
         frames = few + ONE / max(ages[x], ONE) if slow else ONE + few
         samples = max(count[x] / CORRELATED, ONE)
@@ -160,7 +165,7 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
         explained[x] = share * share
     for c in range(lead):
         difference = sums[c]
-        for x in range(explained.shape[0]):
+        for x in range(pixels(explained)):
             difference[x] *= ONE - explained[x]
 
 
@@ -169,11 +174,11 @@ def fast_row(fast, sums, state, lead, channels, y, first, end):
     """The fast history and the moments of a row, moved toward the sample by ``sums``."""
     for c in range(lead):
         shift, old, new = sums[c], state[channels + c, y, first:end], fast[c, y, first:end]
-        for x in range(new.shape[0]):
+        for x in range(pixels(new)):
             new[x] = old[x] + shift[x]
     mean, square = state[channels + lead, y, first:end], state[channels + lead + 1, y, first:end]
     new_mean, new_square = fast[lead, y, first:end], fast[lead + 1, y, first:end]
-    for x in range(mean.shape[0]):
+    for x in range(pixels(mean)):
         light = sums[0, x] if lead < 3 else RED * sums[0, x] + GREEN * sums[1, x] + BLUE * sums[2, x]
         new_mean[x] = mean[x] + light
         new_square[x] = square[x] + light * (TWO * mean[x] + light)
@@ -185,7 +190,7 @@ def age_row(out, alpha, explained, state, longest, y, first, end):
     last = out.shape[0] - 1
     ages, shares, most = state[last, y, first:end], state[last - 1, y, first:end], longest[y, first:end]
     lengths, squares = out[last, y, first:end], out[last - 1, y, first:end]
-    for x in range(alpha.shape[0]):
+    for x in range(pixels(alpha)):
         age = ages[x]
         younger = ONE + (age - ONE) * explained[x] if age > ONE else age
         length = min(younger + ONE, max(most[x], ONE)) if age > ZERO else ONE
@@ -195,9 +200,9 @@ def age_row(out, alpha, explained, state, longest, y, first, end):
 
 
 @scalar
-def blend_row(out, sums, alpha, sample, fast, state, lead, y, first, end):
+def blend_row(out, sums, alpha, sample, fast, state, lead, channels, y, first, end):
     """The means and moments of a row with this frame's sample in them."""
-    channels, width = sample.shape[0], alpha.shape[0]
+    width = pixels(alpha)
     for c in range(channels):
         new, old, own = out[c, y, first:end], state[c, y, first:end], sample[c, y, first:end]
         shift, moves = sums[min(c, lead - 1)], c < lead

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
-from post.filters.fits import fits_cuda
+from post.filters.fits import counted, fits_cuda
 from post.history.antilag import blend_reference, sample_reference
 from post.history.constants import WINDOW
 from post.history.taa_reference import anti_alias_reference, longest
@@ -63,8 +63,9 @@ def blend_cpu(
     out, fast = state.new_empty(state.shape), sample.new_empty(sample.shape[0], lead + 2, *sample.shape[2:])
     now, longest, count = (sample, noise, bits, state), longest[:, 0], noise.numel()
     if form_of(sample, cuda=fits_cuda(sample)) is Form.CUDA:
-        fast_each(count, fast, *now, lead, clamp)
-        blend_each(count, out, fast, *now, longest, lead, clamp)
+        sizes = counted(lead), counted(sample.shape[1])
+        fast_each(count, fast, *now, *sizes, clamp)
+        blend_each(count, out, fast, *now, longest, *sizes, clamp)
     else:
         fast_rows(*map(array, (fast, *now)), lead, clamp, threads())
         blend_rows(*map(array, (out, fast, *now, longest)), lead, clamp, threads())

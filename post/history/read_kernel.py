@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
 from post.history.correspondence_kernel import FOOTPRINT, HIT, OBJECT, POINT, WORLD, point_of
@@ -107,7 +108,7 @@ def _nearest(now, past, x, row_at, column_at, plane, normal):
 @scalar
 def _footprints(columns, lines, fine, weights, across, down, y, first):
     """Where each pixel reads: the first pixel of its bilinear footprint, the place in it, and the shares."""
-    for x in range(columns.shape[0]):
+    for x in range(pixels(columns)):
         column = np.float32(first + x) + min(max(across[x], -FARTHEST), FARTHEST)
         line = np.float32(y) + min(max(down[x], -FARTHEST), FARTHEST)
         left, top = math.floor(column), math.floor(line)
@@ -121,7 +122,7 @@ def _footprints(columns, lines, fine, weights, across, down, y, first):
 def _any(weights):
     """Whether a tap has a share at any pixel: where nothing moves, only the first has."""
     most = ZERO
-    for x in range(weights.shape[0]):
+    for x in range(pixels(weights)):
         most = max(most, weights[x])
     return most > ZERO
 
@@ -129,7 +130,7 @@ def _any(weights):
 @scalar
 def _keep_same(weights, places, distance, cosine, now, past, columns, lines, dx, dy, plane, normal):
     """Set to zero the shares of a tap that shows another surface; leave its place in the picture. See `_same`."""
-    hit, kind, count = now[HIT], now[OBJECT], weights.shape[0]
+    hit, kind, count = now[HIT], now[OBJECT], pixels(weights)
     for x in range(count):
         column, line = columns[x] + dx, lines[x] + dy
         inside = (column >= 0) & (column < past.width) & (line >= 0) & (line < past.height)
@@ -160,7 +161,7 @@ def _distances(distance, now, past, places, columns, lines, dx, dy):
     """How far each tap lies from the plane of the pixel that reads it."""
     n_x, n_y, n_z = now[0], now[1], now[2]
     p_x, p_y, p_z = now[POINT], now[POINT + 1], now[POINT + 2]
-    for x in range(distance.shape[0]):
+    for x in range(pixels(distance)):
         across, down, away = point_of(past, places[x], lines[x] + dy, columns[x] + dx)
         distance[x] = n_x[x] * (across - p_x[x]) + n_y[x] * (down - p_y[x]) + n_z[x] * (away - p_z[x])
 
@@ -170,7 +171,7 @@ def _add_taps(out, image, weights, places, y, first, end):
     """Add one tap of every pixel."""
     for c in range(image.shape[0]):
         row, picture = out[c, y, first:end], image[c]
-        for x in range(weights.shape[0]):
+        for x in range(pixels(weights)):
             row[x] += weights[x] * picture[places[x]] if weights[x] > ZERO else ZERO
 
 
@@ -181,8 +182,8 @@ def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns
 
     Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
     """
-    channels, count = image.shape[0], end - first
     weights, fine, distance, cosine, total = rows[:4], rows[4:6], rows[6], rows[7], rows[8]
+    channels, count = image.shape[0], pixels(total)
     _footprints(columns, lines, fine, weights, shift[0], shift[1], y, first)
     total[:] = ZERO
     for k in range(4):

@@ -10,7 +10,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, inlined, scalar
-from post.sweep.constants import LIGHT, MOST_RADII, MOST_STEPS, SUMS
+from post.sweep.constants import FOUND, LIGHT, MOST_RADII, MOST_STEPS, SUMS
 from post.sweep.lane_kernel import (
     LANES,
     PAIRS,
@@ -42,8 +42,8 @@ def _sweep_lanes(out, lanes, around, grid, noise, directions, used, gathers):
             gather(lanes, around)
         else:
             occlude(lanes, around)
-    radii = around.radii.shape[0]
-    each, found = lanes.sums.shape[0] // radii, out.shape[0] // radii
+    radii, found = around.radii.shape[0], FOUND + LIGHT if gathers else FOUND
+    each = lanes.sums.shape[0] // radii
     for s in range(radii):
         sums = lanes.sums[s * each : (s + 1) * each]
         finish(lanes, sums, grid)
@@ -105,9 +105,13 @@ def sweep_all(
 @scalar
 def sweep_pixel(
     i, out, picture, rays, depth, normal, lens, pose, hit, turns, noise, radii, sky, terms, wide, margin, stride, row,
-    column, directions, steps, limited, parallel, gathers,
+    column, directions, steps, limited, parallel, limits, light,
 ):  # fmt: skip
-    """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size."""
+    """As `sweep_all`: one receiver on a target of one lane, whose scratch memory has a constant size.
+
+    ``limits`` and ``light`` are as long as there are radii and sums of gathered light: kernels are compiled for both,
+    and keep what is known of each radius in registers.
+    """
     (height, width), tall = hit.shape[1:], picture.shape[1] // wide
     b, y, x = pixel_of(i, height, width)
     place = y * width + x
@@ -118,16 +122,17 @@ def sweep_pixel(
     rows, parts = cuda.local.array(ROWS, np.float32), cuda.local.array(MOST_STEPS, np.float32)
     index, places = cuda.local.array(1, np.uint32), cuda.local.array(1, np.int64)
     read, covered = cuda.local.array(PAIRS, np.int64), cuda.local.array(MOST_RADII, np.int32)
-    sums = cuda.local.array(MOST_SUMS, np.float32)
+    sums, reach = cuda.local.array(MOST_SUMS, np.float32), cuda.local.array(MOST_RADII, np.float32)
     rows[:] = 0
     places[0] = place
-    each = SUMS + LIGHT if gathers else SUMS
-    used = parts[:steps], index, read, read.view(np.float32), covered[: radii.shape[0]], sums[: radii.shape[0] * each]
-    lanes = Scratch(rows, *used, places)
-    known = radii, limited, sky[b], terms, turns
+    for s in range(len(limits)):
+        reach[s] = radii[s]
+    used = parts[:steps], index, read, read.view(np.float32), covered[: len(limits)]
+    lanes = Scratch(rows, *used, sums[: len(limits) * (SUMS + len(light))], places)
+    known = reach[: len(limits)], limited, sky[b], terms, turns
     around = Around(picture[b], wide, tall, left_out, rays[b, 4], rays[b], *known, margin, parallel)
     grid = Grid(depth[b], normal[b], lens[b], pose[b], width, stride, row, column)
-    _sweep_lanes(out[:, b], lanes, around, grid, noise, directions, 1, gathers)
+    _sweep_lanes(out[:, b], lanes, around, grid, noise, directions, 1, len(light) > 0)
 
 
 sweep_each = Each(sweep_pixel)

@@ -72,11 +72,12 @@ def sweep_cpu(
     limits = radii if len(radii) else radii.new_full((1,), torch.inf)
     pairs = picture.contiguous().view(torch.int64).flatten(1, 2)  # two numbers are read at once
     given = (out, pairs, rays, depth, normal, lens, pose, hit, turns, noise.flatten(1), limits, sky, terms)
-    sizes = (picture.shape[2], margin, stride, *offset, directions, steps, len(radii) > 0, parallel, gathers)
+    sizes = (picture.shape[2], margin, stride, *offset, directions, steps, len(radii) > 0, parallel)
     if form_of(depth, cuda=_fits_cuda(steps, len(radii))) is Form.CUDA:
-        drivers.sweep_each(batch * size[0] * size[1], *given, *sizes)
+        counts = (0,) * len(limits), (0,) * (LIGHT * gathers)
+        drivers.sweep_each(batch * size[0] * size[1], *given, *sizes, *counts)
     else:
-        drivers.sweep_all(*map(array, given), *sizes, threads())
+        drivers.sweep_all(*map(array, given), *sizes, gathers, threads())
     return out.view(-1, count, batch, *size)
 
 
