@@ -59,19 +59,19 @@ def pixel_of(i, height, width):
 
 
 @inlined
-def _one(row):
+def _one(count):
     return 1
 
 
 @in_lanes(_one)
 @inlined
-def pixels(row):
+def pixels(count):
     """How many pixels a part of a row has, which must have one, and begins and ends with its item.
 
     A GPU's threads have a pixel each. If their compiler knows, it makes no loop of it, and keeps in registers what rows
     of scratch hold.
     """
-    return row.shape[0]
+    return count
 
 
 class Each:

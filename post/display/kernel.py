@@ -12,7 +12,6 @@ import math
 import numpy as np
 
 from gbufrt.compute.approximations import exp2, log2
-from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.luminance import REC709
 from post.display import constants
@@ -65,7 +64,7 @@ def agx_row(out, color, y, first, end, exposure, contrast, saturation, inset, ou
     out_red, out_green, out_blue = _row_of(outset, 0), _row_of(outset, 1), _row_of(outset, 2)
     reds, greens, blues = color[0, y, first:end], color[1, y, first:end], color[2, y, first:end]
     new_reds, new_greens, new_blues = out[0, y, first:end], out[1, y, first:end], out[2, y, first:end]
-    for x in range(pixels(reds)):
+    for x in range(reds.shape[0]):
         r, g, b = max(reds[x] * exposure, ZERO), max(greens[x] * exposure, ZERO), max(blues[x] * exposure, ZERO)
         red, green = _graded(_mixed(in_red, r, g, b), contrast), _graded(_mixed(in_green, r, g, b), contrast)
         blue = _graded(_mixed(in_blue, r, g, b), contrast)
@@ -85,7 +84,7 @@ def encode_row(out, image, y, first, end):
     """Pixels ``first`` to ``end`` of a row of `post.display.reference.encode_reference`."""
     for c in range(out.shape[0]):
         row, given = out[c, y, first:end], image[c, y, first:end]
-        for x in range(pixels(row)):
+        for x in range(row.shape[0]):
             value = min(max(given[x], ZERO), ONE)
             curved = SRGB_SCALE * exp2(SRGB_POWER * log2(max(value, SRGB_KNEE))) - SRGB_OFFSET
             row[x] = curved if value > SRGB_KNEE else SRGB_SLOPE * value
@@ -99,7 +98,7 @@ def vignette_row(out, image, y, first, end, strength, inner, span):
     diagonal = math.sqrt(middle * middle + HALF * height * HALF * height)
     for c in range(out.shape[0]):
         row, given = out[c, y, first:end], image[c, y, first:end]
-        for x in range(pixels(row)):
+        for x in range(row.shape[0]):
             across = np.float32(first + x) + HALF - middle
             distance = math.sqrt(across * across + down * down) / diagonal
             t = min(max((distance - inner) / span, ZERO), ONE)

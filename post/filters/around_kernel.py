@@ -88,7 +88,7 @@ def alike_taps(weights, guide, plane, y, tap, edge):
     """Where one tap shows the surface of a row's pixels, or the sky if they do: 1, else 0."""
     edge_weights(weights, guide, plane, y, tap, edge)
     hit, there = guide[HIT, y, tap.first : tap.end], guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    for i in range(pixels(weights)):
+    for i in range(pixels(weights.shape[0])):
         weights[i] = ONE if weights[i] > SAME or (hit[i] == ZERO and there[i] == ZERO) else ZERO
 
 

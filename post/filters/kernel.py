@@ -37,7 +37,7 @@ Tap = namedtuple("Tap", "y first end dx dy")
 
 @inlined
 def _copy(row, given):
-    for x in range(pixels(row)):
+    for x in range(pixels(row.shape[0])):
         row[x] = given[x]
 
 
@@ -59,7 +59,7 @@ def surface_row(guide, plane, depth, normal, hit, roughness, lens, pose, paralle
     along, slope_x = plane[0, y, first:end], plane[1, y, first:end]
     slope_y, scale = plane[2, y, first:end], plane[3, y, first:end]
     ray_y = (np.float32(y) + HALF + lens[5] - lens[3]) / focal_y
-    for x in range(pixels(z)):
+    for x in range(pixels(z.shape[0])):
         ray_x = (np.float32(first + x) + HALF + jitter_x - center_x) / focal_x
         a, b = xx * nx[x] + xy * ny[x] + xz * nz[x], yx * nx[x] + yy * ny[x] + yz * nz[x]
         c = zx * nx[x] + zy * ny[x] + zz * nz[x]
@@ -131,7 +131,7 @@ def edge_weights(weights, guide, plane, y, tap, edge):
     """The edge weights of one tap for a row of pixels."""
     here, there = guide_row(guide, y, tap.first, tap.end), guide_row(guide, tap.y, tap.first + tap.dx, tap.end + tap.dx)
     planes, dx, dy = plane_row(plane, y, tap.first, tap.end), np.float32(tap.dx), np.float32(tap.dy)
-    for i in range(pixels(weights)):
+    for i in range(pixels(weights.shape[0])):
         weights[i] = there.hit[i] * exp2(edge_exponent(i, here, planes, i, there, dx, dy, edge))
 
 
@@ -141,7 +141,7 @@ def unit_row(out, vector, fallback, y, first, end):
     a, b, c = vector[0, y, first:end], vector[1, y, first:end], vector[2, y, first:end]
     other_a, other_b, other_c = fallback[0, y, first:end], fallback[1, y, first:end], fallback[2, y, first:end]
     new_a, new_b, new_c = out[0, y, first:end], out[1, y, first:end], out[2, y, first:end]
-    for x in range(pixels(a)):
+    for x in range(pixels(a.shape[0])):
         size = math.sqrt(max(a[x] * a[x] + b[x] * b[x] + c[x] * c[x], TINY))
         points, size = size > SHORTEST, max(size, SHORTEST)
         new_a[x] = a[x] / size if points else other_a[x]

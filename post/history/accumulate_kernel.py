@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from gbufrt.compute.each import pixels
-from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.compute.kernel import in_lanes, inlined, scalar
 from gbufrt.luminance import REC709
 from post.filters.around_kernel import alike_taps
 from post.filters.kernel import tap_at
@@ -22,7 +22,7 @@ from post.history.constants import POOL
 ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.float32(8), np.float32(9)
 TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)
-YOUNG = np.float32(constants.YOUNG)
+YOUNG, LEAST_POOL = np.float32(constants.YOUNG), LEAST * np.float32((2 * POOL + 1) ** 2)
 CORRELATED, RELATIVE_FLOOR = np.float32(constants.CORRELATED), np.float32(constants.RELATIVE_FLOOR)
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
 FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
@@ -44,6 +44,34 @@ def _own_variance(first, second, age):
     return max(second - first * first, ZERO) * count / (count - ONE)
 
 
+@inlined
+def _pooled_variance(first, second, age, sums):
+    """`antilag.typical_variance` of one pixel, from its window's sums: of the variance of those with a history long
+    enough and their number, of the second and the first moment of all that have one, and their number."""
+    own, mature, square, mean, visible = sums
+    mean /= max(visible, LEAST_POOL)
+    around = square / max(visible, LEAST_POOL) - mean * mean
+    typical = max(_own_variance(first, second, age), own / max(mature, LEAST_POOL))
+    return max(typical, around) if age < YOUNG else typical
+
+
+@scalar
+def _noise_pixel(noise, sums, state, plane, y, x, end):
+    """As `noise_row`, of one pixel: a GPU's thread keeps its sums in registers."""
+    means, squares, ages, own, mature = state[plane], state[plane + 1], state[plane + 3], ZERO, ZERO
+    (height, width), square, mean, visible = means.shape, ZERO, ZERO, ZERO
+    for row in range(max(y - POOL, 0), min(y + POOL + 1, height)):
+        for column in range(max(x - POOL, 0), min(x + POOL + 1, width)):
+            r, k = np.uint64(row), np.uint64(column)  # never below zero: nothing to wrap
+            first, second, age = means[r, k], squares[r, k], ages[r, k]
+            old, seen = ONE if age >= YOUNG else ZERO, ONE if age > ZERO else ZERO
+            own, mature = own + _own_variance(first, second, age) * old, mature + old
+            square, mean, visible = square + second * seen, mean + first * seen, visible + seen
+    found = own, mature, square, mean, visible
+    noise[0] = _pooled_variance(means[y, x], squares[y, x], ages[y, x], found)
+
+
+@in_lanes(_noise_pixel)
 @scalar
 def noise_row(noise, sums, state, plane, y, first, end):
     """A row of `antilag.typical_variance`; ``plane`` is that of the first moment."""
@@ -63,9 +91,8 @@ def noise_row(noise, sums, state, plane, y, first, end):
             s2[x] += m2[x] * visible
             s3[x] += m1[x] * visible
             s4[x] += visible
-    pool = LEAST * np.float32((2 * POOL + 1) ** 2)
     m1, m2, age = mean[y, first:end], square[y, first:end], ages[y, first:end]
-    for x in range(pixels(age)):
+    for x in range(age.shape[0]):
         own, mature, second, average, visible = ZERO, ZERO, ZERO, ZERO, ZERO
         for k in range(2 * POOL + 1):
             own += sums[0, x + k]
@@ -73,10 +100,7 @@ def noise_row(noise, sums, state, plane, y, first, end):
             second += sums[2, x + k]
             average += sums[3, x + k]
             visible += sums[4, x + k]
-        average /= max(visible, pool)
-        around = second / max(visible, pool) - average * average
-        typical = max(_own_variance(m1[x], m2[x], age[x]), own / max(mature, pool))
-        noise[x] = max(typical, around) if age[x] < YOUNG else typical
+        noise[x] = _pooled_variance(m1[x], m2[x], age[x], (own, mature, second, average, visible))
 
 
 @scalar
@@ -91,7 +115,7 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
             light = luminance_of(signal, lead, row, x)
             sums[0, x - first + 1] += light
             sums[1, x - first + 1] += light * light
-    for x in range(pixels(noise)):
+    for x in range(pixels(noise.shape[0])):
         light = luminance_of(signal, lead, y, first + x)
         nine = NINE / np.float32((bottom - top) * (min(first + x + 2, width) - max(first + x - 1, 0)))
         around = (nine * (sums[0, x] + sums[0, x + 1] + sums[0, x + 2]) - light) / EIGHT
@@ -103,7 +127,7 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
         scale[x] = limit / max(light, TINY) if cut else ONE
     for c in range(channels):
         given, kept = signal[c, y, first:end], sample[c, y, first:end]
-        for x in range(pixels(kept)):
+        for x in range(pixels(kept.shape[0])):
             kept[x] = given[x] * (scale[x] if c < lead else ONE)
 
 
@@ -119,7 +143,7 @@ def alike_row(bits, weights, guide, plane, age, edge, y, first, end):
         alike_taps(used, guide, plane, y, tap, edge)
         mask, own = bits[y, tap.first : tap.end], age[y, tap.first : tap.end]
         there, bit = age[tap.y, tap.first + tap.dx : tap.end + tap.dx], np.int32(1 << k)
-        for i in range(pixels(used)):
+        for i in range(pixels(used.shape[0])):
             mask[i] |= bit if used[i] > ZERO and own[i] > ZERO and there[i] > ZERO else np.int32(0)
 
 
@@ -134,15 +158,15 @@ def difference_row(sums, count, bits, one, other, lead, y, first, end):
             continue
         begin, stop, low, high = tap.first - first, tap.end - first, tap.first + tap.dx, tap.end + tap.dx
         mask, number = bits[y, tap.first : tap.end], count[begin:stop]
-        for i in range(pixels(mask)):
+        for i in range(pixels(mask.shape[0])):
             number[i] += np.float32((mask[i] >> k) & 1)
         for c in range(lead):
             total, a, b = sums[c, begin:stop], one[c, tap.y, low:high], other[c, tap.y, low:high]
-            for i in range(pixels(mask)):
+            for i in range(pixels(mask.shape[0])):
                 total[i] += np.float32((mask[i] >> k) & 1) * (a[i] - b[i])
     for c in range(lead):
         total = sums[c]
-        for x in range(pixels(count)):
+        for x in range(pixels(count.shape[0])):
             total[x] /= max(count[x], ONE)
 
 
@@ -153,9 +177,9 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
     explained[:] = ZERO
     for c in range(lead):
         difference = sums[c]
-        for x in range(pixels(explained)):
+        for x in range(pixels(explained.shape[0])):
             explained[x] = max(explained[x], abs(difference[x]))
-    for x in range(pixels(explained)):
+    for x in range(pixels(explained.shape[0])):
         few = ONE / min(max(ages[x], ONE), FEW_FAST)
         frames = few + ONE / max(ages[x], ONE) if slow else ONE + few
         samples = max(count[x] / CORRELATED, ONE)
@@ -165,7 +189,7 @@ def explained_row(explained, sums, count, noise, state, lead, channels, clamp, s
         explained[x] = share * share
     for c in range(lead):
         difference = sums[c]
-        for x in range(pixels(explained)):
+        for x in range(pixels(explained.shape[0])):
             difference[x] *= ONE - explained[x]
 
 
@@ -174,11 +198,11 @@ def fast_row(fast, sums, state, lead, channels, y, first, end):
     """The fast history and the moments of a row, moved toward the sample by ``sums``."""
     for c in range(lead):
         shift, old, new = sums[c], state[channels + c, y, first:end], fast[c, y, first:end]
-        for x in range(pixels(new)):
+        for x in range(pixels(new.shape[0])):
             new[x] = old[x] + shift[x]
     mean, square = state[channels + lead, y, first:end], state[channels + lead + 1, y, first:end]
     new_mean, new_square = fast[lead, y, first:end], fast[lead + 1, y, first:end]
-    for x in range(pixels(mean)):
+    for x in range(pixels(mean.shape[0])):
         light = sums[0, x] if lead < 3 else RED * sums[0, x] + GREEN * sums[1, x] + BLUE * sums[2, x]
         new_mean[x] = mean[x] + light
         new_square[x] = square[x] + light * (TWO * mean[x] + light)
@@ -190,7 +214,7 @@ def age_row(out, alpha, explained, state, longest, y, first, end):
     last = out.shape[0] - 1
     ages, shares, most = state[last, y, first:end], state[last - 1, y, first:end], longest[y, first:end]
     lengths, squares = out[last, y, first:end], out[last - 1, y, first:end]
-    for x in range(pixels(alpha)):
+    for x in range(pixels(alpha.shape[0])):
         age = ages[x]
         younger = ONE + (age - ONE) * explained[x] if age > ONE else age
         length = min(younger + ONE, max(most[x], ONE)) if age > ZERO else ONE
@@ -202,7 +226,7 @@ def age_row(out, alpha, explained, state, longest, y, first, end):
 @scalar
 def blend_row(out, sums, alpha, sample, fast, state, lead, channels, y, first, end):
     """The means and moments of a row with this frame's sample in them."""
-    width = pixels(alpha)
+    width = pixels(alpha.shape[0])
     for c in range(channels):
         new, old, own = out[c, y, first:end], state[c, y, first:end], sample[c, y, first:end]
         shift, moves = sums[min(c, lead - 1)], c < lead

@@ -58,7 +58,7 @@ def expected_row(out, surface, motion, motion_z, lens, before, pose, parallel, y
     _identity_row(out, surface, pose, y, first, end)
     points_x, points_y, points_z, footprint = out[POINT], out[POINT + 1], out[POINT + 2], out[FOOTPRINT]
     line = np.float32(y) + HALF + lens.jitter_y
-    for x in range(pixels(depth)):
+    for x in range(pixels(depth.shape[0])):
         z = depth[x] + toward[x]
         column, row = np.float32(first + x) + HALF + lens.jitter_x + across[x], line + down[x]
         spread = ONE if parallel else z
@@ -75,14 +75,14 @@ def _identity_row(out, surface, pose, y, first, end):
     for k in range(3):
         to_a, to_b, to_c, turned = pose[k, 0], pose[k, 1], pose[k, 2], out[k]
         given, kept = surface.normal[k, y, first:end], out[WORLD + k]
-        for x in range(pixels(a)):
+        for x in range(pixels(a.shape[0])):
             turned[x] = to_a * a[x] + to_b * b[x] + to_c * c[x]
             kept[x] = given[x]
     there, hit = surface.hit[y, first:end], out[HIT]
-    for x in range(pixels(a)):
+    for x in range(pixels(a.shape[0])):
         hit[x] = ONE if there[x] else ZERO
     kind, known = out[OBJECT], surface.kind.shape[0] > 0
-    for x in range(pixels(a)):
+    for x in range(pixels(a.shape[0])):
         kind[x] = surface.kind[y, first + x] if known else ZERO
 
 
@@ -91,7 +91,7 @@ def shift_row(out, motion, y, first, end):
     """Where to look: what stands still but for rounding is read from one pixel, not from four."""
     for c in range(2):
         given, found = motion[c, y, first:end], out[c]
-        for x in range(pixels(given)):
+        for x in range(pixels(given.shape[0])):
             value = min(max(given[x] if given[x] == given[x] else ZERO, -FARTHEST), FARTHEST)
             whole = np.float32(math.floor(value + HALF))
             found[x] = whole if abs(value - whole) < STILL else value

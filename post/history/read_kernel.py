@@ -108,7 +108,7 @@ def _nearest(now, past, x, row_at, column_at, plane, normal):
 @scalar
 def _footprints(columns, lines, fine, weights, across, down, y, first):
     """Where each pixel reads: the first pixel of its bilinear footprint, the place in it, and the shares."""
-    for x in range(pixels(columns)):
+    for x in range(pixels(columns.shape[0])):
         column = np.float32(first + x) + min(max(across[x], -FARTHEST), FARTHEST)
         line = np.float32(y) + min(max(down[x], -FARTHEST), FARTHEST)
         left, top = math.floor(column), math.floor(line)
@@ -122,7 +122,7 @@ def _footprints(columns, lines, fine, weights, across, down, y, first):
 def _any(weights):
     """Whether a tap has a share at any pixel: where nothing moves, only the first has."""
     most = ZERO
-    for x in range(pixels(weights)):
+    for x in range(pixels(weights.shape[0])):
         most = max(most, weights[x])
     return most > ZERO
 
@@ -130,7 +130,7 @@ def _any(weights):
 @scalar
 def _keep_same(weights, places, distance, cosine, now, past, columns, lines, dx, dy, plane, normal):
     """Set to zero the shares of a tap that shows another surface; leave its place in the picture. See `_same`."""
-    hit, kind, count = now[HIT], now[OBJECT], pixels(weights)
+    hit, kind, count = now[HIT], now[OBJECT], pixels(weights.shape[0])
     for x in range(count):
         column, line = columns[x] + dx, lines[x] + dy
         inside = (column >= 0) & (column < past.width) & (line >= 0) & (line < past.height)
@@ -161,7 +161,7 @@ def _distances(distance, now, past, places, columns, lines, dx, dy):
     """How far each tap lies from the plane of the pixel that reads it."""
     n_x, n_y, n_z = now[0], now[1], now[2]
     p_x, p_y, p_z = now[POINT], now[POINT + 1], now[POINT + 2]
-    for x in range(pixels(distance)):
+    for x in range(pixels(distance.shape[0])):
         across, down, away = point_of(past, places[x], lines[x] + dy, columns[x] + dx)
         distance[x] = n_x[x] * (across - p_x[x]) + n_y[x] * (down - p_y[x]) + n_z[x] * (away - p_z[x])
 
@@ -171,7 +171,7 @@ def _add_taps(out, image, weights, places, y, first, end):
     """Add one tap of every pixel."""
     for c in range(image.shape[0]):
         row, picture = out[c, y, first:end], image[c]
-        for x in range(pixels(weights)):
+        for x in range(pixels(weights.shape[0])):
             row[x] += weights[x] * picture[places[x]] if weights[x] > ZERO else ZERO
 
 
@@ -183,7 +183,7 @@ def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns
     Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
     """
     weights, fine, distance, cosine, total = rows[:4], rows[4:6], rows[6], rows[7], rows[8]
-    channels, count = image.shape[0], pixels(total)
+    channels, count = image.shape[0], pixels(total.shape[0])
     _footprints(columns, lines, fine, weights, shift[0], shift[1], y, first)
     total[:] = ZERO
     for k in range(4):

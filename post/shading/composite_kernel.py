@@ -24,29 +24,29 @@ Light = namedtuple("Light", "radiance ambient emission visibility gi reflection 
 
 @scalar
 def _add(lit, given, factor):
-    for x in range(pixels(lit)):
+    for x in range(pixels(lit.shape[0])):
         lit[x] += factor * given[x]
 
 
 @scalar
 def _add_direct(lit, radiance, emission, emits):
     if emits:
-        for x in range(pixels(lit)):
+        for x in range(pixels(lit.shape[0])):
             lit[x] = (lit[x] + radiance[x]) - emission[x]
     else:
-        for x in range(pixels(lit)):
+        for x in range(pixels(lit.shape[0])):
             lit[x] += radiance[x]
 
 
 @scalar
 def _darken(lit, share):
-    for x in range(pixels(lit)):
+    for x in range(pixels(lit.shape[0])):
         lit[x] *= min(max(share[x], ZERO), ONE)
 
 
 @scalar
 def _take(lit, share, factor):
-    for x in range(pixels(lit)):
+    for x in range(pixels(lit.shape[0])):
         lit[x] *= ONE - factor * share[x]
 
 
@@ -56,7 +56,7 @@ def sum_row(out, light, y, first, end, physical, of_gi, of_reflection):
     for c in range(out.shape[0]):
         lit, radiance, emits = out[c, y, first:end], light.radiance[c, y, first:end], light.emission.shape[0] > 0
         emission = light.emission[c, y, first:end] if emits else radiance
-        for x in range(pixels(lit)):
+        for x in range(pixels(lit.shape[0])):
             lit[x] = ZERO
         if light.ambient.shape[0] > 0:
             _add(lit, light.ambient[c, y, first:end], ONE)
@@ -105,12 +105,12 @@ def specular_row(out, cosines, normal, hit, roughness, lens, pose, table, parall
     zx, zy, zz = pose[2, 0], pose[2, 1], pose[2, 2]
     focal_x, center_x, jitter_x, begin = lens[0], lens[2], lens[4], np.float32(first) + HALF
     ray_y = ZERO if parallel else (np.float32(y) + HALF + lens[5] - lens[3]) / lens[1]
-    for x in range(pixels(row)):
+    for x in range(pixels(row.shape[0])):
         ray_x = ZERO if parallel else (np.float32(x) + begin + jitter_x - center_x) / focal_x
         a, b, c = xx * ray_x + xy * ray_y + xz, yx * ray_x + yy * ray_y + yz, zx * ray_x + zy * ray_y + zz
         along = -(a * nx[x] + b * ny[x] + c * nz[x]) / math.sqrt(ray_x * ray_x + ray_y * ray_y + ONE)
         cosines[x] = min(max(along, ZERO), ONE) * COSINES
-    for x in range(pixels(row)):
+    for x in range(pixels(row.shape[0])):
         if not seen[x]:
             row[x] = ZERO
             continue
