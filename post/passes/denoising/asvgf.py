@@ -26,6 +26,7 @@ from post.upsampling.gradient import forgetting, temporal_gradient
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
 FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
 SHARED, NEAR = 5, 3  # pixels: squares whose pixels share their noise relative to the light, and whose light it is of
+UNSURE = 60.0  # see `tolerated`: single samples of one kind of light vary more than all light together
 
 
 class Lobe(NamedTuple):
@@ -111,7 +112,8 @@ def asvgf(
         longest=longest, excess=True, rare=distance is not None,
     )  # fmt: skip
     variance = _shared(history.signals["variance"], luminance(mean), gbuffer.hit)
-    variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
+    grain = grain_of(mean, variance, gbuffer.hit)
+    variance = tolerated(variance, grain, history.length, gbuffer.hit, unsure=UNSURE)
     lobe = DIFFUSE if distance is None else SPECULAR
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, lobe.phi_normal, roughness)
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, roughness)
