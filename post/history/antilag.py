@@ -226,7 +226,9 @@ def shared_at_first(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor)
     return torch.where(first, relative * pooled(light, count).square(), variance)
 
 
-def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor, *, least: float = 0.0) -> Tensor:
+def tolerated(
+    variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor, *, unsure: float = UNSURE, least: float = 0.0
+) -> Tensor:
     """Variance of the mean as the wavelets are told it: exaggerated where it is uncertain, or much of the light.
 
     Where there is little noise, edges as weak as the noise are worth keeping. Where there is much all around, they
@@ -237,11 +239,12 @@ def tolerated(variance: Tensor, grain: Tensor, length: Tensor, hit: Tensor, *, l
         grain: see `grain_of`.
         length: ``(B, 1, H, W)`` frames in the mean.
         hit: ``(B, 1, H, W)`` bool.
+        unsure: shares of the variance by which it is exaggerated in a mean of one frame; less in longer ones.
         least: share of the variance by which it is exaggerated everywhere: for wavelets whose light a regression fits,
             which may average over more noise before they lose gradients.
 
     Returns:
         ``(B, 1, H, W)``, nowhere below ``variance``.
     """
-    unsure = (UNSURE / length.clamp_min(1.0)).clamp_min(least)
-    return variance * (1 + torch.where(hit, torch.maximum(grain, unsure), 0.0))
+    short = (unsure / length.clamp_min(1.0)).clamp_min(least)
+    return variance * (1 + torch.where(hit, torch.maximum(grain, short), 0.0))

@@ -63,7 +63,9 @@ def follow_changes(
     return sample, torch.cat([old, fast, moments, share * age / younger.clamp_min(1e-6), younger], dim=1)
 
 
-def spread(planes: Tensor, variance: Tensor, geometry: Surface, iterations: int) -> tuple[Tensor, Tensor]:
+def spread(
+    planes: Tensor, variance: Tensor, geometry: Surface, iterations: int, reach: Tensor | None = None
+) -> tuple[Tensor, Tensor]:
     """Average over the surface, whatever its light.
 
     Args:
@@ -71,6 +73,7 @@ def spread(planes: Tensor, variance: Tensor, geometry: Surface, iterations: int)
         variance: ``(B, 1, H, W)`` of a plane's noise.
         geometry: of the same size.
         iterations: wavelets, each twice as wide as the one before.
+        reach: ``(B, 1, H, W)``: 1 / (2 sigma^2) of the widest average, 1 / pixels squared; none is too wide by default.
 
     Returns:
         ``planes`` averaged, and the variance that is left.
@@ -79,6 +82,7 @@ def spread(planes: Tensor, variance: Tensor, geometry: Surface, iterations: int)
     values = torch.cat([planes, none, variance], dim=1)  # no luminance to compare: only geometry weighs
     for iteration in range(iterations):
         values = wavelet(
-            values, geometry, none, step=2**iteration, phi_color=1.0, phi_depth=1.0, phi_normal=COARSE_POWER
-        )
+            values, geometry, none if reach is None else reach, step=2**iteration,
+            phi_color=1.0, phi_depth=1.0, phi_normal=COARSE_POWER,
+        )  # fmt: skip
     return values[:, :-2], values[:, -1:]

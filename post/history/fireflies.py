@@ -61,7 +61,9 @@ def taken(signal: Tensor, kept: Tensor, lead: int) -> Tensor:
     return torch.minimum(luminance(signal, lead) - light, MOST * light).clamp_min(0.0)
 
 
-def given_back(smooth: Tensor, mean: Tensor, cut: Tensor, geometry: Surface) -> Tensor:
+def given_back(
+    smooth: Tensor, mean: Tensor, cut: Tensor, geometry: Surface, *, wide: int = WIDE, reach: Tensor | None = None
+) -> Tensor:
     """Brighten each surface by the share of its light that cuts took over a wide area of it: its mean stays.
 
     Args:
@@ -69,9 +71,12 @@ def given_back(smooth: Tensor, mean: Tensor, cut: Tensor, geometry: Surface) -> 
         mean: as ``smooth``, before the filter.
         cut: ``(B, 1, H, W)`` luminance, that cuts took, accumulated as ``mean`` was.
         geometry: of this frame.
+        wide: wavelets over which light is given back.
+        reach: ``(B, 1, H, W)``, see `spread`.
 
     Returns:
         ``(B, 3, H, W)``, at most twice as bright.
     """
-    light, away = spread(torch.cat([luminance(mean), cut], dim=1), torch.zeros_like(cut), geometry, WIDE)[0].split(1, 1)
+    planes = torch.cat([luminance(mean), cut], dim=1)
+    light, away = spread(planes, torch.zeros_like(cut), geometry, wide, reach)[0].split(1, 1)
     return smooth * (1 + (away / light.clamp_min(1e-6)).clamp(0.0, 1.0))

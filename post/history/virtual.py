@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.directions import length as norm
 from post.filters.around import pooled
-from post.history.read import read_history
+from post.history.read import SAME_PLANE, read_history
 from post.history.reproject import motion_of
 
+AROUND = 5  # pixels: squares whose means tell which history a signal of rare bright samples belongs to
 STEADY = 0.02  # radians a frame that the normal of a mirror may turn, besides its lobe, until it keeps half its image
 
 
@@ -37,6 +40,37 @@ def agreeing_motion(
     found = read_history(gbuffer, before, image, length=length, motion=virtual)
     agrees = lost | (misfit(found.image, signal, lead) < apart)
     return torch.where(found.valid & (distance > 0) & agrees, virtual, motion)
+
+
+def with_image(
+    state: Tensor,
+    history: Tensor,
+    signal: Tensor,
+    gbuffer: GBuffer,
+    before: GBuffer,
+    distance: Tensor,
+    *,
+    rare: bool,
+) -> Tensor:
+    """The sharp history of each surface, or of its virtual image, whichever agrees better with the signal.
+
+    Args:
+        state: ``(B, K, H, W)`` history of the surfaces at this frame's pixels, whose last channel is its length.
+        history: ``(B, K, H, W)`` of the frame before, at its pixels; begins with the channels of ``signal``.
+        signal: ``(B, C, H, W)`` of this frame.
+        gbuffer: of this frame.
+        before: of the frame before.
+        distance: see `agreeing_motion`.
+        rare: see `misfit`.
+
+    Returns:
+        As ``state``.
+    """
+    lead, virtual = signal.shape[1], virtual_motion(gbuffer, before, distance)
+    sharp: dict[str, Any] = {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
+    found = read_history(gbuffer, before, history, length=history[:, -1:], motion=virtual, **sharp)
+    agrees = misfit(found.image, signal, lead, rare=rare) < misfit(state, signal, lead, rare=rare)
+    return torch.where(found.valid & (distance > 0) & (agrees | (state[:, -1:] <= 0)), found.image, state)
 
 
 def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
@@ -67,6 +101,13 @@ def image_kept(gbuffer: GBuffer, before: GBuffer) -> Tensor:
     return torch.where(found.valid & gbuffer.hit, kept, 1.0)
 
 
-def misfit(history: Tensor, signal: Tensor, lead: int) -> Tensor:
-    """``(B, 1, H, W)``: by how much the first ``lead`` channels differ around each pixel."""
-    return pooled((history[:, :lead] - signal[:, :lead]).abs().sum(1, keepdim=True), torch.ones_like(signal[:, :1]))
+def misfit(history: Tensor, signal: Tensor, lead: int, *, rare: bool = False) -> Tensor:
+    """``(B, 1, H, W)``: by how much the first ``lead`` channels differ around each pixel.
+
+    With ``rare`` bright samples their means are compared. Most samples are darker than the mean then, so that the
+    history which differs less from each of them is the darker one: a tenth of the light of lamps would be lost.
+    """
+    apart, every = history[:, :lead] - signal[:, :lead], torch.ones_like(signal[:, :1])
+    if rare:
+        return pooled(apart, every, AROUND).abs().sum(1, keepdim=True)
+    return pooled(apart.abs().sum(1, keepdim=True), every)

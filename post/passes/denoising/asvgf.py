@@ -19,13 +19,14 @@ from post.history.fireflies import given_back
 from post.history.read import read_history
 from post.history.reproject import history_for
 from post.history.virtual import image_kept
-from post.passes.denoising.atrous import atrous
+from post.passes.denoising.atrous import atrous, reach_of
 from post.passes.denoising.temporal import temporal
 from post.upsampling.gradient import forgetting, temporal_gradient
 
 CHROMA_PHI = 4.0  # standard deviations of the noise left in luminance at which a tap of chroma counts 1/e
 FADING = 0.75  # share that a cache keeps in a frame of what it had in the one before
 SHARED, NEAR = 5, 3  # pixels: squares whose pixels share their noise relative to the light, and whose light it is of
+UNSURE = 60.0  # see `tolerated`: single samples of one kind of light vary more than all light together
 
 
 class Lobe(NamedTuple):
@@ -35,12 +36,14 @@ class Lobe(NamedTuple):
     firefly: float
     iterations: int
     phi_normal: float
+    wide: int
+    """Wavelets over which cut light is given back."""
 
 
-DIFFUSE = Lobe(blend=0.95, firefly=4.0, iterations=7, phi_normal=128.0)
-# Replayed samples do not tell how images in mirrors move, what is cut there is not given back, and normals 3 degrees
-# apart mirror different things.
-SPECULAR = Lobe(blend=0.9, firefly=6.0, iterations=3, phi_normal=2048.0)
+DIFFUSE = Lobe(blend=0.95, firefly=4.0, iterations=7, phi_normal=128.0, wide=5)
+# Replayed samples do not tell how images in mirrors move, what is cut there belongs to a narrower area, and normals 3
+# degrees apart mirror different things.
+SPECULAR = Lobe(blend=0.9, firefly=6.0, iterations=3, phi_normal=2048.0, wide=3)
 
 
 def asvgf(
@@ -62,7 +65,7 @@ def asvgf(
     The mean of N frames gives way to this frame with the weight lerp(1 / N, 1, 1 - (1 - g)^2), where g is the
     `temporal_gradient`. Weighted by g alone, a history ten times as bright as what is left of the light would still be
     half of the mean. Luminance is filtered by wavelets as its variance requires; chroma as the filtered luminance and
-    what is left of that variance allow. What is cut of diffuse samples is given back to the surface around them.
+    what is left of that variance allow. What is cut of samples is given back to the surface around them.
 
     Args:
         light: ``(B, 3, H, W)`` of this frame, linear radiance, without albedo.
@@ -76,7 +79,7 @@ def asvgf(
         cached: ``(B, 3, H, W)`` as ``light``, with less noise, of surfaces that a cache in the world knows: what pixels
             show at first that have no history. Its share falls by `FADING` a frame.
         blend: largest share of history, see `temporal`.
-        firefly: see `temporal`, for diffuse light `post.history.fireflies.cut_outliers`.
+        firefly: see `temporal` and `post.history.fireflies.cut_outliers`.
         iterations: see `atrous`.
         phi_color: see `atrous`, for luminance.
 
@@ -106,15 +109,16 @@ def asvgf(
     mean, history = temporal(
         light, gbuffer, history,
         blend=blend, clamp=0.0, firefly=firefly, motion_response=0.0, sharp=True, distance=distance,
-        longest=longest, excess=distance is None,
+        longest=longest, excess=True, rare=distance is not None,
     )  # fmt: skip
     variance = _shared(history.signals["variance"], luminance(mean), gbuffer.hit)
-    variance = tolerated(variance, grain_of(mean, variance, gbuffer.hit), history.length, gbuffer.hit)
-    phi_normal = (DIFFUSE if distance is None else SPECULAR).phi_normal
-    smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, phi_normal, roughness)
-    if distance is None:  # in mirrors light belongs to what they show, not to the surface around
-        geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
-        smooth = given_back(smooth, mean, history.signals["excess"], geometry)
+    grain = grain_of(mean, variance, gbuffer.hit)
+    variance = tolerated(variance, grain, history.length, gbuffer.hit, unsure=UNSURE)
+    lobe = DIFFUSE if distance is None else SPECULAR
+    smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, lobe.phi_normal, roughness)
+    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, roughness)
+    reach = reach_of(gbuffer.depth, roughness, None)
+    smooth = given_back(smooth, mean, history.signals["excess"], geometry, wide=lobe.wide, reach=reach)
     kept = {"sample": sample} if new is None else {"sample": sample, "new": new}
     history = replace(history, signals={**history.signals, **kept})
     return torch.where(gbuffer.hit, smooth, light), history

@@ -76,7 +76,7 @@ def atrous(
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
     light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
-    reach = _reach(depth, roughness, confidence)
+    reach = reach_of(depth, roughness, confidence)
     values = torch.cat([with_places(signal) if linear else signal, light, variance], dim=1)
     before = signal if linear else None
     del signal, light, variance  # a quarter of what the kernels need at once
@@ -91,8 +91,8 @@ def atrous(
     return smooth, left
 
 
-def _reach(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
-    """1 / (2 sigma^2) of the widest allowed blur in pixels: zero, hence no limit, for all but reflections."""
+def reach_of(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
+    """``(B, 1, H, W)`` 1 / (2 sigma^2) of the widest allowed blur in pixels: 0, no limit, for all but reflections."""
     if roughness is None:
         return torch.zeros_like(depth)
     sigma = REACH * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)

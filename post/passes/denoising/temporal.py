@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import torch
 from torch import Tensor
 
@@ -22,9 +20,9 @@ from post.history.constants import YOUNG
 from post.history.fireflies import cut_outliers, taken
 from post.history.op import blended, taken_in
 from post.history.planes import together
-from post.history.read import SAME_PLANE, read_history, read_sharp
+from post.history.read import read_history, read_sharp
 from post.history.reproject import geometry_of, history_for, motion_of
-from post.history.virtual import agreeing_motion, misfit, virtual_motion
+from post.history.virtual import agreeing_motion, with_image
 from post.passes.denoising.atrous import atrous
 
 STORED = ("signal", "fast", "moments", "share")
@@ -46,6 +44,7 @@ def temporal(
     excess: bool = False,
     longest: Tensor | None = None,
     lenient: Tensor | None = None,
+    rare: bool = False,
 ) -> tuple[Tensor, History]:
     """Average a signal over time along the motion of surfaces.
 
@@ -74,6 +73,7 @@ def temporal(
             changes of light over a wide area: see `post.history.changes.follow_changes`.
         longest: ``(B, 1, H, W)`` the most frames that each mean may hold; by default ``blend`` alone limits them.
         lenient: ``(B, 1, H, W)`` bool: pixels for which a sharp history asks less, see `post.history.read.read_sharp`.
+        rare: bright samples are rare, see `post.history.virtual.misfit`; surfaces of unlike roughness are told apart.
 
     Returns:
         The mean ``(B, C, H, W)`` and the history for the next frame: ``length`` holds N, ``signals["variance"]`` the
@@ -88,12 +88,14 @@ def temporal(
         raise ValueError(f"blend must lie in 0 to 1, got {blend}")
     check_sizes(gbuffer.camera, signal=signal, distance=distance, longest=longest, lenient=lenient)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
-    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
+    geometry = surface(
+        gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, gbuffer.roughness if rare else None
+    )  # fmt: skip
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
     before, noise, past = 0.0, None, None if history is None else history.gbuffer
     if history is not None and past is not None:
         history = history.take()
-        state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names, lenient)
+        state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names, lenient, rare)
     del history  # what was read of it is in the state: both need not be in memory with what comes out
     if excess:
         first = signal.shape[1] + lead  # of the moments
@@ -133,6 +135,7 @@ def _fetch(
     sharp: bool,
     names: tuple[str, ...],
     lenient: Tensor | None,
+    rare: bool,
 ) -> Tensor:
     """The named signals and the length of the history, reprojected to this frame."""
     kept = history.signals
@@ -142,23 +145,15 @@ def _fetch(
             "start with state=None when signals come or go"
         )
     everything = together([*(kept[name] for name in names), history.length])
-    options: dict[str, Any] = {"length": history.length}
-    if sharp:
-        options |= {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
-    elif distance is not None:  # all channels are read once: two readings of them were most of a frame's memory
-        motion = agreeing_motion(everything[:, :lead], signal[:, :lead], gbuffer, before, history.length, distance)
-        return read_history(gbuffer, before, everything, motion=motion, **options).image
     if sharp:
         state = read_sharp(gbuffer, before, everything, lenient=lenient)
-    else:
-        state = read_history(gbuffer, before, everything, **options).image
-    if distance is not None:
-        virtual = virtual_motion(gbuffer, before, distance)
-        reflected = read_history(gbuffer, before, everything, motion=virtual, **options)
-        missing = ~reflected.valid | (distance <= 0)
-        agrees = misfit(reflected.image, signal, lead) < misfit(state, signal, lead)
-        state = torch.where(~missing & (agrees | (state[:, -1:] <= 0)), reflected.image, state)
-    return state
+        if distance is not None:
+            state = with_image(state, everything, signal[:, :lead], gbuffer, before, distance, rare=rare)
+        return state
+    motion = None
+    if distance is not None:  # all channels are read once: two readings of them were most of a frame's memory
+        motion = agreeing_motion(everything[:, :lead], signal[:, :lead], gbuffer, before, history.length, distance)
+    return read_history(gbuffer, before, everything, motion=motion, length=history.length).image
 
 
 def _finish(

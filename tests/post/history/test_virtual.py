@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer
 from post import ASVGF
-from post.history.virtual import image_kept
+from post.history.virtual import image_kept, misfit
 
 SIZE, FAR = (24, 32), 50.0
 TURN = 0.08  # radians
@@ -71,3 +71,33 @@ def test_specular_light_is_not_averaged_over_waves():
     here, light = upright(g)[0, 0], found.read("specular")[0, 0]
     first, second = light[here & (columns == 0)], light[here & (columns == 1)]
     assert float(second.mean() - first.mean()) > 0.4
+
+
+def rare(g: GBuffer, share: float, seed: int) -> Tensor:
+    """Light of mean 1, all of which a ``share`` of the samples brings."""
+    chosen = torch.rand(g.depth.shape, generator=torch.Generator().manual_seed(seed)) < share
+    return (chosen / share).expand(1, 3, *SIZE)
+
+
+def test_of_two_histories_rare_bright_samples_do_not_choose_the_darker():
+    g = mirror()
+    samples, right = rare(g, 0.2, 1), torch.ones(1, 3, *SIZE)
+
+    def chosen(by_means: bool) -> float:
+        apart, darker = (misfit(x, samples, 3, rare=by_means) for x in (right, 0.3 * right))
+        return float((apart < darker).float().mean())
+
+    assert chosen(True) > 0.7
+    assert chosen(False) < 0.2
+
+
+def test_what_is_cut_of_rare_bright_reflections_is_given_back():
+    stage, state, shares = ASVGF(signal="specular", firefly=3.0), None, list[float]()
+    with torch.no_grad():
+        for index in range(12):
+            g = boxes.frame(boxes.camera(SIZE, dx=0.1 * index)).gbuffer
+            g = g.replace(roughness=torch.full_like(g.depth, 0.15))
+            frame = lit(g, 1.0)
+            found, state = stage(frame.replace(specular=rare(g, 0.05, index) * frame.read("specular")), state)
+            shares.append(float(found.read("specular")[g.hit.expand(-1, 3, -1, -1)].mean()))
+    assert sum(shares[-6:]) / 6 > 0.95, "cuts take a third"

@@ -135,6 +135,19 @@ def test_pixels_that_missed_rare_bright_paths_are_no_dots(monkeypatch: pytest.Mo
     assert found < 0.95 * roughness()
 
 
+def test_first_frames_trust_the_variance_of_few_samples_less_than_old_ones(monkeypatch: pytest.MonkeyPatch):
+    f, generator = frame(even()), torch.Generator().manual_seed(4)
+    light = even() * (1 + 0.1 * torch.randn(1, 1, *SIZE, generator=generator))
+
+    def roughness() -> float:
+        found = asvgf(light, f.gbuffer)[0][:, :1][inner(upward(f))]
+        return float(found.std() / found.mean())
+
+    found = roughness()
+    monkeypatch.setattr("post.passes.denoising.asvgf.UNSURE", 15.0)
+    assert found < 0.75 * roughness()
+
+
 def test_new_surfaces_show_what_a_cache_knows_until_they_have_a_history():
     """The share of the cache falls over frames; what it shows is no sample, so that gradients stay as they are."""
     f, history, shares = frame(0 * even()), None, []
