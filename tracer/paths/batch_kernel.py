@@ -10,6 +10,7 @@ from collections import namedtuple
 import numpy as np
 
 from gbufrt.compute.kernel import Lanes, allocating, in_lanes, scalar
+from tracer.paths.waiting_kernel import new_waiting
 from tracer.sampling.scatter_kernel import cosine_direction
 from tracer.sampling.sequence import BELOW_ONE
 from tracer.scene.scene import MASK_SECONDARY
@@ -25,8 +26,9 @@ NX, NY, NZ, DX, DY, DZ = map(Lanes, range(0, 6 * BATCH, BATCH))
 ROWS = Lanes(6 * BATCH)
 NONE = (-1, 0, (0, 0, 0))  # what a ray begins in that begins in the air
 
-Paths = namedtuple("Paths", "lanes u rows origins directions spans weights left numbers ids")
-"""Scratch of one thread: numbers of each path; its first ray, with two numbers for its weight; and what that hits."""
+Paths = namedtuple("Paths", "lanes u rows origins directions spans weights left numbers ids to_lights to_sky")
+"""Scratch of one thread: numbers of each path; its first ray, with two numbers for its weight; what that hits; and rays
+to lights, and to the sky, that wait."""
 
 
 @allocating
@@ -43,6 +45,8 @@ def new_paths(dims):
         np.zeros((0, 5), np.int32),
         np.zeros((BATCH, 4)),
         np.zeros((BATCH, 7), np.int32),
+        new_waiting(),
+        new_waiting(),
     )
 
 

@@ -104,7 +104,7 @@ def paths(i, arrays, camera, picture, surfaces, points, rotation, pixels, settin
     origins, directions = cuda.local.array((1, 3), np.float64), cuda.local.array((1, 3), np.float64)
     spans, weights = cuda.local.array((1, 2), np.float64), cuda.local.array((1, 2), np.float64)
     numbers, ids = cuda.local.array((1, 4), np.float64), cuda.local.array((1, 7), np.int32)
-    one = Paths(0, u[: len(rotation)], rows, origins, directions, spans, weights, 0, numbers, ids)
+    one = Paths(0, u[: len(rotation)], rows, origins, directions, spans, weights, 0, numbers, ids, 0, 0)
     tables = interaction_kernel.assembled(arrays)
     for k in range(len(points)):
         draw(one, points[k : k + 1], rotation, pixels[i : i + 1])

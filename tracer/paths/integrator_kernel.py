@@ -17,18 +17,13 @@ from tracer.lights.samples import DIMS
 from tracer.lights.sky_kernel import shines, sky, sun_sample
 from tracer.paths.batch_kernel import DX, DY, DZ, NX, NY, NZ, even_directions, hit_of, put_ray, trace
 from tracer.paths.interaction import FINE
-from tracer.paths.interaction_kernel import (
-    OPACITY,
-    go_through,
-    place_at,
-    reached,
-    surface_of,
-    transmit,
-)
+from tracer.paths.interaction_kernel import OPACITY, go_through, place_at, reached, surface_of, transmit
 from tracer.paths.on_screen_kernel import sees
-from tracer.paths.path_kernel import arriving, diffuse_of, direct, f0_of, from_lamp, gathered, remembered
+from tracer.paths.path_kernel import arriving, direct, gather, remembered, unblocked_lamp
 from tracer.paths.radiance import MORE
-from tracer.sampling.scatter_kernel import added, dot, fresnel, sample_specular, scaled, times
+from tracer.paths.surfaces.response_kernel import diffuse_of, f0_of
+from tracer.paths.waiting_kernel import arrive, finish, send
+from tracer.sampling.scatter_kernel import along, dot, fresnel, sample_specular, scaled, times
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import FARTHEST
@@ -107,10 +102,9 @@ def indirect(paths, tables, camera, picture, surfaces, begin, end, each, bounces
             _add(out, 6, i, times(weight, sky(tables.lit, direction)))
             out[9, i] += (isect.weight[0] + isect.weight[1] + isect.weight[2]) / 3
         else:
-            light = times(weight, gathered(tables, isect.surface, u, j, 3, bounces))
-            _add(out, 0, i, light)
-            if sees(camera, picture, isect.surface.point, isect.surface.normal):
-                _add(out, 3, i, light)
+            shown = sees(camera, picture, isect.surface.point, isect.surface.normal)
+            gather(paths, tables, isect.surface, j, 3, bounces, weight, (i, 0, 3 if shown else -1), out)
+    finish(paths, tables, out)
 
 
 @scalar
@@ -159,10 +153,11 @@ def reflected(paths, tables, camera, picture, surfaces, begin, end, each, sharp,
         at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
         weight, cosine, rough = paths.weights[j, 0], paths.weights[j, 1], at.roughness >= sharp
         if rough and len(tables.lit.lamps):
-            light, place, lamp = from_lamp(tables, at, u, j, 5, NOTHING, True)
-            _add(out, 0, i, light)
-            if max(light) > 0 and sees(camera, picture, place, triple(tables.lit.lamps, lamp, FACING)):
-                _add(out, 3, i, light)
+            way, distance, value, lamp = unblocked_lamp(tables, at, u, j, 5, NOTHING, True)
+            if max(value) > 0:
+                facing = triple(tables.lit.lamps, lamp, FACING)
+                shown = sees(camera, picture, along(at.point, way, distance), facing)
+                send(paths, tables, at.point, way, distance, value, (i, 0, 3 if shown else -1), out)
         if not weight > 0:
             continue
         isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
@@ -171,14 +166,15 @@ def reflected(paths, tables, camera, picture, surfaces, begin, end, each, sharp,
         if isect.t == np.inf:
             _add(out, 0, i, times(factor, sky(tables.lit, direction)))
             continue
-        sent = gathered(tables, isect.surface, u, j, 3 + DIMS, 1)
-        sent = times(factor, sent if rough else added(sent, isect.surface.emission))
-        _add(out, 0, i, sent)
+        shown = sees(camera, picture, isect.surface.point, isect.surface.normal)
+        place = i, 0, 3 if shown else -1
+        gather(paths, tables, isect.surface, j, 3 + DIMS, 1, factor, place, out)
+        if not rough:
+            arrive(out, place, times(factor, isect.surface.emission))
+        out[6, i] += shown
         out[7, i] += isect.t
         out[9, i] += 1
-        if sees(camera, picture, isect.surface.point, isect.surface.normal):
-            _add(out, 3, i, sent)
-            out[6, i] += 1
+    finish(paths, tables, out)
 
 
 @scalar

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
-from gbufrt.specular import DIELECTRIC_F0, LAMP_ROUGHNESS
+from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.cache.kernel import look_up
 from tracer.lights.lamp_kernel import lamp_sample
 from tracer.lights.lit import DISC, NOTHING
@@ -18,17 +18,14 @@ from tracer.paths.interaction import FINE, MOST_PASS
 from tracer.paths.interaction_kernel import WHITE, intersect, transmit
 from tracer.paths.on_screen_kernel import back_project, sees
 from tracer.paths.radiance import MORE, SURVIVAL
-from tracer.paths.surfaces.response import LEAST_ALPHA, RARELY
+from tracer.paths.surfaces.response_kernel import diffuse_of, diffuse_share, response, scattered, specular_chance
+from tracer.paths.waiting_kernel import arrive, send, send_to_sky
 from tracer.sampling.scatter_kernel import (
     added,
     along,
     cosine_direction,
-    directional_albedo,
     dot,
-    fresnel,
-    sample_specular,
     scaled,
-    specular_response,
     times,
 )
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
@@ -36,79 +33,71 @@ from tracer.traversal.rays import FARTHEST
 
 
 @scalar
-def diffuse_of(at):
-    return scaled(at.albedo, (1 - at.metallic) * at.opacity)
-
-
-@scalar
-def f0_of(at):
-    some = at.metallic
-    return (
-        DIELECTRIC_F0 + (at.albedo[0] - DIELECTRIC_F0) * some,
-        DIELECTRIC_F0 + (at.albedo[1] - DIELECTRIC_F0) * some,
-        DIELECTRIC_F0 + (at.albedo[2] - DIELECTRIC_F0) * some,
-    )
-
-
-@scalar
-def _response(at, direction, even, mirrors):
-    """Reflectance x cosine: diffuse with albedo ``even``, and specular if it ``mirrors``."""
-    value = scaled(even, max(dot(at.normal, direction), 0.0) / math.pi)
-    if not mirrors:
-        return value
-    alpha = max(at.roughness * at.roughness, LEAST_ALPHA)
-    return added(value, specular_response(at.normal, at.toward, alpha, f0_of(at), direction))
-
-
-@scalar
 def direct(tables, at, u, i, first, even, mirrors_sun, mirrors_lamps):
     """Direct light from the sun and from one lamp; see `tracer.paths.interaction.direct`."""
     lit, light = tables.lit, NOTHING
     if shines(lit):
-        direction, energy = sun_sample(lit, u[first, i], u[first + 1, i])
-        value = times(_response(at, direction, even, mirrors_sun), energy)
+        direction, value = _unblocked_sun(tables, at, u, i, first, even, mirrors_sun)
         if max(value) > 0:
             light = times(value, transmit(tables, at.point, direction, FARTHEST, MASK_SHADOW))
     if len(lit.lamps):
-        light = added(light, from_lamp(tables, at, u, i, first + 2, even, mirrors_lamps)[0])
+        direction, distance, value, _ = unblocked_lamp(tables, at, u, i, first + 2, even, mirrors_lamps)
+        if max(value) > 0:
+            light = added(light, times(value, transmit(tables, at.point, direction, distance, MASK_SHADOW)))
     return light
 
 
 @scalar
-def from_lamp(tables, at, u, i, first, even, mirrors):
-    """Light from one lamp, the place where it comes from, and the lamp's number (-1 for none)."""
-    numbers = (u[first, i], u[first + 1, i], u[first + 2, i], u[first + 3, i])
-    direction, distance, energy, lamp = lamp_sample(tables.lit, at.point, at.normal, *numbers)
-    place = along(at.point, direction, distance)
-    if lamp >= 0 and max(energy) > 0:
-        value = times(_response(at, direction, even, mirrors), energy)
-        if max(value) > 0:
-            return times(value, transmit(tables, at.point, direction, distance, MASK_SHADOW)), place, lamp
-    return NOTHING, place, lamp
+def _unblocked_sun(tables, at, u, i, first, even, mirrors):
+    """The direction to a sample of the sun, and the light from there if nothing blocks it."""
+    direction, energy = sun_sample(tables.lit, u[first, i], u[first + 1, i])
+    return direction, times(response(at, direction, even, mirrors), energy)
 
 
 @scalar
-def gathered(tables, at, u, i, first, bounces):
-    """See `tracer.paths.diffuse.gathered`."""
-    total, through = NOTHING, WHITE
+def unblocked_lamp(tables, at, u, i, first, even, mirrors):
+    """The direction to a sample of one lamp, how far away it is, the light from there if nothing blocks it, and the
+    lamp's number."""
+    numbers = (u[first, i], u[first + 1, i], u[first + 2, i], u[first + 3, i])
+    direction, distance, energy, lamp = lamp_sample(tables.lit, at.point, at.normal, *numbers)
+    if lamp < 0 or not max(energy) > 0:
+        return direction, distance, NOTHING, lamp
+    return direction, distance, times(response(at, direction, even, mirrors), energy), lamp
+
+
+@scalar
+def gather(paths, tables, at, i, first, bounces, through, place, out):
+    """See `tracer.paths.diffuse.gathered`; the light, times ``through``, comes to a place of
+    `tracer.paths.waiting_kernel.arrive`."""
+    u = paths.u
     for bounce in range(bounces):
         through = times(through, diffuse_of(at))
-        total = added(total, times(through, direct(tables, at, u, i, first, WHITE, False, False)))
+        _send_to_lights(paths, tables, at, i, first, through, place, out)
         direction = cosine_direction(at.normal, u[first + DIMS, i], u[first + DIMS + 1, i])
         if bounce == bounces - 1:
-            passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
-            if max(passed) > 0:
-                total = added(total, times(times(through, passed), sky(tables.lit, direction)))
+            send_to_sky(paths, tables, at.point, direction, through, place, out)
             break
         number = u[first + DIMS + 2, i]
         isect = _go_on(tables, at, direction, number)
         through = times(through, isect.weight)
         if isect.t == np.inf:
-            total = added(total, times(through, sky(tables.lit, direction)))
+            arrive(out, place, times(through, sky(tables.lit, direction)))
             break
         at = isect.surface
         first += EVEN
-    return total
+
+
+@scalar
+def _send_to_lights(paths, tables, at, i, first, through, place, out):
+    """As `direct` for a diffuse surface."""
+    if shines(tables.lit):
+        direction, value = _unblocked_sun(tables, at, paths.u, i, first, through, False)
+        if max(value) > 0:
+            send(paths, tables, at.point, direction, FARTHEST, value, place, out)
+    if len(tables.lit.lamps):
+        direction, distance, value, _ = unblocked_lamp(tables, at, paths.u, i, first + 2, through, False)
+        if max(value) > 0:
+            send(paths, tables, at.point, direction, distance, value, place, out)
 
 
 @scalar
@@ -141,14 +130,14 @@ def arriving(tables, camera, picture, isect, known, direction, u, i, first, boun
         light = at.emission if sees_lamps else NOTHING
         sharp_sun, sharp_lamp = at.roughness * at.roughness < sharp, at.roughness < LAMP_ROUGHNESS
         if next_event and bounce <= bounces:
-            light = added(light, direct(tables, at, u, i, first, _diffuse_share(at), not sharp_sun, not sharp_lamp))
+            light = added(light, direct(tables, at, u, i, first, diffuse_share(at), not sharp_sun, not sharp_lamp))
             if len(lit.sky_upto):
                 light = added(light, _from_sky(tables, at, u[first + DIMS + 5, i], u[first + DIMS + 6, i]))
         light = times(through, light)
         total, onscreen = added(total, light), along(onscreen, light, known)
         if bounce > bounces:
             break
-        direction, factor, density = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
+        direction, factor, density = scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
         sees_sun = (density == 0 and sharp_sun) or not next_event
         sees_lamps = (density == 0 and sharp_lamp) or not next_event
         density = density if next_event else 0.0
@@ -164,15 +153,9 @@ def arriving(tables, camera, picture, isect, known, direction, u, i, first, boun
 
 
 @scalar
-def _diffuse_share(at):
-    """Diffuse reflectance toward the eye."""
-    return scaled(diffuse_of(at), 1 - directional_albedo(dot(at.normal, at.toward), at.roughness))
-
-
-@scalar
 def _from_sky(tables, at, a, b):
     """Diffuse reflection of the sky, by one shadow ray."""
-    diffuse = _diffuse_share(at)
+    diffuse = diffuse_share(at)
     direction, density = sky_sample(tables.lit, a, b)
     even = max(dot(at.normal, direction), 0.0) / math.pi
     if not (even > 0 and max(diffuse) > 0):
@@ -180,30 +163,8 @@ def _from_sky(tables, at, a, b):
     passed = transmit(tables, at.point, direction, FARTHEST, MASK_SECONDARY)
     if not max(passed) > 0:
         return NOTHING
-    share = even / (density + (1 - _mirrors(at)) * even)
+    share = even / (density + (1 - specular_chance(at)) * even)
     return times(scaled(diffuse, share), times(passed, sky(tables.lit, direction)))
-
-
-@scalar
-def _mirrors(at):
-    """Probability that a bounce is specular rather than diffuse."""
-    diffuse = _diffuse_share(at)
-    even = (diffuse[0] + diffuse[1] + diffuse[2]) / 3
-    bright = fresnel(f0_of(at), dot(at.normal, at.toward))
-    some = (bright[0] + bright[1] + bright[2]) / 3
-    return min(max(some / max(some + even, 1e-9), RARELY), 1 - RARELY) if even > 0 else 1.0
-
-
-@scalar
-def _scattered(at, a, b, c):
-    """A path's next direction, the factor on the light from there, and its density, 0 if the bounce is specular."""
-    chance = _mirrors(at)
-    if a >= chance:
-        direction = cosine_direction(at.normal, b, c)
-        density = (1 - chance) * max(dot(at.normal, direction), 0.0) / math.pi
-        return direction, scaled(_diffuse_share(at), 1 / max(1 - chance, 1e-9)), max(density, 1e-12)
-    direction, weight, cosine = sample_specular(at.normal, at.toward, at.roughness * at.roughness, b, c)
-    return direction, scaled(fresnel(f0_of(at), cosine), weight / chance), 0.0
 
 
 @scalar
@@ -217,7 +178,7 @@ def remembered(tables, cache, camera, picture, isect, direction, u, i, first, bo
         )
         return light, False, NOTHING, NOTHING, NOTHING
     sharp_sun, sharp_lamp = at.roughness * at.roughness < tables.lit.sky[DISC, 0], at.roughness < LAMP_ROUGHNESS
-    even = _diffuse_share(at)
+    even = diffuse_share(at)
     light = added(
         at.emission if sees_lamps else NOTHING,
         direct(tables, at, u, i, first, even, not sharp_sun, not sharp_lamp),
@@ -226,7 +187,7 @@ def remembered(tables, cache, camera, picture, isect, direction, u, i, first, bo
     known = known and not follows
     if known:
         light = added(light, times(even, cached))
-    direction, factor, density = _scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
+    direction, factor, density = scattered(at, u[first + DIMS, i], u[first + DIMS + 1, i], u[first + DIMS + 2, i])
     diffuse, sent = density > 0, NOTHING
     if max(factor) > 0 and not (known and diffuse):
         onward = _go_on(tables, at, direction, u[first + DIMS + 4, i])
