@@ -55,25 +55,33 @@ def _given(lit, lamp, point, normal):
 
 
 @scalar
-def _candidate(lit, cell, point, normal, a, k):
-    """A lamp, its rough contribution, and that over the lamp's probability."""
+def _weight(lit, cell, point, normal, a, k):
+    """Rough contribution of a candidate over its probability."""
     lamp, chance = _suggested(lit, cell, fraction(a + k / CANDIDATES))
-    given = _given(lit, lamp, point, normal)
-    return lamp, given, given / chance
+    return _given(lit, lamp, point, normal) / chance
 
 
 @scalar
 def _chosen(lit, point, normal, a, b):
     """A lamp, or -1, and the factor that its light is multiplied by."""
-    cell = _cell(lit, point)
-    total, upto = 0.0, 0.0
+    cell, total, upto = _cell(lit, point), 0.0, 0.0
+    weights = (  # of the candidates, so that none is weighed twice
+        _weight(lit, cell, point, normal, a, 0),
+        _weight(lit, cell, point, normal, a, 1),
+        _weight(lit, cell, point, normal, a, 2),
+        _weight(lit, cell, point, normal, a, 3),
+        _weight(lit, cell, point, normal, a, 4),
+        _weight(lit, cell, point, normal, a, 5),
+        _weight(lit, cell, point, normal, a, 6),
+        _weight(lit, cell, point, normal, a, 7),
+    )
     for k in range(CANDIDATES):
-        total += _candidate(lit, cell, point, normal, a, k)[2]
-    for k in range(CANDIDATES):  # once more, which is cheaper than to keep them in memory
-        lamp, given, weight = _candidate(lit, cell, point, normal, a, k)
-        upto += weight
+        total += weights[k]
+    for k in range(CANDIDATES):
+        upto += weights[k]
         if b * total < upto:
-            return lamp, total / (CANDIDATES * given)
+            lamp = _suggested(lit, cell, fraction(a + k / CANDIDATES))[0]
+            return lamp, total / (CANDIDATES * _given(lit, lamp, point, normal))
     return -1, 0.0
 
 

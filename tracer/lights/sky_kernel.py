@@ -44,7 +44,8 @@ def sky(lit, direction):
     cosine, lobes = dot(triple(lit.sky, TOWARD, 0), direction), 0.0
     for k in range(GLOW, len(lit.sky)):
         share, g = lit.sky[k, 0], lit.sky[k, 1]
-        lobes += share * (1 - g * g) / (1 + g * g - 2 * g * cosine) ** 1.5
+        square = 1 + g * g - 2 * g * cosine
+        lobes += share * (1 - g * g) / (square * math.sqrt(square))
     return along(light, triple(lit.sky, IRRADIANCE, 0), lobes * (1 - below))
 
 

@@ -10,12 +10,13 @@ from collections import namedtuple
 import numpy as np
 
 from gbufrt.compute.kernel import Lanes, allocating, in_lanes, scalar
+from tracer.paths.waiting_kernel import new_waiting
 from tracer.sampling.scatter_kernel import cosine_direction
 from tracer.sampling.sequence import BELOW_ONE
 from tracer.scene.scene import MASK_SECONDARY
 from tracer.traversal import batch_kernel
 from tracer.traversal.kernel import nearest, triple
-from tracer.traversal.lane_kernel import BATCH, new_lanes
+from tracer.traversal.lane_kernel import BATCH
 from tracer.traversal.rays import FARTHEST
 
 ONE, MOST = np.float32(1.0), np.float32(BELOW_ONE)
@@ -25,15 +26,16 @@ NX, NY, NZ, DX, DY, DZ = map(Lanes, range(0, 6 * BATCH, BATCH))
 ROWS = Lanes(6 * BATCH)
 NONE = (-1, 0, (0, 0, 0))  # what a ray begins in that begins in the air
 
-Paths = namedtuple("Paths", "lanes u rows origins directions spans weights left numbers ids")
-"""Scratch of one thread: numbers of each path; its first ray, with two numbers for its weight; and what that hits."""
+Paths = namedtuple("Paths", "waiting u rows origins directions spans weights left numbers ids found")
+"""Scratch of one thread: rays that wait; numbers of each path; its first ray, with two numbers for its weight; what it
+hits; and ``(3, BATCH)`` light that paths find."""
 
 
 @allocating
 def new_paths(dims):
     """Scratch memory of one thread for paths of ``dims`` numbers."""
     return Paths(
-        new_lanes(),
+        new_waiting(),
         np.zeros((dims, BATCH), np.float32),
         np.zeros(ROWS),
         np.zeros((BATCH, 3)),
@@ -43,6 +45,7 @@ def new_paths(dims):
         np.zeros((0, 5), np.int32),
         np.zeros((BATCH, 4)),
         np.zeros((BATCH, 7), np.int32),
+        np.zeros((3, BATCH)),
     )
 
 
@@ -93,9 +96,8 @@ def _trace_alone(paths, count, transforms, grids):
 def trace(paths, count, transforms, grids):
     """Find what the first rays of ``count`` paths hit."""
     rays = paths.origins[:count], paths.directions[:count], paths.spans[:count]
-    batch_kernel.nearest(
-        paths.lanes, transforms, grids, rays, paths.left, MASK_SECONDARY, paths.numbers[:count], paths.ids[:count]
-    )
+    lanes, numbers, ids = paths.waiting.lanes, paths.numbers[:count], paths.ids[:count]
+    batch_kernel.nearest(lanes, transforms, grids, rays, paths.left, MASK_SECONDARY, numbers, ids)
 
 
 @scalar

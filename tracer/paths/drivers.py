@@ -16,7 +16,7 @@ from gbufrt.compute.dispatch import simulated
 from gbufrt.compute.each import Each
 from gbufrt.compute.kernel import CPU, Kernel, array, driver, replaced, scalar, specialized, threads
 from tracer.lights.samples import Lights
-from tracer.paths import integrator_kernel, interaction_kernel, path_kernel
+from tracer.paths import integrator_kernel, interaction_kernel, path_kernel, waiting_kernel
 from tracer.paths.batch_kernel import ROWS, Paths, draw, new_paths
 from tracer.paths.integrators import MOST_DIMS
 from tracer.paths.interaction import MOST_PASS
@@ -25,6 +25,7 @@ from tracer.paths.on_screen import Picture
 from tracer.paths.receivers import Receivers
 from tracer.paths.surfaces.vertices import Vertices
 from tracer.paths.tables import arrays_of, camera_of, picture_of, surfaces_of
+from tracer.paths.waiting_kernel import new_waiting
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
 from tracer.scene.scene import MASK_PRIMARY, Scene
@@ -39,7 +40,7 @@ CHUNK = 64  # rays handed out at a time, to a helper that counts no references t
 
 
 @scalar
-def _radiance_of(begin, end, arrays, camera, picture, rays, u, bounces, spreads, next_event, out):
+def _radiance_of(waiting, begin, end, arrays, camera, picture, rays, u, bounces, spreads, next_event, out):
     origins, directions, spans, known = rays
     tables = interaction_kernel.assembled(arrays)
     for i in range(begin, end):
@@ -48,16 +49,18 @@ def _radiance_of(begin, end, arrays, camera, picture, rays, u, bounces, spreads,
         isect = interaction_kernel.intersect(
             tables, origin, direction, u[0, i], False, mask, t0, t1, MOST_PASS, detail, spreads
         )
-        light, onscreen = path_kernel.arriving(
-            tables, camera, picture, isect, known[i], direction, u, i, 1, bounces, next_event, True, True
-        )
-        out[i, 0], out[i, 1], out[i, 2] = light
-        out[i, 3], out[i, 4], out[i, 5] = onscreen
+        sight, numbers, counts = (camera, picture, known[i]), (u, i, 1), (waiting, (i, 0, 3), out)
+        path_kernel.arriving(tables, isect, direction, sight, numbers, bounces, next_event, (True, True), counts)
+
+
+@scalar
+def _finish(waiting, arrays, out):
+    waiting_kernel.finish(waiting, interaction_kernel.assembled(arrays), out)
 
 
 @scalar
 def radiance_path(i, arrays, camera, picture, rays, u, bounces, spreads, next_event, out):
-    _radiance_of(i, i + 1, arrays, camera, picture, rays, u, bounces, spreads, next_event, out)
+    _radiance_of(None, i, i + 1, arrays, camera, picture, rays, u, bounces, spreads, next_event, out)
 
 
 radiance_each = Each(radiance_path)
@@ -67,10 +70,11 @@ radiance_each = Each(radiance_path)
 def radiance_all(arrays, camera, picture, rays, u, bounces, spreads, next_event, lanes, out):
     count = len(rays[0])
     for lane in prange(lanes):
+        waiting = new_waiting()
         for begin in range(lane * CHUNK, count, lanes * CHUNK):
-            _radiance_of(
-                begin, min(begin + CHUNK, count), arrays, camera, picture, rays, u, bounces, spreads, next_event, out
-            )
+            end = min(begin + CHUNK, count)
+            _radiance_of(waiting, begin, end, arrays, camera, picture, rays, u, bounces, spreads, next_event, out)
+        _finish(waiting, arrays, out)
 
 
 def item(paths: Any, *arguments: Any) -> None:
@@ -104,7 +108,8 @@ def paths(i, arrays, camera, picture, surfaces, points, rotation, pixels, settin
     origins, directions = cuda.local.array((1, 3), np.float64), cuda.local.array((1, 3), np.float64)
     spans, weights = cuda.local.array((1, 2), np.float64), cuda.local.array((1, 2), np.float64)
     numbers, ids = cuda.local.array((1, 4), np.float64), cuda.local.array((1, 7), np.int32)
-    one = Paths(0, u[: len(rotation)], rows, origins, directions, spans, weights, 0, numbers, ids)
+    found = cuda.local.array((3, 1), np.float64)
+    one = Paths(None, u[: len(rotation)], rows, origins, directions, spans, weights, 0, numbers, ids, found)
     tables = interaction_kernel.assembled(arrays)
     for k in range(len(points)):
         draw(one, points[k : k + 1], rotation, pixels[i : i + 1])
@@ -146,7 +151,7 @@ def radiance(
     known: Tensor | None,
 ) -> tuple[Tensor, Tensor]:
     """See `tracer.paths.radiance.radiance`."""
-    out = u.new_empty(len(origins), 6)
+    out = u.new_zeros(6, len(origins))
     spans = [
         torch.as_tensor(x, dtype=torch.float32, device=u.device).expand(len(origins)) for x in (t_min, t_max, detail)
     ]
@@ -155,10 +160,10 @@ def radiance(
     sees = camera_of(picture, u.device), picture_of(picture, u.device)
     given = arrays_of(scene, poses, lights), *sees, rays, u, bounces, spreads, next_event
     if simulated() or out.is_cuda:
-        radiance_each(len(out), *given, out)
+        radiance_each(len(origins), *given, out)
     else:
         radiance_all(*replaced(given, array), threads(), array(out))
-    return out[:, :3], out[:, 3:]
+    return out[:3].T, out[3:].T
 
 
 def occlusion(scene: Scene, at: Receivers, sequence: Sequence, radius: float) -> Values:

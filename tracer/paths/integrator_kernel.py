@@ -17,18 +17,13 @@ from tracer.lights.samples import DIMS
 from tracer.lights.sky_kernel import shines, sky, sun_sample
 from tracer.paths.batch_kernel import DX, DY, DZ, NX, NY, NZ, even_directions, hit_of, put_ray, trace
 from tracer.paths.interaction import FINE
-from tracer.paths.interaction_kernel import (
-    OPACITY,
-    go_through,
-    place_at,
-    reached,
-    surface_of,
-    transmit,
-)
+from tracer.paths.interaction_kernel import OPACITY, WHITE, go_through, place_at, reached, surface_of, transmit
 from tracer.paths.on_screen_kernel import sees
-from tracer.paths.path_kernel import arriving, diffuse_of, direct, f0_of, from_lamp, gathered, remembered
+from tracer.paths.path_kernel import arriving_at_once, gather, remembered, send_to_lights, unblocked_lamp
 from tracer.paths.radiance import MORE
-from tracer.sampling.scatter_kernel import added, dot, fresnel, sample_specular, scaled, times
+from tracer.paths.surfaces.response_kernel import diffuse_of, f0_of
+from tracer.paths.waiting_kernel import arrive, finish, send
+from tracer.sampling.scatter_kernel import along, dot, fresnel, sample_specular, scaled, times
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
 from tracer.traversal.kernel import triple
 from tracer.traversal.rays import FARTHEST
@@ -107,10 +102,9 @@ def indirect(paths, tables, camera, picture, surfaces, begin, end, each, bounces
             _add(out, 6, i, times(weight, sky(tables.lit, direction)))
             out[9, i] += (isect.weight[0] + isect.weight[1] + isect.weight[2]) / 3
         else:
-            light = times(weight, gathered(tables, isect.surface, u, j, 3, bounces))
-            _add(out, 0, i, light)
-            if sees(camera, picture, isect.surface.point, isect.surface.normal):
-                _add(out, 3, i, light)
+            shown = sees(camera, picture, isect.surface.point, isect.surface.normal)
+            gather(paths.waiting, tables, isect.surface, u, j, 3, bounces, weight, (i, 0, 3 if shown else -1), out)
+    finish(paths.waiting, tables, out)
 
 
 @scalar
@@ -159,10 +153,11 @@ def reflected(paths, tables, camera, picture, surfaces, begin, end, each, sharp,
         at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
         weight, cosine, rough = paths.weights[j, 0], paths.weights[j, 1], at.roughness >= sharp
         if rough and len(tables.lit.lamps):
-            light, place, lamp = from_lamp(tables, at, u, j, 5, NOTHING, True)
-            _add(out, 0, i, light)
-            if max(light) > 0 and sees(camera, picture, place, triple(tables.lit.lamps, lamp, FACING)):
-                _add(out, 3, i, light)
+            way, distance, value, lamp = unblocked_lamp(tables, at, u, j, 5, NOTHING, True)
+            if max(value) > 0:
+                facing = triple(tables.lit.lamps, lamp, FACING)
+                shown = sees(camera, picture, along(at.point, way, distance), facing)
+                send(paths.waiting, tables, at.point, way, distance, value, (i, 0, 3 if shown else -1), out)
         if not weight > 0:
             continue
         isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
@@ -171,14 +166,15 @@ def reflected(paths, tables, camera, picture, surfaces, begin, end, each, sharp,
         if isect.t == np.inf:
             _add(out, 0, i, times(factor, sky(tables.lit, direction)))
             continue
-        sent = gathered(tables, isect.surface, u, j, 3 + DIMS, 1)
-        sent = times(factor, sent if rough else added(sent, isect.surface.emission))
-        _add(out, 0, i, sent)
+        shown = sees(camera, picture, isect.surface.point, isect.surface.normal)
+        place = i, 0, 3 if shown else -1
+        gather(paths.waiting, tables, isect.surface, u, j, 3 + DIMS, 1, factor, place, out)
+        if not rough:
+            arrive(out, place, times(factor, isect.surface.emission))
+        out[6, i] += shown
         out[7, i] += isect.t
         out[9, i] += 1
-        if sees(camera, picture, isect.surface.point, isect.surface.normal):
-            _add(out, 3, i, sent)
-            out[6, i] += 1
+    finish(paths.waiting, tables, out)
 
 
 @scalar
@@ -190,14 +186,14 @@ def lobes(paths, tables, camera, picture, surfaces, begin, end, each, setting, o
     bounces, keys, values, follows = setting
     _trace_even(paths, tables, surfaces, begin, end, each, np.inf)
     u, count, rest, cache = paths.u, (end - begin) * each, bounces - 1, (keys, values)
-    first, remembers = 3 + MORE * bounces, len(out) > COLUMNS
+    first, remembers, sight = 3 + MORE * bounces, len(out) > COLUMNS, (camera, picture, 0.0)
     for j in range(count):
         i = begin + j // each
         at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
         isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
         if remembers:
             light, sample, point, normal, sent = remembered(
-                tables, cache, camera, picture, isect, direction, u, j, 3, rest, False, False, follows[i]
+                paths, tables, cache, isect, direction, sight, j, 3, rest, (False, False), follows[i]
             )
             if sample:
                 _add(out, COLUMNS, i, point)
@@ -205,10 +201,11 @@ def lobes(paths, tables, camera, picture, surfaces, begin, end, each, setting, o
                 _add(out, COLUMNS + 6, i, sent)
                 out[COLUMNS + 9, i] += 1
         else:
-            light = arriving(tables, camera, picture, isect, 0.0, direction, u, j, 3, rest, True, False, False)[0]
+            light = arriving_at_once(paths, tables, isect, direction, sight, j, 3, rest, (False, False))
         _add(out, 0, i, scaled(light, (1 - at.metallic) * at.opacity))
         sharp_sun, sharp_lamp = _sharp(tables, at)
-        _add(out, 3, i, direct(tables, at, u, j, first + 3, NOTHING, not sharp_sun, not sharp_lamp))
+        mirrors, place = (not sharp_sun, not sharp_lamp), (i, 3, -1)
+        send_to_lights(paths.waiting, tables, at, u, j, first + 3, NOTHING, mirrors, WHITE, place, out)
         alpha, a, b = at.roughness * at.roughness, u[first, j], u[first + 1, j]
         direction, weight, cosine = sample_specular(at.normal, at.toward, alpha, a, b)
         put_ray(paths, j, at.point, direction, np.inf if weight > 0 else -1.0)  # none into the surface itself
@@ -220,18 +217,17 @@ def lobes(paths, tables, camera, picture, surfaces, begin, end, each, setting, o
             continue
         at, direction, onward = surface_of(surfaces, i), triple(paths.directions, j, 0), first + 3 + DIMS
         isect = reached(tables, hit_of(paths, j), at, direction, u[first + 2, j])
-        sun, lamp = _sharp(tables, at)
+        sharp = _sharp(tables, at)
         if remembers:
-            sent = remembered(
-                tables, cache, camera, picture, isect, direction, u, j, onward, rest, sun, lamp, follows[i]
-            )[0]
+            sent = remembered(paths, tables, cache, isect, direction, sight, j, onward, rest, sharp, follows[i])[0]
         else:
-            sent = arriving(tables, camera, picture, isect, 0.0, direction, u, j, onward, rest, True, sun, lamp)[0]
+            sent = arriving_at_once(paths, tables, isect, direction, sight, j, onward, rest, sharp)
         _add(out, 3, i, times(scaled(fresnel(f0_of(at), cosine), weight), sent))
         out[7, i] += 1
         if isect.t < np.inf:
             out[6, i] += isect.t
             out[8, i] += 1
+    finish(paths.waiting, tables, out)
 
 
 @scalar

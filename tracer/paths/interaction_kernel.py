@@ -12,7 +12,7 @@ from tracer.direct.lighting import LIFT, LIFT_RELATIVE
 from tracer.lights.lit import NOTHING, Lit
 from tracer.lights.shadows import SHORT
 from tracer.paths.interaction import FINE, LAYERS, MAX_RUN, MOST_PASS
-from tracer.paths.texture_kernel import SIDE, size, texel, turned, variation
+from tracer.paths.surfaces.texture_kernel import SIDE, size, texel, turned, variation
 from tracer.sampling.scatter_kernel import along, dot, enters_smooth, scaled, times
 from tracer.scene.scene import MASK_SECONDARY
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH

@@ -69,10 +69,10 @@ def disc(a, b):
     if a == 0.0 and b == 0.0:
         return 0.0, 0.0
     if abs(a) > abs(b):
-        radius, angle = a, math.pi / 4 * (b / a)
-    else:
-        radius, angle = b, math.pi / 2 - math.pi / 4 * (a / b)
-    return radius * math.cos(angle), radius * math.sin(angle)
+        cosine, sine = cos_sin(b / a / 8)
+        return a * cosine, a * sine
+    sine, cosine = cos_sin(a / b / 8)
+    return b * cosine, b * sine
 
 
 @inlined
@@ -119,10 +119,10 @@ def sample_specular(normal, toward, alpha, a, b):
     sx, sy = alpha * dot(toward, across), alpha * dot(toward, other)
     size = math.sqrt(max(sx * sx + sy * sy + z * z, 1e-20))
     sx, sy, sz = sx / size, sy / size, z / size
-    angle = 2 * math.pi * b
+    cosine, sine = cos_sin(b)
     height = (1 - a) * (1 + sz) - sz
     radius = math.sqrt(max(1 - height * height, 0.0))
-    hx, hy = alpha * (radius * math.cos(angle) + sx), alpha * (radius * math.sin(angle) + sy)
+    hx, hy = alpha * (radius * cosine + sx), alpha * (radius * sine + sy)
     hz = max(height + sz, 1e-7)
     facet = scaled(combined(across, other, normal, hx, hy, hz), 1 / math.sqrt(hx * hx + hy * hy + hz * hz))
     cosine = min(max(dot(toward, facet), 0.0), 1.0)

@@ -98,20 +98,27 @@ def test_paths_that_read_a_cache_find_the_same() -> None:
     assert read[-1] < 0.8 * read[0], "paths end where the cache knows"
 
 
-def test_sums_over_more_paths_than_a_batch_holds_are_those_of_their_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, at, _ = place(1, integrators.OCCLUSION_DIMS)
-    few = replace(at, pixels=at.pixels[:3], places=at.places[:, :3])
-    sequence = Sequence.of(2 * BATCH + 7, integrators.OCCLUSION_DIMS, (33, 41), seed=1, device=at.pixels.device)
-    whole = path_ops.occlusion(scene, few, sequence, 7.0)
-    parts = [
-        path_ops.occlusion(scene, few, sequence.part(range(k, k + 500)), 7.0) for k in range(0, 2 * BATCH + 7, 500)
-    ]
+@pytest.mark.parametrize("name", ["occlusion", "indirect", "reflected"])
+def test_sums_over_more_paths_than_a_batch_holds_are_those_of_their_parts(name: str) -> None:
+    dims, settings = CASES[name]
+    scene, at, _ = place(1, dims)
+    few = replace(at, pixels=at.pixels[:3], places=at.places[:, :3], surfaces=lambda: at.vertices[:3])
+    start = () if name == "occlusion" else (few.vertices,)
+    sequence = Sequence.of(2 * BATCH + 7, dims, (33, 41), seed=1, device=at.pixels.device)
+    sums = partial(getattr(path_ops, name), scene, few, *start)
+    whole, parts = sums(sequence, *settings.values()), list[dict[str, Tensor]]()
+    for k in range(0, 2 * BATCH + 7, 80):  # so few that no ray to a light waits for others to go
+        parts.append(sums(sequence.part(range(k, min(k + 80, 2 * BATCH + 7))), *settings.values()))
     for key, value in whole.items():
         torch.testing.assert_close(value, sum(part[key] for part in parts), rtol=1e-5, atol=1e-5)  # other order
+
+
+def test_sums_are_those_of_the_reference_in_its_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, at, _ = place(1, integrators.OCCLUSION_DIMS)
+    sequence = Sequence.of(3, integrators.OCCLUSION_DIMS, (33, 41), seed=1, device=at.pixels.device)
     monkeypatch.setattr("tracer.paths.receivers.WIDE", 5)
-    some = sequence.part(range(3))
-    want = summed(partial(integrators.occlusion, scene, at, radius=7.0), at, at.vertices, some)
-    for key, value in path_ops.occlusion(scene, at, some, 7.0).items():
+    want = summed(partial(integrators.occlusion, scene, at, radius=7.0), at, at.vertices, sequence)
+    for key, value in path_ops.occlusion(scene, at, sequence, 7.0).items():
         same(value, want[key])
 
 
