@@ -74,6 +74,12 @@ def pixels(count):
     return count
 
 
+def counted(number: int) -> tuple[int, ...]:
+    """As many numbers as there are channels, radii or the like: a body that takes them instead of their number is
+    compiled for it, and a GPU's thread keeps its sums over them in registers."""
+    return (0,) * number
+
+
 class Each:
     """``body(i, *arguments)`` for every i below a count.
 

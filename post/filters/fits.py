@@ -14,12 +14,6 @@ def fits_cuda(values: Tensor) -> bool:
     return values.shape[1] <= MOST_PLANES
 
 
-def counted(channels: int) -> tuple[int, ...]:
-    """As many numbers as there are channels: a GPU's kernels are compiled for their count, and keep their sums in
-    registers."""
-    return (0,) * channels
-
-
 def squarings(power: float) -> tuple[int, ...]:
     """As many numbers as a kernel squares a cosine before it raises it to what is left of ``power``.
 

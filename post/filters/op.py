@@ -9,7 +9,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
-from post.filters.fits import counted, fits_cuda, squarings
+from post.filters.fits import fits_cuda, squarings
 from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
 
 
@@ -49,6 +49,7 @@ def wavelet_cpu(
     phi_normal: float,
 ) -> Tensor:
     """``(B, C + 2, H, W)``. Tensors are those of `Surface` and of `wavelet`."""
+    from gbufrt.compute.each import counted
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import wavelet_rows
     from post.filters.pixel_drivers import wavelet_each
@@ -80,6 +81,7 @@ def bilateral_cpu(
     normal_power: float,
 ) -> Tensor:
     """``(B, C, H, W)``. Tensors are those of `Surface` and of `joint_bilateral`."""
+    from gbufrt.compute.each import counted
     from gbufrt.compute.kernel import array, threads
     from post.filters.drivers import bilateral_rows
     from post.filters.pixel_drivers import bilateral_each

@@ -7,7 +7,6 @@ from typing import Any
 import numba.cuda
 import numpy as np
 
-from gbufrt.compute.approximations import LOG2_E
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import inlined, scalar
 from post.filters.around_kernel import kindred_pixel
@@ -24,7 +23,7 @@ from post.filters.denoise_kernel import (
 )
 from post.filters.fxaa_kernel import edge_row, luma_of, smooth
 from post.filters.kernel import Guide, surface_row, unit_row
-from post.filters.weight_kernel import ONE, ZERO, Near, edge_with, gloss_between, power_between, weight_between
+from post.filters.weight_kernel import ONE, ZERO, edge_with, gloss_between, near_of_plane, power_between, weight_between
 
 cuda: Any = numba.cuda
 MIDDLE, BESIDE, LAST = np.float32(B3[2]), np.float32(B3[1]), np.float32(B3[0])
@@ -55,9 +54,8 @@ def _guide_of(guide, y, x):
 
 @inlined
 def _near_of(plane, y, x, depth_sensitivity):
-    """One pixel of `weight_kernel.near_row`."""
-    footprint = LOG2_E * np.float32(depth_sensitivity) * plane[3, y, x]
-    return Near(footprint * plane[0, y, x], footprint * plane[1, y, x], footprint * plane[2, y, x])
+    planes = plane[0, y, x], plane[1, y, x], plane[2, y, x], plane[3, y, x]
+    return near_of_plane(*planes, np.float32(depth_sensitivity))
 
 
 @inlined

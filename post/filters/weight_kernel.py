@@ -39,6 +39,13 @@ def edge_with(guide, perspective, squares, normal_power):
     return Edge(perspective, squares, np.float32(normal_power) - squared, roughness)
 
 
+@inlined
+def near_of_plane(along, slope_x, slope_y, scale, depth_sensitivity):
+    """`Near` of one pixel of the planes."""
+    footprint = LOG2_E * depth_sensitivity * scale
+    return Near(footprint * along, footprint * slope_x, footprint * slope_y)
+
+
 @contracted
 @scalar
 def near_row(near, plane, y, first, end, depth_sensitivity):
@@ -46,11 +53,10 @@ def near_row(near, plane, y, first, end, depth_sensitivity):
     along, slope_x = plane[0, y, first:end], plane[1, y, first:end]
     slope_y, scale = plane[2, y, first:end], plane[3, y, first:end]
     out_along, out_x, out_y = near[0], near[1], near[2]
-    factor = LOG2_E * np.float32(depth_sensitivity)
+    sensitivity = np.float32(depth_sensitivity)
     for x in range(along.shape[0]):
-        footprint = factor * scale[x]
-        out_along[x] = footprint * along[x]
-        out_x[x], out_y[x] = footprint * slope_x[x], footprint * slope_y[x]
+        one = near_of_plane(along[x], slope_x[x], slope_y[x], scale[x], sensitivity)
+        out_along[x], out_x[x], out_y[x] = one.along, one.x, one.y
 
 
 @scalar

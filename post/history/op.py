@@ -9,7 +9,7 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from post.filters.edges import Surface
-from post.filters.fits import counted, fits_cuda
+from post.filters.fits import fits_cuda
 from post.history.antilag import blend_reference, sample_reference
 from post.history.constants import WINDOW
 from post.history.taa_reference import anti_alias_reference, longest
@@ -57,6 +57,7 @@ def blend_cpu(
     sample: Tensor, noise: Tensor, bits: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float
 ) -> Tensor:
     """See `blended`."""
+    from gbufrt.compute.each import counted
     from gbufrt.compute.kernel import array, threads
     from post.history.accumulate_drivers import blend_each, blend_rows, fast_each, fast_rows
 

@@ -64,6 +64,7 @@ def sweep_cpu(
         parallel: whether the camera is orthographic.
         gathers: whether light is gathered.
     """
+    from gbufrt.compute.each import counted
     from gbufrt.compute.kernel import array, threads
     from post.sweep import drivers
 
@@ -74,7 +75,7 @@ def sweep_cpu(
     given = (out, pairs, rays, depth, normal, lens, pose, hit, turns, noise.flatten(1), limits, sky, terms)
     sizes = (picture.shape[2], margin, stride, *offset, directions, steps, len(radii) > 0, parallel)
     if form_of(depth, cuda=_fits_cuda(steps, len(radii))) is Form.CUDA:
-        counts = (0,) * len(limits), (0,) * (LIGHT * gathers)
+        counts = counted(len(limits)), counted(LIGHT * gathers)
         drivers.sweep_each(batch * size[0] * size[1], *given, *sizes, *counts)
     else:
         drivers.sweep_all(*map(array, given), *sizes, gathers, threads())
