@@ -10,7 +10,7 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import allocating, scalar
+from gbufrt.compute.kernel import allocating, inlined, scalar
 from tracer.traversal import batch_kernel
 from tracer.traversal.lane_kernel import BATCH
 
@@ -31,7 +31,7 @@ def new_waiting(lanes):
     )
 
 
-@scalar
+@inlined
 def add(waiting, origin, direction, t_end):
     """Add a ray from 0 to ``t_end``; its number."""
     i = waiting.used[0]
@@ -42,7 +42,7 @@ def add(waiting, origin, direction, t_end):
     return i
 
 
-@scalar
+@inlined
 def is_full(waiting):
     """Whether there is no room for another ray."""
     return waiting.used[0] == BATCH
