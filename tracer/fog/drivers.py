@@ -16,7 +16,7 @@ from gbufrt.compute.kernel import CPU, Kernel, array, driver, replaced, scalar, 
 from tracer.fog import along_kernel, kernel, reference
 from tracer.fog.along import RARE, shared, turns_of
 from tracer.fog.medium_kernel import Medium
-from tracer.fog.rays_kernel import Arriving, finish, new_waiting
+from tracer.fog.rays_kernel import Arriving, finish, new_shadows
 from tracer.fog.reference import FEW, shifts
 from tracer.fog.segments import Segments
 from tracer.lights.lit import Lit
@@ -34,20 +34,20 @@ def item(i: int, *arguments: Any) -> None:
 
 
 @scalar
-def _add_steps(begin, end, waiting, rays, medium, space, tables, weights, turned, noise):
+def _add_steps(begin, end, shadows, rays, medium, space, tables, weights, turned, noise):
     fog, lit = Medium(*medium), Lit(*tables)
     for i in range(begin, end):
-        item(i, waiting, rays, fog, space, lit, weights, turned, noise)
+        item(i, shadows, rays, fog, space, lit, weights, turned, noise)
 
 
 def _all(rays, medium, space, tables, weights, turned, noise, lanes, light):
     count = len(light)
     for lane in prange(lanes):
-        waiting = new_waiting(light)
+        shadows = new_shadows(light)
         for begin in range(lane * CHUNK, count, lanes * CHUNK):
             end = min(begin + CHUNK, count)
-            _add_steps(begin, end, waiting, rays, medium, space, tables, weights, turned, noise)
-        finish(waiting, space)
+            _add_steps(begin, end, shadows, rays, medium, space, tables, weights, turned, noise)
+        finish(shadows, space)
 
 
 @scalar

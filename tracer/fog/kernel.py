@@ -40,17 +40,17 @@ def _number(noise, turned, d, i, s):
 
 
 @scalar
-def from_sun(i, waiting, rays, fog, space, lit, weights, turned, noise):
+def from_sun(i, shadows, rays, fog, space, lit, weights, turned, noise):
     ray = ray_of(rays, i)
     share = phase(fog, dot(ray.direction, triple(lit.sky, TOWARD, 0)))
     color = scaled(triple(lit.sky, IRRADIANCE, 0), share)
     for s in range(turned.shape[1]):
         way, _ = sun_sample(lit, _number(noise, turned, 1, i, s), _number(noise, turned, 2, i, s))
-        shoot(waiting, space, _place(fog, ray, _number(noise, turned, 0, i, s)), way, FARTHEST, color, i)
+        shoot(shadows, space, _place(fog, ray, _number(noise, turned, 0, i, s)), way, FARTHEST, color, i)
 
 
 @scalar
-def from_sky(i, waiting, rays, fog, space, lit, weights, turned, noise):
+def from_sky(i, shadows, rays, fog, space, lit, weights, turned, noise):
     ray = ray_of(rays, i)
     for s in range(turned.shape[1]):
         point = _place(fog, ray, _number(noise, turned, 0, i, s))
@@ -59,11 +59,11 @@ def from_sky(i, waiting, rays, fog, space, lit, weights, turned, noise):
             way = phase_direction(fog, ray.direction, a, b) if k == 0 else sky_sample(lit, a, b)[0]
             share = phase(fog, dot(way, ray.direction))
             color = scaled(sky(lit, way), share / (share + sky_density(lit, way)))
-            shoot(waiting, space, point, way, FARTHEST, color, i)
+            shoot(shadows, space, point, way, FARTHEST, color, i)
 
 
 @scalar
-def from_lamps(i, waiting, rays, fog, space, lit, weights, turned, noise):
+def from_lamps(i, shadows, rays, fog, space, lit, weights, turned, noise):
     ray, (upto, group, turns) = ray_of(rays, i), weights
     thick = thickness(fog, ray)
     for s in range(turned.shape[1]):
@@ -75,11 +75,11 @@ def from_lamps(i, waiting, rays, fog, space, lit, weights, turned, noise):
         if lamp >= 0:
             b = _number(noise, turned, 1, i, s)
             c, d = _number(noise, turned, 2, i, s), _number(noise, turned, 3, i, s)
-            _from_lamp(i, waiting, ray, fog, space, lit, turns, lamp, often, b, c, d)
+            _from_lamp(i, shadows, ray, fog, space, lit, turns, lamp, often, b, c, d)
 
 
 @scalar
-def _from_lamp(i, waiting, ray, fog, space, lit, turns, lamp, often, b, c, d):
+def _from_lamp(i, shadows, ray, fog, space, lit, turns, lamp, often, b, c, d):
     """A place on the ray by `turns`, a point of the lamp, and the light that comes from there."""
     reach = reach_of(lit, lamp, ray)
     if not reach.high > reach.low:
@@ -100,4 +100,4 @@ def _from_lamp(i, waiting, ray, fog, space, lit, turns, lamp, often, b, c, d):
     thick = depth(fog, ray.height, ray.direction[1], t - ray.begin) + depth(fog, point[1], way[1], far)
     share = phase(fog, dot(way, ray.direction)) * density(fog, point[1]) * math.exp(-thick) / ray.taken
     color = scaled(triple(lit.lamps, lamp, RADIANCE), share * angle / max(chance, 1e-30))
-    shoot(waiting, space, point, way, max(far - SHORT, 0.0), color, i)
+    shoot(shadows, space, point, way, max(far - SHORT, 0.0), color, i)

@@ -1,6 +1,6 @@
 """Rays of paths to lights and to the sky, which wait until there are enough of them to fill lanes; on a GPU none waits.
 
-Nothing else in a path depends on what comes along them. See `tracer.traversal.batch_kernel`.
+Nothing else in a path depends on what comes along them. See `tracer.traversal.waiting_kernel`.
 """
 
 from __future__ import annotations
@@ -13,35 +13,28 @@ from gbufrt.compute.kernel import allocating, scalar
 from tracer.lights.sky_kernel import sky
 from tracer.sampling.scatter_kernel import times
 from tracer.scene.scene import MASK_SECONDARY, MASK_SHADOW
-from tracer.traversal import batch_kernel
+from tracer.traversal import waiting_kernel
 from tracer.traversal.kernel import transmitted, triple
 from tracer.traversal.lane_kernel import BATCH, new_lanes
 from tracer.traversal.rays import FARTHEST
 
 Waiting = namedtuple("Waiting", "lanes to_lights to_sky")
-"""Scratch of one thread: rays that wait. None in its place is for where none waits."""
-_Rays = namedtuple("_Rays", "origins directions spans passed colors places used")
-"""A batch: what passes along each ray; the color of the light at its end, or its share of the sky's; the place where
-that counts, see `arrive`; and how many rays there are."""
+"""Scratch of one thread: lanes, and rays that wait for them. None in its place is for where none waits."""
+_Bringing = namedtuple("_Bringing", "rays colors places")
+"""Rays; the color of the light at the end of each, or its share of the sky's; and the place where that counts, see
+`arrive`."""
 
 
 @allocating
 def new_waiting():
     """Scratch memory of one thread."""
-    return Waiting(new_lanes(), _new_rays(), _new_rays())
+    lanes = new_lanes()
+    return Waiting(lanes, _new_bringing(lanes), _new_bringing(lanes))
 
 
 @allocating
-def _new_rays():
-    return _Rays(
-        np.zeros((BATCH, 3)),
-        np.zeros((BATCH, 3)),
-        np.zeros((BATCH, 2)),
-        np.zeros((BATCH, 3)),
-        np.zeros((BATCH, 3)),
-        np.zeros((BATCH, 3), np.int32),
-        np.zeros(1, np.int64),
-    )
+def _new_bringing(lanes):
+    return _Bringing(waiting_kernel.new_waiting(lanes), np.zeros((BATCH, 3)), np.zeros((BATCH, 3), np.int32))
 
 
 @scalar
@@ -87,45 +80,31 @@ def finish(waiting, tables, out):
 
 
 @scalar
-def _fills(rays, origin, direction, t_end, color, place):
+def _fills(bringing, origin, direction, t_end, color, place):
     """Add a ray; whether there is no room for another."""
-    i = rays.used[0]
-    rays.origins[i, 0], rays.origins[i, 1], rays.origins[i, 2] = origin
-    rays.directions[i, 0], rays.directions[i, 1], rays.directions[i, 2] = direction
-    rays.colors[i, 0], rays.colors[i, 1], rays.colors[i, 2] = color
-    rays.places[i, 0], rays.places[i, 1], rays.places[i, 2] = place
-    rays.spans[i, 1] = min(t_end, FARTHEST)
-    rays.used[0] = i + 1
-    return i + 1 == BATCH
+    i = waiting_kernel.add(bringing.rays, origin, direction, min(t_end, FARTHEST))
+    bringing.colors[i, 0], bringing.colors[i, 1], bringing.colors[i, 2] = color
+    bringing.places[i, 0], bringing.places[i, 1], bringing.places[i, 2] = place
+    return waiting_kernel.is_full(bringing.rays)
 
 
 @scalar
-def _trace(lanes, waiting, tables, mask):
-    """Find what passes along rays that wait; how many they are."""
-    count = waiting.used[0]
-    rays = waiting.origins[:count], waiting.directions[:count], waiting.spans[:count]
-    batch_kernel.transmitted(lanes, tables.transforms, tables.grids, rays, mask, waiting.passed[:count])
-    waiting.used[0] = 0
-    return count
-
-
-@scalar
-def _place_of(rays, i):
-    return rays.places[i, 0], rays.places[i, 1], rays.places[i, 2]
+def _place_of(bringing, i):
+    return bringing.places[i, 0], bringing.places[i, 1], bringing.places[i, 2]
 
 
 @scalar
 def _finish_lights(waiting, tables, out):
-    rays = waiting.to_lights
-    for i in range(_trace(waiting.lanes, rays, tables, MASK_SHADOW)):
-        arrive(out, _place_of(rays, i), times(triple(rays.passed, i, 0), triple(rays.colors, i, 0)))
+    bringing, rays = waiting.to_lights, waiting.to_lights.rays
+    for i in range(waiting_kernel.trace_all(rays, tables.transforms, tables.grids, MASK_SHADOW)):
+        arrive(out, _place_of(bringing, i), times(triple(rays.passed, i, 0), triple(bringing.colors, i, 0)))
 
 
 @scalar
 def _finish_sky(waiting, tables, out):
-    rays = waiting.to_sky
-    for i in range(_trace(waiting.lanes, rays, tables, MASK_SECONDARY)):
+    bringing, rays = waiting.to_sky, waiting.to_sky.rays
+    for i in range(waiting_kernel.trace_all(rays, tables.transforms, tables.grids, MASK_SECONDARY)):
         passed = triple(rays.passed, i, 0)
         if max(passed) > 0:
-            share = times(passed, triple(rays.colors, i, 0))
-            arrive(out, _place_of(rays, i), times(share, sky(tables.lit, triple(rays.directions, i, 0))))
+            share = times(passed, triple(bringing.colors, i, 0))
+            arrive(out, _place_of(bringing, i), times(share, sky(tables.lit, triple(rays.directions, i, 0))))
