@@ -48,8 +48,10 @@ def _intersect(planes, line, ix, iy, jx, jy, share, leave):
     beside, back = planes[jy, jx], plane[3]
     crack = abs(plane[1]) + abs(plane[2]) + abs(beside[1]) + abs(beside[2]) + line.flat + line.steep * abs(plane[0])
     step = _front(beside, qa, ax, ay, jx, jy) - front_a
-    if front_b < front_a and front_a > -crack and step < crack:
-        return HIT, ZERO, min(ONE, TWO * (ONE + front_a / crack))
+    if front_a > -crack and step < crack:
+        if front_b < front_a:
+            return HIT, ZERO, min(ONE, TWO * (ONE + front_a / crack))
+        return LEFT, ZERO, ZERO  # it leaves a round body over its rim
     if qa > back or qb > back:
         return BLOCKED, ZERO, min(ONE, max(ZERO, (qa - back) / (qa - front_a - back)))
     return BEHIND, ZERO, ZERO
@@ -151,6 +153,21 @@ def _snap(planes, line, ix, iy, x, y):
     if keep_x and keep_y and not _same_surface(planes, line, ix, iy, jx, jy):
         keep_x, keep_y = abs(ox) >= abs(oy), abs(ox) < abs(oy)
     return (x if keep_x else left + HALF), (y if keep_y else upper + HALF)
+
+
+@scalar
+def off_edge(planes, lens, orthographic, end, x, y):
+    """See `post.march.rays.off_edge`: of one ray that ended hidden and began at the place (x, y) in the picture."""
+    along, down = end.x - x, end.y - y
+    step = (ONE if end.agreement > ZERO else -ONE) / max(abs(along), abs(down))
+    jx, jy = np.int64(np.floor(end.x + step * along)), np.int64(np.floor(end.y + step * down))
+    if not (0 <= jx < planes.shape[1] and 0 <= jy < planes.shape[0]):
+        return end
+    flat, steep = (ONE / np.float32(lens[1]), ZERO) if orthographic else (ZERO, ONE / np.float32(lens[1]))
+    line = Line(x, y, ZERO, along, down, ZERO, flat, steep)
+    if not _same_surface(planes, line, np.int64(end.x), np.int64(end.y), jx, jy):
+        return end
+    return Ending(np.float32(jx) + HALF, np.float32(jy) + HALF, end.distance, end.agreement, end.status)
 
 
 @scalar

@@ -23,6 +23,7 @@ from gbufrt import Camera
 from gbufrt.compute.resident import resident_on
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.numeric import check_counts, check_numbers
+from gbufrt.sampling import gather
 from post.march.constants import BLOCKED, HIT, SPENT
 from post.march.op import march
 
@@ -169,6 +170,35 @@ def march_rays(
     ).to(origins.dtype)
     status = out[:, 4:5]
     return Hits(out[:, :2], status == HIT, status == BLOCKED, status == SPENT, out[:, 2:3], out[:, 3:4])
+
+
+def off_edge(hits: Hits, hierarchy: Hierarchy, camera: Camera, begun: Tensor) -> Hits:
+    """Read the light of hidden geometry a pixel away from the edge next to it.
+
+    Where pictures are anti-aliased, pixels at an edge hold light of both its sides, and all of a hidden surface would
+    take it from one of them.
+
+    Args:
+        hits: those that are ``blocked`` move: at a side on along the ray, at a continued surface back, by a pixel, if
+            the surface goes on there.
+        hierarchy: see `depth_hierarchy`.
+        camera: of the hierarchy.
+        begun: ``(B, 2, h, w)`` centres of the pixels that the rays began in, at least two pixels away.
+
+    Returns:
+        The hits, with other ``px``.
+    """
+    planes, way = hierarchy.planes.permute(0, 3, 1, 2), hits.px - begun
+    step = torch.where(hits.agreement > 0, 1.0, -1.0) / way.abs().amax(1, keepdim=True).clamp_min(1.0)
+    column, row = hits.px[:, 0].floor(), hits.px[:, 1].floor()
+    beside = (hits.px + step * way).floor()
+    across, down = beside.unbind(1)
+    q, gx, gy, _ = gather(planes, column, row).split(1, dim=1)
+    expected = q + gx * (across - column)[:, None] + gy * (down - row)[:, None]
+    side = (1 if camera.orthographic else q.abs()) / camera.intrinsics[:, 1, 1].view(-1, 1, 1, 1)
+    inside = ((across >= 0) & (across < camera.width) & (down >= 0) & (down < camera.height))[:, None]
+    goes_on = (gather(planes[:, :1], across, down) - expected).abs() <= 0.25 * side
+    return hits._replace(px=torch.where(hits.blocked & inside & goes_on, beside + 0.5, hits.px))
 
 
 def check_reach(steps: int, distance: float) -> None:

@@ -167,8 +167,9 @@ def _intersect(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tens
     # adjoining pieces of plane differ by up to a crack, which no ray may pass; a silhouette's step is not a crack
     crack = gx.abs() + gy.abs() + hx.abs() + hy.abs() + rays.pixel(q)
     beside = h + hx * (rays.x + share * rays.dx - jx - 0.5) + hy * (rays.y + share * rays.dy - jy - 0.5)
-    falls = ~before & (front_b < front_a) & (front_a > -crack) & (qa - front_a - beside < crack)
-    blocks = ~before & ~falls & ((qa > back) | (qb > back))
+    joined = ~before & (front_a > -crack) & (qa - front_a - beside < crack)
+    falls, leaves = joined & (front_b < front_a), joined & (front_b >= front_a)  # these go over a round body's rim
+    blocks = ~before & ~joined & ((qa > back) | (qb > back))
     gap = front_a - front_b
     part = torch.where(crosses, front_a / torch.where(crosses, gap, 1.0), 0.0)
     behind = qa - front_a - back
@@ -176,7 +177,7 @@ def _intersect(planes, rays, ix, iy, jx, jy, share, leave, qa, qb) -> tuple[Tens
     agreement = torch.where(
         crosses, 1.0, torch.where(falls, (2 + 2 * front_a / crack).clamp_max(1.0), torch.where(blocks, near, 0.0))
     )
-    passes = torch.where(before, LEFT, BEHIND)
+    passes = torch.where(before | leaves, LEFT, BEHIND)
     return torch.where(crosses | falls, HIT, torch.where(blocks, BLOCKED, passes)), part, agreement
 
 

@@ -12,7 +12,7 @@ from gbufrt.environment import lookup_environment
 from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
-from post.march.rays import Hierarchy, Hits, march_rays
+from post.march.rays import Hierarchy, Hits, march_rays, off_edge
 from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT, ROW_SLOPE
 from post.shading.fireflies import mean_light
 from post.shading.ggx import grazing
@@ -118,7 +118,8 @@ def _followed(
         hits = march_rays(hierarchy, start, way * flown, camera, steps=steps, distance=distance)
         hits = attach_hits(hits, g.depth, flat, start, way * flown, camera)
         begins = ~flown | hits.blocked & ((hits.px - at).abs() < NEXT).all(1, keepdim=True)
-        hits = hits._replace(px=torch.where(begins, at, hits.px), blocked=hits.blocked & ~begins)
+        hits = off_edge(hits._replace(blocked=hits.blocked & ~begins), hierarchy, camera, at)
+        hits = hits._replace(px=torch.where(begins, at, hits.px))
         confidence = flies * trust * hits.hit * hits.agreement * _border_fade(hits.px, camera)
         world = camera.rotate_to_world(way)
         share = _sky_share(world, hits, g.hit, g.visibility, open_here, bent, at)

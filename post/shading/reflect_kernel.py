@@ -12,7 +12,7 @@ from gbufrt.compute.kernel import inlined, scalar
 from gbufrt.luminance import REC709
 from gbufrt.specular import MIRROR_ROUGHNESS
 from post.march.constants import BLOCKED, HIT, LEFT
-from post.march.kernel import Ending, trace
+from post.march.kernel import Ending, off_edge, trace
 from post.shading import constants
 from post.shading.incoming_kernel import beyond, border_fade, incoming, open_share
 from post.shading.lobe_kernel import dot, grazing, mirror, reflected, scaled, unit
@@ -125,8 +125,9 @@ def reflect(
             end = here
             if bounce < bounces and trust > ZERO:
                 end = trace(planes[b], pyramid[b], table, optics, start, way, near, orthographic, distance, steps)
-                if end.status == BLOCKED and max(abs(end.x - here.x), abs(end.y - here.y)) < NEXT:
-                    end = here
+                if end.status == BLOCKED:
+                    begins = max(abs(end.x - here.x), abs(end.y - here.y)) < NEXT
+                    end = here if begins else off_edge(planes[b], optics, orthographic, end, here.x, here.y)
             confidence = trust * end.agreement * border_fade(lit[b], end, border) if end.status == HIT else ZERO
             world, toward = _turned(turn, way), _vector(bent, b, row, column) if has_bent else facing
             open_sky, near_by = sky[b if sky.shape[0] > 1 else 0], around[b if around.shape[0] > 1 else 0]

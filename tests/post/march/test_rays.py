@@ -6,10 +6,11 @@ import boxes
 import mirrors
 import pytest
 import torch
+import torch.nn.functional as F
 
 from gbufrt import Camera
-from gbufrt.sampling import sample
-from post.march.rays import Hits, depth_hierarchy, march_rays
+from gbufrt.sampling import gather, sample
+from post.march.rays import Hits, depth_hierarchy, march_rays, off_edge
 
 CASES = ["perspective", "orthographic", "jittered"]
 
@@ -179,3 +180,45 @@ def test_operator_is_registered_properly():
     lens = torch.ones(1, 4, dtype=torch.float64)
     arguments = (*hierarchy, lens, g.points_view(), g.normal, 0.05, False, 10.0, 8)
     torch.library.opcheck(march_rays_cpu, arguments, test_utils=("test_schema", "test_faketensor"))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("radius", [1.0, 0.2])
+def test_a_mirror_ball_does_not_shadow_itself(compiled, radius):
+    """No ray that a ball reflects meets the ball again; its rim is the steepest that surfaces are."""
+    camera, centre = Camera.look_at((0.0, 0.0, 0.0), (0.0, 0.0, -1.0), size=(72, 96)), (0.1, -0.05, 4.0)
+    ray = F.normalize(camera.unproject(torch.ones(1, 1, 72, 96)), dim=1)
+    middle = torch.tensor(centre)[None, :, None, None].expand_as(ray)
+    along = (ray * middle).sum(1, keepdim=True)
+    half = radius**2 - (middle - along * ray).square().sum(1, keepdim=True)
+    ball = half > 0
+    wall = ray * (9.0 / ray[:, 2:])
+    points = torch.where(ball, ray * (along - half.clamp_min(0.0).sqrt()), wall)
+    facing = torch.where(ball, (points - middle) / radius, torch.tensor([0.0, 0.0, -1.0])[None, :, None, None])
+    way = torch.where(ball, ray - 2 * (ray * facing).sum(1, keepdim=True) * facing, 0.0)
+    solid = torch.where(ball, 2 * half.clamp_min(0.0).sqrt(), 1.0)
+    hierarchy = depth_hierarchy(points[:, 2:], camera.rotate_to_world(facing), camera, thickness=solid)
+    hits = march_rays(hierarchy, points, way, camera, distance=50.0, compiled=compiled)
+    assert ball.sum() > 20
+    assert not hits.blocked.any()
+    found = gather(ball, hits.px[:, 0].floor(), hits.px[:, 1].floor())
+    assert not (hits.hit & found).any(), "nor hit"
+    assert (hits.hit & ~found).sum() > 0.05 * ball.sum(), "the rim shows the wall"
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_hidden_geometry_is_read_off_the_edge(compiled):
+    """A wall that goes on behind a pole has the light of its second pixel beside the pole."""
+    g, start, _ = pole_scene()
+    way = g.camera.rotate_to_view(torch.tensor([3.0, 0.0, -1.0])[None, :, None, None] / 10**0.5)
+    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
+    hits = march_rays(hierarchy, start, way, g.camera, compiled=compiled)
+    begun = g.camera.project(start, jittered=True).floor() + 0.5
+    away = off_edge(hits, hierarchy, g.camera, begun)
+    assert torch.equal(away.px - hits.px, torch.tensor([-1.0, 0.0])[None, :, None, None])
+    column, row = (int(x) for x in hits.px.flatten())
+    depth = g.depth.clone()
+    depth[..., row, column - 1] += 0.5
+    other = depth_hierarchy(depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
+    assert torch.equal(off_edge(hits, other, g.camera, begun).px, hits.px), "another surface is not read"
+    assert torch.equal(off_edge(hits._replace(blocked=~hits.blocked), hierarchy, g.camera, begun).px, hits.px)
