@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 
 from gbufrt import Pipeline, Stage
 from gbufrt.names import meant
+from gbufrt.numeric import check_numbers
 from post.passes.denoising.atrous import Atrous
 from post.passes.denoising.bilateral import Bilateral
 from post.passes.denoising.temporal import Temporal
@@ -132,6 +133,7 @@ def me1(
         raise ValueError(f"preset must be one of {', '.join(QUALITIES)}, got {preset!r}{meant(preset, QUALITIES)}")
     if composite not in get_args(Mode):
         raise ValueError(f"composite must be one of {', '.join(get_args(Mode))}, got {composite!r}")
+    check_numbers(units_per_metre=units_per_metre)
     if not units_per_metre > 0:
         raise ValueError(f"units_per_metre must be positive, got {units_per_metre}")
     pipeline = Pipeline(**_light(QUALITIES[preset], composite, units_per_metre), **_finish(composite, units_per_metre))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -149,9 +150,11 @@ def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> li
     """One time for each of ``batch`` cameras.
 
     Raises:
-        ValueError: there is another number of them.
+        ValueError: there is another number of them, or one is not finite.
     """
     times = [float(time)] * batch if isinstance(time, (int, float)) else [float(t) for t in time]
+    if not all(math.isfinite(t) for t in times):
+        raise ValueError(f"{name} must be finite, in seconds, got {time}")
     if len(times) != batch:
         raise ValueError(f"{name} must be one number or one for each of the {batch} cameras, got {len(times)}")
     return times

@@ -52,6 +52,29 @@ def check_camera(camera: Any, name: str = "camera", remedy: str = "") -> None:
         raise TypeError(f"{name} must be a gbufrt.Camera, got {type(camera).__name__}{remedy}")
 
 
+def check_beside(color: Any, **channels: Any) -> None:
+    """Raise unless ``color`` is ``(B, C, H, W)`` of floats and channels of a G-buffer, by name, have its pixels.
+
+    Raises:
+        TypeError: not a tensor, or of whole numbers.
+        ValueError: wrong shape.
+    """
+    for name, picture in {"color": color, **channels}.items():
+        if not isinstance(picture, Tensor):
+            raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
+        if not picture.is_floating_point():
+            raise TypeError(f"{name} must be of floats, got {str(picture.dtype).removeprefix('torch.')}")
+    if color.ndim != 4:
+        raise ValueError(f"color must be (B,C,H,W), got {tuple(color.shape)}")
+    batch, _, *size = color.shape
+    for name, picture in channels.items():
+        expected = (batch, ROWS[name].components, *size)
+        if picture.shape != expected:
+            last = picture.shape[2:] == color.shape[1:3]
+            hint = "; if color is (B,H,W,C), use .permute(0, 3, 1, 2)" if last else ""
+            raise ValueError(f"{name} must be {expected} like color, got {tuple(picture.shape)}{hint}")
+
+
 def check_alike(first: str, **pictures: Any) -> None:
     """Raise unless pictures are of the batch and size of the one called ``first``, and of its components or one.
 

@@ -46,9 +46,9 @@ def circle_of_confusion(
     Source: Potmesil and Chakravarty 1981 (thin lens).
     """
     check_pictures(camera, depth=depth, hit=hit)
-    if (least := _least(focus_distance)) <= 0:
+    if not (least := _least(focus_distance)) > 0:
         raise ValueError(f"focus_distance must be positive, in world units, got {least:g}")
-    if (least := _least(aperture_radius)) < 0:
+    if not (least := _least(aperture_radius)) >= 0:
         raise ValueError(f"aperture_radius must not be negative, got {least:g}")
     focus, aperture = _per_camera(focus_distance, depth), _per_camera(aperture_radius, depth)
     scale = aperture * camera.pixels_per_unit(torch.ones_like(depth[:, :, :1, :1]))

@@ -35,6 +35,7 @@ def test_absent_channels_are_none():
         ("object_id", lambda t: t.float(), TypeError, "int32"),
         ("albedo", lambda t: t.to("meta"), ValueError, "albedo is on meta"),
         ("depth", lambda t: t.numpy(), TypeError, "torch.Tensor"),
+        ("normal", lambda t: t.double(), TypeError, r"normal is float64 but depth is float32.*\.float\(\)"),
     ],
 )
 def test_form_is_checked_when_built(moving, name, change, error, message):

@@ -14,7 +14,7 @@ import tracer
 from gbufrt import Camera, Pipeline
 from gbufrt.files import read_gbuffer
 from gbufrt.files.exr import write_exr
-from post import GTAO, SSR, Temporal, Upscale, me1
+from post import GTAO, SSR, Temporal, Upscale, me1, motion_blur
 
 FRAME: Any = boxes.frame()
 G = FRAME.gbuffer
@@ -60,6 +60,8 @@ KIND: Any = GTAO
         (lambda: Pipeline(ao=KIND), r"stage 'ao' must be a Pass.*, got the class GTAO; write GTAO\(\)"),
         (lambda: Temporal()(G), r"frame must be a gbufrt\.Frame, got GBuffer"),
         (lambda: read_gbuffer(NUMBER), "path must be a path, or those of one frame, got int"),
+        (lambda: me1(units_per_metre=WORD), "units_per_metre must be a number or a 0-dim tensor, got 'x'"),
+        (lambda: motion_blur(WORD, G.depth, NONE), r"color must be a torch\.Tensor, got str"),
         (lambda: GTAO(radios=1), ".*unexpected keyword argument 'radios'"),  # pyright: ignore
         (lambda: LOW.with_tunables([("a", 1)]), r'values must be a mapping such as \{"gtao\.radius": 2\.0\}, got list'),
     ],
@@ -84,6 +86,7 @@ def test_the_wrong_kind_is_named(
         (lambda: FRAME.to("cuda:99"), r"there is no device 'cuda:99': torch sees (no|\d+) GPUs; 'cpu' is always there"),
         (lambda: CAMERA.to(device="cuda:99"), "there is no device 'cuda:99'"),
         (lambda: FRAME.read("dept"), r"the frame has no 'dept' \(did you mean depth\?\); it has depth, hit"),
+        (lambda: me1(units_per_metre=float("nan")), "units_per_metre must be a number, got nan"),
         (lambda: Upscale(ratio=0), "ratio must lie in 1 to 4, got 0"),
         (
             lambda: LOW.with_tunables({"gtao.method": "bit"}),

@@ -72,6 +72,7 @@ def test_what_takes_a_frame_tells_how_one_is_made(name: str):
         (lambda: tracer.at_hour(SCENE, NAME), "^hour must be a number or a 0-dim tensor, got 'village'$"),
         (lambda: tracer.raining(NAME, 0.5), NO_SCENE),
         (lambda: tracer.raining(SCENE, NAME), "^level must be a number or a 0-dim tensor, got 'village'$"),
+        (lambda: tracer.trace(SCENE, NAME, NAME), r"^origins must be a torch\.Tensor, got str$"),
         (lambda: tracer.render(SCENE, CAMERA, index=NAME), "^index must be a whole number, got 'village'$"),
         (
             lambda: tracer.Scene(world=NAME),
@@ -92,6 +93,11 @@ def test_what_takes_a_frame_tells_how_one_is_made(name: str):
 def test_the_wrong_kind_is_named(call: Callable[[], Any], message: str):
     with pytest.raises(TypeError, match=message):
         call()
+
+
+def test_no_time_is_no_number():
+    with pytest.raises(ValueError, match=r"^time must be finite, in seconds, got nan"):
+        tracer.render(SCENE, CAMERA, time=float("nan"))
 
 
 def test_a_device_that_is_not_there_is_named():

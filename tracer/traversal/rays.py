@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import number
+from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.poses import inverse
@@ -163,6 +164,8 @@ def _rays(
     t_max: Tensor | float,
 ) -> tuple[tuple[int, ...], _Rays]:
     """Rays as flat float32 rows, with the transforms into every grid; and the shape they had."""
+    check_kind(Tensor, "origins", origins)
+    check_kind(Tensor, "directions", directions)
     if origins.shape != directions.shape or origins.ndim < 1 or origins.shape[-1] != 3:
         raise ValueError(
             f"origins and directions must both be (...,3), got {tuple(origins.shape)} and {tuple(directions.shape)}"

@@ -7,7 +7,9 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, History, TemporalPass
 from gbufrt.compute.resident import waits
+from gbufrt.demands.pictures import check_beside
 from gbufrt.mending import finite
+from gbufrt.numeric import check_numbers
 from post.lens.constants import TINY
 from post.lens.op import layer_radii, spread_layers
 from post.lens.thin_lens import autofocus, circle_of_confusion
@@ -52,7 +54,8 @@ def depth_of_field(
     Source: after the layered compositing of Kraus and Strengert 2007, with exact discs and coverage that adds
     up rather than multiplies; see `circle_of_confusion` for the lens.
     """
-    _check(color, depth, max_radius_px, layer_step)
+    check_beside(color, depth=depth)
+    _check(max_radius_px, layer_step)
     color, depth = finite(color), finite(depth, nan=camera.far)  # discs would spread one bad pixel
     if focus_distance is None:
         focus_distance = autofocus(depth, camera, hit=hit)
@@ -64,10 +67,8 @@ def depth_of_field(
     return spread_layers(color, coc, layer_radii(largest, layer_step))
 
 
-def _check(color: Tensor, depth: Tensor, max_radius_px: float, layer_step: float) -> None:
-    expected = (color.shape[0], 1, *color.shape[2:])
-    if tuple(depth.shape) != expected:
-        raise ValueError(f"depth must be {expected} like color, got {tuple(depth.shape)}")
+def _check(max_radius_px: float, layer_step: float) -> None:
+    check_numbers(max_radius_px=max_radius_px, layer_step=layer_step)
     if max_radius_px < 1:
         raise ValueError(f"max_radius_px must be at least 1, got {max_radius_px}")
     if layer_step <= 0:

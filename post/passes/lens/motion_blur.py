@@ -10,9 +10,11 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.compute.resident import number, waits
+from gbufrt.demands.pictures import check_beside
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
+from gbufrt.numeric import check_counts, check_numbers
 from post.lens.constants import STILL
 from post.lens.op import blur_alike, reconstruct
 
@@ -66,7 +68,8 @@ def motion_blur(
     Source: McGuire et al. 2012 and Guertin et al. 2014 (tiles, two directions, soft depth); Bowles et al. 2012
     (iterated image warping) for the second look; Rosado 2007, GPU Gems 3 chapter 27, and BetterRTX for ``similarity``.
     """
-    _check(color, depth, motion, samples, tile, softness)
+    check_beside(color, depth=depth, motion=motion)
+    _check(shutter, samples, tile, softness)
     if weights not in ("reconstruction", "similarity"):
         raise ValueError(f"weights must be 'reconstruction' or 'similarity', got {weights!r}")
     if position not in ("center", "trailing"):
@@ -128,17 +131,16 @@ def _limited(path: Tensor, longest: float) -> Tensor:
     return path * (longest / length(path)).clamp_max(1.0)
 
 
-def _check(color: Tensor, depth: Tensor, motion: Tensor, samples: int, tile: int, softness: float) -> None:
-    batch, _, height, width = color.shape
-    for name, tensor, channels in (("depth", depth, 1), ("motion", motion, 2)):
-        if tuple(tensor.shape) != (batch, channels, height, width):
-            expected = f"({batch},{channels},{height},{width})"
-            raise ValueError(f"{name} must be {expected} like color, got {tuple(tensor.shape)}")
+def _check(shutter: float | Tensor, samples: int, tile: int, softness: float) -> None:
+    check_numbers(softness=softness, **({} if isinstance(shutter, Tensor) else {"shutter": shutter}))
+    check_counts(samples=samples, tile=tile)
     for name, count in (("samples", samples), ("tile", tile)):
         if count < 1:
             raise ValueError(f"{name} must be at least 1, got {count}")
     if softness <= 0:
         raise ValueError(f"softness must be positive, got {softness}")
+    if not isinstance(shutter, Tensor) and shutter < 0:
+        raise ValueError(f"shutter must be at least 0, got {shutter}")
 
 
 class MotionBlur(Pass):

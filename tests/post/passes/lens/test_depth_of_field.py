@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import boxes
 import pytest
@@ -221,5 +222,9 @@ def test_bad_input():
         depth_of_field(color, depth[..., :4], camera)
     with pytest.raises(ValueError, match="focus_distance must be positive"):
         depth_of_field(color, depth, camera, focus_distance=0.0)
+    for name in ("focus_distance", "aperture_radius", "max_radius_px"):
+        options: dict[str, Any] = {name: float("nan")}
+        with pytest.raises(ValueError, match=f"{name} must .*nan"):
+            depth_of_field(color, depth, camera, **options)
     with pytest.raises(ValueError, match="aperture_radius must not be negative"):
         depth_of_field(color, depth, camera, aperture_radius=-1.0)
