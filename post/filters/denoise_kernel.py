@@ -189,11 +189,10 @@ def spline_shares(i, j):
 
 
 @scalar
-def center_row(sums, values, y, span):
-    """Begin the sums of a row with the wavelet's middle tap."""
+def center_row(sums, values, y, run):
+    """Begin the sums of a run of a row with the wavelet's middle tap."""
     share, channels = np.float32(B3[2] * B3[2]), values.shape[0] - 1
-    first, end = span
-    sums[:] = 0
+    first, end = run
     for c in range(channels):
         total, here = sums[c, first:end], values[c, y, first:end]
         for i in range(total.shape[0]):

@@ -22,7 +22,7 @@ from post.filters.denoise_kernel import (
     wavelet_weights,
 )
 from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
-from post.filters.kernel import edge_of, hit_span, surface_row, unit_row
+from post.filters.kernel import edge_of, hit_run, surface_row, unit_row
 from post.filters.weight_kernel import (
     GROUP,
     PARTS,
@@ -65,16 +65,18 @@ def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivit
             b, y = row // height, row % height
             edge = edge_with(guide[b], perspective, squares, COARSE_POWER)
             near_row(near, plane[b], y, 0, width, depth_sensitivity)
-            span = hit_span(guide[b, HIT], y)
+            run = hit_run(guide[b, HIT], y, 0)
             sums[:] = 0
-            for dy in range(-radius, radius + 1):
-                for i in range(0, side, GROUP):
-                    for part in range(PARTS):
-                        taps = part_of(part, y, span, (i - radius, dy), 1, min(side - i, GROUP), (height, width))
-                        if taps.end == taps.first:
-                            continue
-                        surface_weights(weights, guide[b], near, y, taps, edge)
-                        add_moments(sums, weights, light[b], y, taps)
+            while run[1] > run[0]:
+                for dy in range(-radius, radius + 1):
+                    for i in range(0, side, GROUP):
+                        for part in range(PARTS):
+                            taps = part_of(part, y, run, (i - radius, dy), 1, min(side - i, GROUP), (height, width))
+                            if taps.end == taps.first:
+                                continue
+                            surface_weights(weights, guide[b], near, y, taps, edge)
+                            add_moments(sums, weights, light[b], y, taps)
+                run = hit_run(guide[b, HIT], y, run[1])
             finish_moments(out[b], sums[0], sums[1], sums[2], light[b], y)
 
 
@@ -93,23 +95,25 @@ def wavelet_rows(
             light, variance = values[b, channels - 1], values[b, channels]
             edge = edge_with(guide[b], perspective, squares, phi_normal)
             near_row(near, plane[b], y, 0, width, phi_depth)
-            span = hit_span(guide[b, HIT], y)
+            run = hit_run(guide[b, HIT], y, 0)
             noise_row(limits[0], limits[1], variance, y)
             wavelet_limits(limits, light, reach[b], y, phi_color)
             sums[:] = 0
-            center_row(sums, values[b], y, span)
-            for j in range(-2, 3):
-                for i in (-2, 1):
-                    count, place = 3 if i < 0 and j != 0 else 2, (i * step, j * step)
-                    shares = spline_shares(i, j)
-                    for part in range(PARTS):
-                        taps = part_of(part, y, span, place, step, count, (height, width))
-                        if taps.end == taps.first:
-                            continue
-                        given = guide[b], near, light, limits[0], limits[1]
-                        wavelet_weights(weights, *given, y, taps, shares, edge)
-                        add_values(sums, weights, values[b], taps, channels)
-                        add_spread(sums[planes], weights, variance, taps)
+            while run[1] > run[0]:
+                center_row(sums, values[b], y, run)
+                for j in range(-2, 3):
+                    for i in (-2, 1):
+                        count, place = 3 if i < 0 and j != 0 else 2, (i * step, j * step)
+                        shares = spline_shares(i, j)
+                        for part in range(PARTS):
+                            taps = part_of(part, y, run, place, step, count, (height, width))
+                            if taps.end == taps.first:
+                                continue
+                            given = guide[b], near, light, limits[0], limits[1]
+                            wavelet_weights(weights, *given, y, taps, shares, edge)
+                            add_values(sums, weights, values[b], taps, channels)
+                            add_spread(sums[planes], weights, variance, taps)
+                run = hit_run(guide[b, HIT], y, run[1])
             for c in range(channels):
                 finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
             sums[channels] *= sums[channels]
@@ -141,26 +145,31 @@ def bilateral_rows(
             b, y = row // height, row % height
             edge = edge_with(guide[b], perspective, squares, normal_power)
             near_row(near, plane[b], y, 0, size, depth_sensitivity)
-            span = hit_span(guide[b, HIT], y)
             sums[0] = 0
-            for place in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-                for part in range(PARTS):
-                    taps = part_of(part, y, span, place, 1, 1, (height, size))
-                    if taps.end == taps.first:
-                        continue
-                    surface_weights(weights, guide[b], near, y, taps, edge)
-                    add_values(sums, weights, values[b], taps, 0)
-            bilateral_limits(limits, sums[0], width[b], tolerance[b], y)
-            sums[:] = 0
-            for dy in range(-radius, radius + 1):
-                for i in range(0, side, GROUP):
+            run = hit_run(guide[b, HIT], y, 0)
+            while run[1] > run[0]:
+                for place in ((-1, 0), (1, 0), (0, -1), (0, 1)):
                     for part in range(PARTS):
-                        taps = part_of(part, y, span, (i - radius, dy), 1, min(side - i, GROUP), (height, size))
+                        taps = part_of(part, y, run, place, 1, 1, (height, size))
                         if taps.end == taps.first:
                             continue
-                        light = values[b, channels]
-                        bilateral_weights(weights, guide[b], near, light, limits[0], limits[1], y, taps, edge)
-                        add_values(sums, weights, values[b], taps, channels)
+                        surface_weights(weights, guide[b], near, y, taps, edge)
+                        add_values(sums, weights, values[b], taps, 0)
+                run = hit_run(guide[b, HIT], y, run[1])
+            bilateral_limits(limits, sums[0], width[b], tolerance[b], y)
+            sums[:] = 0
+            run = hit_run(guide[b, HIT], y, 0)
+            while run[1] > run[0]:
+                for dy in range(-radius, radius + 1):
+                    for i in range(0, side, GROUP):
+                        for part in range(PARTS):
+                            taps = part_of(part, y, run, (i - radius, dy), 1, min(side - i, GROUP), (height, size))
+                            if taps.end == taps.first:
+                                continue
+                            light = values[b, channels]
+                            bilateral_weights(weights, guide[b], near, light, limits[0], limits[1], y, taps, edge)
+                            add_values(sums, weights, values[b], taps, channels)
+                run = hit_run(guide[b, HIT], y, run[1])
             for c in range(channels):
                 finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
 

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from post.filters.constants import MOST_PLANES
 
-SQUARINGS = (7, 5, 4, 3)  # of the cosine between normals: powers of 128 and 32, the defaults of the filters, 16 and 8
+SQUARINGS = (11, 7, 5, 4, 3)  # of the cosine between normals: powers that filters have: 2048, 128, 32, 16 and 8
 
 
 def fits_cuda(values: Tensor) -> bool:

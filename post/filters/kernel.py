@@ -20,6 +20,7 @@ from post.filters import constants
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 
 ZERO, ONE = np.float32(0), np.float32(1)
+GAP = 64  # pixels that were not hit, from which on a row is filtered in pieces
 TINY, NEVER = np.float32(1e-30), np.float32(-1e4)
 SHORTEST = np.float32(constants.SHORTEST)
 HALF, NEAREST = np.float32(0.5), np.float32(1e-9)
@@ -123,6 +124,21 @@ def hit_span(hit, y):
         first += 1
     while end > first and hit[y, end - 1] == ZERO:
         end -= 1
+    return first, end
+
+
+@scalar
+def hit_run(hit, y, begin):
+    """The first pixel of a row from ``begin`` on that was hit, and the end of its run, after which `GAP` pixels were
+    not hit, or all that are left. Both are the same where nothing more was hit."""
+    first, width = begin, hit.shape[1]
+    while first < width and hit[y, first] == ZERO:
+        first += 1
+    end = x = first
+    while x < width and x - end < GAP:
+        if hit[y, x] != ZERO:
+            end = x + 1
+        x += 1
     return first, end
 
 

@@ -11,23 +11,25 @@ from numba import prange
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
 from post.history.correspondence_kernel import EXPECTED, Channels, Past, expected_row, lens_at, shift_row
-from post.history.read_kernel import read_row
+from post.history.read_kernel import any_wanted, leave_out, read_row
 from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
 
 cuda: Any = numba.cuda
+PIECE = 64  # pixels of a row that are read at a time, or not at all where none of them is wanted
 
 
 @driver
 def read_rows(
-    out, image, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind, length,
-    lenses, poses, parallel, plane, cosine, search, sharp, threads,
+    out, image, depth, normal, hit, kind, motion, motion_z, look, wanted, was_depth, was_normal, was_hit, was_kind,
+    length, lenses, poses, parallel, plane, cosine, search, sharp, threads,
 ):  # fmt: skip
     """See `post.history.read.read_history_cpu`."""
     batch, _, height, width = out.shape
+    size = min(width, PIECE)
     for thread in prange(threads):
-        columns, lines = np.empty(width, np.int32), np.empty(width, np.int32)
-        places, rows = np.empty((4, width), np.int64), np.empty((9, width), np.float32)
-        now, shift = np.empty((EXPECTED, width), np.float32), np.empty((2, width), np.float32)
+        columns, lines = np.empty(size, np.int32), np.empty(size, np.int32)
+        places, rows = np.empty((4, size), np.int64), np.empty((9, size), np.float32)
+        now, shift = np.empty((EXPECTED, size), np.float32), np.empty((2, size), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
             seen, moved = Channels(depth[b], normal[b], hit[b], kind[b]), (motion[b], motion_z[b], look[b])
@@ -36,13 +38,15 @@ def read_rows(
             views = lens_at(lenses[b, 0]), poses[b]
             options = np.float32(plane), np.float32(cosine), search, sharp
             scratch = columns, lines, places, rows, now, shift
-            _read(out[b], image[b], seen, moved, past, views, options, scratch, y, 0, width)
+            for begin in range(0, width, size):
+                first = min(begin, width - size)
+                _read(out[b], image[b], seen, moved, wanted[b], past, views, options, scratch, y, first, first + size)
 
 
 @scalar
 def read_pixel(
-    i, out, image, depth, normal, hit, kind, motion, motion_z, look, was_depth, was_normal, was_hit, was_kind, length,
-    lenses, poses, parallel, plane, cosine, search, sharp,
+    i, out, image, depth, normal, hit, kind, motion, motion_z, look, wanted, was_depth, was_normal, was_hit, was_kind,
+    length, lenses, poses, parallel, plane, cosine, search, sharp,
 ):  # fmt: skip
     """As `read_rows`, one pixel."""
     height, width = out.shape[2:]
@@ -54,21 +58,28 @@ def read_pixel(
     was = was_depth[b], was_normal[b], was_hit[b], was_kind[b], length[b]
     past = Past(*was, height, width, lens_at(lenses[b, 1]), parallel)
     views, options = (lens_at(lenses[b, 0]), poses[b]), (np.float32(plane), np.float32(cosine), search, sharp)
-    _read(out[b], image[b], seen, moved, past, views, options, (columns, lines, places, rows, now, shift), y, x, x + 1)
+    scratch = columns, lines, places, rows, now, shift
+    _read(out[b], image[b], seen, moved, wanted[b], past, views, options, scratch, y, x, x + 1)
 
 
 read_each = Each(read_pixel)
 
 
 @scalar
-def _read(out, image, seen, moved, past, views, options, scratch, y, first, end):
+def _read(out, image, seen, moved, wanted, past, views, options, scratch, y, first, end):
     """Pixels ``first`` to ``end`` of a row."""
+    every = wanted.shape[0] == 0
+    if not (every or any_wanted(wanted, y, first, end)):
+        leave_out(out, wanted, y, first, end)
+        return
     columns, lines, places, rows, now, shift = scratch
     motion, motion_z, look = moved
     (lens, pose), (plane, cosine, search, sharp) = views, options
     expected_row(now, seen, motion, motion_z, lens, past.lens, pose, past.parallel, y, first, end)
     shift_row(shift, look, y, first, end)
     read_row(out, image, now, past, shift, plane, cosine, search, sharp, columns, lines, places, rows, y, first, end)
+    if not every:
+        leave_out(out, wanted, y, first, end)
 
 
 @driver

@@ -39,8 +39,8 @@ def read_history_cpu(
 
     Args:
         image: ``(B, C, H, W)``.
-        now: depth, normal, hit, object id, motion, its change of z, and where to look, ``(B, C, H, W)``; an id that is
-            not there has no rows.
+        now: depth, normal, hit, object id, motion, its change of z, where to look, and ``wanted`` of `read_history`,
+            ``(B, C, H, W)``; what is not there of the id and the last has no rows.
         before: depth, normal, hit and object id of the frame before, and the history's length, which may have no rows.
         lenses: ``(B, 2, 6)``, see `Camera.lens`: of this frame and the one before.
         poses: ``(B, 3, 3)``: rotation to the view of the frame before.
@@ -83,6 +83,7 @@ def read_history(
     search: bool = True,
     sharp: bool = False,
     lenient: bool = False,
+    wanted: Tensor | None = None,
     compiled: bool | None = None,
 ) -> Reading:
     """Read a picture of the previous frame where this frame's surfaces were.
@@ -106,6 +107,7 @@ def read_history(
             give their share to the nearest of the four. A history that moves every frame keeps its detail.
         lenient: where the search finds nothing, take the nearest of the 3x3 pixels of this object that lies within
             ``plane_tolerance`` of the depth expected, whichever way it faces.
+        wanted: ``(B, 1, H, W)`` bool: pixels that are read, which alone take time; others have no history.
         compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
@@ -125,11 +127,14 @@ def read_history(
     if form_of(image, length, moved, motion, *steps, compiled=compiled, cuda=True) is Form.REFERENCE:
         look = correspondence_reference(gbuffer, previous, length, motion)
         taps = find_taps(*look, plane_tolerance, normal_tolerance, search, sharp, lenient)
-        return Reading(taps.fetch(image), taps.support, taps.valid, taps.lent)
+        read = Reading(taps.fetch(image), taps.support, taps.valid, taps.lent)
+        return read if wanted is None else Reading(*(torch.where(wanted, t, torch.zeros_like(t)) for t in read))
     now, then = _ids(gbuffer, previous)
+    none = gbuffer.hit[:, :, :0, :0]
+    look = moved if motion is None else motion
     found = read_history_cpu(
         image,
-        [gbuffer.depth, normals[0], gbuffer.hit, now, moved, moved_z, moved if motion is None else motion],
+        [gbuffer.depth, normals[0], gbuffer.hit, now, moved, moved_z, look, none if wanted is None else wanted],
         [previous.depth, normals[1], previous.hit, then, image[:, :1, :0, :0] if length is None else length],
         torch.stack([lens, was], dim=1).to(moved),
         pose.to(moved),
@@ -164,7 +169,9 @@ def read_sharp(gbuffer: GBuffer, previous: GBuffer, state: Tensor, *, lenient: T
         gbuffer, previous, state, length=length, plane_tolerance=SAME_PLANE, search=False, sharp=True
     )  # fmt: skip
     kept, age = found.image, found.image[:, -1:] * found.support**2
-    beside = read_history(gbuffer, previous, state, length=length, lenient=lenient is not None)
+    beside = read_history(
+        gbuffer, previous, state, length=length, lenient=lenient is not None, wanted=age < BORROWED
+    )  # fmt: skip
     other = beside.image[:, -1:].clamp_max(BORROWED)
     if lenient is not None:
         other = torch.where(beside.lent, other.clamp_max(LENT) * lenient, other)

@@ -176,6 +176,24 @@ def _add_taps(out, image, weights, places, y, first, end):
 
 
 @scalar
+def any_wanted(wanted, y, first, end):
+    """Whether a pixel of a part of a row is to be read."""
+    found = False
+    for x in range(first, end):
+        found |= wanted[y, x]
+    return found
+
+
+@scalar
+def leave_out(out, wanted, y, first, end):
+    """No history for those pixels of a part of a row that are not to be read."""
+    for c in range(out.shape[0]):
+        for x in range(first, end):
+            if not wanted[y, x]:
+                out[c, y, x] = ZERO
+
+
+@scalar
 def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end):
     """Read a history: its channels, then the support of the footprint, then 1 if there is any history, or half if that
     is of what lies as deep alone.

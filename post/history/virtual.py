@@ -37,7 +37,7 @@ def agreeing_motion(
     lead = image.shape[1]
     found = read_history(gbuffer, before, image, length=length)
     apart, lost = misfit(found.image, signal, lead), ~found.valid
-    found = read_history(gbuffer, before, image, length=length, motion=virtual)
+    found = read_history(gbuffer, before, image, length=length, motion=virtual, wanted=_compared(distance))
     agrees = lost | (misfit(found.image, signal, lead) < apart)
     return torch.where(found.valid & (distance > 0) & agrees, virtual, motion)
 
@@ -68,9 +68,17 @@ def with_image(
     """
     lead, virtual = signal.shape[1], virtual_motion(gbuffer, before, distance)
     sharp: dict[str, Any] = {"plane_tolerance": SAME_PLANE, "search": False, "sharp": True}
-    found = read_history(gbuffer, before, history, length=history[:, -1:], motion=virtual, **sharp)
+    found = read_history(
+        gbuffer, before, history, length=history[:, -1:], motion=virtual, wanted=_compared(distance), **sharp
+    )  # fmt: skip
     agrees = misfit(found.image, signal, lead, rare=rare) < misfit(state, signal, lead, rare=rare)
     return torch.where(found.valid & (distance > 0) & (agrees | (state[:, -1:] <= 0)), found.image, state)
+
+
+def _compared(distance: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` bool: pixels that hold an image, and those around, which `misfit` compares too."""
+    image = (distance > 0).to(distance.dtype)
+    return pooled(image, torch.ones_like(image), AROUND) > 0
 
 
 def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:

@@ -42,8 +42,8 @@ def temporal_gradient(before: Tensor, replayed: Tensor, chosen: Tensor, gbuffer:
     Source: Schied, Peters and Dachsbacher 2018, 4.2 and 4.3.
     """
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera)
-    which = _strata(chosen)
-    there, which = which.amax(dim=2) > 0, which.argmax(dim=2, keepdim=True)
+    most, which = F.max_pool2d(chosen.to(before), STRATUM, ceil_mode=True, return_indices=True)
+    there = most > 0
     was, now, guide = (_of_strata(x, which) for x in (luminance(before), luminance(replayed), geometry.guide))
     known = there & (guide[:, HIT : HIT + 1] > 0)
     guide = torch.cat([guide[:, :HIT], known.to(was), guide[:, HIT + 1 :]], dim=1)
@@ -76,14 +76,8 @@ def forgetting(history: History, change: Tensor) -> History:
     return replace(history, length=torch.where(change > 0, shorter, history.length))
 
 
-def _strata(picture: Tensor) -> Tensor:
-    """``(B, C, 9, h, w)`` the pixels of each 3x3 square of a picture, 0 beyond its border."""
-    below, right = (-side % STRATUM for side in picture.shape[2:])
-    squares = F.pad(picture, (0, right, 0, below)).unflatten(3, (-1, STRATUM)).unflatten(2, (-1, STRATUM))
-    return squares.permute(0, 1, 3, 5, 2, 4).flatten(2, 3)
-
-
 def _of_strata(picture: Tensor, which: Tensor) -> Tensor:
-    """``(B, C, h, w)`` one pixel of each 3x3 square, by number, ``(B, 1, 1, h, w)``."""
-    squares = _strata(picture)
-    return squares.gather(2, which.expand(-1, squares.shape[1], -1, -1, -1))[:, :, 0].contiguous()
+    """``(B, C, h, w)`` one pixel of each 3x3 square, by its number in the picture, ``(B, 1, h, w)``."""
+    channels = picture.shape[1]
+    pixels = picture.flatten(2).gather(2, which.flatten(2).expand(-1, channels, -1))
+    return pixels.unflatten(2, which.shape[2:])

@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from post.filters.constants import HIT
 from post.filters.edges import Surface
 from post.filters.op import (
     bilateral_cpu,
@@ -50,6 +51,28 @@ def test_moments(case: str, radius: int) -> None:
     got, want = (moments(light, geometry, radius=radius, compiled=form) for form in (True, False))
     assert_close(got[:, :, geometry.hit[0, 0]], want[:, :, geometry.hit[0, 0]])
     assert float(want[:, 1:][geometry.hit].std()) > 1e-3, "variances differ, so that the comparison says something"
+
+
+@pytest.mark.parametrize("power", [128.0, 2048.0])
+def test_rows_with_wide_gaps(power: float) -> None:
+    size = (17, 300)
+    whole = scene(size, rough=True)
+    guide = whole.guide.clone()
+    guide[:, HIT, 4:, 60:150], guide[:, HIT, 9:, 230:] = 0.0, 0.0
+    geometry, values = Surface(guide, whole.plane, whole.perspective), noise(5, size)
+    one = noise(1, size)
+    for form in ("wavelet", "moments", "bilateral"):
+        got, want = (_filtered(form, values, geometry, one, power, compiled) for compiled in (True, False))
+        assert_close(got[:, :, geometry.hit[0, 0]], want[:, :, geometry.hit[0, 0]])
+
+
+def _filtered(form: str, values: Tensor, geometry: Surface, one: Tensor, power: float, compiled: bool) -> Tensor:
+    if form == "wavelet":
+        return wavelet(values, geometry, one, step=8, **{**PHI, "phi_normal": power}, compiled=compiled)
+    if form == "moments":
+        return moments(one, geometry, radius=2, compiled=compiled)
+    limits = 0.5 + one, 0.1 + one
+    return joint_bilateral(values, geometry, *limits, radius=3, **{**EDGE, "normal_power": power}, compiled=compiled)
 
 
 @pytest.mark.parametrize("case", CASES)

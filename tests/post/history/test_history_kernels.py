@@ -42,6 +42,22 @@ def test_read_history(search: bool, sharp: bool, lenient: bool, orthographic: bo
     assert 0.3 < float(want.valid.float().mean()) < 1.0, "some surfaces are new"
 
 
+@pytest.mark.parametrize("width", [30, 150])
+def test_what_is_not_wanted_has_no_history(width: int) -> None:
+    size = (23, width)
+    now, then = boxes.frame(boxes.camera(size, dx=0.2)).gbuffer, boxes.frame(boxes.camera(size)).gbuffer
+    image = torch.rand(1, 3, *size, generator=torch.Generator().manual_seed(3))
+    wanted = image[:, :1] > 0.5
+    wanted[..., :5, :], wanted[..., width // 3 :] = False, False  # whole rows, and most of all
+    every = read_history(now, then, image)
+    got, want = (read_history(now, then, image, wanted=wanted, compiled=form) for form in FORMS)
+    for a, b, of_all in zip(got, want, every, strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-5, atol=2e-6)
+        torch.testing.assert_close(a, torch.where(wanted, of_all, torch.zeros_like(of_all)), rtol=0, atol=0)
+    assert got.valid.any()
+    assert not bool(got.valid[~wanted].any())
+
+
 def test_read_history_far_outside_and_without_motion() -> None:
     g = boxes.frame(boxes.camera(SIZE)).gbuffer
     motion = torch.zeros(1, 2, *SIZE)
@@ -112,7 +128,7 @@ def test_operators_are_registered_properly() -> None:
     g, checks = boxes.frame(boxes.camera(SIZE)).gbuffer, ("test_schema", "test_faketensor")
     geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), noise(4)
     one, none, lenses = noise(1), torch.empty(1, 1, 0, 0, dtype=torch.int32), torch.ones(1, 2, 6)
-    look = ([one, noise(3), g.hit, none, noise(2), one, noise(2)], [one, noise(3), g.hit, none, one], lenses)
+    look = ([one, noise(3), g.hit, none, noise(2), one, noise(2), g.hit], [one, noise(3), g.hit, none, one], lenses)
     options = (torch.eye(3)[None], False, 2.0, 0.9, True, False)
     torch.library.opcheck(read_history_cpu, (signal, *look, *options), test_utils=checks)
     state = state_of(3, signal)
