@@ -9,17 +9,10 @@ from torch import Tensor
 
 
 def check_numbers(**values: Any) -> None:
-    """Raise unless each value, by its argument's name, is a number, a 0-dim tensor or None.
-
-    Raises:
-        TypeError: it is something else.
-        ValueError: it is NaN; of tensors this is not asked, as a GPU would have to wait.
-    """
+    """Raise TypeError where a value, by its argument's name, is neither a number, a 0-dim tensor nor None."""
     for name, value in values.items():
         if value is not None and (not hasattr(value, "__float__") or getattr(value, "ndim", 0)):
             raise TypeError(f"{name} must be a number or a 0-dim tensor, got {_told(value)}")
-        if isinstance(value, float) and value != value:
-            raise ValueError(f"{name} must be a number, got nan")
 
 
 def check_counts(**values: Any) -> None:

@@ -86,7 +86,7 @@ def test_the_wrong_kind_is_named(
         (lambda: FRAME.to("cuda:99"), r"there is no device 'cuda:99': torch sees (no|\d+) GPUs; 'cpu' is always there"),
         (lambda: CAMERA.to(device="cuda:99"), "there is no device 'cuda:99'"),
         (lambda: FRAME.read("dept"), r"the frame has no 'dept' \(did you mean depth\?\); it has depth, hit"),
-        (lambda: me1(units_per_metre=float("nan")), "units_per_metre must be a number, got nan"),
+        (lambda: me1(units_per_metre=float("nan")), "units_per_metre must be positive, got nan"),
         (lambda: Upscale(ratio=0), "ratio must lie in 1 to 4, got 0"),
         (
             lambda: LOW.with_tunables({"gtao.method": "bit"}),

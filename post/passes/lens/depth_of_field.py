@@ -69,9 +69,9 @@ def depth_of_field(
 
 def _check(max_radius_px: float, layer_step: float) -> None:
     check_numbers(max_radius_px=max_radius_px, layer_step=layer_step)
-    if max_radius_px < 1:
+    if not max_radius_px >= 1:
         raise ValueError(f"max_radius_px must be at least 1, got {max_radius_px}")
-    if layer_step <= 0:
+    if not layer_step > 0:
         raise ValueError(f"layer_step must be positive, got {layer_step}")
 
 

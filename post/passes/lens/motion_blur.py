@@ -137,9 +137,9 @@ def _check(shutter: float | Tensor, samples: int, tile: int, softness: float) ->
     for name, count in (("samples", samples), ("tile", tile)):
         if count < 1:
             raise ValueError(f"{name} must be at least 1, got {count}")
-    if softness <= 0:
+    if not softness > 0:
         raise ValueError(f"softness must be positive, got {softness}")
-    if not isinstance(shutter, Tensor) and shutter < 0:
+    if not (isinstance(shutter, Tensor) or shutter >= 0):
         raise ValueError(f"shutter must be at least 0, got {shutter}")
 
 

@@ -204,7 +204,7 @@ def test_bad_input():
         motion_blur(color, depth, motion, samples=0)
     with pytest.raises(ValueError, match=r"depth must be .* if color is \(B,H,W,C\), use .permute"):
         motion_blur(color.permute(0, 2, 3, 1), depth, motion)
-    with pytest.raises(ValueError, match="shutter must be a number, got nan"):
+    with pytest.raises(ValueError, match="shutter must be at least 0, got nan"):
         motion_blur(color, depth, motion, shutter=float("nan"))
     with pytest.raises(ValueError, match="shutter must be at least 0, got -1"):
         motion_blur(color, depth, motion, shutter=-1.0)
