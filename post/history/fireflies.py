@@ -61,6 +61,23 @@ def taken(signal: Tensor, kept: Tensor, lead: int) -> Tensor:
     return torch.minimum(luminance(signal, lead) - light, MOST * light).clamp_min(0.0)
 
 
+def still_missing(cut: Tensor, was: Tensor, now: Tensor) -> Tensor:
+    """What a mean still lacks of light that was ``cut``, after it has followed a change of light.
+
+    Noise that is taken for a change brings a mean light that cuts have taken already: it is not to be given back again,
+    here or around, so that the rest may be negative. Where light went, what was cut of it went as well.
+
+    Args:
+        cut: ``(B, 1, H, W)`` mean luminance that cuts took.
+        was: as ``cut``, luminance of the mean before it followed.
+        now: as ``cut``, after.
+
+    Returns:
+        As ``cut``.
+    """
+    return torch.where(now > was, cut - (now - was), cut * (now / was.clamp_min(1e-12)).clamp_max(1.0))
+
+
 def given_back(
     smooth: Tensor, mean: Tensor, cut: Tensor, geometry: Surface, *, wide: int = WIDE, reach: Tensor | None = None
 ) -> Tensor:

@@ -17,7 +17,7 @@ from post.filters.surfaces import check_sizes, surface
 from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes
 from post.history.constants import YOUNG
-from post.history.fireflies import cut_outliers, taken
+from post.history.fireflies import cut_outliers, still_missing, taken
 from post.history.op import blended, taken_in
 from post.history.planes import together
 from post.history.read import read_history, read_sharp
@@ -111,8 +111,9 @@ def temporal(
         most = 1 / (1 + motion_response * moved) / max(1 - blend, 1e-9)
         most = most if longest is None else torch.minimum(most, longest)
         if noise is not None and clamp > 0:
+            was = luminance(state, lead)
             signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
-            clamp = firefly = 0.0
+            before, clamp, firefly = still_missing(before, was, luminance(state, lead)), 0.0, 0.0
         sample = taken_in(signal, state, most, geometry, lead=lead, clamp=clamp, firefly=firefly)
         signal = sample.signal
         del geometry, moved, most  # and the signal as it came: a third of what is in memory here at once
