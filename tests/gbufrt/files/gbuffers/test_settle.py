@@ -123,3 +123,16 @@ def test_nukes_normals_may_lie_in_the_cameras_space(tmp_path: Path):
     layers = {"depth.Z": np.where(SKY, 0, 1 / T["planar"]), "N.XYZ": VIEW * (1, -1, -1)}
     frame = read_gbuffer(write(tmp_path / "a.exr", layers), "nuke", camera=CAMERA)
     assert np.abs(frame.gbuffer.normal[0].permute(1, 2, 0).numpy() - T["normal"])[T["hit"]].max() < 2e-3
+
+
+@pytest.mark.parametrize("background", [None, 0.0, 0.5, 1.0])
+def test_a_sky_over_most_of_the_picture_decides_nothing(tmp_path: Path, background: float | None):
+    """Nothing was hit there: its value is no normal, whether normals are encoded (with that background) or not."""
+    few = (Y > 0) & (np.indices(SIZE)[0] >= SIZE[0] * 3 // 4)  # of the floor, which has no negative number
+    assert few.mean() < 0.3
+    raw = np.where(few[..., None], T["normal"] if background is None else (T["normal"] + 1) / 2, background or 0.0)
+    path = write(tmp_path / "a.exr", {"depth.Y": np.where(few, T["planar"], 0), "normal.RGB": raw})
+    g = read_gbuffer(path, camera=CAMERA).gbuffer
+    assert (g.hit[0, 0].numpy() == few).all()
+    for read, true in ((g.depth, T["planar"][..., None]), (g.normal, T["normal"])):
+        assert np.abs(read[0].permute(1, 2, 0).numpy() - true)[few].max() < 2e-3
