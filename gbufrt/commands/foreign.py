@@ -181,7 +181,8 @@ class Source:
         if follows and self.fov is not None:
             g = frame.gbuffer
             frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
-        return frame, disagreements(frame, before if follows else None, profile.depth_kind)
+        before = before if follows else None
+        return frame, disagreements(frame, before, profile.depth_kind, posed=self.fov is None)
 
     def _profile(self, shot: Shot) -> Profile:
         """The profile of a shot, as the first frame that it fits has settled it."""

@@ -22,17 +22,21 @@ MOVES = 0.5  # pixels of motion apart from the cameras' own
 RECIPROCAL = '"reciprocal" or "device"'
 
 
-def disagreements(frame: Frame, before: Frame | None = None, depth_kind: str = "planar") -> list[str]:
+def disagreements(
+    frame: Frame, before: Frame | None = None, depth_kind: str = "planar", *, posed: bool = True
+) -> list[str]:
     """What of a frame by `gbufrt.files.read_gbuffer` disagrees; each line names the profile's setting to change.
 
     Args:
         frame: its motion is tested against the cameras where it has the one before.
         before: the frame before, against which the motion of what moves by itself is tested.
         depth_kind: how the profile read depth.
+        posed: whether the cameras' poses are known. One that is only taken to stand still tells nothing of motion: a
+            camera that moved would make a mover of everything.
     """
     g = frame.gbuffer
     lines = [_depth_line(g, depth_kind), _normal_line(g)] if min(g.camera.size) > 2 else []
-    if g.motion is not None:
+    if g.motion is not None and posed:
         if g.previous_camera is not None:
             lines.append(_static_line(g, g.motion, g.previous_camera))
         if before is not None:

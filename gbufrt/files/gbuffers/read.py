@@ -59,7 +59,7 @@ def read_gbuffer(
         camera: the camera, in a world with y up; by default the one that the file carries. Its ``near`` is lowered
             and its ``far`` raised where the file reaches nearer or farther.
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
-            ``motion_z`` is that of a static world where the file's motion agrees.
+            ``motion_z`` is that of a static world, of what moves by itself too.
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
             in the world's space, which is not known, are estimated from depth.
         index: of the frame.

@@ -73,3 +73,28 @@ def test_a_picture_of_few_pixels_tells_nothing(tmp_path: Path) -> None:
     layers = {"V.Depth.Z": np.full((2, 2), 5.0), "V.Normal.XYZ": np.ones((2, 2, 3))}
     camera = foreign_exr.Camera.look_at((0, 0, 5), (0, 0, 0), size=(2, 2), fov_y=50)
     assert disagreements(read_gbuffer(foreign_exr.write(tmp_path / "a.exr", layers), camera=camera)) == []
+
+
+def test_under_a_camera_that_is_only_taken_to_stand_still_movers_tell_no_sign() -> None:
+    frame, before = moved()
+    g = frame.gbuffer
+    assert g.motion is not None
+    wrong = frame.replace(gbuffer=g.replace(motion=-g.motion))
+    assert disagreements(wrong, before) != []
+    assert disagreements(wrong, before, posed=False) == []
+
+
+def test_movers_before_a_camera_that_dollies_have_its_motion_of_z(tmp_path: Path) -> None:
+    """That their depth did not change is wrong: they would lose their history, and their exact motion seem false."""
+    truth = foreign_exr.truth()
+    moves = truth["hit"] & (np.indices(foreign_exr.SIZE)[1] < 20)
+    motion = truth["motion"] + np.where(moves[..., None], 5.0, 0.0)
+    layers = {"depth.Y": np.where(truth["hit"], truth["planar"], 0), "normal.XYZ": truth["normal"], "motion.XY": motion}
+    path = foreign_exr.write(tmp_path / "a.exr", layers)
+    g = read_gbuffer(path, "generic", camera=foreign_exr.CAMERA, previous_camera=foreign_exr.BEFORE).gbuffer
+    static, static_z = g.camera.static_motion(foreign_exr.BEFORE, g.depth, g.hit)
+    assert g.motion is not None
+    assert g.motion_z is not None
+    assert float((g.motion - static).abs().amax(1)[0][torch.from_numpy(moves)].min()) > 4
+    assert float(static_z.abs().max()) > 0.05
+    assert torch.equal(g.motion_z, static_z)
