@@ -55,6 +55,11 @@ def our_axes(vectors: Tensor, profile: Profile) -> Tensor:
     return torch.stack([x, z, -mirror * y] if profile.up == "z" else [x, y, mirror * z], 1)
 
 
+def told(raw: Tensor) -> bool:
+    """Whether a layer holds normals: not one value everywhere that is none, as AOVs that nobody wrote."""
+    return bool((raw != raw[:, :, :1, :1]).any()) or _units(raw) + _units(2 * raw - 1) > 0
+
+
 def _units(vectors: Tensor) -> int:
     """How many vectors have unit length. A background of 0, 0.5 or 1 has it neither as it is nor decoded."""
     return int(((length(vectors) - 1).abs() < OFF_UNIT).sum())

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
-from gbufrt.files.gbuffers.convert import distances, linear, planar, world_normals
+from gbufrt.files.gbuffers.convert import distances, linear, planar, told, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
@@ -213,6 +213,10 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
     keys = named.keys("normal") if posed or named.profile.normals_turn else []
     if keys:
         raw = named.layers.stack(keys, view.size)
+        if not told(raw):
+            value = ", ".join(f"{v:g}" for v in raw[0, :, 0, 0].tolist())
+            warnings.warn(f"{named.layers.path}: normals are {value} everywhere, and count as absent", stacklevel=5)
+            return torch.where(hit, normal, 0.0), hit
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)
