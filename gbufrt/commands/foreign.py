@@ -46,6 +46,8 @@ class Source:
     fov: float | None
     whole: bool = False
     _told: set[str] = field(default_factory=set)
+    _held: set[str] = field(default_factory=set)
+    _lost: set[str] = field(default_factory=set)
     _profiles: dict[str, Profile] = field(default_factory=dict)
 
     @staticmethod
@@ -180,6 +182,7 @@ class Source:
             known["previous_camera"] = before.gbuffer.camera
         frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)
         profile = self._keep(shot, frame.gbuffer.camera)
+        self._tell_lost(shot, profile)
         if follows and self.fov is not None:
             g = frame.gbuffer
             frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
@@ -189,6 +192,16 @@ class Source:
             cut, before = True, None
         frame = cut_off(frame) if cut else frame
         return frame, disagreements(frame, before, profile.depth_kind, posed=self.fov is None)
+
+    def _tell_lost(self, shot: Shot, profile: Profile) -> None:
+        """Say once of each channel that a frame lacks it where others before have it."""
+        named = named_by(Layers(shot.files[0], shot_parts(shot.files, header_only=True)), profile)
+        there = {channel for channel in CHANNELS if named.keys(channel)}
+        if lost := [channel for channel in CHANNELS if channel in self._held - there]:
+            self.tell(f"frame {shot.number} ({shot}) lacks {', '.join(lost)}, which frames before have")
+        self._held.difference_update(lost)
+        self._held.update(there - self._lost)
+        self._lost.update(lost)
 
     def _profile(self, shot: Shot) -> Profile:
         """The profile of a shot, as the first frame that it fits has settled it."""
