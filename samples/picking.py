@@ -19,7 +19,7 @@ class Picked:
 
 def pick(row, column):
     origins, directions = (part[0, row, column] for part in camera.rays())
-    nothing = Picked(*torch.zeros(2, dtype=torch.int32))
+    nothing = Picked(*torch.full((2,), -1, dtype=torch.int32))
     program = lambda launch, place, payload: Picked(place.hits.instance, place.hits.material)
     rays = {"pick": tracer.RayType(groups={"*": tracer.HitGroup(closest_hit=program)})}
     send = lambda launch: launch.trace("pick", origins, directions, nothing)
@@ -28,4 +28,5 @@ def pick(row, column):
 
 for row, column in ((100, 300), (360, 545), (150, 110)):
     got = pick(row, column)
-    print(row, column, scene.materials.names[int(got.material)], "of instance", int(got.instance))  # 0: the world
+    material, instance = int(got.material), int(got.instance)  # instance 0: the world
+    print(row, column, f"{scene.materials.names[material]} of instance {instance}" if instance >= 0 else "sky")

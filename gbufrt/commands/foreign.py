@@ -16,6 +16,7 @@ from gbufrt.commands.fitting import LIT
 from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
+from gbufrt.files.gbuffers.cuts import cut_between, cut_off
 from gbufrt.files.gbuffers.detect import better, detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
@@ -45,6 +46,8 @@ class Source:
     fov: float | None
     whole: bool = False
     _told: set[str] = field(default_factory=set)
+    _held: set[str] = field(default_factory=set)
+    _lost: set[str] = field(default_factory=set)
     _profiles: dict[str, Profile] = field(default_factory=dict)
 
     @staticmethod
@@ -165,23 +168,40 @@ class Source:
     def read(self, shot: Shot, before: Frame | None = None) -> tuple[Frame, list[str]]:
         """One of the frames, and what of it disagrees; ``before`` is used where it is the one before."""
         number, known = shot.number, dict[str, Any]()
-        follows = before is not None and before.index == number - 1
+        cut = self.cameras is not None and self.cameras.cuts_at(number)
+        follows = before is not None and before.index == number - 1 and not cut
         if self.fov is not None:
             known["fov"] = self.fov
         elif self.cameras is not None:
             part = shot_parts(shot.files, header_only=True)[0]
             picture = part.whole, part.pixel_aspect
             known["camera"] = self.cameras.at(number, *picture)
-            if follows or number - 1 in self.cameras.tables:
+            if not cut and (follows or number - 1 in self.cameras.tables):
                 known["previous_camera"] = self.cameras.at(number - 1, *picture)
         elif follows and before is not None:
             known["previous_camera"] = before.gbuffer.camera
         frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)
         profile = self._keep(shot, frame.gbuffer.camera)
+        self._tell_lost(shot, profile)
         if follows and self.fov is not None:
             g = frame.gbuffer
             frame = frame.replace(gbuffer=g.replace(previous_camera=g.camera))
-        return frame, disagreements(frame, before if follows else None, profile.depth_kind)
+        before = before if follows else None
+        if before is not None and self.fov is None and (why := cut_between(before, frame)):
+            self.tell(f"{shot}: {why}: taken for a cut, histories begin anew")
+            cut, before = True, None
+        frame = cut_off(frame) if cut else frame
+        return frame, disagreements(frame, before, profile.depth_kind, posed=self.fov is None)
+
+    def _tell_lost(self, shot: Shot, profile: Profile) -> None:
+        """Say once of each channel that a frame lacks it where others before have it."""
+        named = named_by(Layers(shot.files[0], shot_parts(shot.files, header_only=True)), profile)
+        there = {channel for channel in CHANNELS if named.keys(channel)}
+        if lost := [channel for channel in CHANNELS if channel in self._held - there]:
+            self.tell(f"frame {shot.number} ({shot}) lacks {', '.join(lost)}, which frames before have")
+        self._held.difference_update(lost)
+        self._held.update(there - self._lost)
+        self._lost.update(lost)
 
     def _profile(self, shot: Shot) -> Profile:
         """The profile of a shot, as the first frame that it fits has settled it."""

@@ -97,7 +97,7 @@ class Inspector:
             self._last, wrong = self.source.read(shot, self._last)
         if not bool(self._last.gbuffer.hit.any()):
             raw = layers.stack(named.depth[:1])
-            wrong = [f"the file {nothing_hit(raw, named.profile, named.depth[0])}"]
+            wrong = [f"the file {nothing_hit(layers, raw, named.profile, named.depth[0])}"]
         tested = ["the kind of depth with planes"] if self.source.fov is not None else ["depth with normals"]
         _tell_agreement(console, self._last, tested, wrong)
         return self._last

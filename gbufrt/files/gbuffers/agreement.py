@@ -13,6 +13,7 @@ from gbufrt.validation.geometry import FEW, flat
 from gbufrt.validation.motion import found_again
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
+MOST = 0.5  # share of the flat pixels whose normals must be those of the depth
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
 BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
@@ -22,17 +23,21 @@ MOVES = 0.5  # pixels of motion apart from the cameras' own
 RECIPROCAL = '"reciprocal" or "device"'
 
 
-def disagreements(frame: Frame, before: Frame | None = None, depth_kind: str = "planar") -> list[str]:
+def disagreements(
+    frame: Frame, before: Frame | None = None, depth_kind: str = "planar", *, posed: bool = True
+) -> list[str]:
     """What of a frame by `gbufrt.files.read_gbuffer` disagrees; each line names the profile's setting to change.
 
     Args:
         frame: its motion is tested against the cameras where it has the one before.
         before: the frame before, against which the motion of what moves by itself is tested.
         depth_kind: how the profile read depth.
+        posed: whether the cameras' poses are known. One that is only taken to stand still tells nothing of motion: a
+            camera that moved would make a mover of everything.
     """
     g = frame.gbuffer
-    lines = [_depth_line(g, depth_kind), _normal_line(g)] if min(g.camera.size) > 2 else []
-    if g.motion is not None:
+    lines = [_depth_line(g, depth_kind), _normal_line(g, depth_kind)] if min(g.camera.size) > 2 else []
+    if g.motion is not None and posed:
         if g.previous_camera is not None:
             lines.append(_static_line(g, g.motion, g.previous_camera))
         if before is not None:
@@ -105,15 +110,19 @@ def _depth_line(g: GBuffer, kind: str) -> str:
     return f"{told}: planes bend by {bends[best]:.2g} a step instead of {bend:.2g}"
 
 
-def _normal_line(g: GBuffer) -> str:
+def _normal_line(g: GBuffer, kind: str) -> str:
     inside = flat(g)
     if int(inside.sum()) < FEW:
         return ""
     now = _agreeing(g, g.camera, g.depth, g.normal, inside)
     fits = {text: _agreeing(g, g.camera, g.depth, normal, inside) for text, normal in normal_readings(g).items()}
     best = max(fits, key=lambda text: fits[text])
-    if fits[best] <= now + BETTER:
-        return ""
+    if fits[best] <= max(now + BETTER, MOST):
+        if now >= MOST:
+            return ""
+        most = float((1 / g.depth if kind == "reciprocal" else g.depth)[g.hit].max())
+        hint = "; depth lies within 0 and 1, and may be normalised: write it in world units" if most <= 1 else ""
+        return f"normals agree with depth at {now:.0%} of the pixels, and no setting makes them{hint}"
     return f"{best} fits better: normals agree with depth at {fits[best]:.0%} of the pixels instead of {now:.0%}"
 
 

@@ -15,7 +15,7 @@ from gbufrt.files.gbuffers.profile import is_number, read_toml
 
 LENS = ("fov", "focal_length", "orthographic_height", "intrinsics")
 MORE = ("sensor_width", "sensor_height", "pixel_aspect", "orthographic", "near", "far")
-KEYS = ("number", "world_from_view", "location", "rotation", *LENS, *MORE, "convention", "up")
+KEYS = ("number", "cut", "world_from_view", "location", "rotation", *LENS, *MORE, "convention", "up")
 OPENGL = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0], dtype=torch.float64))
 Y_UP_FROM_Z_UP = torch.tensor([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=torch.float64)
 
@@ -42,6 +42,10 @@ class Cameras:
         where = f"{self.path}" if None in self.tables else f"{self.path}, frame {number}"
         return _camera(where, {"pixel_aspect": pixel_aspect, **table}, size)
 
+    def cuts_at(self, number: int) -> bool:
+        """Whether the table of a frame says that it begins another shot."""
+        return self.tables.get(number, {}).get("cut", False)
+
 
 def load_cameras(path: str | Path) -> Cameras:
     """Cameras from a TOML file.
@@ -53,7 +57,8 @@ def load_cameras(path: str | Path) -> Cameras:
     pixels, y down, pixel centres at +0.5, for shifted lenses and crops; with ``orthographic = true`` its focal lengths
     are pixels per world unit. ``pixel_aspect`` is a pixel's width over its height, by default that of the EXR file.
     ``convention`` says how view space lies: opencv (x right, y down, z forward) or opengl (x right, y up, z back).
-    ``up`` is the world axis that points up, y or z. ``near`` and ``far`` are planar depths.
+    ``up`` is the world axis that points up, y or z. ``near`` and ``far`` are planar depths. ``cut = true`` of a frame
+    says that it begins another shot.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -84,6 +89,8 @@ def _camera(where: str, table: Mapping[str, Any], size: tuple[int, int]) -> Came
     for key in table:
         if key not in KEYS:
             raise ValueError(f"{where}: unknown key {key!r}; known are {', '.join(KEYS)}")
+    if not isinstance(cut := table.get("cut", False), bool) or ("cut" in table and "number" not in table):
+        raise ValueError(f"{where}: cut must be true or false, under [[frames]], got {cut!r}")
     convention, up = _choice(where, table, "convention", "opencv", "opengl"), _choice(where, table, "up", "y", "z")
     pose = _pose(where, table)
     pose = pose @ OPENGL if convention == "opengl" else pose

@@ -11,8 +11,7 @@ from gbufrt.files.gbuffers.profile import Profile
 
 FARTHEST = 1e12  # world units; what claims to be farther is a sky, or damaged
 UNIT = 1e-3  # shorter normals are empty pixels
-BELOW = 0.05  # how far below 0 lossy compression takes normals that are stored in [0, 1]
-FEW = 1e-3  # share of their numbers that may be lower still
+OFF_UNIT = 0.1  # how far from 1 the length of a normal may be: 8 bits and lossy compression leave less, 0.5 is 0.13 off
 VIEWS = {"opencv": (1.0, 1.0, 1.0), "opengl": (1.0, -1.0, -1.0), "pbrt": (1.0, -1.0, 1.0)}
 """Factors on x, y and z of camera spaces that make them OpenCV's; pbrt's is x right, y up, z forward."""
 
@@ -39,7 +38,7 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor
     """``(B, 3, H, W)`` unit normals in our world, and where the file holds one."""
     encoded = profile.normal_encoded
     if encoded == "auto":
-        encoded = float((raw < -BELOW).float().mean()) < FEW and _off_unit(2 * raw - 1) < _off_unit(raw)
+        encoded = _units(2 * raw - 1) > _units(raw)
     raw = (2 * raw - 1 if encoded else raw) * raw.new_tensor(profile.normal_scale).view(1, 3, 1, 1)
     size = length(raw)
     unit = raw / size.clamp_min(UNIT)
@@ -56,9 +55,14 @@ def our_axes(vectors: Tensor, profile: Profile) -> Tensor:
     return torch.stack([x, z, -mirror * y] if profile.up == "z" else [x, y, mirror * z], 1)
 
 
-def _off_unit(vectors: Tensor) -> float:
-    """How far vectors are from unit length, in the median."""
-    return float((length(vectors) - 1).abs().median())
+def told(raw: Tensor) -> bool:
+    """Whether a layer holds normals: not one value everywhere that is none, as AOVs that nobody wrote."""
+    return bool((raw != raw[:, :, :1, :1]).any()) or _units(raw) + _units(2 * raw - 1) > 0
+
+
+def _units(vectors: Tensor) -> int:
+    """How many vectors have unit length. A background of 0, 0.5 or 1 has it neither as it is nor decoded."""
+    return int(((length(vectors) - 1).abs() < OFF_UNIT).sum())
 
 
 def pixels_to_previous(raw: Tensor, profile: Profile) -> Tensor:

@@ -86,6 +86,16 @@ class Layers:
         """The part that holds a channel."""
         return self._parts[key][0]
 
+    def apart(self, key: str) -> str:
+        """What to say of a channel whose data window lies outside the display window; empty where it does not."""
+        part = self.part(key)
+        (x0, y0), (x1, y1) = (tuple(map(int, corner)) for corner in part.header["dataWindow"])
+        left, top, height, width = part.display
+        if x0 < left + width and x1 >= left and y0 < top + height and y1 >= top:
+            return ""
+        shown = f"{left}, {top} to {left + width - 1}, {top + height - 1}"
+        return f"the data window of {key} ({x0}, {y0} to {x1}, {y1}) lies outside the display window ({shown})"
+
     def lossy(self, keys: Iterable[str]) -> list[str]:
         """Those of the channels that are packed with losses that blur edges: halves by B44, and colours by DWAA."""
         found = []

@@ -15,7 +15,7 @@ from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile
 from gbufrt.validation.geometry import FEW
 
-MOVES = 0.5  # pixels of motion apart from the cameras' own, and of theirs from which on it tells anything
+MOVES = 0.5  # pixels of the cameras' motion, from which on it tells anything
 ALONG = 0.25  # pixels along an axis, from which on they tell its factor
 CLOSE = 0.1  # of the cameras' motion that the file's may be off to agree with it, at least this many pixels
 AGREE = 0.5  # share of the pixels that must agree: what moves by itself does not
@@ -24,8 +24,9 @@ AGREE = 0.5  # share of the pixels that must agree: what moves by itself does no
 def motion_of(
     named: Named, view: Camera, previous: Camera | None, depth: Tensor, hit: Tensor
 ) -> tuple[Tensor | None, Tensor | None]:
-    """Motion of the file, or of a static world; and that of z where the cameras tell it, 0 where something moves.
+    """Motion of the file, or of a static world; and that of z as the cameras tell it.
 
+    What moves by itself has the cameras' own motion of z too: they know how far they went, and nothing tells the rest.
     Halves are coarse where motion is counted round 0.5: within their steps the cameras know better.
 
     Args:
@@ -55,8 +56,7 @@ def motion_of(
         return torch.where(known, motion, 0.0), None
     if named.layers.is_half(keys):
         known = known & ((motion - static).abs() > half_step_px(raw, profile)).any(1, keepdim=True)
-    motion = torch.where(known, motion, static)
-    return motion, torch.where(length(motion - static) > MOVES, 0.0, static_z)
+    return torch.where(known, motion, static), static_z
 
 
 def _fitted(raw: Tensor, profile: Profile, static: Tensor, hit: Tensor) -> Profile | None:

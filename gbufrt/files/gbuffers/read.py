@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.carried import carried_camera
-from gbufrt.files.gbuffers.convert import distances, linear, planar, world_normals
+from gbufrt.files.gbuffers.convert import distances, linear, planar, told, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
@@ -30,6 +30,8 @@ MOST_AWAY = (
     0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
 )
 INSTEAD = {"albedo": 0.0, "roughness": 1.0, "metallic": 0.0}
+MOST = 1.05  # of albedo, roughness and metallic: filters and losses overshoot by less
+MANY_OVER = 0.01  # share of the surfaces that may be larger
 BETTER = "G-buffers with ZIP, PIZ or PXR24"
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
 
@@ -46,6 +48,8 @@ def read_gbuffer(
 ) -> Frame:
     """A frame from an EXR file of another renderer, as a batch of one on the CPU.
 
+    It tests only whether the file can be read; `gbufrt inspect` and `post` test whether its channels agree.
+
     Direct light becomes ``radiance``, and ``emission`` is the part of it that has lit other surfaces already. Where the
     file has the finished picture alone, or it is asked for, that becomes ``composite``, so that light is not added
     twice. Where direct light holds the sky and lamps in mirrors already, as Blender's Glossy Direct does,
@@ -59,7 +63,7 @@ def read_gbuffer(
         camera: the camera, in a world with y up; by default the one that the file carries. Its ``near`` is lowered
             and its ``far`` raised where the file reaches nearer or farther.
         previous_camera: that of the frame before. With it a file without motion gets that of a static world, and
-            ``motion_z`` is that of a static world where the file's motion agrees.
+            ``motion_z`` is that of a static world, of what moves by itself too.
         fov: vertical field of view in degrees, where there is no camera: the camera stands at the origin, and normals
             in the world's space, which is not known, are estimated from depth.
         index: of the frame.
@@ -109,7 +113,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     raw, profile = stored_depth(named, view, posed=camera is not None)
     hit = hit_of(raw, profile)
     if not bool(hit.any()):
-        warnings.warn(f"{path} {nothing_hit(raw, profile, named.depth[0])}", stacklevel=4)
+        warnings.warn(f"{path} {nothing_hit(named.layers, raw, profile, named.depth[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)
     depth = torch.where(hit, planar(far, profile, view), 0.0)
     view = _reaching(view, depth[hit])
@@ -157,8 +161,10 @@ def _reaching(view: Camera, depth: Tensor) -> Camera:
     return replace(view, near=near, far=view.far if farthest < view.far else 2 * farthest)
 
 
-def nothing_hit(raw: Tensor, profile: Profile, key: str) -> str:
+def nothing_hit(layers: Layers, raw: Tensor, profile: Profile, key: str) -> str:
     """What to say of depth without a surface."""
+    if apart := layers.apart(key):
+        return f"has no surface: {apart}"
     there = raw[torch.isfinite(raw)]
     if (
         there.numel()
@@ -180,7 +186,14 @@ def _channel(named: Named, name: str, size: tuple[int, int], hit: Tensor) -> Ten
     if count := int(lost.sum()):
         instead = f"{INSTEAD[name]:g} there"
         warnings.warn(f"{named.layers.path}: {name} of {count} pixels is not finite, and {instead}", stacklevel=5)
-    return torch.where(lost, INSTEAD[name], pixels)
+    pixels = torch.where(lost, INSTEAD[name], pixels)
+    over = (pixels > MOST).any(1, keepdim=True) & hit
+    if int(over.sum()) > MANY_OVER * int(hit.sum()):
+        most = f"reaches {float(pixels[:, :, hit[0, 0]].max()):g}"
+        warnings.warn(
+            f"{named.layers.path}: {name} {most}, and is clamped to 1; divide it if it counts to 255", stacklevel=5
+        )
+    return pixels
 
 
 def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
@@ -213,6 +226,10 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
     keys = named.keys("normal") if posed or named.profile.normals_turn else []
     if keys:
         raw = named.layers.stack(keys, view.size)
+        if bool(hit.any()) and not told(raw):
+            value = ", ".join(f"{v:g}" for v in raw[0, :, 0, 0].tolist())
+            warnings.warn(f"{named.layers.path}: normals are {value} everywhere, and count as absent", stacklevel=5)
+            return torch.where(hit, normal, 0.0), hit
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.files.gbuffers.agreement import BEND, bend_of
-from gbufrt.files.gbuffers.convert import VIEWS, distances, planar, world_normals
+from gbufrt.files.gbuffers.agreement import BEND, CLOSE, bend_of
+from gbufrt.files.gbuffers.convert import VIEWS, distances, planar, told, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
@@ -17,6 +18,7 @@ from gbufrt.files.gbuffers.surfaces import hit_of
 
 KINDS = ("planar", "ray", "reciprocal")
 PARALLEL = 0.9985  # cosine of normals and those of depth, half of which are above it where they lie in a camera's space
+FITS = 0.25  # share of the normals within `CLOSE` of those of depth, from which on they tell its kind
 MANY = 8  # a picture's sides, up to which its pixels tell nothing
 ROUNDING = 1e-6  # of cosines
 FLATTER = 0.1  # of the bend of planar depth, which another kind must stay below: curved surfaces bend by every kind
@@ -26,8 +28,8 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     """The same layers under a profile in which what was ``auto`` is as the pixels have it.
 
     Of all readings of depth and normals that are open, those are taken whose normals are most parallel. Without
-    normals theirs stay open, and the kind of depth is that by which planes are flat. Without a pose so do normals that
-    fit no space of the camera.
+    normals theirs stay open, and the kind of depth is that by which planes are flat, as it is where normals fit by no
+    reading. Without a pose so do normals that fit no space of the camera.
 
     Args:
         named: channels of a file under the names of a profile.
@@ -39,13 +41,17 @@ def settled(named: Named, camera: Camera, *, posed: bool = True) -> Named:
     if not profile.is_open:
         return named
     kinds, ways = KINDS if profile.depth_kind == AUTO else (profile.depth_kind,), _ways(profile)
-    if keys and min(camera.size) > MANY:
-        normal = named.layers.stack(keys, camera.size)
+    normal = named.layers.stack(keys, camera.size) if keys else None
+    if normal is not None and told(normal) and min(camera.size) > MANY:
         ways = ways if posed else [(space, up) for space, up in ways if space != "world"]
         read = [replace(profile, depth_kind=kind, normal_space=s, up=up) for kind in kinds for s, up in ways]
         found = min(read, key=lambda reading: _apart(_cosines(reading, depth, normal, camera)), default=profile)
-        if posed or float(_cosines(found, depth, normal, camera).median()) > PARALLEL:
+        cosines = _cosines(found, depth, normal, camera)
+        fits = float((cosines > math.cos(math.radians(CLOSE))).float().mean()) > FITS
+        if float(cosines.median()) > PARALLEL or (posed and (fits or len(kinds) == 1)):
             return Named(named.layers, found)
+        if posed:
+            profile = replace(profile, normal_space=found.normal_space, up=found.up)
     known = len(kinds) == 1 or min(camera.size) <= MANY
     kind = kinds[0] if known else _flattest(profile, depth, camera)
     return Named(named.layers, replace(profile, depth_kind=kind))

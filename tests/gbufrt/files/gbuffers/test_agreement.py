@@ -11,6 +11,7 @@ import torch
 from writers import foreign_exr
 
 from gbufrt import Frame
+from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.agreement import disagreements
 
@@ -73,3 +74,71 @@ def test_a_picture_of_few_pixels_tells_nothing(tmp_path: Path) -> None:
     layers = {"V.Depth.Z": np.full((2, 2), 5.0), "V.Normal.XYZ": np.ones((2, 2, 3))}
     camera = foreign_exr.Camera.look_at((0, 0, 5), (0, 0, 0), size=(2, 2), fov_y=50)
     assert disagreements(read_gbuffer(foreign_exr.write(tmp_path / "a.exr", layers), camera=camera)) == []
+
+
+def test_under_a_camera_that_is_only_taken_to_stand_still_movers_tell_no_sign() -> None:
+    frame, before = moved()
+    g = frame.gbuffer
+    assert g.motion is not None
+    wrong = frame.replace(gbuffer=g.replace(motion=-g.motion))
+    assert disagreements(wrong, before) != []
+    assert disagreements(wrong, before, posed=False) == []
+
+
+def test_movers_before_a_camera_that_dollies_have_its_motion_of_z(tmp_path: Path) -> None:
+    """That their depth did not change is wrong: they would lose their history, and their exact motion seem false."""
+    truth = foreign_exr.truth()
+    moves = truth["hit"] & (np.indices(foreign_exr.SIZE)[1] < 20)
+    motion = truth["motion"] + np.where(moves[..., None], 5.0, 0.0)
+    layers = {"depth.Y": np.where(truth["hit"], truth["planar"], 0), "normal.XYZ": truth["normal"], "motion.XY": motion}
+    path = foreign_exr.write(tmp_path / "a.exr", layers)
+    g = read_gbuffer(path, "generic", camera=foreign_exr.CAMERA, previous_camera=foreign_exr.BEFORE).gbuffer
+    static, static_z = g.camera.static_motion(foreign_exr.BEFORE, g.depth, g.hit)
+    assert g.motion is not None
+    assert g.motion_z is not None
+    assert float((g.motion - static).abs().amax(1)[0][torch.from_numpy(moves)].min()) > 4
+    assert float(static_z.abs().max()) > 0.05
+    assert torch.equal(g.motion_z, static_z)
+
+
+def plain(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    truth = foreign_exr.truth()
+    depth = np.where(truth["hit"], truth["planar"], 0)
+    layers = {"depth.Y": depth, "normal.XYZ": truth["normal"], "albedo.RGB": np.full((*foreign_exr.SIZE, 3), 0.5)}
+    return layers | {name.replace("_", "."): pixels for name, pixels in changes.items()}
+
+
+def test_normals_that_no_setting_makes_agree_are_said_with_their_share(tmp_path: Path) -> None:
+    truth = foreign_exr.truth()
+    assert disagreements(read_gbuffer(foreign_exr.write(tmp_path / "a.exr", plain()), camera=foreign_exr.CAMERA)) == []
+    near = np.where(truth["hit"], 1 - np.clip(truth["planar"] / 40, 0, 0.9), 0)  # white is near
+    path = foreign_exr.write(tmp_path / "b.exr", plain(depth_Y=near))
+    lines = disagreements(read_gbuffer(path, camera=foreign_exr.CAMERA))
+    assert any("no setting makes them; depth lies within 0 and 1, and may be normalised" in line for line in lines)
+
+
+def test_colours_that_count_to_255_are_said_to_be_clamped(tmp_path: Path) -> None:
+    path = foreign_exr.write(tmp_path / "a.exr", plain(albedo_RGB=np.full((*foreign_exr.SIZE, 3), 128.0)))
+    with pytest.warns(UserWarning, match="albedo reaches 128, and is clamped to 1; divide it if it counts to 255"):
+        read_gbuffer(path, camera=foreign_exr.CAMERA)
+
+
+def test_a_data_window_outside_the_display_window_is_named(tmp_path: Path) -> None:
+    windows = {"dataWindow": ((1000, 50), (1063, 97)), "displayWindow": ((0, 0), (63, 47))}
+    path = foreign_exr.write(tmp_path / "a.exr", plain(), windows)  # pyright: ignore[reportArgumentType]
+    with pytest.warns(
+        UserWarning, match=r"depth\.Y \(1000, 50 to 1063, 97\) lies outside the display window \(0, 0 to"
+    ):
+        read_gbuffer(path, camera=foreign_exr.CAMERA)
+
+
+def test_a_channel_that_vanishes_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for number in range(1, 5):
+        layers = plain() if number < 3 else {n: p for n, p in plain().items() if n != "albedo.RGB"}
+        foreign_exr.write(tmp_path / f"a_{number:04d}.exr", layers)
+    source = Source.named(sorted(tmp_path.glob("*.exr")), "generic", None, 50.0)
+    for shot in source.shots:
+        source.read(shot)
+    told = capsys.readouterr().err
+    assert told.count("lacks albedo") == 1
+    assert "frame 3 (" in told

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from writers.foreign_exr import CAMERA, SIZE, truth, write
 
 from gbufrt.commands.foreign import Source
@@ -123,3 +124,41 @@ def test_nukes_normals_may_lie_in_the_cameras_space(tmp_path: Path):
     layers = {"depth.Z": np.where(SKY, 0, 1 / T["planar"]), "N.XYZ": VIEW * (1, -1, -1)}
     frame = read_gbuffer(write(tmp_path / "a.exr", layers), "nuke", camera=CAMERA)
     assert np.abs(frame.gbuffer.normal[0].permute(1, 2, 0).numpy() - T["normal"])[T["hit"]].max() < 2e-3
+
+
+@pytest.mark.parametrize("background", [None, 0.0, 0.5, 1.0])
+def test_a_sky_over_most_of_the_picture_decides_nothing(tmp_path: Path, background: float | None):
+    """Nothing was hit there: its value is no normal, whether normals are encoded (with that background) or not."""
+    few = (Y > 0) & (np.indices(SIZE)[0] >= SIZE[0] * 3 // 4)  # of the floor, which has no negative number
+    assert few.mean() < 0.3
+    raw = np.where(few[..., None], T["normal"] if background is None else (T["normal"] + 1) / 2, background or 0.0)
+    path = write(tmp_path / "a.exr", {"depth.Y": np.where(few, T["planar"], 0), "normal.RGB": raw})
+    g = read_gbuffer(path, camera=CAMERA).gbuffer
+    assert (g.hit[0, 0].numpy() == few).all()
+    for read, true in ((g.depth, T["planar"][..., None]), (g.normal, T["normal"])):
+        assert np.abs(read[0].permute(1, 2, 0).numpy() - true)[few].max() < 2e-3
+
+
+@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
+def test_a_layer_of_normals_that_nobody_wrote_counts_as_absent(tmp_path: Path, value: float):
+    layers = {"depth.Y": np.where(SKY, 0, T["planar"]), "normal.RGB": np.full((*SIZE, 3), value)}
+    with pytest.warns(
+        UserWarning, match=f"normals are {value:g}, {value:g}, {value:g} everywhere, and count as absent"
+    ):
+        frame = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
+    g = frame.gbuffer
+    assert torch.equal(frame.extra["normal_estimated"] > 0, g.hit)
+    assert np.abs(g.depth[0, 0].numpy() - T["planar"])[T["hit"]].max() < 1e-4
+    assert torch.equal(g.normal, torch.where(g.hit, CAMERA.normals_from_depth(g.depth), 0.0))
+
+
+def test_normals_that_fit_by_no_reading_tell_no_kind_of_depth(tmp_path: Path):
+    """Planes tell it then."""
+    noise = np.random.default_rng(0).normal(size=(*SIZE, 3))
+    layers = {
+        "depth.Y": np.where(SKY, 0, T["ray"]),
+        "normal.RGB": noise / np.linalg.norm(noise, axis=-1, keepdims=True),
+    }
+    path = write(tmp_path / "a.exr", layers)
+    found = settled(Named(Layers(path, read_parts(path)), load_profile("generic")), CAMERA)
+    assert found.profile.depth_kind == "ray"
