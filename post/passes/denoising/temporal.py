@@ -110,7 +110,7 @@ def temporal(
         moved = norm(motion_of(gbuffer, past.camera)[0])
         most = 1 / (1 + motion_response * moved) / max(1 - blend, 1e-9)
         most = most if longest is None else torch.minimum(most, longest)
-        if noise is not None and clamp > 0:
+        if noise is not None and isinstance(before, Tensor) and clamp > 0:
             was = luminance(state, lead)
             signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
             before, clamp, firefly = still_missing(before, was, luminance(state, lead)), 0.0, 0.0
