@@ -45,36 +45,36 @@ def reflect_cpu(
     roughness_cutoff: float,
     border: float,
 ) -> Tensor:
-    """``(B, 5, H, W)``, see `reflect`; channels of `Picture` as they are there, empty where there are none.
+    """``(B, 5, H, W)`` float32: the reflection, its confidence, the distance; see `reflect`.
 
     Args:
-        planes: of a `Hierarchy`, as ``pyramid`` and ``table``.
-        pyramid: see ``planes``.
-        table: see ``planes``.
-        lens: see `lens_of`.
-        near: of the camera, as ``far``.
-        orthographic: of the camera.
+        planes: ``(B, H, W, 4)``, of a `Hierarchy`.
+        pyramid: ``(B, N, 2)``, of it too.
+        table: ``(levels + 1, 2)`` int64, of it too.
+        lens: ``(B, 4)``: focal lengths and principal point in pixels, see `lens_of`.
+        near: nearest depth of the camera, world units.
+        orthographic: whether its rays are parallel.
         rotation: ``(B, 3, 3)`` from view space to world space.
-        hit: see `Picture`.
-        depth: see `Picture`.
-        normal: see `Picture`.
-        normal_geo: see `Picture`.
-        roughness: see `Picture`.
-        f0: see `Picture`.
-        metallic: see `Picture`.
+        hit: ``(B, 1, H, W)`` bool: where there is a surface.
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        normal: ``(B, 3, H, W)`` world space, unit.
+        normal_geo: ``(B, 3, H, W)`` that of the geometry; batch 0 where it is ``normal``.
+        roughness: ``(B, 1, H, W)`` perceptual.
+        f0: ``(B, 3, H, W)`` reflectance at normal incidence.
+        metallic: ``(B, 1, H, W)`` which surfaces rays go on from; batch 0 where they end at the first.
         lit: ``(B, H, W, 4)``: the light that pixels send, and the visibility of the sky there.
-        sky: ``(B, h, w, 3)`` or ``(1, h, w, 3)``, lat-long.
-        around: ``(B, h, w, 4)`` or ``(1, h, w, 4)``, lat-long: see `Picture`.
-        bent_normal: see `Picture`.
-        limit: ``(B,)``: see `post.shading.fireflies.mean_light`.
-        noise: see `reflect`.
-        shifts: ``(samples, 2)``: see `reflect`.
-        bounces: see `reflect`, as the rest.
-        steps: likewise.
-        distance: likewise.
-        far: likewise.
-        roughness_cutoff: likewise.
-        border: see `border_width`.
+        sky: ``(B, h, w, 3)`` or ``(1, h, w, 3)`` linear radiance, lat-long.
+        around: ``(B, h, w, 4)`` or ``(1, h, w, 4)``, lat-long: what lies beyond the picture, see `Picture`.
+        bent_normal: ``(B, 3, H, W)`` mean open direction, world space; batch 0 where there is none.
+        limit: ``(B,)`` luminance that limits fireflies, see `post.shading.fireflies.mean_light`.
+        noise: ``(2, H, W)`` in [0, 1): of a pixel's first direction.
+        shifts: ``(samples, 2)`` by which each sample shifts the noise.
+        bounces: most times that a ray is marched.
+        steps: pixels that a ray may be compared with.
+        distance: how far a ray goes, world units.
+        far: distance of what hits nothing, world units.
+        roughness_cutoff: perceptual roughness above which rays are trusted less.
+        border: pixels from the picture's border over which hits fade.
     """
     from post.shading.drivers import reflect_each
 

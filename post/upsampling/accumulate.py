@@ -14,7 +14,18 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
-from post.upsampling.constants import ALONG, BOX, COUNTS, COVERED, DECAY, FIRST, FLAT, LEAST, MATURE, PARTING
+from post.upsampling.constants import (
+    ALONG,
+    BOX_WINDOW,
+    COVERED,
+    DECAY,
+    FIRST_WINDOW,
+    FLAT,
+    LEAST_WEIGHT,
+    MATURE,
+    PARTING,
+    SAMPLE_WINDOW,
+)
 from post.upsampling.samples import Samples
 
 OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
@@ -53,7 +64,7 @@ def gathered(toned: Tensor, expected: Tensor, at: Samples, weight: Tensor) -> Ga
         weight: ``(B, 1, H, W)`` of the history; with little of it the window is that of the small picture's pixels.
     """
     area, ready = at.ratio[0] * at.ratio[1], (weight / MATURE).clamp(0, 1)
-    window = COUNTS * ready + FIRST / area * (1 - ready)
+    window = SAMPLE_WINDOW * ready + FIRST_WINDOW / area * (1 - ready)
     xx, xy, yy = at.nearest(ellipses(toned)).split(1, dim=1)
     taps = list(at.surrounding(torch.cat([toned, expected], dim=1)))
     zero = torch.zeros_like(weight)
@@ -62,15 +73,15 @@ def gathered(toned: Tensor, expected: Tensor, at: Samples, weight: Tensor) -> Ga
         x, y = away[:, :1], away[:, 1:]
         square = xx * x * x + 2 * xy * x * y + yy * y * y
         counts = near(window * square)
-        count, share, sums = count + near(COUNTS * square), share + counts, sums + counts * tap
+        count, share, sums = count + near(SAMPLE_WINDOW * square), share + counts, sums + counts * tap
     total, first, second = zero, zero, zero
     for tap, away in at.around(ycocg(toned)):
-        counts = torch.exp(BOX / area * away.square().sum(1, keepdim=True))
+        counts = torch.exp(BOX_WINDOW / area * away.square().sum(1, keepdim=True))
         total, first, second = total + counts, first + counts * tap, second + counts * tap * tap
     mean, colors = first / total, torch.stack([tap[:, :3] for tap, _ in taps])
     spread = (second / total - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
     color, expected = (sums / share).split(3, dim=1)
-    return Gathered(color, expected, count + LEAST, mean, spread, colors.amin(0), colors.amax(0))
+    return Gathered(color, expected, count + LEAST_WEIGHT, mean, spread, colors.amin(0), colors.amax(0))
 
 
 def near(exponent: Tensor) -> Tensor:
@@ -103,7 +114,7 @@ def shear(motion: Tensor) -> Tensor:
 
 def mean_weight(at: Samples) -> float:
     """What a frame's samples weigh at a pixel, in the mean."""
-    return 8 / 9 * math.pi / -COUNTS / (at.ratio[0] * at.ratio[1])
+    return 8 / 9 * math.pi / -SAMPLE_WINDOW / (at.ratio[0] * at.ratio[1])
 
 
 def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]:

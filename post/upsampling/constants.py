@@ -1,33 +1,40 @@
 """Constants that both forms of upsampling share."""
 
-DEPTH_SENSITIVITY = 1.0  # of `post.filters.edges.edge_weight`, in spacings of the samples
-NORMAL_POWER = 8.0
-ENOUGH = 0.1  # share of the four nearest samples that lies on the surface, from which no others count
-ANY = 1e-4  # weight that even another surface keeps, so that a pixel without its own takes a mean of what is near
-ONLY_NEAR = 1e-3  # share of samples two spacings away
+# of joint bilateral upsampling, see `post.upsampling.reference`
+DEPTH_SENSITIVITY = 1.0  # of `post.filters.edges.edge_weight`, where the spacing of the samples is the unit
+NORMAL_POWER = 8.0  # of the cosine between normals, in the same weight
+ENOUGH = 0.1  # share of the bilinear weight: where less lies on the pixel's surface, sixteen samples count, not four
+ELSEWHERE = 1e-4  # weight of samples on another surface: a pixel without a sample of its own takes their mean
+FAR_SHARE = 1e-3  # of the twelve samples that are not the nearest four
 
-# of `post.upscale`
-COUNTS = -3.0  # as `post.history.constants.WINDOW`: of how much samples about a pixel count, by `accumulate.near`
-LEAST = 1e-4  # weight of a frame none of whose samples lie near a pixel
-FIRST = -4.0  # as `COUNTS`, in pixels of the small picture: of a pixel without history
-ALONG = 0.2  # of squared distances along an edge, as far as they count where nothing else is near
-FLAT = 7e-3  # squared differences of luminance in 3x3 below which no edge is seen
-FOLLOWS = 0.5  # most of the difference between a history at a pixel and at the samples about it that colours take on
-TRUSTED = 0.1  # weight of a history from which on that is more than half of `FOLLOWS`
-BOX = -1.0  # likewise: of the neighbours that bound what history may hold
-MATURE = 0.6  # weight of samples from which on a pixel's history has the sharp window
-DECAY = 0.1  # share of a lock that a sample in the middle of its pixel uses up
-PARTING = 0.5  # pixels a frame by which a thin feature and what is seen in its place move apart
-COVERED = 0.02  # of its depth by which something that covers a thin feature is nearer
-SLOW = 0.2  # share of the present frame in the means of how clipping moves history
-STEADY = 1e-3  # least mean movement that can be told from none
-WIDER = 8.0  # standard deviations that a lock adds to the box of what else is clipped
-BETWEEN = 0.1  # share of a history's weight that is lost when it is read half way between pixels, for what that blurs
-STRAYS = 0.2  # share that is lost besides for each pixel of movement
-SHEARS = 0.3  # likewise by which neighbours move otherwise, for surfaces beside the one that was followed
-FASTEST = 2.0  # pixels a frame from which on faster movement loses no more
-IN_FRONT = 0.05  # of its depth by which a surface is nearer than another, so that edges between the two are its own
-STRETCH = 1.5  # most by which a plane may carry depth on, as a factor
+# of `post.upscale`: how samples count by their distance; exp(SAMPLE_WINDOW * d^2) falls to a tenth at 0.88 pixels
+SAMPLE_WINDOW = -3.0  # where there is history; d in pixels of the large picture; as `post.history.constants.WINDOW`
+FIRST_WINDOW = -4.0  # without history, d in pixels of the small picture: one sample must do for all around it
+BOX_WINDOW = -1.0  # d in pixels of the small picture, of the neighbours that bound what a history may hold
+LEAST_WEIGHT = 1e-4  # of a frame that has no sample near a pixel: its history then stays, but is not divided by 0
+ALONG = 0.2  # factor on squared distances along an edge, where samples are few: they tell more of it than those beside
+FLAT = 7e-3  # squared differences of tone-mapped luminance over 3x3 pixels, below which noise has no edges
+
+# how far a history is believed
+FOLLOWS = 0.5  # most of what a history changes between the pixel and the samples that colours are corrected by
+TRUSTED = 0.1  # weight of a history at which half of `FOLLOWS` is reached
+MATURE = 0.6  # weight of samples from which on a pixel has its history's window
+LOST_BETWEEN = 0.1  # share of a history's weight lost where it is read half way between pixels, since that blurs it
+LOST_MOVING = 0.2  # share lost besides for each pixel of movement, up to `FASTEST`
+LOST_SHEARED = 0.3  # share lost for each pixel by which neighbours move otherwise: surfaces beside it come into view
+FASTEST = 2.0  # pixels a frame
+
+# thin features, which samples miss in most frames, are locked
+DECAY = 0.1  # share of a lock that a sample at the pixel's centre uses up, so that it ends when the feature has gone
+PARTING = 0.5  # pixels a frame by which the motion of a feature and of what is seen in its place differ
+COVERED = 0.02  # of its depth: what is nearer by more hides the feature, and ends its lock
+NEW_SHARE = 0.2  # of the present frame in the running means of how clipping moves a history
+STEADY = 1e-3  # mean movement that is told from none: clipping that always pulls one way is right
+LOCK_WIDENS = 8.0  # standard deviations that a lock adds to the box that clips a history
+
+# which surface was there before
+IN_FRONT = 0.05  # of its depth: a surface nearer by more hides the other, and pixels at the edge are its own
+STRETCH = 1.5  # most by which a surface's plane may carry its depth on, as a factor: beyond it planes mislead
 TOLERANCE = 0.1  # of its depth by which a surface may lie behind all that was seen there
-EDGE_ON = 1e-3  # cosine to the ray below which a surface has no plane to go on
-ALMOST = 1e-3  # pixels before the next one that count as on it, so that rounding changes little
+EDGE_ON = 1e-3  # cosine to the ray below which a surface has no plane to carry its depth on
+ALMOST_NEXT = 1e-3  # pixels: places this near to the next pixel count as on it, so that rounding changes nothing seen

@@ -17,7 +17,11 @@ from post.filters.weight_kernel import Near, edge_weight, edge_with, near_row
 from post.upsampling import constants
 
 ZERO, ONE, TINY = np.float32(0), np.float32(1), np.float32(1e-30)
-ENOUGH, ANY, ONLY_NEAR = np.float32(constants.ENOUGH), np.float32(constants.ANY), np.float32(constants.ONLY_NEAR)
+ENOUGH, ELSEWHERE, FAR_SHARE = (
+    np.float32(constants.ENOUGH),
+    np.float32(constants.ELSEWHERE),
+    np.float32(constants.FAR_SHARE),
+)
 SENSITIVITY, POWER = np.float32(constants.DEPTH_SENSITIVITY), np.float32(constants.NORMAL_POWER)
 SQUARINGS = (0,) * round(math.log2(constants.NORMAL_POWER))  # of a cosine: see `weight_kernel`
 SPAN = 4  # samples around a pixel, in each direction
@@ -99,7 +103,7 @@ def _weigh(weights, start, end, factor, at, grid, guide, number, here, planes, e
             column = min(max(at.left + i - 1, 0), grid.columns - 1) * grid.stride + grid.column
             same = edge_weight(number, here, planes, column, there, np.float32(column - at.x), dy, edge, ZERO)
             if every:
-                share, same = share + ONLY_NEAR, same + ANY * there.hit[column] + ANY * ANY
+                share, same = share + FAR_SHARE, same + ELSEWHERE * there.hit[column] + ELSEWHERE * ELSEWHERE
             weights[j * SPAN + i] += factor * share * same
             total += factor * share * same
     return total

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from post.filters.constants import HIT
 from post.filters.edges import Surface, edge_weight
-from post.upsampling.constants import ANY, DEPTH_SENSITIVITY, ENOUGH, NORMAL_POWER, ONLY_NEAR
+from post.upsampling.constants import DEPTH_SENSITIVITY, ELSEWHERE, ENOUGH, FAR_SHARE, NORMAL_POWER
 
 NEAREST = tuple((dx, dy) for dy in (0, 1) for dx in (0, 1))
 AROUND = tuple((dx, dy) for dy in (-1, 0, 1, 2) for dx in (-1, 0, 1, 2))
@@ -41,6 +41,6 @@ def upsample_reference(low: Tensor, geometry: Surface, stride: int, offset: tupl
     lack = (1 - total / ENOUGH).clamp_min(0.0)
     for dx, dy in AROUND:
         share, same, surface, value = tap(dx, dy, 2)
-        weight = lack * ((share + ONLY_NEAR) * (same + ANY * surface + ANY * ANY))[:, None]
+        weight = lack * ((share + FAR_SHARE) * (same + ELSEWHERE * surface + ELSEWHERE * ELSEWHERE))[:, None]
         total, result = total + weight, result + weight * value
     return torch.where(geometry.hit, result / total.clamp_min(1e-30), clear[:, None, None])

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt.compute.resident import resident
 from gbufrt.sampling import gather, sample
-from post.upsampling.constants import ALMOST
+from post.upsampling.constants import ALMOST_NEXT
 
 POLE = math.sqrt(3) - 2  # of the filter that turns samples into B-spline coefficients
 REACH = 6  # pixels after which its response has fallen to 4e-4
@@ -78,6 +78,6 @@ def without_overshoot(read: Tensor, image: Tensor, px: Tensor) -> Tensor:
 
     Source: the clamp after the Lanczos filter of AMD FidelityFX FSR 2, 2022.
     """
-    x, y = torch.floor(px - 0.5 + ALMOST).long().unbind(dim=1)
+    x, y = torch.floor(px - 0.5 + ALMOST_NEXT).long().unbind(dim=1)
     around = torch.stack([gather(image, x + i, y + j) for j in (0, 1) for i in (0, 1)])
     return torch.minimum(torch.maximum(read, around.amin(dim=0)), around.amax(dim=0))

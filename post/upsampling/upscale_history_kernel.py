@@ -16,10 +16,14 @@ from post.upsampling import constants
 ZERO, HALF, ONE, FOUR = (np.float32(x) for x in (0, 0.5, 1, 4))
 SIXTH, TWO_THIRDS, NEAREST = np.float32(1 / 6), np.float32(2 / 3), np.float32(1e-9)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
-BETWEEN, IN_FRONT = np.float32(constants.BETWEEN), np.float32(1 - constants.IN_FRONT)
-STRAYS, SHEARS, FASTEST = np.float32(constants.STRAYS), np.float32(constants.SHEARS), np.float32(constants.FASTEST)
+LOST_BETWEEN, IN_FRONT = np.float32(constants.LOST_BETWEEN), np.float32(1 - constants.IN_FRONT)
+LOST_MOVING, LOST_SHEARED, FASTEST = (
+    np.float32(constants.LOST_MOVING),
+    np.float32(constants.LOST_SHEARED),
+    np.float32(constants.FASTEST),
+)
 STRETCH, TOLERANCE = np.float32(constants.STRETCH), np.float32(1 + constants.TOLERANCE)
-EDGE_ON, ALMOST = np.float32(constants.EDGE_ON), np.float32(constants.ALMOST)
+EDGE_ON, ALMOST_NEXT = np.float32(constants.EDGE_ON), np.float32(constants.ALMOST_NEXT)
 INDEX, BOXES, LOCK, PLACE, AWAY, STEP = 0, 1, 4, 5, 6, 7
 """Rows of `axis_table`."""
 DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
@@ -133,8 +137,8 @@ def spline(curve, old, x, y):
     xc, xd = bounded(x0 + 1, width), bounded(x0 + 2, width)
     ye, yf = bounded(y0 - 1, height), bounded(y0, height)
     yg, yh = bounded(y0 + 1, height), bounded(y0 + 2, height)
-    x0 += 1 if u > ONE - ALMOST else 0
-    y0 += 1 if v > ONE - ALMOST else 0
+    x0 += 1 if u > ONE - ALMOST_NEXT else 0
+    y0 += 1 if v > ONE - ALMOST_NEXT else 0
     west, east = bounded(x0, width), bounded(x0 + 1, width)
     north, south = bounded(y0, height), bounded(y0 + 1, height)
     a, b, c, d = _cubic(u)
@@ -190,8 +194,8 @@ def fetch_row(
         xb, xc, yf, yg = bounded(x0, width), bounded(x0 + 1, width), bounded(y0, height), bounded(y0 + 1, height)
         speed = min(math.sqrt(move_x * move_x + move_y * move_y), FASTEST)
         apart = seen[SHEAR, np.int64(down[INDEX, y]), np.int64(across[INDEX, x])]
-        lost = (ONE + SHEARS * apart) * (ONE + STRAYS * speed)
-        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - BETWEEN * blur) / lost
+        lost = (ONE + LOST_SHEARED * apart) * (ONE + LOST_MOVING * speed)
+        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - LOST_BETWEEN * blur) / lost
         kept[DRIFT, x] = _between(planes[0], xb, xc, u, yf, yg, v)
         kept[WOBBLE, x] = _between(planes[1], xb, xc, u, yf, yg, v)
         strength, was = _between(planes[2], xb, xc, u, yf, yg, v), _between(planes[3], xb, xc, u, yf, yg, v)

@@ -39,10 +39,18 @@ from post.upsampling.upscale_history_kernel import (
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 TINY, SMALL, SMALLEST = np.float32(1e-12), np.float32(1e-6), np.float32(1e-30)
 BRIGHTEST, EIGHTH, FARTHEST = np.float32(MOST_BRIGHT), np.float32(1 / 8), np.float32(1 / 32)
-COUNTS, FIRST = np.float32(constants.COUNTS), np.float32(constants.FIRST)
+SAMPLE_WINDOW, FIRST_WINDOW = np.float32(constants.SAMPLE_WINDOW), np.float32(constants.FIRST_WINDOW)
 FOLLOWS, TRUSTED = np.float32(constants.FOLLOWS), np.float32(constants.TRUSTED)
-LEAST, MATURE, DECAY = np.float32(constants.LEAST), np.float32(constants.MATURE), np.float32(constants.DECAY)
-SLOW, STEADY, WIDER = np.float32(constants.SLOW), np.float32(constants.STEADY), np.float32(constants.WIDER)
+LEAST_WEIGHT, MATURE, DECAY = (
+    np.float32(constants.LEAST_WEIGHT),
+    np.float32(constants.MATURE),
+    np.float32(constants.DECAY),
+)
+NEW_SHARE, STEADY, LOCK_WIDENS = (
+    np.float32(constants.NEW_SHARE),
+    np.float32(constants.STEADY),
+    np.float32(constants.LOCK_WIDENS),
+)
 COLOR, MEAN, SPREAD, NOW_WEIGHT, LOWEST, HIGHEST = 0, 3, 6, 9, 10, 13
 """Rows of what this frame tells of each pixel."""
 NOW, SUMS = 16, 6
@@ -87,15 +95,15 @@ def colors_row(now, kept, toned, seen, across, down, area, y):
         beside, right = bounded(column + side, width), left + np.float32(side) * step
         xx, xy, yy = seen[ELLIPSE, row, column], seen[ELLIPSE + 1, row, column], seen[ELLIPSE + 2, row, column]
         ready = min(max(kept[WEIGHT, x] / MATURE, ZERO), ONE)
-        window = COUNTS * ready + FIRST / area * (ONE - ready)
-        count, share, r, g, b, e, f, h = LEAST, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
+        window = SAMPLE_WINDOW * ready + FIRST_WINDOW / area * (ONE - ready)
+        count, share, r, g, b, e, f, h = LEAST_WEIGHT, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
         l0, l1, l2 = toned[0, row, column], toned[1, row, column], toned[2, row, column]
         m0, m1, m2 = l0, l1, l2
         for k in range(4):
             i, j = beside if k % 2 else column, other if k > 1 else row
             u, v = right if k % 2 else left, below if k > 1 else above
             square = xx * u * u + xy * u * v * TWO + yy * v * v
-            count += _near(COUNTS * square)
+            count += _near(SAMPLE_WINDOW * square)
             counts = _near(window * square)
             t0, t1, t2 = toned[0, j, i], toned[1, j, i], toned[2, j, i]
             share, r, g, b = share + counts, r + counts * t0, g + counts * t1, b + counts * t2
@@ -139,7 +147,7 @@ def mix_row(kept, now, small, across, down, numbers, y, out, light, length, plan
             out[k, y, x] = now[COLOR + k, x]
         if weight > ZERO:
             calm = min(max(ONE - abs(drift) / max(wobble, STEADY), ZERO), ONE) if wobble > STEADY else ZERO
-            extent = gamma + WIDER * spared + stability * calm
+            extent = gamma + LOCK_WIDENS * spared + stability * calm
             r, g, b = kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x]
             luma, orange, shift = ycocg(r, g, b)
             a0, a1, a2 = luma - now[MEAN, x], orange - now[MEAN + 1, x], shift - now[MEAN + 2, x]
@@ -156,7 +164,10 @@ def mix_row(kept, now, small, across, down, numbers, y, out, light, length, plan
                 old = clipped[k] + (kept[OLD + k, x] - clipped[k]) * spared
                 mixed = old + (now[COLOR + k, x] - old) * (more / (most + more))
                 out[k, y, x] = min(max(mixed, min(old, now[LOWEST + k, x])), max(old, now[HIGHEST + k, x]))
-        planes[0, y, x], planes[1, y, x] = drift + (moved - drift) * SLOW, wobble + (abs(moved) - wobble) * SLOW
+        planes[0, y, x], planes[1, y, x] = (
+            drift + (moved - drift) * NEW_SHARE,
+            wobble + (abs(moved) - wobble) * NEW_SHARE,
+        )
         length[y, x] = min(weight + more, most_length)
         met = small[FEATURE, np.int64(down[INDEX, y]), np.int64(across[INDEX, x])] * across[LOCK, x] * down[LOCK, y]
         strength = max(kept[LOCKED, x] - DECAY * more, ZERO)

@@ -12,7 +12,7 @@ from gbufrt.compute.resident import resident
 from gbufrt.luminance import luminance
 from post.history.constants import WINDOW
 from post.upsampling.accumulate import mean_weight
-from post.upsampling.constants import BOX
+from post.upsampling.constants import BOX_WINDOW
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_taps
 from post.upsampling.upscale_reference import Large, Small, Tunables, upscaled_reference
@@ -72,7 +72,7 @@ def axis_table(at: Samples, axis: int, limit: int) -> Tensor:
     place = (index - away / ratio).clamp(0, limit - 1)
     rows = [index, away.square().mul(WINDOW / 2).exp(), place, away, torch.full_like(away, ratio)]
     number, lock, place, away, step = (row.to(away)[:, None] for row in rows)
-    box = (taps * (BOX / (at.ratio[0] * at.ratio[1]))).exp()
+    box = (taps * (BOX_WINDOW / (at.ratio[0] * at.ratio[1]))).exp()
     return torch.cat([number, box, lock, place, away, step], dim=1)
 
 

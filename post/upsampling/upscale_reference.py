@@ -14,7 +14,17 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.history.constants import BRIGHTEST
 from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight, shear
-from post.upsampling.constants import BETWEEN, FASTEST, FOLLOWS, SHEARS, SLOW, STEADY, STRAYS, TRUSTED, WIDER
+from post.upsampling.constants import (
+    FASTEST,
+    FOLLOWS,
+    LOCK_WIDENS,
+    LOST_BETWEEN,
+    LOST_MOVING,
+    LOST_SHEARED,
+    NEW_SHARE,
+    STEADY,
+    TRUSTED,
+)
 from post.upsampling.motion import upscaled_motion
 from post.upsampling.samples import Samples
 from post.upsampling.spline import spline_coefficients, spline_read, without_overshoot
@@ -71,10 +81,10 @@ def upscaled_reference(
     between = (there - 0.5) - torch.floor(there - 0.5)
     read = torch.where(valid, sample(torch.cat([before.length, before.planes], dim=1), there), 0.0)
     weight, drift, wobble, locks = read.split((1, 1, 1, 4), dim=1)
-    weight = weight * (1 - BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
+    weight = weight * (1 - LOST_BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
     apart = shear(small.motion * resident(at.ratio, weight)[None, :, None, None])
-    weight = weight / (1 + SHEARS * at.nearest(apart).clamp_max(FASTEST))
-    weight = weight / (1 + STRAYS * size_of(motion).clamp_max(FASTEST))
+    weight = weight / (1 + LOST_SHEARED * at.nearest(apart).clamp_max(FASTEST))
+    weight = weight / (1 + LOST_MOVING * size_of(motion).clamp_max(FASTEST))
     locks = held(locks, depth, depth_before, motion)
     locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
     coefficients = spline_coefficients(before.toned)
@@ -85,7 +95,7 @@ def upscaled_reference(
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
-    kept, moved = clipped(old, now, gamma + WIDER * spared + stability * calm)
+    kept, moved = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm)
     moved = torch.where(weight > 0, moved.detach(), 0.0)
     most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
     kept = torch.lerp(kept, old, spared)
@@ -93,7 +103,7 @@ def upscaled_reference(
     mixed = torch.lerp(kept, color, now.weight / (most + now.weight))
     mixed = torch.minimum(torch.maximum(mixed, torch.minimum(kept, now.least)), torch.maximum(kept, now.most))
     result = torch.where(weight > 0, mixed, now.color)
-    drift, wobble = torch.lerp(drift, moved, SLOW), torch.lerp(wobble, moved.abs(), SLOW)
+    drift, wobble = torch.lerp(drift, moved, NEW_SHARE), torch.lerp(wobble, moved.abs(), NEW_SHARE)
     locks = locked(locks, small.features, at, now.weight, depth, motion)
     length = (weight + now.weight).clamp_max(frames * mean_weight(at))
     return light_of(result), Large(result, length, torch.cat([drift, wobble, locks], dim=1))
