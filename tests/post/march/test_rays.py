@@ -100,12 +100,18 @@ def test_rays_pass_behind_what_is_thin(compiled):
     assert not hits.hit.any()
 
 
-@pytest.mark.parametrize("compiled", [True, False])
-def test_what_goes_on_behind_a_pole_ends_rays(compiled):
+def behind_a_pole(compiled: bool) -> tuple:
+    """A ray to the wall at x = 0, where the pole hides it: G-buffer, start, hierarchy, hits."""
     g, start, _ = pole_scene()
     way = g.camera.rotate_to_view(torch.tensor([3.0, 0.0, -1.0])[None, :, None, None] / 10**0.5)
     hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
     hits = march_rays(hierarchy, start, way, g.camera, compiled=compiled)
+    return g, start, hierarchy, hits
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_what_goes_on_behind_a_pole_ends_rays(compiled):
+    g, _, _, hits = behind_a_pole(compiled)
     assert hits.blocked.all(), "it hits the wall at x = 0, where the pole hides it"
     assert abs(float(hits.distance) - 10**0.5) < 1e-3
     assert abs(float(sample(g.depth, hits.px)) - 15.0) < 1e-3, "and reads the wall beside the pole"
@@ -209,10 +215,7 @@ def test_a_mirror_ball_does_not_shadow_itself(compiled, radius):
 @pytest.mark.parametrize("compiled", [True, False])
 def test_hidden_geometry_is_read_off_the_edge(compiled):
     """A wall that goes on behind a pole has the light of its second pixel beside the pole."""
-    g, start, _ = pole_scene()
-    way = g.camera.rotate_to_view(torch.tensor([3.0, 0.0, -1.0])[None, :, None, None] / 10**0.5)
-    hierarchy = depth_hierarchy(g.depth, g.normal, g.camera, hit=g.hit, thickness=g.thickness)
-    hits = march_rays(hierarchy, start, way, g.camera, compiled=compiled)
+    g, start, hierarchy, hits = behind_a_pole(compiled)
     begun = g.camera.project(start, jittered=True).floor() + 0.5
     away = off_edge(hits, hierarchy, g.camera, begun)
     assert torch.equal(away.px - hits.px, torch.tensor([-1.0, 0.0])[None, :, None, None])
