@@ -117,17 +117,6 @@ def edge_exponent(i, here, plane, j, there, dx, dy, edge):
 
 
 @scalar
-def hit_span(hit, y):
-    """The first pixel of a row that was hit, and the one after the last."""
-    first, end = 0, hit.shape[1]
-    while first < end and hit[y, first] == ZERO:
-        first += 1
-    while end > first and hit[y, end - 1] == ZERO:
-        end -= 1
-    return first, end
-
-
-@scalar
 def hit_run(hit, y, begin):
     """The first pixel of a row from ``begin`` on that was hit, and the end of its run, after which `GAP` pixels were
     not hit, or all that are left. Both are the same where nothing more was hit."""

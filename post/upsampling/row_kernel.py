@@ -13,7 +13,7 @@ import numpy as np
 
 from gbufrt.compute.kernel import contracted, scalar
 from post.filters.constants import HIT
-from post.filters.kernel import Guide, guide_row, hit_span
+from post.filters.kernel import Guide, guide_row
 from post.filters.weight_kernel import Near, edge_weight, edge_with, near_row
 from post.upsampling.kernel import ENOUGH, ONE, POWER, SENSITIVITY, SQUARINGS, TINY, ZERO, upsampled_row
 
@@ -118,9 +118,20 @@ def _copy(out, low, y, top, at, grid):
 
 
 @scalar
+def _hit_span(hit, y):
+    """The first pixel of a row that was hit, and the one after the last."""
+    first, end = 0, hit.shape[1]
+    while first < end and hit[y, first] == ZERO:
+        first += 1
+    while end > first and hit[y, end - 1] == ZERO:
+        end -= 1
+    return first, end
+
+
+@scalar
 def upsampled_picture_row(out, low, guide, there, plane, clear, room, y, grid, perspective):
     """A row from samples ``low`` ``(C, h, w)``; ``there`` ``(5, h, w)`` is the guide of the samples."""
-    span = hit_span(guide[HIT], y)
+    span = _hit_span(guide[HIT], y)
     for c in range(out.shape[0]):
         out[c, y, : span[0]] = clear[c]
         out[c, y, span[1] :] = clear[c]
