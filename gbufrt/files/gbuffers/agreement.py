@@ -13,7 +13,7 @@ from gbufrt.validation.geometry import FEW, flat
 from gbufrt.validation.motion import found_again
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
-MOST = 0.5  # share of the flat pixels whose normals must be those of the depth
+AGREE = 0.5  # share of the flat pixels whose normals must be those of the depth
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
 BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
@@ -117,8 +117,8 @@ def _normal_line(g: GBuffer, kind: str) -> str:
     now = _agreeing(g, g.camera, g.depth, g.normal, inside)
     fits = {text: _agreeing(g, g.camera, g.depth, normal, inside) for text, normal in normal_readings(g).items()}
     best = max(fits, key=lambda text: fits[text])
-    if fits[best] <= max(now + BETTER, MOST):
-        if now >= MOST:
+    if fits[best] <= max(now + BETTER, AGREE):
+        if now >= AGREE:
             return ""
         most = float((1 / g.depth if kind == "reciprocal" else g.depth)[g.hit].max())
         hint = "; depth lies within 0 and 1, and may be normalised: write it in world units" if most <= 1 else ""

@@ -26,11 +26,9 @@ from gbufrt.files.gbuffers.surfaces import hit_of
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 
-MOST_AWAY = (
-    0.5  # share of normals that may face away, as those of back faces do; more are a wrong sign, left to be seen
-)
+MOST_AWAY = 0.5  # share of normals that may face away, as back faces' do; more are a wrong sign, left to be seen
 INSTEAD = {"albedo": 0.0, "roughness": 1.0, "metallic": 0.0}
-MOST = 1.05  # of albedo, roughness and metallic: filters and losses overshoot by less
+OVERSHOOT = 1.05  # of albedo, roughness and metallic: filters and losses overshoot by less
 MANY_OVER = 0.01  # share of the surfaces that may be larger
 BETTER = "G-buffers with ZIP, PIZ or PXR24"
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
@@ -187,7 +185,7 @@ def _channel(named: Named, name: str, size: tuple[int, int], hit: Tensor) -> Ten
         instead = f"{INSTEAD[name]:g} there"
         warnings.warn(f"{named.layers.path}: {name} of {count} pixels is not finite, and {instead}", stacklevel=5)
     pixels = torch.where(lost, INSTEAD[name], pixels)
-    over = (pixels > MOST).any(1, keepdim=True) & hit
+    over = (pixels > OVERSHOOT).any(1, keepdim=True) & hit
     if int(over.sum()) > MANY_OVER * int(hit.sum()):
         most = f"reaches {float(pixels[:, :, hit[0, 0]].max()):g}"
         warnings.warn(
