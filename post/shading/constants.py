@@ -8,6 +8,7 @@ BORDER = 0.005  # of the picture's height: hits nearer to its border than this f
 HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
 GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
+OPEN = 0.9  # visibility of the sky that counts as all of it: what is missing there is noise, or the picture's border
 FULL_SHARE = 0.125  # of the light: surfaces that reflect this much or more take all samples
 GLOSSY = 0.5  # perceptual roughness from which one direction tells nothing of what a dielectric mirrors in a mirror
 NEXT = 1.25  # pixels within which a ray that goes behind something is not yet known to: neighbours are one surface

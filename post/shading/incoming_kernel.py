@@ -17,7 +17,8 @@ from post.shading.lobe_kernel import dot, scaled
 
 ZERO, HALF, ONE, TWO, THREE = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
 HIDDEN_SHARE, ROW_SLOPE = np.float32(constants.HIDDEN_SHARE), np.float32(constants.ROW_SLOPE)
-SOFTEST, SOFTNESS, CLOSED, POLE = np.float32(1e-3), np.float32(0.3), np.float32(20), np.float32(1e-12)
+OPEN, SOFTEST, SOFTNESS = np.float32(constants.OPEN), np.float32(1e-3), np.float32(0.3)
+CLOSED, POLE = np.float32(20), np.float32(1e-12)
 
 
 @inlined
@@ -88,7 +89,8 @@ def beyond(sky, around, world, share, over_sky):
 @inlined
 def open_share(open_here, bent, world):
     """The share of sky that the origin's own openness leaves to a ray."""
-    edge, soft = math.sqrt(max(ONE - open_here, ZERO)), max(SOFTNESS * math.sqrt(max(open_here, ZERO)), SOFTEST)
+    edge = math.sqrt(max(ONE - open_here / OPEN, ZERO))
+    soft = max(SOFTNESS * math.sqrt(max(open_here, ZERO)), SOFTEST)
     ramp = min(max((dot(bent, world) - edge) / soft + ONE, ZERO), ONE)
     return ramp * ramp * (THREE - TWO * ramp) * min(max(open_here * CLOSED, ZERO), ONE)
 

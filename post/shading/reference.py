@@ -13,7 +13,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays, off_edge
-from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT, ROW_SLOPE
+from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT, OPEN, ROW_SLOPE
 from post.shading.fireflies import mean_light
 from post.shading.ggx import grazing
 from post.shading.lobes import (
@@ -186,13 +186,14 @@ def _sky_share(
 def _open_share(visibility: Tensor | None, bent: Tensor | None, world: Tensor) -> Tensor:
     """Visibility of the sky along directions, as far as the openness of a surface tells.
 
-    Cosine-weighted visibility v leaves open a half angle whose sine is sqrt(v) (Jimenez et al. 2016, section 5).
+    Cosine-weighted visibility v leaves open a half angle whose sine is sqrt(v) (Jimenez et al. 2016, section 5). A
+    surface that is nearly open is taken as open, else rays that leave over a plain would be dark or not by a hair.
     """
     if visibility is None:
         return torch.ones_like(world[:, :1])
     if bent is None:
         return visibility
-    edge = (1 - visibility).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
+    edge = (1 - visibility / OPEN).clamp(1e-30, 1.0).sqrt()  # not of 0, where its slope is infinite
     soft = (0.3 * visibility.clamp(1e-30, 1.0).sqrt()).clamp_min(1e-3)
     ramp = ((dot(bent, world) - edge) / soft + 1).clamp(0.0, 1.0)
     return ramp * ramp * (3 - 2 * ramp) * (visibility * 20).clamp(0.0, 1.0)

@@ -26,6 +26,7 @@ ACROSS = 0.02  # likewise what lies on the other side of the horizon: the sea hi
 REMOTE, FADING = 1e-3, 0.12  # likewise what other elevations say, and its decay; counts where nothing else is known
 SKYLINE = 0.3  # elevation in radians from which nothing hides the sky, where the picture does not tell
 UNTOLD = 0.004  # of the picture's blocks: what that is worth beside what the picture tells
+HIDDEN = 0.5  # share of an elevation from which it is worth that; over an open sea it is worth nothing
 BRIGHT = 4.0  # times the picture's mean luminance: lamps and noise are no surroundings
 TINY = 1e-12
 
@@ -59,7 +60,9 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
     colour = weight @ surface / told.clamp_min(TINY)
     clear = weight @ free + TINY
     above = (weight @ sky + TINY * colour) / clear
-    untold = UNTOLD * math.prod(BLOCKS)
+    count = math.prod(BLOCKS)
+    hides, opens = (weight[..., :count] @ part[:, :count] + TINY for part in (covered, free))  # over the horizon
+    untold = UNTOLD * count * (hides / (hides + opens) / HIDDEN).clamp_max(1.0)
     share = (clear + untold * (up / SKYLINE).clamp(0.0, 1.0)) / (clear + told + untold)
     around = torch.cat([colour, share], dim=2)
     return around.mT.unflatten(2, SIZE), above.mT.unflatten(2, SIZE)
