@@ -6,6 +6,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.channels import check_picture
+from gbufrt.mending import finite
 from post.filters.fxaa_op import smooth_stairs
 
 
@@ -27,11 +28,13 @@ def fxaa(
         ``(B, 3, H, W)``; pixels without an edge are returned exactly as they were.
 
     Raises:
+        TypeError: ``image`` is no tensor of float32 or float64.
         ValueError: ``image`` is not ``(B, 3, H, W)``.
 
     Source: Lottes 2009, "FXAA" (NVIDIA white paper).
     """
     check_picture("image", image, "display-referred")
+    image = finite(image)  # edges would lead far from a bad pixel
     return smooth_stairs(image, subpixel=subpixel, edge_threshold=edge_threshold, dark_threshold=dark_threshold)
 
 
