@@ -15,6 +15,7 @@ from gbufrt import Camera, Frame, GBuffer, Pipeline
 from post import (
     FXAA,
     Reduced,
+    asvgf,
     atrous,
     bilateral,
     denoise,
@@ -23,6 +24,7 @@ from post import (
     fxaa,
     me1,
     normals_from_depth,
+    taa,
     temporal,
     tone_map,
     vignette,
@@ -95,7 +97,7 @@ def test_wrong_pictures_are_named(function: Callable[[Any], Any]):
         function(FLAT)
     with pytest.raises(ValueError, match="it looks channels-last: use"):
         function(ROWS)
-    with pytest.raises(TypeError, match="must be of floats, got uint8"):
+    with pytest.raises(TypeError, match=r"must be float32 or float64, got uint8; convert it with \.float\(\) / 255"):
         function(torch.zeros(1, 3, 8, 8, dtype=torch.uint8))
 
 
@@ -103,7 +105,7 @@ def test_a_vignette_takes_pictures_of_any_number_of_components():
     assert vignette(torch.ones(1, 5, 8, 8)).shape == (1, 5, 8, 8)
     with pytest.raises(TypeError, match=r"image must be a torch\.Tensor, got ndarray"):
         vignette(ROWS.numpy())  # pyright: ignore
-    with pytest.raises(ValueError, match=r"image must be \(B,3,H,W\).*add the batch dimension"):
+    with pytest.raises(ValueError, match=r"image must be \(B,C,H,W\).*add the batch dimension"):
         vignette(torch.ones(3, 8, 8))
 
 
@@ -115,11 +117,22 @@ def test_filters_refuse_pictures_of_another_size_than_the_camera(size: tuple[int
     wrong: dict[str, Callable[[], object]] = {
         "signal": lambda: bilateral(other, **of),
         "variance": lambda: bilateral(one, **of, variance=other[:, :1]),
-        "roughness": lambda: atrous(one, **of, roughness=other[:, :1]),
         "confidence": lambda: atrous(one, **of, confidence=other[:, :1]),
-        "light": lambda: denoise(other, G),
         "distance": lambda: temporal(one, G, distance=other[:, :1]),
     }
     for name, call in wrong.items():
         with pytest.raises(ValueError, match=f"{name} must be .1,C,72,96. like its camera, got .1, ., {size[0]}"):
             call()
+    channels: dict[str, Callable[[], object]] = {
+        "roughness": lambda: atrous(one, **of, roughness=other[:, :1]),
+        "light": lambda: denoise(other, G),
+        "color": lambda: taa(other, G),
+    }
+    for name, call in channels.items():
+        with pytest.raises(
+            ValueError, match=rf"^{name} must be \(1,[13],72,96\).*; got \(1,[13],{size[0]},{size[1]}\)"
+        ):
+            call()
+    for name in ("replayed", "chosen", "distance", "cached"):
+        with pytest.raises(ValueError, match=rf"^{name} must be \(1,[13],72,96\) like light"):
+            asvgf(one, G, **{name: other})  # pyright: ignore[reportArgumentType]

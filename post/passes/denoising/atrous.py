@@ -6,11 +6,12 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.demands.pictures import check_sizes
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import spatial_moments, wavelet
 from post.filters.regression import fitted, with_places
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import check_sizes, surface
+from post.filters.surfaces import surface
 
 REACH = 16.0  # pixels: widest blur of a reflection
 
@@ -71,7 +72,7 @@ def atrous(
     """
     if not 1 <= iterations <= 8:
         raise ValueError(f"iterations must lie in 1 to 8, got {iterations}")
-    check_sizes(camera, signal=signal, variance=variance, confidence=confidence)
+    check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence)
     geometry = surface(depth, normal, hit, camera, unlike if roughness is None else roughness)
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)

@@ -6,10 +6,11 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.demands.pictures import check_sizes
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import bilateral_limits, joint_bilateral, spatial_moments
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import check_sizes, surface
+from post.filters.surfaces import surface
 
 LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
 
@@ -70,7 +71,7 @@ def bilateral(
     """
     if radius < 1 or sigma <= 0:
         raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
-    check_sizes(camera, signal=signal, variance=variance, confidence=confidence, distance=distance)
+    check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence, distance=distance)
     geometry = surface(depth, normal, hit, camera, roughness)
     local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
     variance = spread if variance is None else variance

@@ -72,7 +72,7 @@ def exposure(
         raise ValueError(f"night must lie in 0..1, got {night}")
     found = _typical(histogram(finite(color)), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
-        before = torch.where(previous.isnan(), found, previous)
+        before = torch.where(previous.isnan(), found, previous).to(found)
         seconds = number(elapsed, found)
         rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)
         found = before + (found - before) * (1 - torch.exp(-rate * seconds))

@@ -29,8 +29,7 @@ def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer
         raise ValueError(f"strength must lie in [0, 1], got {strength}")
     if not 0 <= inner < outer:
         raise ValueError(f"inner and outer must satisfy 0 <= inner < outer, got {inner} and {outer}")
-    channels = image.shape[1] if isinstance(image, Tensor) and image.ndim == 4 else 3
-    check_picture("image", image, "display-linear", channels)
+    check_picture("image", image, "display-linear", components=None)
     return darkened(image, strength, inner, outer)
 
 

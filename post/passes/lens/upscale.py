@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.demands.pictures import check_alike, check_pictures
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from post.history.reproject import geometry_of, history_for, motion_of
@@ -64,6 +65,7 @@ def upscale(
         through light alone.
 
     Raises:
+        TypeError: what must be a tensor is none, or kinds of floats are mixed.
         ValueError: a number is out of its range, or a shape does not fit.
 
     Source: the method of AMD FidelityFX FSR 2, 2022; Karis 2014; Salvi 2016; kernels along edges by Wronski et al.
@@ -120,14 +122,8 @@ def _spread(mask: Tensor) -> Tensor:
 
 
 def _check(color: Tensor, g: GBuffer, reactive: Tensor | None, ratio: float, frames: float, sharpness: float) -> None:
-    shape = tuple(g.depth.shape)
-    if color.shape != (shape[0], 3, *shape[2:]):
-        raise ValueError(
-            f"color must be ({shape[0]},3,{shape[2]},{shape[3]}) like the G-buffer, got {tuple(color.shape)}"
-        )
-    if reactive is not None and (reactive.shape[1] not in (1, 3) or reactive[:, :1].shape != g.depth.shape):
-        wanted = f"({shape[0]},1 or 3,{shape[2]},{shape[3]})"
-        raise ValueError(f"reactive must be {wanted} like the G-buffer, got {tuple(reactive.shape)}")
+    check_pictures(g.camera, depth=g.depth, color=color)
+    check_alike("color", color=color, reactive=reactive)
     _check_ratio(ratio)
     if not frames >= 1.0:
         raise ValueError(f"frames must be at least 1, got {frames}")

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
-from gbufrt.channels import check_picture
+from gbufrt.channels import check_one_kind, check_picture
 from gbufrt.compute.resident import resident
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
@@ -108,7 +108,8 @@ def motion_from_depth(
     """
     check_counts(radius=radius)
     check_pictures(camera, depth=depth, hit=hit)
-    check_pictures(previous_camera, depth=previous_depth)
+    check_pictures(previous_camera, previous_depth=previous_depth)
+    check_one_kind(depth=depth, previous_depth=previous_depth)
     if radius < 0:
         raise ValueError(f"radius must not be negative, got {radius}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
