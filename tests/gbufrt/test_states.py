@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import io
+import pickle
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import boxes
@@ -56,3 +60,28 @@ def test_stages_that_a_state_does_not_know_start_anew_and_those_it_alone_knows_a
     assert float(state.stages["light"].stages["more"].length.max()) == 1
     _, state = one(frame.replace(index=2), state)
     assert set(state.stages["light"].stages) == {"accumulate"}
+
+
+def two_frames(pipeline: Pipeline) -> Any:
+    _, state = pipeline(FRAME)
+    return pipeline(NEXT, state)[0].read("radiance")
+
+
+def test_states_and_pipelines_can_be_copied_and_stored():
+    pipeline = accumulating()
+    want, (_, state) = two_frames(pipeline), pipeline(FRAME)
+    stored = io.BytesIO()
+    torch.save(state, stored)
+    stored.seek(0)
+    for copied in (copy.deepcopy(state), pickle.loads(pickle.dumps(state)), torch.load(stored, weights_only=False)):
+        assert torch.equal(pipeline(NEXT, copied)[0].read("radiance"), want)
+    for other in (copy.deepcopy(pipeline), pickle.loads(pickle.dumps(pipeline))):
+        assert torch.equal(two_frames(other), want)
+
+
+def test_threads_may_share_a_pipeline():
+    pipeline = accumulating()
+    want = two_frames(pipeline)
+    with ThreadPoolExecutor(4) as pool:
+        for found in pool.map(two_frames, [pipeline] * 8):
+            assert torch.equal(found, want)
