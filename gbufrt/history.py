@@ -14,6 +14,7 @@ from torch import Tensor
 
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer, to_function
+from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors, without_graph
 
 
@@ -114,6 +115,28 @@ class PipelineState:
             g = previous.gbuffer
             previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
         return replace(self, stages=stages, previous=previous)
+
+
+def check_history(gbuffer: Any, history: Any, *signals: str) -> None:
+    """Raise unless a function over time was given a G-buffer, and None or a history that its like made.
+
+    Args:
+        gbuffer: of this frame.
+        history: what the function returned for the frame before.
+        signals: what it then holds.
+
+    Raises:
+        TypeError: one of them is something else.
+        ValueError: the history lacks a signal, so that another function made it.
+    """
+    check_kind(GBuffer, "gbuffer", gbuffer, "; frame.gbuffer is one")
+    if history is None:
+        return
+    check_kind(History, "history", history, "; pass on what came back beside the result, None on the first frame")
+    lacking = [name for name in signals if name not in history.signals]
+    if history.gbuffer is not None and lacking:
+        held = ", ".join(history.signals) or "nothing"
+        raise ValueError(f"history must hold {lacking[0]!r}, got {held}: another pass made it; start with state=None")
 
 
 class _Handed(History):

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.demands.pictures import check_alike, check_pictures
+from gbufrt.history import check_history
 from gbufrt.luminance import REC709, luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
@@ -93,6 +94,7 @@ def asvgf(
 
     Source: Schied, Peters and Dachsbacher 2018 (A-SVGF); Schied et al. 2017 (SVGF).
     """
+    check_history(gbuffer, history, "sample")
     check_pictures(gbuffer.camera, depth=gbuffer.depth, light=light)
     check_alike("light", light=light, replayed=replayed, chosen=chosen, distance=distance, cached=cached)
     light = finite(light)

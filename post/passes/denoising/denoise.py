@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.demands.pictures import check_pictures
+from gbufrt.history import check_history
 from post.filters.around import alike
 from post.filters.edges import padded, windows
 from post.filters.surfaces import surface
@@ -84,6 +85,7 @@ def denoise(
     Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); Bitterli et al. 2016 (fits); the handling of
     penumbrae and mirrors is our own.
     """
+    check_history(gbuffer, history)
     check_pictures(gbuffer.camera, depth=gbuffer.depth, light=light)
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     faced = None if history is None else history.signals.get(FACING)

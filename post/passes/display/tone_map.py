@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 from torch import Tensor
@@ -11,6 +12,7 @@ from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite
 from gbufrt.noise.noise import dithered
+from gbufrt.numeric import check_between, check_numbers
 from post.display.ocio import CONFIGS, check_view, is_config, ocio_view
 from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
@@ -57,8 +59,10 @@ def tone_map(
     _check(operator, view)
     if is_config(operator):
         return ocio_view(color * number(exposure, color), operator, view)
+    check_between(0, math.inf, saturation=saturation)
+    check_numbers(contrast=contrast, white=white)
     for name, tunable in (("contrast", contrast), ("white", white)):
-        if tunable <= 0:
+        if not tunable > 0:
             raise ValueError(f"{name} must be positive, got {tunable}")
     gain, curve = number(exposure, color), cast(Operator, operator)
     return tone_curve(color, gain, curve, contrast, saturation, white)

@@ -8,6 +8,7 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.channels import check_one_kind, check_picture
 from gbufrt.demands.pictures import check_sizes
+from gbufrt.history import check_history
 from gbufrt.reduction import every_nth
 from post.filters.surfaces import surface
 from post.history.reproject import history_for
@@ -60,6 +61,7 @@ def fog(
 
     Source: Schied et al. 2017 (SVGF) for the order of the steps.
     """
+    check_history(gbuffer, history)
     check_picture("light", light, "mean radiance that fog scatters")
     check_sizes(gbuffer.camera, depth=gbuffer.depth, transmittance=transmittance)
     check_one_kind(depth=gbuffer.depth, light=light)
