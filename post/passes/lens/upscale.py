@@ -114,6 +114,9 @@ def reactive_mask(g: GBuffer, *, reactivity: float = 1.0) -> Tensor:
 
     Returns:
         ``(B, 1, H, W)`` in [0, 1], without gradient.
+
+    Raises:
+        TypeError: ``g`` is no G-buffer.
     """
     check_kind(GBuffer, "g", g, "; frame.gbuffer is one")
     share = torch.zeros_like(g.depth)

@@ -140,6 +140,10 @@ def roughness_from_color(color: Tensor, *, scale: float = 4.0) -> Tensor:
     Returns:
         ``(B, 1, H, W)`` perceptual, in [0, 1].
 
+    Raises:
+        TypeError: ``color`` is no tensor of float32 or float64.
+        ValueError: ``color`` is not ``(B, 3, H, W)``.
+
     Source: ME1 Path Tracing, taken relative to the local brightness so that exposure does not matter.
     """
     check_picture("color", color, "linear radiance or albedo")
