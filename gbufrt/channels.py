@@ -10,6 +10,12 @@ import torch
 from torch import Tensor
 
 Kind = Literal["float", "bool", "int"]
+NUMBERS: dict[Kind, tuple[torch.dtype, ...]] = {
+    "float": (torch.float32, torch.float64),
+    "bool": (torch.bool,),
+    "int": (torch.int32, torch.int16, torch.int64),
+}
+"""Types of a channel's numbers; a message names those of floats, else the first."""
 
 
 @dataclass(frozen=True)
@@ -69,35 +75,79 @@ def check_tensor(
     if not fits:
         hint = _shape_hint(shape, row) or _camera_hint(shape, batch, size, row)
         raise ValueError(f"{name} must be {expected}, {row.meaning}; got {_shape_text(shape)}{hint}")
-    right = {
-        "float": tensor.dtype in (torch.float32, torch.float64),
-        "bool": tensor.dtype == torch.bool,
-        "int": tensor.dtype in (torch.int16, torch.int32, torch.int64),
-    }[row.kind]
-    if not right:
-        wanted = {"float": "float32 or float64", "bool": "bool", "int": "int32"}[row.kind]
-        raise TypeError(
-            f"{name} must be {wanted}, got {str(tensor.dtype).removeprefix('torch.')}; convert it with .to()"
-        )
+    _check_numbers(name, tensor, row.kind)
     if tensor.device != device:
         raise ValueError(f"{name} is on {tensor.device} but the camera is on {device}; move one with .to()")
 
 
-def check_picture(name: str, picture: Any, meaning: str, components: int = 3) -> None:
-    """Raise unless ``picture`` is ``(B, C, H, W)`` of floats.
+def check_picture(name: str, picture: Any, meaning: str, components: int | None = 3) -> None:
+    """Raise unless ``picture`` is ``(B, C, H, W)`` of float32 or float64, C being ``components`` or, if None, any.
 
     Raises:
-        TypeError: not a tensor, or of whole numbers.
+        TypeError: not a tensor, or of other numbers.
         ValueError: wrong shape.
     """
     if not isinstance(picture, Tensor):
         raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
-    shape, row = tuple(picture.shape), Channel(components, meaning)
-    if len(shape) != 4 or shape[1] != components:
-        hint = _shape_hint(shape, row)
-        raise ValueError(f"{name} must be (B,{components},H,W), {meaning}; got {_shape_text(shape)}{hint}")
-    if not picture.is_floating_point():
-        raise TypeError(f"{name} must be of floats, got {str(picture.dtype).removeprefix('torch.')}")
+    shape, row = tuple(picture.shape), Channel(components or 3, meaning)
+    if len(shape) != 4 or shape[1] != (components or shape[1]):
+        wanted = f"(B,{components or 'C'},H,W)"
+        raise ValueError(f"{name} must be {wanted}, {meaning}; got {_shape_text(shape)}{_shape_hint(shape, row)}")
+    _check_numbers(name, picture, "float")
+
+
+def check_like(name: str, picture: Any, first: str, like: Tensor, components: tuple[int, ...]) -> None:
+    """Raise unless ``picture`` has the batch, size, device and kind of number of the one called ``first``.
+
+    Args:
+        name: of the picture.
+        picture: ``(B, C, H, W)``.
+        first: name of ``like``.
+        like: a picture that fits `check_picture`.
+        components: what C may be; a message names the first.
+
+    Raises:
+        TypeError: not a tensor, or of other numbers.
+        ValueError: wrong shape or device.
+    """
+    if not isinstance(picture, Tensor):
+        raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
+    (batch, _, *size), shape = like.shape, tuple(picture.shape)
+    if len(shape) != 4 or shape[1] not in components or [shape[0], *shape[2:]] != [batch, *size]:
+        wanted = _shape_text((batch, components[0], *size))
+        last = len(shape) == 4 and shape[2:] == like.shape[1:3]
+        hint = f"; if {first} is (B,H,W,C), use .permute(0, 3, 1, 2)" if last else ""
+        raise ValueError(f"{name} must be {wanted} like {first}; got {_shape_text(shape)}{hint}")
+    _check_numbers(name, picture, "float")
+    if picture.device != like.device:
+        raise ValueError(f"{name} is on {picture.device} but {first} is on {like.device}; move one with .to()")
+    check_one_kind(**{first: like, name: picture})
+
+
+def check_one_kind(**pictures: Any) -> None:
+    """Raise TypeError unless pictures of floats are of one kind, all float32 or all float64: kernels mix them nowhere.
+
+    The first of them sets it. What holds no floats, and numbers for every pixel, are passed over.
+    """
+    tensors = {name: picture for name, picture in pictures.items() if isinstance(picture, Tensor) and picture.ndim}
+    kinds = {name: tensor.dtype for name, tensor in tensors.items() if tensor.is_floating_point()}
+    first = next(iter(kinds), "")
+    for name, kind in kinds.items():
+        if kind != kinds[first]:
+            told = f"{name} is {_kind_text(kind)} but {first} is {_kind_text(kinds[first])}"
+            raise TypeError(f"{told}; make them alike with .float()")
+
+
+def _check_numbers(name: str, tensor: Tensor, kind: Kind) -> None:
+    if tensor.dtype not in NUMBERS[kind]:
+        bytes_ = kind == "float" and tensor.dtype == torch.uint8
+        remedy = ".float() / 255, if it is a picture of bytes" if bytes_ else ".to()"
+        wanted = " or ".join(map(_kind_text, NUMBERS[kind] if kind == "float" else NUMBERS[kind][:1]))
+        raise TypeError(f"{name} must be {wanted}, got {_kind_text(tensor.dtype)}; convert it with {remedy}")
+
+
+def _kind_text(kind: torch.dtype) -> str:
+    return str(kind).removeprefix("torch.")
 
 
 def _fits(shape: tuple[int, ...], size: tuple[int, int], row: Channel) -> bool:

@@ -9,7 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gbufrt.channels import channel, channels_of, check_tensor
+from gbufrt.channels import channel, channels_of, check_one_kind, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
 from gbufrt.names import meant
 from gbufrt.numeric import check_counts, check_kind, check_numbers
@@ -22,7 +22,7 @@ class Frame:
     """What passes read and write. All light is outgoing linear radiance with albedo included.
 
     Raises:
-        TypeError: a field is not a tensor, or of the wrong type.
+        TypeError: a field is not a tensor, of the wrong type, or of another kind of floats than the G-buffer.
         ValueError: a field has the wrong shape or device, or an extra signal takes the name of a known one.
     """
 
@@ -87,9 +87,9 @@ class Frame:
         check_kind(GBuffer, "gbuffer", self.gbuffer)
         camera = self.gbuffer.camera
         for name in names:
-            tensor = getattr(self, name)
-            if tensor is not None:
+            if (tensor := getattr(self, name)) is not None:
                 check_tensor(name, tensor, SIGNALS[name], batch=camera.batch, size=camera.size, device=camera.device)
+                check_one_kind(**{"depth": self.gbuffer.depth, name: tensor})
         for name, tensor in self.extra.items():
             if not isinstance(tensor, Tensor):
                 raise TypeError(f"extra signal {name!r} must be a torch.Tensor, got {type(tensor).__name__}")

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.channels import channel, channels_of, check_tensor
+from gbufrt.channels import channel, channels_of, check_one_kind, check_tensor
 from gbufrt.numeric import check_destination, check_kind
 from gbufrt.tree import changed, map_tensors
 from gbufrt.validation.checks import validate_gbuffer
@@ -60,7 +60,7 @@ class GBuffer:
             if tensor is None and not row.required:
                 continue
             check_tensor(name, tensor, row, batch=self.batch, size=self.camera.size, device=self.camera.device)
-        self._check_kinds()
+        check_one_kind(**{name: getattr(self, name) for name in self.present})
         previous = self.previous_camera
         if not isinstance(previous, Camera | None):
             raise TypeError(f"previous_camera must be a gbufrt.Camera or None, got {type(previous).__name__}")
@@ -69,14 +69,6 @@ class GBuffer:
                 f"previous_camera must have batch {self.batch} and size {self.camera.size} like camera, "
                 f"got batch {previous.batch} and size {previous.size}"
             )
-
-    def _check_kinds(self) -> None:
-        """Raise TypeError unless all channels of floats are float32, or all float64: kernels mix them nowhere."""
-        for name in self.present:
-            kind = getattr(self, name).dtype
-            if kind.is_floating_point and kind != self.depth.dtype:
-                kinds = (str(one).removeprefix("torch.") for one in (kind, self.depth.dtype))
-                raise TypeError("{} is {} but depth is {}; make them alike with .float()".format(name, *kinds))
 
     def __repr__(self) -> str:
         """Camera and names of the channels that are present, in one line."""

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer, to_function
+from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors, without_graph
 
 
@@ -54,6 +55,8 @@ class PipelineState:
 
     stages: Mapping[str, Any] = field(default_factory=dict)
     previous: Frame | None = None
+    saw: Mapping[str, str] = field(default_factory=dict)
+    """Size and batch of the frames that stages saw, in words."""
 
     def handed_over(self) -> PipelineState:
         """The same state for a caller that does not need it again: every stage's is let go of once it has been read.
@@ -63,13 +66,38 @@ class PipelineState:
         return replace(self, stages=_Once({name: _handed_over(state) for name, state in self.stages.items()}))
 
     def check_fits(self, frame: Frame) -> None:
-        """Raise ValueError where histories of pixels belong to frames of another size or batch."""
-        before = None if self.previous is None else self.previous.gbuffer.camera
-        now = frame.gbuffer.camera
-        if before is None or (before.size, before.batch) == (now.size, now.batch) or not _has_pixels(self.stages):
+        """Raise ValueError where histories of pixels belong to frames of another size, batch, kind or device."""
+        if self.previous is None or not _has_pixels(self.stages):
             return
-        told = (f"{camera.width}x{camera.height} pixels in a batch of {camera.batch}" for camera in (before, now))
-        raise ValueError(f"the state is of frames of {', the frame has '.join(told)}; start with state=None")
+        before, now = self.previous.gbuffer, frame.gbuffer
+        for told, remedy in ((size_text, "start with state=None"), (_kind_text, "convert it with state.to()")):
+            if told(before) != told(now):
+                raise ValueError(f"the state is of frames of {told(before)}, the frame has {told(now)}; {remedy}")
+
+    def of(self, name: str, frame: Frame, *, prefix: str, nested: bool) -> Any:
+        """The state of a stage, None where there is none.
+
+        Args:
+            name: of the stage.
+            frame: what it is to see.
+            prefix: of its name in messages.
+            nested: whether it is a pipeline.
+
+        Raises:
+            TypeError: the state is of a pipeline and the stage is none, or the other way round.
+            ValueError: the stage saw frames of another size or batch, as those of another preset may.
+        """
+        state, before, now = self.stages.get(name), self.saw.get(name, ""), size_text(frame.gbuffer)
+        whose = f"the state of stage {prefix + name!r}"
+        if state is not None and isinstance(state, PipelineState) != nested:
+            kinds = "a pass, but the stage is a pipeline" if nested else "a pipeline, but the stage is a pass"
+            raise TypeError(f"{whose} is of {kinds}: it came from another pipeline; start with state=None")
+        if not nested and before not in ("", now) and _has_pixels({name: state}):
+            raise ValueError(
+                f"{whose} is of frames of {before}, but it sees {now}: another pipeline or preset made it; "
+                "start with state=None"
+            )
+        return state
 
     def to(self, *args: Any, **kwargs: Any) -> PipelineState:
         """The state on another device; arguments as `torch.Tensor.to`."""
@@ -86,7 +114,29 @@ class PipelineState:
         if previous is not None:
             g = previous.gbuffer
             previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
-        return PipelineState(stages=stages, previous=previous)
+        return replace(self, stages=stages, previous=previous)
+
+
+def check_history(gbuffer: Any, history: Any, *signals: str) -> None:
+    """Raise unless a function over time was given a G-buffer, and None or a history that its like made.
+
+    Args:
+        gbuffer: of this frame.
+        history: what the function returned for the frame before.
+        signals: what it then holds.
+
+    Raises:
+        TypeError: one of them is something else.
+        ValueError: the history lacks a signal, so that another function made it.
+    """
+    check_kind(GBuffer, "gbuffer", gbuffer, "; frame.gbuffer is one")
+    if history is None:
+        return
+    check_kind(History, "history", history, "; pass on what came back beside the result, None on the first frame")
+    lacking = [name for name in signals if name not in history.signals]
+    if history.gbuffer is not None and lacking:
+        held = ", ".join(history.signals) or "nothing"
+        raise ValueError(f"history must hold {lacking[0]!r}, got {held}: another pass made it; start with state=None")
 
 
 class _Handed(History):
@@ -96,6 +146,15 @@ class _Handed(History):
         taken = History(length=self.length, signals=self.signals, gbuffer=self.gbuffer)
         vars(self).update(length=self.length.new_empty(0), signals={}, gbuffer=None)
         return taken
+
+
+def size_text(g: GBuffer) -> str:
+    """Size and batch of a G-buffer, for messages."""
+    return f"{g.camera.width}x{g.camera.height} pixels in a batch of {g.batch}"
+
+
+def _kind_text(g: GBuffer) -> str:
+    return f"{str(g.depth.dtype).removeprefix('torch.')} on {g.depth.device}"
 
 
 def _has_pixels(states: Mapping[str, Any]) -> bool:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
 from torch import Tensor
+
+from gbufrt.compute.resident import waits
 
 
 def check_numbers(**values: Any) -> None:
@@ -13,6 +16,23 @@ def check_numbers(**values: Any) -> None:
     for name, value in values.items():
         if value is not None and (not hasattr(value, "__float__") or getattr(value, "ndim", 0)):
             raise TypeError(f"{name} must be a number or a 0-dim tensor, got {_told(value)}")
+
+
+def check_between(low: float, high: float, **values: Any) -> None:
+    """Raise unless numbers, by their arguments' names, lie in ``low`` to ``high``; those on a GPU are left alone.
+
+    Raises:
+        TypeError: a value is neither a number, a 0-dim tensor nor None.
+        ValueError: it is out of range, or NaN.
+    """
+    check_numbers(**values)
+    wanted = f"be at least {low:g}" if high == math.inf else f"lie in {low:g} to {high:g}"
+    for name, value in values.items():
+        if value is None or (isinstance(value, Tensor) and waits(value)):
+            continue
+        number = float(value.detach() if isinstance(value, Tensor) else value)
+        if not low <= number <= high:
+            raise ValueError(f"{name} must {wanted}, got {number:g}")
 
 
 def check_counts(**values: Any) -> None:

@@ -18,7 +18,7 @@ from gbufrt.demands.inputs import check_frame, check_inputs
 from gbufrt.demands.results import returned
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.history import PipelineState
+from gbufrt.history import PipelineState, size_text
 from gbufrt.mending import remembering
 from gbufrt.numeric import check_counts
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass
@@ -83,9 +83,8 @@ class Pipeline(Branch):
         """`forward`; each stage contains non-finite pixels itself."""
         check_frame(frame)
         if not isinstance(state, PipelineState | None):
-            raise TypeError(
-                f"state must be None or what the pipeline returned beside a frame, got {type(state).__name__}"
-            )
+            got = type(state).__name__
+            raise TypeError(f"state must be None or what the pipeline returned beside a frame, got {got}")
         check_inputs(self.reads, self.passes(), frame)
         if state is not None:
             state.check_fits(frame)
@@ -114,7 +113,7 @@ class Pipeline(Branch):
             if seen is not None:
                 seen, inside = self._inside(seen, state or inside)
                 frame = self.place.leave(frame, seen, self._written())
-        state = PipelineState(stages=inside.stages, previous=frame.as_previous())
+        state = PipelineState(stages=inside.stages, previous=frame.as_previous(), saw=inside.saw)
         return frame.replace(previous=None), state if keep_graph else state.detach()
 
     def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:
@@ -204,27 +203,28 @@ class Pipeline(Branch):
         """What the stages write on the frame that they see."""
         return {signal for stage in self._stages().values() for signal in stage.writes}
 
-    def _inside(self, frame: Frame, state: PipelineState) -> tuple[Frame, PipelineState]:
+    def _inside(self, frame: Frame, state: PipelineState, prefix: str = "") -> tuple[Frame, PipelineState]:
         """Run the stages in order, each on the frame it asks for; neighbours that ask for the same one share it."""
-        after: dict[str, Any] = {}
+        after, saw = dict[str, Any](), dict[str, str]()
         for place, group in groupby(self._stages().items(), key=lambda named: _place(named[1])):
             stages = dict(group)
             seen = place.enter(frame, frozenset().union(*map(_names, stages.values())))
             if seen is None:
                 continue
             for name, stage in stages.items():
-                before = state.stages.get(name)
+                before = state.of(name, seen, prefix=prefix, nested=isinstance(stage, Pipeline))
                 if isinstance(stage, Pipeline):
-                    seen, after[name] = stage._inside(seen, before or PipelineState())
+                    seen, after[name] = stage._inside(seen, before or PipelineState(), f"{prefix}{name}.")
                     continue
                 stage.check(seen)
                 if isinstance(stage, TemporalPass):
                     seen, after[name] = returned(name, stage, stage(seen, before), temporal=True)
                 else:
                     seen, _ = returned(name, stage, stage(seen), temporal=False)
+            saw |= dict.fromkeys(stages, size_text(seen.gbuffer))
             pipelines = (stage for stage in stages.values() if isinstance(stage, Pipeline))
             frame = place.leave(frame, seen, {signal for pipeline in pipelines for signal in pipeline._written()})
-        return frame, PipelineState(stages=after)
+        return frame, PipelineState(stages=after, saw=saw)
 
     def _with(self, stages: Stages) -> Pipeline:
         return Pipeline(given=self.given, layer=self.place.layer, reduction=self.place.reduction, **stages)

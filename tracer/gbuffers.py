@@ -36,7 +36,19 @@ def gbuffer(
 ) -> GBuffer:
     """The first surface at each pixel, with every channel.
 
-    See `layers` for arguments and errors; this is the first of the two.
+    Args:
+        scene: what is there.
+        camera: B cameras; their jitter is honoured.
+        previous_camera: where they were a frame ago; by default where they are.
+        time: seconds, one number or B.
+        previous_time: of the frame before; by default ``time``, so that nothing moves.
+
+    Returns:
+        The G-buffer of the cameras, with exact motion and thickness.
+
+    Raises:
+        TypeError: no scene, or no camera.
+        ValueError: no voxels, or times or cameras that do not fit each other.
     """
     return layers(scene, camera, previous_camera=previous_camera, time=time, previous_time=previous_time)[0]
 
@@ -52,11 +64,7 @@ def layers(
     """The first surface at each pixel, and what lies straight behind it where it is transmissive.
 
     Args:
-        scene: what is there.
-        camera: B cameras; their jitter is honoured.
-        previous_camera: where they were a frame ago; by default where they are.
-        time: seconds, one number or B.
-        previous_time: of the frame before; by default ``time``, so that nothing moves.
+        scene: see `gbuffer`, as the rest.
 
     Returns:
         Two G-buffers with every channel. The second shows what is opaque: of transmissive surfaces before it, such as a

@@ -19,6 +19,7 @@ from gbufrt.camera.placement import centred_lens, looking_at, spread_of
 from gbufrt.camera.transforms import (
     depth_per_unit,
     inverted,
+    off_picture,
     projected,
     rotate,
     sampled_at,
@@ -329,7 +330,8 @@ class Camera:
 
         Returns:
             ``motion`` ``(B, 2, H, W)``, previous minus current px, without jitter; and ``motion_z`` ``(B, 1, H, W)``,
-            previous minus current view z (zero for the sky).
+            previous minus current view z (zero for the sky). What lay nearer to the camera before than its near plane,
+            or behind it, was at no pixel: its motion leads off that picture, twice as far as the longer side.
         """
         px = self.pixel_centers(dtype=depth.dtype)
         points = self.unproject(depth, px)
@@ -339,6 +341,8 @@ class Camera:
             turned = points
         before = torch.where(hit, before, turned)
         motion = previous.project(before) - px
+        if not previous.orthographic:
+            motion = off_picture(motion, before[:, 2:] < previous.near, previous.size)
         return motion, torch.where(hit, before[:, 2:] - depth, torch.zeros_like(depth))
 
     def normals_from_depth(self, depth: Tensor) -> Tensor:

@@ -57,6 +57,12 @@ def projected(points: Tensor, intrinsics: Tensor, *, orthographic: bool) -> Tens
     return torch.stack([x, y], dim=1)
 
 
+def off_picture(motion: Tensor, behind: Tensor, size: tuple[int, int]) -> Tensor:
+    """``motion`` ``(B, 2, H, W)``, where ``behind`` ``(B, 1, H, W)`` so long that it ends off a picture of ``size``."""
+    away = motion / motion.abs().amax(1, keepdim=True).clamp_min(1e-9)
+    return torch.where(behind, 2.0 * max(size) * away, motion)
+
+
 def unit_to_eye(points: Tensor, *, orthographic: bool) -> Tensor:
     """Unit view-space directions from points ``(B, 3, H, W)`` toward the eye."""
     if orthographic:

@@ -7,7 +7,7 @@ from typing import Any
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.channels import Channel, check_picture, check_tensor
+from gbufrt.channels import Channel, check_like, check_one_kind, check_picture, check_tensor
 from gbufrt.frame import SIGNALS
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.numeric import check_numbers
@@ -16,12 +16,14 @@ ROWS = {
     **CHANNELS,
     **SIGNALS,
     "light": SIGNALS["radiance"],
+    "previous_depth": CHANNELS["depth"],
+    "color": SIGNALS["composite"],  # which is no larger than its G-buffer
     "visibility": SIGNALS["ao"],
     "f0": Channel(3, "reflectance at normal incidence, linear"),
 }
 
-SHARES = {"visibility": 1, "specular": 1}
-"""Components of those that are no light."""
+SHARES = ("visibility", "specular", "chosen", "distance", "reactive")
+"""Those of one component, which are no light."""
 
 
 def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> None:
@@ -33,7 +35,7 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
         pictures: None where absent; ``light`` is as ``radiance``, ``visibility`` as ``ao``.
 
     Raises:
-        TypeError: not a camera, tensor or number, or a tensor of the wrong kind of number.
+        TypeError: not a camera, tensor or number, a tensor of the wrong kind of number, or kinds of floats are mixed.
         ValueError: wrong shape or device.
     """
     check_camera(camera)
@@ -44,6 +46,7 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
     for name, picture in pictures.items():
         if picture is not None:
             check_tensor(name, picture, ROWS[name], batch=camera.batch, size=camera.size, device=camera.device)
+    check_one_kind(**pictures)
 
 
 def check_camera(camera: Any, name: str = "camera", remedy: str = "") -> None:
@@ -52,27 +55,41 @@ def check_camera(camera: Any, name: str = "camera", remedy: str = "") -> None:
         raise TypeError(f"{name} must be a gbufrt.Camera, got {type(camera).__name__}{remedy}")
 
 
+def check_sizes(camera: Any, **pictures: Any) -> None:
+    """Raise unless pictures, by name, have the size and batch of their camera, and one kind of floats.
+
+    Any number of components goes; `check_pictures` is for what has the form of a channel. None is passed over.
+
+    Raises:
+        TypeError: not a camera or tensor, or kinds of floats are mixed.
+        ValueError: wrong size, batch or device: kernels would read beside the picture.
+    """
+    check_camera(camera)
+    for name, picture in pictures.items():
+        if picture is None:
+            continue
+        if not isinstance(picture, Tensor):
+            raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
+        if picture.ndim != 4 or picture.shape[0] != camera.batch or picture.shape[-2:] != camera.size:
+            raise ValueError(
+                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
+                f"got {tuple(picture.shape)}"
+            )
+        if picture.device != camera.device:
+            raise ValueError(f"{name} is on {picture.device} but its camera is on {camera.device}; move one with .to()")
+    check_one_kind(**pictures)
+
+
 def check_beside(color: Any, **channels: Any) -> None:
     """Raise unless ``color`` is ``(B, C, H, W)`` of floats and channels of a G-buffer, by name, have its pixels.
 
     Raises:
-        TypeError: not a tensor, or of whole numbers.
-        ValueError: wrong shape.
+        TypeError: not a tensor, of whole numbers, or kinds of floats are mixed.
+        ValueError: wrong shape or device.
     """
-    for name, picture in {"color": color, **channels}.items():
-        if not isinstance(picture, Tensor):
-            raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
-        if not picture.is_floating_point():
-            raise TypeError(f"{name} must be of floats, got {str(picture.dtype).removeprefix('torch.')}")
-    if color.ndim != 4:
-        raise ValueError(f"color must be (B,C,H,W), got {tuple(color.shape)}")
-    batch, _, *size = color.shape
+    check_picture("color", color, "linear radiance", components=None)
     for name, picture in channels.items():
-        expected = (batch, ROWS[name].components, *size)
-        if picture.shape != expected:
-            last = picture.shape[2:] == color.shape[1:3]
-            hint = "; if color is (B,H,W,C), use .permute(0, 3, 1, 2)" if last else ""
-            raise ValueError(f"{name} must be {expected} like color, got {tuple(picture.shape)}{hint}")
+        check_like(name, picture, "color", color, (ROWS[name].components,))
 
 
 def check_alike(first: str, **pictures: Any) -> None:
@@ -83,19 +100,11 @@ def check_alike(first: str, **pictures: Any) -> None:
         pictures: by name; None where absent.
 
     Raises:
-        TypeError: not a tensor, or of whole numbers.
-        ValueError: wrong shape.
+        TypeError: not a tensor, of whole numbers, or kinds of floats are mixed.
+        ValueError: wrong shape or device.
     """
     like = pictures[first]
     check_picture(first, like, "linear radiance", components=3)
     for name, picture in pictures.items():
-        if picture is None or name == first:
-            continue
-        if not isinstance(picture, Tensor):
-            raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
-        shape = tuple(picture.shape)
-        if len(shape) != 4 or shape[1] not in (1, 3) or (shape[0], *shape[2:]) != (like.shape[0], *like.shape[2:]):
-            wanted = f"({like.shape[0]},{SHARES.get(name, 3)},{like.shape[2]},{like.shape[3]})"
-            raise ValueError(f"{name} must be {wanted} like {first}, got {shape}")
-        if picture.device != like.device:
-            raise ValueError(f"{name} is on {picture.device} but {first} is on {like.device}; move one with .to()")
+        if picture is not None and name != first:
+            check_like(name, picture, first, like, (1, 3) if name in SHARES else (3, 1))

@@ -8,29 +8,11 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
-from gbufrt.demands.pictures import check_camera
+from gbufrt.demands.pictures import check_pictures
 from post.filters.constants import ROUGHNESS
 from post.filters.edges import Surface, surface_reference
 
 PLANES = 4  # of `Surface.plane`
-
-
-def check_sizes(camera: Camera, **pictures: Tensor | None) -> None:
-    """Raise ValueError where a picture is not of its camera's size and batch: kernels would read beside it.
-
-    Any number of components goes; see `gbufrt.demands.pictures.check_pictures` for what has a channel's form.
-    """
-    check_camera(camera)
-    for name, picture in pictures.items():
-        if picture is None:
-            continue
-        if not isinstance(picture, Tensor):
-            raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
-        if picture.ndim != 4 or picture.shape[0] != camera.batch or picture.shape[-2:] != camera.size:
-            raise ValueError(
-                f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
-                f"got {tuple(picture.shape)}"
-            )
 
 
 def surface(
@@ -53,9 +35,10 @@ def surface(
         compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Raises:
-        ValueError: sizes disagree with the camera's.
+        TypeError: a channel is no tensor, or of the wrong kind of number.
+        ValueError: shapes or devices disagree with the camera's.
     """
-    check_sizes(camera, depth=depth, normal=normal, hit=hit, roughness=roughness)
+    check_pictures(camera, depth=depth, normal=normal, hit=hit, roughness=roughness)
     pose, lens = camera.rotation_to_view.to(depth), camera.lens.to(depth)
     if form_of(depth, normal, roughness, pose, lens, compiled=compiled, cuda=True) is Form.REFERENCE:
         return surface_reference(depth, normal, hit, camera, roughness)

@@ -158,7 +158,7 @@ def motion_of(gbuffer: GBuffer, previous: Camera) -> tuple[Tensor, Tensor]:
 
 def history_for(history: History | None, cut: Tensor | None) -> History | None:
     """The history that a frame may use: batch elements whose camera jumped start anew."""
-    return history if history is None or cut is None else history.reset(cut)
+    return history.reset(cut) if cut is not None and isinstance(history, History) else history
 
 
 def geometry_of(gbuffer: GBuffer) -> GBuffer:

@@ -101,6 +101,23 @@ def test_static_motion_matches_projection_of_the_same_point():
     assert g.motion[0, 0][g.hit[0, 0]].mean() > 0, "the camera went right, so points came from further right"
 
 
+def test_what_was_behind_the_camera_before_moves_off_its_picture():
+    size = (48, 64)
+    camera = Camera.look_at((0.0, 1.0, 9.0), (0.0, 1.0, 0.0), size=size)
+    previous = Camera.look_at((0.1, 1.2, -3.0), (0.1, 1.2, -9.0), size=size)  # the box lies behind it
+    g = boxes.frame(camera).gbuffer
+    motion, motion_z = camera.static_motion(previous, g.depth, g.hit)
+    behind = g.hit & (g.depth + motion_z < previous.near)
+    assert 0.05 < float(behind.float().mean()) < 0.95
+    there = camera.pixel_centers() + motion
+    outside = ((there < 0) | (there > there.new_tensor([64.0, 48.0]).view(1, 2, 1, 1))).any(1, keepdim=True)
+    assert bool(outside[behind].all())
+    assert float(motion.abs().amax(1, keepdim=True)[behind].max()) <= 2 * 64
+    exact = previous.project(previous.to_view(camera.to_world(g.points_view()))) - camera.pixel_centers()
+    seen = g.hit & ~behind
+    assert torch.equal(motion.where(seen, 0), exact.where(seen, 0))
+
+
 def test_sky_moves_by_rotation_alone():
     depth, miss = torch.full((1, 1, 48, 64), 1000.0), torch.zeros(1, 1, 48, 64, dtype=torch.bool)
     moved = make().to(torch.float64)

@@ -9,6 +9,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.demands.pictures import check_alike, check_pictures
+from gbufrt.history import check_history
 from gbufrt.luminance import REC709, luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
@@ -87,12 +89,14 @@ def asvgf(
         The light ``(B, 3, H, W)``, pixels that hit nothing as they were, and the history for the next frame.
 
     Raises:
-        ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
+        TypeError: what must be a tensor is none, or kinds of floats are mixed.
+        ValueError: a picture has another shape, or as for `temporal` and `atrous`.
 
     Source: Schied, Peters and Dachsbacher 2018 (A-SVGF); Schied et al. 2017 (SVGF).
     """
-    if light.ndim != 4 or light.shape[1] != 3:
-        raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
+    check_history(gbuffer, history, "sample")
+    check_pictures(gbuffer.camera, depth=gbuffer.depth, light=light)
+    check_alike("light", light=light, replayed=replayed, chosen=chosen, distance=distance, cached=cached)
     light = finite(light)
     if history is not None and history.gbuffer is not None and replayed is not None and chosen is not None:
         gradient = temporal_gradient(history.signals["sample"], finite(replayed), chosen, history.gbuffer)

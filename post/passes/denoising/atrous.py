@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.demands.pictures import check_sizes
+from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import spatial_moments, wavelet
 from post.filters.regression import fitted, with_places
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import check_sizes, surface
+from post.filters.surfaces import surface
 
 REACH = 16.0  # pixels: widest blur of a reflection
 
@@ -65,13 +69,15 @@ def atrous(
         The signal ``(B, C, H, W)`` and the variance that is left in it ``(B, 1, H, W)``.
 
     Raises:
-        ValueError: iterations lies outside 1 to 8, or sizes disagree.
+        TypeError: what must be a tensor or a number is none, or kinds of floats are mixed.
+        ValueError: iterations lies outside 1 to 8, another number is negative, or sizes disagree.
 
     Source: Dammertz et al. 2010; Schied et al. 2017 (SVGF), section 4.3 and 4.4.
     """
-    if not 1 <= iterations <= 8:
-        raise ValueError(f"iterations must lie in 1 to 8, got {iterations}")
-    check_sizes(camera, signal=signal, variance=variance, confidence=confidence)
+    check_counts(iterations=iterations)
+    check_between(1, 8, iterations=iterations)
+    check_between(0, math.inf, phi_color=phi_color, growth=growth, phi_normal=phi_normal, phi_depth=phi_depth)
+    check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence)
     geometry = surface(depth, normal, hit, camera, unlike if roughness is None else roughness)
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)

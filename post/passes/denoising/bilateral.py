@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
+from gbufrt.demands.pictures import check_sizes
+from gbufrt.numeric import check_between, check_counts, check_numbers
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import bilateral_limits, joint_bilateral, spatial_moments
 from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import check_sizes, surface
+from post.filters.surfaces import surface
 
 LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
 
@@ -63,14 +67,19 @@ def bilateral(
         ``(B, C, H, W)``.
 
     Raises:
-        ValueError: radius is below 1 or sigma not positive, or sizes disagree.
+        TypeError: what must be a tensor or a number is none, or kinds of floats are mixed.
+        ValueError: radius is below 1, sigma not positive or another number negative, or sizes disagree.
 
     Source: Tomasi and Manduchi 1998; Petschnigg et al. 2004 (joint bilateral); plane distance as in Schied et al. 2017;
     blur by the lobe and the distance of the reflected hit as in NVIDIA's ReBLUR (Zhdan 2021).
     """
-    if radius < 1 or sigma <= 0:
+    check_counts(radius=radius)
+    check_numbers(sigma=sigma)
+    if radius < 1 or not sigma > 0:
         raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
-    check_sizes(camera, signal=signal, variance=variance, confidence=confidence, distance=distance)
+    powers = {"normal_power": normal_power, "variance_sensitivity": variance_sensitivity, "phi_color": phi_color}
+    check_between(0, math.inf, depth_sensitivity=depth_sensitivity, **powers)
+    check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence, distance=distance)
     geometry = surface(depth, normal, hit, camera, roughness)
     local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
     variance = spread if variance is None else variance

@@ -9,9 +9,11 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.demands.pictures import check_pictures
+from gbufrt.history import check_history
 from post.filters.around import alike
 from post.filters.edges import padded, windows
-from post.filters.surfaces import check_sizes, surface
+from post.filters.surfaces import surface
 from post.history.antilag import grain_of, into_shadow, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
@@ -77,14 +79,14 @@ def denoise(
         The light ``(B, 3, H, W)``, pixels that hit nothing as they were, and the history for the next frame.
 
     Raises:
+        TypeError: light is no tensor, or of another kind of floats than the G-buffer.
         ValueError: light is not ``(B, 3, H, W)``, or as for `temporal` and `atrous`.
 
     Source: Schied et al. 2017 (SVGF); Zhdan 2021 (ReLAX); Bitterli et al. 2016 (fits); the handling of
     penumbrae and mirrors is our own.
     """
-    if light.ndim != 4 or light.shape[1] != 3:
-        raise ValueError(f"light must be (B,3,H,W) linear radiance, got {tuple(light.shape)}")
-    check_sizes(gbuffer.camera, light=light)
+    check_history(gbuffer, history)
+    check_pictures(gbuffer.camera, depth=gbuffer.depth, light=light)
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     faced = None if history is None else history.signals.get(FACING)
     reflected = reflectance_of(gbuffer, specular=specular)

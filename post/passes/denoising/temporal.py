@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.compute.resident import waits
+from gbufrt.demands.pictures import check_sizes
 from gbufrt.directions import length as norm
+from gbufrt.history import check_history
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
+from gbufrt.numeric import check_between
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.op import spatial_moments
 from post.filters.signals import signal_names, stack, unstack, wants_albedo
-from post.filters.surfaces import check_sizes, surface
+from post.filters.surfaces import surface
 from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes
 from post.history.constants import YOUNG
@@ -80,13 +85,16 @@ def temporal(
         variance ``(B, 1, H, W)`` of the mean's luminance, ``signals["excess"]`` the mean of the luminance cut.
 
     Raises:
-        ValueError: blend lies outside 0 to 1, or the history has another size than the frame.
+        TypeError: what must be a tensor or a number is none, or kinds of floats are mixed.
+        ValueError: a number is out of range, or a picture or the history has another size than the frame.
 
     Source: Schied et al. 2017 (SVGF), sections 4.1 and 4.2; fast history as in NVIDIA's ReLAX (Zhdan 2021).
     """
-    if not 0.0 <= blend <= 1.0:
-        raise ValueError(f"blend must lie in 0 to 1, got {blend}")
-    check_sizes(gbuffer.camera, signal=signal, distance=distance, longest=longest, lenient=lenient)
+    check_between(0, 1, blend=blend)
+    check_between(0, math.inf, clamp=clamp, firefly=firefly, motion_response=motion_response)
+    check_history(gbuffer, history, *STORED, *(("excess",) if excess else ()))
+    sized = {"distance": distance, "longest": longest, "lenient": lenient}
+    check_sizes(gbuffer.camera, depth=gbuffer.depth, signal=signal, **sized)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     geometry = surface(
         gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, gbuffer.roughness if rare else None

@@ -10,7 +10,9 @@ from torch import Tensor
 from gbufrt import Frame, History, TemporalPass
 from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
+from gbufrt.history import check_history
 from gbufrt.mending import finite
+from gbufrt.numeric import check_between, check_numbers
 from post.display.constants import DARKEST
 from post.display.op import histogram
 
@@ -62,17 +64,18 @@ def exposure(
         that falls with luminance as in Krawczyk et al. 2005.
     """
     check_picture("color", color, "linear")
+    check_numbers(low=low, high=high, key=key, min_ev=min_ev, max_ev=max_ev)
     if not 0 <= low < high <= 1:
         raise ValueError(f"low and high must satisfy 0 <= low < high <= 1, got {low} and {high}")
-    if key <= 0:
+    if not key > 0:
         raise ValueError(f"key must be positive, got {key}")
     if min_ev > max_ev:
         raise ValueError(f"min_ev must not exceed max_ev, got {min_ev} and {max_ev}")
-    if not 0 <= night <= 1:
-        raise ValueError(f"night must lie in 0..1, got {night}")
+    check_between(0, 1, night=night)
+    check_between(0, math.inf, speed_up=speed_up, speed_down=speed_down)
     found = _typical(histogram(finite(color)), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
-        before = torch.where(previous.isnan(), found, previous)
+        before = torch.where(previous.isnan(), found, previous).to(found)
         seconds = number(elapsed, found)
         rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)
         found = before + (found - before) * (1 - torch.exp(-rate * seconds))
@@ -128,6 +131,7 @@ class Exposure(TemporalPass):
 
 
 def _remembered(frame: Frame, state: History | None) -> tuple[Tensor | None, Tensor | float]:
+    check_history(frame.gbuffer, state, "log_luminance", "time")
     if state is None:
         return None, UNTIMED
     known = state.length.flatten() > 0

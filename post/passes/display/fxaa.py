@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.channels import check_picture
+from gbufrt.mending import finite
+from gbufrt.numeric import check_between
 from post.filters.fxaa_op import smooth_stairs
 
 
@@ -27,11 +31,15 @@ def fxaa(
         ``(B, 3, H, W)``; pixels without an edge are returned exactly as they were.
 
     Raises:
-        ValueError: ``image`` is not ``(B, 3, H, W)``.
+        TypeError: ``image`` is no tensor of float32 or float64.
+        ValueError: ``image`` is not ``(B, 3, H, W)``, or a number is out of range.
 
     Source: Lottes 2009, "FXAA" (NVIDIA white paper).
     """
     check_picture("image", image, "display-referred")
+    check_between(0, 1, subpixel=subpixel)
+    check_between(0, math.inf, edge_threshold=edge_threshold, dark_threshold=dark_threshold)
+    image = finite(image)  # edges would lead far from a bad pixel
     return smooth_stairs(image, subpixel=subpixel, edge_threshold=edge_threshold, dark_threshold=dark_threshold)
 
 

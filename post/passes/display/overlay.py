@@ -5,6 +5,7 @@ from __future__ import annotations
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.channels import check_picture
 
 
 def overlay(image: Tensor, ui: Tensor) -> Tensor:
@@ -22,12 +23,15 @@ def overlay(image: Tensor, ui: Tensor) -> Tensor:
         ``(B, 3, H, W)``.
 
     Raises:
+        TypeError: one of them is no tensor of floats.
         ValueError: another number of channels, another size or batch.
 
     Source: Porter and Duff 1984, "over".
     """
+    check_picture("image", image, "display-encoded")
+    check_picture("ui", ui, "colour and alpha, display-encoded", components=4)
     batch, _, *size = image.shape
-    if ui.ndim != 4 or ui.shape[1] != 4 or ui.shape[0] not in (1, batch) or list(ui.shape[2:]) != size:
+    if ui.shape[0] not in (1, batch) or list(ui.shape[2:]) != size:
         wanted = f"({batch},4,{size[0]},{size[1]}), colour and alpha at the picture's size"
         raise ValueError(f"ui must be {wanted}, got {tuple(ui.shape)}")
     color, alpha = ui.to(image).split((3, 1), dim=1)

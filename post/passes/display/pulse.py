@@ -7,6 +7,7 @@ import math
 from torch import Tensor
 
 from gbufrt import Frame, Pass
+from gbufrt.numeric import check_between, check_numbers
 
 
 def pulse(exposure: Tensor, time: float | Tensor, *, strength: float = 0.0, period: float = 4.0) -> Tensor:
@@ -26,8 +27,8 @@ def pulse(exposure: Tensor, time: float | Tensor, *, strength: float = 0.0, peri
 
     Source: the effect Darkness of Minecraft, whose period is 80 ticks of a twentieth of a second, its strength 0.45.
     """
-    if not 0 <= strength <= 1:
-        raise ValueError(f"strength must lie in [0, 1], got {strength}")
+    check_between(0, 1, strength=strength)
+    check_numbers(period=period)
     if not period > 0:
         raise ValueError(f"period must be positive, in seconds, got {period}")
     turn = 2 * math.pi / period * time

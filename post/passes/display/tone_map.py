@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import cast
 
 from torch import Tensor
@@ -9,7 +10,9 @@ from torch import Tensor
 from gbufrt import Frame, Pass
 from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
+from gbufrt.mending import finite
 from gbufrt.noise.noise import dithered
+from gbufrt.numeric import check_between, check_numbers
 from post.display.ocio import CONFIGS, check_view, is_config, ocio_view
 from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
@@ -28,7 +31,8 @@ def tone_map(
     """Compress scene light into what a display can show.
 
     Args:
-        color: ``(B, 3, H, W)`` linear; negative light counts as none.
+        color: ``(B, 3, H, W)`` linear; negative light counts as none, and so does NaN, infinite light as the brightest
+            of the picture.
         operator: ``"agx"`` lets bright colours fade to white as film does; ``"aces"`` is contrasty; ``"pbr_neutral"``
             leaves colours alone up to 0.76, for products; ``"reinhard"`` compresses luminance alone; ``"linear"``
             clips. ``"aces-1.3"``, ``"aces-2.0"`` or the path of an OpenColorIO config (.ocio, .ocioz) shows its view:
@@ -43,17 +47,22 @@ def tone_map(
         ``(B, 3, H, W)`` display-linear in [0, 1]; see `display_encode`.
 
     Raises:
-        ValueError: unknown operator or view, a number is not positive, or OpenColorIO is wanted and not installed.
+        TypeError: ``color`` is no tensor of float32 or float64.
+        ValueError: ``color`` is not ``(B, 3, H, W)``, unknown operator or view, a number is not positive, or
+            OpenColorIO is wanted and not installed.
 
     Source: AgX by Sobotka 2022 in the polynomial fit of Wrensch 2023; ACES fit by Hill (BakingLab); Khronos PBR
     Neutral Tone Mapper specification 2024; Reinhard et al. 2002, eq. 4.
     """
     check_picture("color", color, "linear")
+    color = finite(color)  # NaN is the largest number to some kernels, which would show it as white
     _check(operator, view)
     if is_config(operator):
         return ocio_view(color * number(exposure, color), operator, view)
+    check_between(0, math.inf, saturation=saturation)
+    check_numbers(contrast=contrast, white=white)
     for name, tunable in (("contrast", contrast), ("white", white)):
-        if tunable <= 0:
+        if not tunable > 0:
             raise ValueError(f"{name} must be positive, got {tunable}")
     gain, curve = number(exposure, color), cast(Operator, operator)
     return tone_curve(color, gain, curve, contrast, saturation, white)
@@ -73,7 +82,7 @@ def display_encode(image: Tensor, *, dither: bool = False, index: int | Tensor =
     """Encode display-linear light as sRGB.
 
     Args:
-        image: ``(B, 3, H, W)`` display-linear in [0, 1].
+        image: ``(B, 3, H, W)`` display-linear in [0, 1]; what is beyond is clipped, and NaN is 0.
         dither: add blue noise of one 8-bit step, so that rounding to 8 bits makes no bands.
         index: frame number, for the noise.
         seed: another seed, another noise.
@@ -81,10 +90,14 @@ def display_encode(image: Tensor, *, dither: bool = False, index: int | Tensor =
     Returns:
         ``(B, 3, H, W)`` in [0, 1].
 
+    Raises:
+        TypeError: ``image`` is no tensor of float32 or float64.
+        ValueError: ``image`` is not ``(B, 3, H, W)``.
+
     Source: IEC 61966-2-1.
     """
     check_picture("image", image, "display-linear")
-    shown = encoded(image)
+    shown = encoded(finite(image))
     return dithered(shown, index=index, seed=seed) if dither else shown
 
 

@@ -6,6 +6,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.channels import check_picture
+from gbufrt.numeric import check_between, check_numbers
 from post.display.op import darkened
 
 
@@ -25,12 +26,11 @@ def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer
         ValueError: ``strength`` is not in [0, 1], or not 0 <= inner < outer, or ``image`` has another shape.
         TypeError: ``image`` is no tensor of floats.
     """
-    if not 0 <= strength <= 1:
-        raise ValueError(f"strength must lie in [0, 1], got {strength}")
+    check_between(0, 1, strength=strength)
+    check_numbers(inner=inner, outer=outer)
     if not 0 <= inner < outer:
         raise ValueError(f"inner and outer must satisfy 0 <= inner < outer, got {inner} and {outer}")
-    channels = image.shape[1] if isinstance(image, Tensor) and image.ndim == 4 else 3
-    check_picture("image", image, "display-linear", channels)
+    check_picture("image", image, "display-linear", components=None)
     return darkened(image, strength, inner, outer)
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
-from gbufrt import SIGNALS, Frame, GBuffer, History, TemporalPass
-from gbufrt.channels import check_tensor
+from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.demands.pictures import check_pictures
+from gbufrt.history import check_history
 from gbufrt.mending import finite
+from gbufrt.numeric import check_between
 from post.history.op import anti_alias
 from post.history.reproject import geometry_of, history_for, motion_of
 
@@ -38,14 +42,15 @@ def taa(
         ``(B, 3, H, W)`` linear radiance and the history for the next frame.
 
     Raises:
-        ValueError: blend lies outside 0 to 1, or color or history has another size than the G-buffer.
+        TypeError: color is no tensor, or of another kind of floats than the G-buffer.
+        ValueError: a number is out of range, or color or history has another size than the G-buffer.
 
     Source: Karis 2014; Salvi 2016 (variance clipping); Jimenez 2016 (Catmull-Rom history).
     """
-    if not 0.0 <= blend <= 1.0:
-        raise ValueError(f"blend must lie in 0 to 1, got {blend}")
-    at = gbuffer.camera
-    check_tensor("color", color, SIGNALS["composite"], batch=at.batch, size=at.size, device=at.device)
+    check_between(0, 1, blend=blend)
+    check_between(0, math.inf, gamma=gamma)
+    check_history(gbuffer, history, "toned")
+    check_pictures(gbuffer.camera, depth=gbuffer.depth, color=color)
     if history is not None and history.length.shape != gbuffer.depth.shape:
         raise ValueError(
             f"the history must be {tuple(gbuffer.depth.shape)} like the frame, got {tuple(history.length.shape)}; "

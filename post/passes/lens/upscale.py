@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.demands.pictures import check_alike, check_pictures
+from gbufrt.history import check_history
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
+from gbufrt.numeric import check_between, check_kind
 from post.history.reproject import geometry_of, history_for, motion_of
 from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import light_around, same_light, thin_features
@@ -64,13 +69,17 @@ def upscale(
         through light alone.
 
     Raises:
+        TypeError: what must be a tensor is none, or kinds of floats are mixed.
         ValueError: a number is out of its range, or a shape does not fit.
 
     Source: the method of AMD FidelityFX FSR 2, 2022; Karis 2014; Salvi 2016; kernels along edges by Wronski et al.
     2019; samples compared with what the history shows there by Irani and Peleg 1991. Planes carried on and splines are
     our own.
     """
-    _check(color, gbuffer, reactive, ratio, frames, sharpness)
+    check_history(gbuffer, history, "toned", "planes", "around")
+    _check(ratio, frames, gamma, lock, stability, sharpness)
+    check_pictures(gbuffer.camera, depth=gbuffer.depth, color=color)
+    check_alike("color", color=color, reactive=reactive)
     size = round(color.shape[-2] * ratio), round(color.shape[-1] * ratio)
     if history is not None and tuple(history.length.shape[-2:]) != size:
         raise ValueError(f"the history must be {size}, got {tuple(history.length.shape[-2:])}; start with state=None")
@@ -105,7 +114,11 @@ def reactive_mask(g: GBuffer, *, reactivity: float = 1.0) -> Tensor:
 
     Returns:
         ``(B, 1, H, W)`` in [0, 1], without gradient.
+
+    Raises:
+        TypeError: ``g`` is no G-buffer.
     """
+    check_kind(GBuffer, "g", g, "; frame.gbuffer is one")
     share = torch.zeros_like(g.depth)
     if g.transmittance is not None:
         share = g.transmittance.detach().mean(1, keepdim=True)
@@ -119,25 +132,11 @@ def _spread(mask: Tensor) -> Tensor:
     return F.max_pool2d(F.pad(mask, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
 
 
-def _check(color: Tensor, g: GBuffer, reactive: Tensor | None, ratio: float, frames: float, sharpness: float) -> None:
-    shape = tuple(g.depth.shape)
-    if color.shape != (shape[0], 3, *shape[2:]):
-        raise ValueError(
-            f"color must be ({shape[0]},3,{shape[2]},{shape[3]}) like the G-buffer, got {tuple(color.shape)}"
-        )
-    if reactive is not None and (reactive.shape[1] not in (1, 3) or reactive[:, :1].shape != g.depth.shape):
-        wanted = f"({shape[0]},1 or 3,{shape[2]},{shape[3]})"
-        raise ValueError(f"reactive must be {wanted} like the G-buffer, got {tuple(reactive.shape)}")
-    _check_ratio(ratio)
-    if not frames >= 1.0:
-        raise ValueError(f"frames must be at least 1, got {frames}")
-    if not 0.0 <= sharpness <= 1.0:
-        raise ValueError(f"sharpness must lie in 0 to 1, got {sharpness}")
-
-
-def _check_ratio(ratio: float) -> None:
-    if not 1.0 <= ratio <= MOST_RATIO:
-        raise ValueError(f"ratio must lie in 1 to {MOST_RATIO:g}, got {ratio}")
+def _check(ratio: float, frames: float, gamma: float, lock: float, stability: float, sharpness: float) -> None:
+    check_between(1, MOST_RATIO, ratio=ratio)
+    check_between(1, math.inf, frames=frames)
+    check_between(0, 1, sharpness=sharpness, lock=lock)
+    check_between(0, math.inf, gamma=gamma, stability=stability)
 
 
 class Upscale(TemporalPass):
@@ -168,7 +167,7 @@ class Upscale(TemporalPass):
     ) -> None:
         super().__init__()
         self.ratio, self.frames, self.gamma = ratio, frames, gamma
-        _check_ratio(ratio)
+        check_between(1, MOST_RATIO, ratio=ratio)
         self.lock, self.stability, self.sharpness, self.reactivity = lock, stability, sharpness, reactivity
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:

@@ -9,7 +9,9 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.atmosphere import Atmosphere, air_before
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
+from gbufrt.numeric import check_numbers
 
 
 def aerial_perspective(
@@ -41,10 +43,14 @@ def aerial_perspective(
         ``(B, 3, H, W)``.
 
     Raises:
-        ValueError: ``sun`` has no length, ``unit`` is negative, or ``height`` is outside the air.
+        TypeError: what must be a tensor or a number is none, or kinds of floats are mixed.
+        ValueError: a picture has another shape, ``sun`` has no length, ``unit`` is negative, or ``height`` is outside
+            the air.
 
     Source: Hillaire 2020, 5.4. No shadows fall through the air.
     """
+    check_pictures(camera, color=color, depth=depth, hit=hit)
+    check_numbers(unit=unit, height=height)
     kilometres = float(unit.detach() if isinstance(unit, Tensor) else unit)
     if not kilometres >= 0:
         raise ValueError(f"unit must be at least 0 kilometres, got {kilometres}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Literal
 
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.demands.pictures import check_alike
-from gbufrt.numeric import check_numbers
+from gbufrt.numeric import check_between
 from post.shading.composite_op import specular_albedo, sum_light
 from post.shading.sight import within_sight
 
@@ -61,7 +62,7 @@ def composite(
 
     Raises:
         TypeError: what must be a tensor or a number is none.
-        ValueError: unknown mode, or a picture of another size than ``radiance``.
+        ValueError: unknown mode, a negative intensity, or a picture of another size than ``radiance``.
 
     Source: ME1 Path Tracing technical overview, pass 10, for ``me1``.
     """
@@ -78,7 +79,9 @@ def composite(
         behind=behind,
         specular=specular,
     )
-    check_numbers(ao_intensity=ao_intensity, gi_intensity=gi_intensity, reflection_intensity=reflection_intensity)
+    check_between(
+        0, math.inf, ao_intensity=ao_intensity, gi_intensity=gi_intensity, reflection_intensity=reflection_intensity
+    )
     given = (radiance, ambient, emission, visibility, gi, reflection, behind, specular)
     intensities = (ao_intensity, gi_intensity, reflection_intensity)
     return sum_light(*given, physical=mode == "physical", intensities=intensities)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
-from gbufrt.channels import check_picture
+from gbufrt.channels import check_one_kind, check_picture
 from gbufrt.compute.resident import resident
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
@@ -108,7 +108,8 @@ def motion_from_depth(
     """
     check_counts(radius=radius)
     check_pictures(camera, depth=depth, hit=hit)
-    check_pictures(previous_camera, depth=previous_depth)
+    check_pictures(previous_camera, previous_depth=previous_depth)
+    check_one_kind(depth=depth, previous_depth=previous_depth)
     if radius < 0:
         raise ValueError(f"radius must not be negative, got {radius}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
@@ -138,6 +139,10 @@ def roughness_from_color(color: Tensor, *, scale: float = 4.0) -> Tensor:
 
     Returns:
         ``(B, 1, H, W)`` perceptual, in [0, 1].
+
+    Raises:
+        TypeError: ``color`` is no tensor of float32 or float64.
+        ValueError: ``color`` is not ``(B, 3, H, W)``.
 
     Source: ME1 Path Tracing, taken relative to the local brightness so that exposure does not matter.
     """

@@ -6,6 +6,9 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.channels import check_one_kind, check_picture
+from gbufrt.demands.pictures import check_sizes
+from gbufrt.history import check_history
 from gbufrt.reduction import every_nth
 from post.filters.surfaces import surface
 from post.history.reproject import history_for
@@ -53,10 +56,15 @@ def fog(
         ``(B, 3, H, W)`` linear radiance, and the history for the next frame. No gradient passes through geometry.
 
     Raises:
+        TypeError: what must be a tensor is none, or kinds of floats are mixed.
         ValueError: sizes do not fit each other, or see `post.temporal` and `post.atrous`.
 
     Source: Schied et al. 2017 (SVGF) for the order of the steps.
     """
+    check_history(gbuffer, history)
+    check_picture("light", light, "mean radiance that fog scatters")
+    check_sizes(gbuffer.camera, depth=gbuffer.depth, transmittance=transmittance)
+    check_one_kind(depth=gbuffer.depth, light=light)
     height, width = gbuffer.camera.size
     size = -(-height // STRIDE), -(-width // STRIDE)
     whole = body = _body(gbuffer, transmittance.detach())

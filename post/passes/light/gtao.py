@@ -70,7 +70,11 @@ def gtao(
         length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps, scales or radius are not positive, scales too many, or there is no such method.
+        TypeError: what must be a tensor or a number is none, or kinds of floats are mixed.
+        ValueError: directions, steps, scales or radius are not positive, scales too many, a picture is of another size,
+            or there is no such method.
+
+    Source: Therrien et al. 2023 for ``bitmask``; Jimenez et al. 2016 for ``horizon``.
     """
     if method not in ("bitmask", "horizon"):
         raise ValueError(f"method must be 'bitmask' or 'horizon', got {method!r}")

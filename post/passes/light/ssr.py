@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import MappingProxyType
 
 import torch
@@ -12,7 +13,7 @@ from gbufrt.compute.resident import number, resident_on
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
 from post.shading.fireflies import without_lone_fireflies
@@ -106,6 +107,7 @@ def ssr(
     check_counts(samples=samples, reuse=reuse, bounces=bounces)
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
+    check_between(0, math.inf, roughness_cutoff=roughness_cutoff)
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     given = {"depth": depth, "normal": normal, "light": light, "roughness": roughness, "hit": hit, "f0": f0}

@@ -56,7 +56,18 @@ def read_vox(path: str | PathLike[str], *, max_voxels: int | None = None) -> Wor
 
 
 def load_vox_scene(path: str | PathLike[str]) -> Scene:
-    """A MagicaVoxel file on ground under the sky, with views that frame it. See `read_vox` for errors."""
+    """A MagicaVoxel file on ground under the sky.
+
+    Args:
+        path: of a .vox file, version 150 or 200.
+
+    Returns:
+        The scene, with views that frame it.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: see `read_vox`.
+    """
     return place(read_vox(path))
 
 

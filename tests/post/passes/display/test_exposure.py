@@ -32,7 +32,7 @@ def test_night_stays_dark_by_its_share():
     assert gain(moonlit) == pytest.approx(0.34 / moonlit / 2, rel=1e-4)
     assert gain(moonlit, night=1.0) == pytest.approx(gain(2.0**-6.5), rel=1e-4)
     assert gain(0.02, night=1.0) == gain(0.02, night=0.0)
-    with pytest.raises(ValueError, match=r"night must lie in 0..1, got 1.5"):
+    with pytest.raises(ValueError, match=r"night must lie in 0 to 1, got 1.5"):
         exposure(torch.ones(1, 3, 4, 4), night=1.5)
 
 

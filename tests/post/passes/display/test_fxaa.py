@@ -64,6 +64,13 @@ def test_module_is_the_function():
     assert torch.equal(FXAA(subpixel=0.3)(frame).read("image"), fxaa(frame.read("image"), subpixel=0.3))
 
 
+@pytest.mark.parametrize("bad", [torch.nan, torch.inf, -torch.inf])
+def test_a_pixel_that_is_not_finite_spreads_nothing(bad):
+    picture = torch.rand(1, 3, 8, 8)
+    picture[0, :, 4, 4] = bad
+    assert bool(fxaa(picture).isfinite().all())
+
+
 def test_wrong_shape():
     with pytest.raises(ValueError, match=r"image must be \(B,3,H,W\)"):
         fxaa(torch.zeros(1, 1, 4, 4))

@@ -61,7 +61,7 @@ def test_gradients():
 
 @pytest.mark.parametrize("shape", [(1, 3, *SIZE), (2, 4, *SIZE), (1, 4, 6, 8), (4, *SIZE)])
 def test_another_shape_is_told(shape: tuple[int, ...]):
-    with pytest.raises(ValueError, match=r"ui must be \(1,4,12,16\)"):
+    with pytest.raises(ValueError, match=r"ui must be \((1,4,12,16|B,4,H,W)\), colour and alpha"):
         overlay(torch.zeros(1, 3, *SIZE), torch.zeros(shape))
 
 

@@ -161,6 +161,23 @@ def test_black_and_huge_light_have_finite_gradients(operator):
     assert torch.isfinite(gradient).all()
 
 
+@pytest.mark.parametrize("show", [*OPERATORS, "encode"])
+def test_a_pixel_that_is_not_finite_is_black_or_bright_and_alone(show):
+    """In the functions as in the passes, which mend it before."""
+    picture = torch.rand(1, 3, 5, 6) * 0.8
+    function = display_encode if show == "encode" else lambda color: tone_map(color, operator=show)
+    want = function(picture)
+    for bad, black in ((torch.nan, True), (-torch.inf, True), (torch.inf, False)):
+        broken = picture.clone()
+        broken[0, :, 2, 3] = bad
+        found = function(broken)
+        assert float(found.min()) >= 0
+        assert float(found.max()) <= 1 + 1e-6
+        assert (float(found[0, :, 2, 3].max()) < 1e-4) == black, (show, bad)
+        found[0, :, 2, 3] = want[0, :, 2, 3]
+        assert torch.equal(found, want)
+
+
 def test_bad_input():
     with pytest.raises(ValueError, match="operator must be one of agx"):
         tone_map(torch.rand(1, 3, 2, 2), operator="filmic")  # type: ignore[arg-type]

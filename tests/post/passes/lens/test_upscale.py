@@ -233,5 +233,5 @@ def test_errors_help():
     for what, message in wrong:
         with pytest.raises(ValueError, match=message):
             upscale(color, frame.gbuffer, **what)
-    with pytest.raises(ValueError, match="like the G-buffer"):
+    with pytest.raises(ValueError, match=r"color must be .1,3,8,8.*the camera sets the size"):
         upscale(color[..., :4], frame.gbuffer)
