@@ -80,7 +80,7 @@ def asvgf(
             show at first that have no history. Its share falls by `FADING` a frame.
         blend: largest share of history, see `temporal`.
         firefly: see `temporal` and `post.history.fireflies.cut_outliers`.
-        iterations: see `atrous`.
+        iterations: see `atrous`, for luminance; colour takes half as many.
         phi_color: see `atrous`, for luminance.
 
     Returns:
@@ -157,7 +157,8 @@ def _filtered(
     """Luminance by itself; and its colour, that of light which is averaged farther.
 
     What is averaged is light of all three channels, and not how far they differ: that of lamps would colour their
-    surroundings more than light as dark as those can be.
+    surroundings more than light as dark as those can be. So averaged, colour has little noise, and needs half of the
+    wavelets.
     """
     light, left = atrous(
         luminance(mean), g.depth, g.normal, hit=g.hit, camera=g.camera,
@@ -165,8 +166,8 @@ def _filtered(
     )  # fmt: skip
     wide, _ = atrous(
         torch.cat([light, mean], dim=1), g.depth, g.normal, hit=g.hit, camera=g.camera,
-        iterations=iterations, phi_color=CHROMA_PHI, phi_normal=phi_normal, variance=left, roughness=roughness,
-        lead=1,
+        iterations=(iterations + 1) // 2, phi_color=CHROMA_PHI, phi_normal=phi_normal, variance=left,
+        roughness=roughness, lead=1,
     )  # fmt: skip
     color = wide[:, 1:]
     return color * (light / luminance(color).clamp_min(1e-12))
