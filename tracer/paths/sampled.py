@@ -15,6 +15,7 @@ from tracer.direct.lighting import ray_origins
 from tracer.lights.samples import Lights
 from tracer.paths.one_sample import brightest_a_stratum, one_a_stratum, sample
 from tracer.scene.checks import check_frame_of
+from tracer.scene.poses import known_still
 from tracer.scene.scene import Scene
 
 
@@ -94,15 +95,22 @@ def _with_cached(scene: Scene, frame: Frame, cache: IrradianceCache) -> Frame:
 
 
 def _sampled(
-    scene: Scene, frame: Frame, before: Frame | None, cache: IrradianceCache | None, given: dict[str, Any]
+    scene: Scene,
+    frame: Frame,
+    before: Frame | None,
+    cache: IrradianceCache | None,
+    given: dict[str, Any],
+    lights: tuple[Lights, Lights] | None = None,
 ) -> tuple[Frame, Tensor]:
-    """See `sampled`; also the samples for a cache, see `sample`."""
+    """See `sampled`; also the samples for a cache, see `sample`. For ``lights`` see `_lights`."""
     poses = sent(scene.poses([float(frame.time)]), frame.gbuffer.depth)
-    if "lights" not in given:  # those of both layers, and of what is replayed
-        given = {**given, "lights": Lights.of(scene, poses[0])}
+    then = poses if before is None else sent(scene.poses([float(before.time)]), poses)
+    if lights is None:  # the same for both layers
+        lights = _lights(scene, then, poses)
+    now, again = ({**given, "lights": of} for of in lights)
     follows = None if cache is None else one_a_stratum(frame.gbuffer.hit, index=int(frame.index), seed=given["seed"])
     light, samples = sample(
-        scene, frame.gbuffer, poses=poses, index=int(frame.index), cache=cache, follows=follows, **given
+        scene, frame.gbuffer, poses=poses, index=int(frame.index), cache=cache, follows=follows, **now
     )
     changes: dict[str, Tensor | Frame] = {
         "diffuse": light.diffuse,
@@ -114,16 +122,25 @@ def _sampled(
         changes["radiance"] = _of_sun_and_lamps(frame, light.direct, frame.radiance)
     if before is not None:
         chosen = _replayed(before, given["seed"], cached=cache is not None)
-        then = sent(scene.poses([float(before.time)]), poses)
         moment: dict[str, Any] = {"poses": poses, "poses_then": then, "index": int(before.index)}
-        again, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **given)
+        found, _ = sample(scene, before.gbuffer, chosen=chosen, cache=cache, follows=chosen, **moment, **again)
         changes |= {"replayed": chosen.to(light.direct)}
-        changes |= {"replayed_diffuse": again.diffuse, "replayed_specular": again.specular}
+        changes |= {"replayed_diffuse": found.diffuse, "replayed_specular": found.specular}
     if frame.behind is not None:
         last = None if before is None else before.behind
-        changes["behind"], more = _sampled(scene, frame.behind, last, cache, given)
+        changes["behind"], more = _sampled(scene, frame.behind, last, cache, given, lights)
         samples = torch.cat([samples, more])
     return frame.replace(emitters_sampled=True, **changes), samples
+
+
+def _lights(scene: Scene, then: Tensor, poses: Tensor) -> tuple[Lights, Lights]:
+    """The lights now; and those of the frame before, where they are now.
+
+    Where a lamp moves, the chances of all lamps change. Samples taken again by other chances would bring other light
+    where nothing has changed.
+    """
+    now = Lights.of(scene, poses[0])
+    return now, now if known_still(then, poses) else Lights.of(scene, then[0]).at(scene, poses[0])
 
 
 def _of_sun_and_lamps(frame: Frame, direct: Tensor, radiance: Tensor) -> Tensor:

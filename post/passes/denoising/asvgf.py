@@ -11,7 +11,7 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.demands.pictures import check_alike, check_pictures
 from gbufrt.history import check_history
-from gbufrt.luminance import REC709, luminance
+from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.around import pooled
@@ -82,7 +82,7 @@ def asvgf(
             show at first that have no history. Its share falls by `FADING` a frame.
         blend: largest share of history, see `temporal`.
         firefly: see `temporal` and `post.history.fireflies.cut_outliers`.
-        iterations: see `atrous`.
+        iterations: see `atrous`, for luminance; colour takes half as many.
         phi_color: see `atrous`, for luminance.
 
     Returns:
@@ -158,21 +158,23 @@ def _filtered(
     phi_normal: float,
     roughness: Tensor | None,
 ) -> Tensor:
-    """Luminance, and R - B and G - (R + B) / 2 for chroma, filtered apart."""
-    light, orange = luminance(mean), mean[:, :1] - mean[:, 2:]
-    green = mean[:, 1:2] - (mean[:, :1] + mean[:, 2:]) / 2
+    """Luminance by itself; and its colour, that of light which is averaged farther.
+
+    What is averaged is light of all three channels, and not how far they differ: that of lamps would colour their
+    surroundings more than light as dark as those can be. So averaged, colour has little noise, and needs half of the
+    wavelets.
+    """
     light, left = atrous(
-        light, g.depth, g.normal, hit=g.hit, camera=g.camera,
+        luminance(mean), g.depth, g.normal, hit=g.hit, camera=g.camera,
         iterations=iterations, phi_color=phi_color, phi_normal=phi_normal, variance=variance, roughness=roughness,
     )  # fmt: skip
-    all_three, _ = atrous(
-        torch.cat([light, orange, green], dim=1), g.depth, g.normal, hit=g.hit, camera=g.camera,
-        iterations=iterations, phi_color=CHROMA_PHI, phi_normal=phi_normal, variance=left, roughness=roughness,
-        lead=1,
+    wide, _ = atrous(
+        torch.cat([light, mean], dim=1), g.depth, g.normal, hit=g.hit, camera=g.camera,
+        iterations=(iterations + 1) // 2, phi_color=CHROMA_PHI, phi_normal=phi_normal, variance=left,
+        roughness=roughness, lead=1,
     )  # fmt: skip
-    orange, green = all_three[:, 1:2], all_three[:, 2:]
-    middle = light - (REC709[0] - REC709[2]) / 2 * orange - REC709[1] * green
-    return torch.cat([middle + orange / 2, middle + green, middle - orange / 2], dim=1).clamp_min(0.0)
+    color = wide[:, 1:]
+    return color * (light / luminance(color).clamp_min(1e-12))
 
 
 class ASVGF(TemporalPass):

@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt.compute.resident import waits
 from gbufrt.demands.pictures import check_alike, check_pictures
 from gbufrt.history import check_history
 from gbufrt.luminance import luminance
@@ -24,6 +25,9 @@ from post.upsampling.upscale_op import upscaled
 from post.upsampling.upscale_reference import Large, Small, Tunables, begun, light_of
 
 MOST_RATIO = 4.0
+DIM = 0.06  # geometric mean of luminance: darker pictures are averaged as if they were as bright
+MOST_BRIGHTER = 8.0  # times: beyond it lamps come too near to the end of the tone curve
+DRIFT = 0.75  # stops by which that factor may be off until it changes, which the whole history then does
 SMOOTH = 0.5  # perceptual roughness from which on reflections are too blurred for their motion to show
 
 
@@ -47,7 +51,8 @@ def upscale(
     blur it. The history is read through a spline, where the surface in front was, and clipped in YCoCg to mean and
     variance of the samples around; its weight falls where neighbours move otherwise. Thin features, which the samples
     often miss, are locked: they are not clipped until light changes. The box is wider where clipping moves history to
-    and fro, which would flicker. All colours are weighted by 1 / (1 + luminance).
+    and fro, which would flicker. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it
+    were exposed.
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 
@@ -84,25 +89,60 @@ def upscale(
     if history is not None and tuple(history.length.shape[-2:]) != size:
         raise ValueError(f"the history must be {size}, got {tuple(history.length.shape[-2:])}; start with state=None")
     color = finite(color)
-    toned = color / (1 + luminance(color).clamp_min(0.0))
+    level, brighter = brightness(color, history)
+    toned = color * level / (1 + luminance(color).clamp_min(0.0) * level)
     at = Samples.of((color.shape[-2], color.shape[-1]), size, gbuffer.camera.jitter, toned)
     around, features = light_around(toned), thin_features(toned)
     if history is None or history.gbuffer is None:
         large = begun(toned, features, gbuffer.depth, at, size, frames)
         light = light_of(large.toned)
     else:
+        past, before = _before(history, brighter)
         previous, react = history.gbuffer.camera, toned[:, :0] if reactive is None else _spread(reactive.to(toned))
         motion = motion_of(gbuffer, previous)[0]
-        alike = same_light(around, history.signals["around"], motion)
+        alike = same_light(around, past, motion)
         surfaces, farthest = moving_surfaces(gbuffer, previous), farthest_around(history.gbuffer)
         small = Small(toned, surfaces, farthest, alike, features, motion.detach().to(toned), react)
-        before = Large(history.signals["toned"], history.length, history.signals["planes"])
         tunables = Tunables(gamma, frames, lock, stability)
         light, large = upscaled(small, before, at, gbuffer.camera, previous, tunables)
     if sharpness:
         light = light_of(sharpened(large.toned, sharpness))
-    signals = {"toned": large.toned, "planes": large.planes, "around": around}
-    return light, History(length=large.length, signals=signals, gbuffer=geometry_of(gbuffer))
+    signals = {"toned": large.toned, "planes": large.planes, "around": around, "level": level}
+    return light / level, History(length=large.length, signals=signals, gbuffer=geometry_of(gbuffer))
+
+
+def brightness(color: Tensor, history: History | None) -> tuple[Tensor, Tensor]:
+    """What light is multiplied by before it is tone-mapped, ``(B, 1, 1, 1)``, and that over what the history was.
+
+    Edges of what is shown brighter than it is would else be averaged as those of dim light are, nearly linear, and have
+    steps after exposure and tone curve.
+
+    Args:
+        color: ``(B, 3, h, w)`` linear radiance.
+        history: see `upscale`.
+    """
+    mean = luminance(color.detach()).clamp_min(1e-4).log().mean((1, 2, 3), keepdim=True).exp()
+    level = (DIM / mean).clamp(1.0, MOST_BRIGHTER)
+    if history is None or history.gbuffer is None:
+        return level, torch.ones_like(level)
+    was = history.signals["level"]
+    known = was > 0  # a history that was reset has none
+    stays = known & ((level / was.clamp_min(1e-6)).log2().abs() < DRIFT)
+    level = torch.where(stays, was, level)
+    return level, torch.where(known, level / was.clamp_min(1e-6), 1.0)
+
+
+def toned_again(toned: Tensor, luma: Tensor, brighter: Tensor) -> Tensor:
+    """Tone-mapped colours, or their ``luma``, of light that is ``brighter`` by a factor."""
+    return toned * brighter / (1 + (brighter - 1) * luma.clamp(0.0, 1.0))
+
+
+def _before(history: History, brighter: Tensor) -> tuple[Tensor, Large]:
+    """The light around pixels of the small picture, and the history, as if light had been ``brighter`` by a factor."""
+    around, toned = history.signals["around"], history.signals["toned"]
+    if waits(brighter) or bool((brighter != 1).any()):
+        around, toned = toned_again(around, around, brighter), toned_again(toned, luminance(toned), brighter)
+    return around, Large(toned, history.length, history.signals["planes"])
 
 
 def reactive_mask(g: GBuffer, *, reactivity: float = 1.0) -> Tensor:

@@ -91,6 +91,22 @@ def test_noise_of_replayed_samples_cancels():
     assert float(change[f.gbuffer.hit].mean()) < 0.3 * float(alone.mean())
 
 
+@pytest.mark.parametrize("signal", ["diffuse", "specular"])
+def test_light_of_one_colour_stays_of_that_colour_around_what_is_bright(signal: str):
+    """The image of a lamp and the dark around it: neither the rim nor the dark is more colourful than the lamp is."""
+    generator = torch.Generator().manual_seed(8)
+    lamp = torch.full((1, 1, *SIZE), 0.01)
+    lamp[..., 20:26, 18:24] = 10.0
+    f = frame(even() * lamp * torch.empty(1, 1, *SIZE).exponential_(generator=generator))
+    distance = torch.full_like(f.gbuffer.depth, 4.0) if signal == "specular" else None
+    light, _ = asvgf(f.read("diffuse"), f.gbuffer, distance=distance)
+    hit = f.gbuffer.hit & (light.sum(1, keepdim=True) > 0)
+    assert bool(hit[..., 18:28, 16:26].any())
+    share = light / light.sum(1, keepdim=True).clamp_min(1e-12)
+    want = (COLOR / COLOR.sum()).expand_as(share)
+    torch.testing.assert_close(share[hit.expand_as(share)], want[hit.expand_as(want)], rtol=1e-4, atol=0)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_this_frame_counts_as_much_as_has_changed(share: float):
     f, history = frame(even()), None
