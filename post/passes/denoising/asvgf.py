@@ -173,7 +173,7 @@ def _filtered(
         iterations=(iterations + 1) // 2, phi_color=CHROMA_PHI, phi_normal=phi_normal, variance=left,
         roughness=roughness, lead=1,
     )  # fmt: skip
-    color = wide[:, 1:]
+    color = wide[:, 1:].clamp_min(0.0)
     return color * (light / luminance(color).clamp_min(1e-12))
 
 
