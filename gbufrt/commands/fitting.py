@@ -12,7 +12,7 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
-from post import Composite, Denoise, EstimateMissing
+from post import GTAO, Composite, Denoise, EstimateMissing
 
 LIT = ("ao", "gi", "reflection", "behind", "composite")
 """Stages that make light of direct light; a finished picture holds it already."""
@@ -21,6 +21,7 @@ ESTIMATED = ("motion", "motion_z", "thickness")
 GUESSED = ("roughness", "metallic")
 AOVS = {"albedo": "Base Color", "roughness": "Roughness", "metallic": "Metallic"}
 """What Blender's files call channels that it has no passes of."""
+SEEN = 0.01  # of the height of what is seen at the median depth: a smaller radius of ``ao`` leaves next to nothing
 SHORT = {"dof": "depth_of_field"}
 
 
@@ -88,6 +89,24 @@ def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:
     what = leave if denoised else "from which --passes denoise,... would free it"
     warnings.warn(f"the light is noisy, by {noise:.0%} from pixel to pixel, {what}", stacklevel=3)
     return denoised
+
+
+def hint_of_units(frame: Frame, pipeline: Pipeline) -> str:
+    """What to say where ``ao`` reaches so little of the picture that world units are hardly metres; else nothing."""
+    g = frame.gbuffer
+    ao = dict(pipeline.stages.items()).get("ao")
+    sweep = dict(ao.stages.items()).get("estimate") if isinstance(ao, Pipeline) else None
+    if not isinstance(sweep, GTAO) or not bool(g.hit.any()):
+        return ""
+    radius = float(sweep.radius)
+    depth = float(g.depth[g.hit].median())
+    seen = g.camera.size[0] / float(g.camera.lens[0, 1]) * (1.0 if g.camera.orthographic else depth)
+    if radius >= SEEN * seen:
+        return ""
+    return (
+        f"the median depth is {depth:.4g} units, of which ambient occlusion looks {radius:g} far, as if they were "
+        "metres: --units-per-metre 100 if they are centimetres"
+    )
 
 
 def remedies(*, sky: str) -> dict[str, str]:

@@ -89,7 +89,7 @@ def post(
         if recipe.pipeline != "me1" and options.warmup is None:
             recipe = replace(recipe, warmup=0)  # the same noise again would pass for light
     else:
-        from gbufrt.commands.fitting import pipeline_for
+        from gbufrt.commands.fitting import hint_of_units, pipeline_for
         from gbufrt.commands.foreign import Source
         from gbufrt.commands.recipe import Recipe
         from gbufrt.files.gbuffers.profile import load_profile
@@ -109,6 +109,8 @@ def post(
         first = next(frames)
         size = first.gbuffer.camera.size
         pipeline, frames = pipeline_for(first, recipe, wanted), chain([first], frames)
+        if options.units_per_metre is None and (hint := hint_of_units(first, pipeline)):
+            origin.tell(hint)
         if environment is not None and "reflection" not in pipeline.stages:
             raise ValueError("--environment is seen in reflections, which are left out; ask for them with --passes")
         if "denoise" in pipeline.stages:

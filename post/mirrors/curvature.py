@@ -12,8 +12,22 @@ from gbufrt.directions import length
 from gbufrt.sampling import sample
 
 CREASE = 0.6  # cosine between the normals of neighbours below which an edge lies between them
+TIGHT = 0.03  # radians from pixel to pixel: rays that a mirror turns apart by more find another surface each
 SHOWN = 0.5  # least length of a mean of normals, which are zero where there is no mirror
 FOCUS = 0.1  # least share of a plane's turn that curvature leaves: nearer to their focus images grow without bound
+
+
+def tightly_curved(normal: Tensor, mirrors: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` bool: mirrors that curve so much that what they show has no surface wider than a few pixels.
+
+    Args:
+        normal: ``(B, 3, H, W)`` of the mirrors, unit length, in any space.
+        mirrors: ``(B, 1, H, W)`` bool.
+    """
+    if not (waits(mirrors) or bool(mirrors.any())):
+        return mirrors
+    right, down = (length(_slope(normal, mirrors, dim)) for dim in (3, 2))
+    return mirrors & (2 * torch.maximum(right, down) > TIGHT)
 
 
 def normals_before(normal: Tensor, before: Tensor | None, px: Tensor) -> Tensor:

@@ -7,24 +7,28 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from gbufrt.directions import length
-from post.mirrors.image import METAL, SMOOTH
+from post.mirrors.image import METAL, SMOOTH, tight_metals
 
 LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
 LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
 
 
 def glossy_metals(g: GBuffer) -> Tensor | None:
-    """``(B, 1, H, W)`` bool: metals that show highlights, not images; None where the G-buffer does not tell."""
+    """``(B, 1, H, W)`` bool: metals that show highlights, or images too small for a filter of pixels.
+
+    None where the G-buffer does not tell.
+    """
     if g.roughness is None or g.metallic is None:
         return None
-    return g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH)
+    return g.hit & (g.metallic > METAL) & ((g.roughness >= SMOOTH) | tight_metals(g))
 
 
 def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
     """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
 
     A highlight stays where it is on a surface as long as the eye turns round it by less than the lobe is wide. Further
-    frames show light that is no longer there. Smooth metals are left to `post.mirrors.image`.
+    frames show light that is no longer there. Smooth metals, and those that curve tightly, are left to
+    `post.mirrors.image`: their histories follow what they show.
 
     Args:
         g: of the frame.
@@ -40,4 +44,4 @@ def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
     turned = length(now - was)  # radians, as it is small
     frames = (LASTING * g.roughness.square() / turned.clamp_min(1e-9)).clamp_min(LEAST)
-    return torch.where(metals, frames, torch.inf)
+    return torch.where(metals & ~tight_metals(g), frames, torch.inf)

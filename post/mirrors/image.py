@@ -14,9 +14,10 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.compute.resident import waits
 from gbufrt.sampling import gather
+from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.history.reproject import motion_of
 from post.march.rays import Hits, depth_hierarchy, march_rays
-from post.mirrors.curvature import curved_motion, normals_before
+from post.mirrors.curvature import curved_motion, normals_before, tightly_curved
 from post.shading.ggx import grazing, specular_f0
 from post.sweep.chords import known_thickness
 
@@ -34,6 +35,9 @@ class Image(NamedTuple):
     and motion."""
     mask: Tensor
     """``(B, 1, H, W)`` bool: the pixels of mirrors."""
+    follows: Tensor
+    """``(B, 1, H, W)`` bool: mirrors, and metals that curve tightly. These keep the geometry of their own, because
+    edges of so small an image tell a filter of pixels nothing; their motion is that of what they show."""
     albedo: Tensor
     """``(B, 3, H, W)`` in mirrors, Fresnel reflectance times the albedo of what is reflected; of what is not on screen
     that is 1."""
@@ -42,7 +46,7 @@ class Image(NamedTuple):
     emission: Tensor
     """``(B, 3, H, W)`` in mirrors, linear radiance that what is reflected emits, times the reflectance."""
     facing: Tensor
-    """``(B, 3, H, W)`` world space: normals of the mirrors themselves, zero elsewhere."""
+    """``(B, 3, H, W)`` world space: normals of the surfaces that show an image's motion, zero elsewhere."""
 
 
 def mirror_image(
@@ -66,16 +70,18 @@ def mirror_image(
     """
     if g.roughness is None or g.metallic is None or g.albedo is None:
         return None
-    mask = g.hit & (g.roughness < SMOOTH) & (g.metallic > METAL)
+    tight = tight_metals(g)
+    mask = g.hit & (g.roughness < SMOOTH) & (g.metallic > METAL) & ~tight
     mask = mask if polished is None else mask | polished
-    if not (waits(mask) or bool(mask.any())):
+    follows = mask | tight
+    if not (waits(follows) or bool(follows.any())):
         return None
     camera, points = g.camera, g.points_view()
     eye, facing = camera.to_eye(points), camera.rotate_to_view(g.normal)
     away = _mirrored(-eye, facing)
-    found = _first_hits(g, points, torch.where(mask, away, 0.0))
+    found = _first_hits(g, points, torch.where(follows, away, 0.0))
     column, row = (found.px[:, k].floor() for k in (0, 1))
-    distance = _image_distances(found, mask, (eye * facing).sum(1, keepdim=True), camera.far)
+    distance = _image_distances(found, follows, (eye * facing).sum(1, keepdim=True), camera.far)
     virtual = points - eye * distance
 
     def shown(channel: Tensor) -> Tensor:
@@ -96,20 +102,30 @@ def mirror_image(
         turned = normals_before(g.normal, before, centers + own)
         was = previous.to_view(_mirrored_at(was, camera.to_world(points) + moved, turned))
         flat = previous.project(was) - centers
-        changed["motion"] = curved_motion(flat, own, mask, distance, points, facing, camera)
+        changed["motion"] = curved_motion(flat, own, follows, distance, points, facing, camera)
         if g.motion_z is not None:
             changed["motion_z"] = was[:, 2:] - virtual[:, 2:]
     f0 = specular_f0(g.albedo, g.metallic)
     reflectance = f0 + (1 - f0) * grazing((eye * facing).sum(1, keepdim=True))
     emission = torch.zeros_like(reflectance) if g.emission is None else torch.where(found.hit, shown(g.emission), 0.0)
+    masks = {name: follows if name == "motion" else mask for name in changed}
     return Image(
-        g.replace(**{name: torch.where(mask, new, getattr(g, name)) for name, new in changed.items()}),
+        g.replace(**{name: torch.where(masks[name], new, getattr(g, name)) for name, new in changed.items()}),
         mask,
+        follows,
         reflectance * torch.where(found.hit, shown(g.albedo), 1.0),
         reflectance,
         reflectance * emission,
-        torch.where(mask, g.normal, 0.0),
+        torch.where(follows, g.normal, 0.0),
     )
+
+
+def tight_metals(g: GBuffer) -> Tensor:
+    """``(B, 1, H, W)`` bool: metals that show an image, sharp or not, and curve tightly; none where it is not told."""
+    if g.roughness is None or g.metallic is None:
+        return torch.zeros_like(g.hit)
+    shiny = g.hit & (g.metallic > METAL) & (g.roughness <= VIRTUAL_ROUGHNESS)
+    return tightly_curved(g.normal, shiny)
 
 
 def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:

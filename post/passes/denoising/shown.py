@@ -96,7 +96,7 @@ def in_mirrors(
     if polished is not None:  # the rest of their light is still that of the surface, or of what lies behind it
         divisor = torch.where(polished, _divisor(g.hit, shown.divisor + image.albedo - image.reflectance), divisor)
     return Shown(
-        _merged(image.mask, image.gbuffer, shown.gbuffer),
+        _merged(image.follows, image.gbuffer, shown.gbuffer),
         divisor,
         torch.where(image.mask, shown.emission + image.emission, shown.emission),
         image.mask,

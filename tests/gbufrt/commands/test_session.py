@@ -1,13 +1,19 @@
-"""How the command line runs a pipeline over frames: warm-up, cuts, frames without results."""
+"""How the command line runs a pipeline over frames: warm-up, cuts, frames without results, units."""
 
 from __future__ import annotations
 
 import boxes
+import pytest
 import torch
 from command_line import fake_me1
 
+from gbufrt import Camera, Frame, GBuffer
+from gbufrt.commands.fitting import hint_of_units
 from gbufrt.commands.session import Runner, bare
 from gbufrt.noise.noise import blue_noise
+from post import me1
+
+SHAPE = (18, 32)
 
 
 def test_runner_starts_anew_where_frames_do_not_follow():
@@ -35,3 +41,25 @@ def test_bare_frames_hold_no_results():
     clean = bare(full)
     assert clean.behind is not None
     assert clean.present == clean.behind.present == frame.present
+
+
+def wall(distance: float, *, orthographic_height: float | None = None) -> Frame:
+    """A wall so many units away; the camera sees about as much of it."""
+    camera = Camera.look_at(
+        (0, 0, distance), (0, 0, 0), size=SHAPE, fov_y=53.0, far=1e5, orthographic_height=orthographic_height
+    )
+    depth = torch.full((1, 1, *SHAPE), distance)
+    normal = torch.zeros(1, 3, *SHAPE)
+    normal[:, 2] = 1.0
+    return Frame(gbuffer=GBuffer(camera=camera, depth=depth, hit=depth > 0, normal=normal))
+
+
+@pytest.mark.parametrize("height", [1.0, None])
+def test_a_room_in_centimetres_is_told_from_one_in_metres(height: float | None) -> None:
+    centimetres = wall(500.0, orthographic_height=height and 500.0)
+    told = hint_of_units(centimetres, me1("high"))
+    assert "the median depth is 500 units" in told
+    assert "--units-per-metre 100" in told
+    assert hint_of_units(centimetres, me1("high", units_per_metre=100)) == ""
+    assert hint_of_units(wall(5.0, orthographic_height=height and 5.0), me1("high")) == ""
+    assert hint_of_units(centimetres, me1("high").without("ao")) == ""

@@ -13,8 +13,14 @@ from gbufrt.directions import length
 from gbufrt.sampling import sample
 from post.mirrors.image import Image, mirror_image
 
-SIZE = (96, 128)
+SIZE = (96, 128)  # too few pixels for what the ball shows, if `wide` were not told
 CENTER, RADIUS = torch.tensor([0.0, 1.2, 0.0]), 1.2  # over a floor at y = 0
+
+
+@pytest.fixture
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Balls of few pixels show images all the same, so that the geometry of these can be told."""
+    monkeypatch.setattr("post.mirrors.curvature.TIGHT", math.inf)
 
 
 def camera(x: float, *, orthographic: bool = False) -> Camera:
@@ -89,6 +95,7 @@ def misses(image: Image, shown: Tensor, before: Tensor) -> Tensor:
     return pixels[on_screen & image.mask[..., :-1, :-1] & pixels.isfinite()]
 
 
+@pytest.mark.usefixtures("wide")
 @pytest.mark.parametrize("orthographic", [False, True])
 def test_images_in_a_ball_move_with_the_point_that_they_show(orthographic, monkeypatch):
     seen = images(0.4, orthographic=orthographic)
@@ -99,6 +106,21 @@ def test_images_in_a_ball_move_with_the_point_that_they_show(orthographic, monke
     assert 10 * float(curved.median()) < 0.5 < float(flat.median())
 
 
+def test_tight_images_move_as_others_do_and_leave_the_geometry_alone(monkeypatch):
+    """What a pixel of so small a ball shows has no neighbours, but moves over it as other images do."""
+    tight, *_ = images(0.4)
+    own, _ = ball(camera(0.4), camera(0.0))
+    assert not bool(tight.mask.any())
+    assert torch.equal(tight.gbuffer.depth, own.depth)
+    assert torch.equal(tight.gbuffer.normal, own.normal)
+    monkeypatch.setattr("post.mirrors.curvature.TIGHT", math.inf)
+    wide, *_ = images(0.4)
+    assert torch.equal(tight.follows, wide.mask)
+    assert torch.equal(torch.as_tensor(tight.gbuffer.motion), torch.as_tensor(wide.gbuffer.motion))
+    assert float(length(torch.as_tensor(tight.gbuffer.motion) - torch.as_tensor(own.motion))[tight.follows].max()) > 0.5
+
+
+@pytest.mark.usefixtures("wide")
 def test_a_ball_that_spins_shows_the_same():
     image, shown, _ = images(0.0, spin=0.15)
     known = image.mask & shown.isfinite().all(1, keepdim=True)
