@@ -93,13 +93,17 @@ def test_a_tower_is_not_looked_at_from_under_its_wall():
     assert looks_free(found, "landscape", 0.0, near=14.0) > 0.3
 
 
-def island(*, gap: bool = False) -> World:
-    """Three by three chunks of sea, 20 deep, less one at a corner; a hill of earth, and one block of land at an end."""
+def island(*, gap: bool = False, land: int = 0) -> World:
+    """Three by three chunks of sea, 20 deep, less one at a corner; a hill of earth.
+
+    With a ``gap`` one column at an end has no water. With ``land`` there is water before z = 16 alone, from so far on.
+    """
     table = MaterialTable.of([Material(name="earth"), Material(name="water plains", opacity=0.5)])
     cells = np.indices((48, 40, 48))
     x, y, z = cells
-    earth = (y < 4) | ((x - 24) ** 2 + (z - 24) ** 2 < (34 - y) ** 2 / 4) & (y < 34) | (gap & (x == 0) & (z == 20))
-    kept = (earth | (y < 24)) & ~((x < 16) & (z < 16))
+    earth = (y < 4) | ((x - 24) ** 2 + (z - 24) ** 2 < (34 - y) ** 2 / 4) & (y < 34)
+    earth |= (land > 0) & ((x < land) | (z >= 16)) & (y < 30)
+    kept = (earth | (y < 24)) & ~((x < 16) & (z < 16)) & ~(gap & (x == 0) & (z == 20) & (y >= 4))
     return world_of_cells(cells[:, kept].T, np.where(earth, 1, 2)[kept].astype(np.int16), table)
 
 
@@ -112,7 +116,19 @@ def test_land_in_the_sea_goes_on_as_sea():
         column = [int(found.at(torch.tensor([place[0], y, place[1]]))) for y in (3, 4, 23, 24)]
         assert column == [1, 2, 2, 0]
     looks_free(landscape(world), "landscape", 0.0, near=5.0)
-    assert landscape(island(gap=True)).world.bounds() == world.bounds()
+    assert landscape(island(gap=True)).world.bounds() == world.bounds(), "the sea would stand in the gap as a wall"
+
+
+@pytest.mark.parametrize(("land", "coast"), [(16, True), (32, False)])
+def test_land_with_a_coast_goes_on_as_sea(land: int, coast: bool):
+    """A third of the border is water, or a sixth of it."""
+    world = island(land=land)
+    scene = landscape(world)
+    assert (scene.world.bounds() != world.bounds()) == coast
+    assert scene.sky.plain is not None
+    assert (scene.sky.plain.water == 1) == coast
+    beyond = [int(scene.world.at(torch.tensor([60, y, 40]))) for y in (3, 4, 23, 24, 29)]
+    assert beyond == ([1, 2, 2, 0, 0] if coast else [0] * 5), "water before the cliff"
 
 
 def test_below_the_horizon_lies_what_the_border_shows():

@@ -46,8 +46,9 @@ def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
     """A scene of a piece of land under the sky.
 
     Args:
-        world: the land. Where the file ends it goes on as the sea if there is water all round it; else there is empty
-            space, and below the horizon a plain of the border's mean colour. What lies under a roof of bedrock, as the
+        world: the land. Where the file ends it goes on as the sea if it has a coast there, see
+            `tracer.worlds.sea.shore_of`; else there is empty space, and below the horizon a plain of the border's mean
+            colour. What lies under a roof of bedrock, as the
             Nether does, has smoke lit by embers in place of sun and sky. What is of end stone has a night lit from
             overhead.
         instances: what else there is.
@@ -95,7 +96,9 @@ def _night() -> torch.Tensor:
 
 
 def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:
-    """What land goes on as: the mean of its border."""
+    """What land goes on as: the sea, or the mean of its border."""
+    if math.isfinite(ground.beyond[0]):
+        return Plain(MEADOW.albedo, 1.0)
     kinds = torch.from_numpy(ground.kind[ends_of(np.isfinite(ground.top))])
     albedo, water = materials.albedo.cpu()[kinds], materials.water.cpu()[kinds]
     r, g, b = albedo[~water].mean(dim=0).tolist() if not water.all() else MEADOW.albedo
