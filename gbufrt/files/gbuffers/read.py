@@ -29,6 +29,7 @@ from gbufrt.gbuffer import GBuffer
 MOST_AWAY = 0.5  # share of normals that may face away, as back faces' do; more are a wrong sign, left to be seen
 INSTEAD = {"albedo": 0.0, "roughness": 1.0, "metallic": 0.0}
 OVERSHOOT = 1.05  # of albedo, roughness and metallic: filters and losses overshoot by less
+BYTES = 8.0  # above it colours count to 255, dark ones too; below it what lies behind surfaces may add up
 MANY_OVER = 0.01  # share of the surfaces that may be larger
 BETTER = "G-buffers with ZIP, PIZ or PXR24"
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
@@ -187,10 +188,9 @@ def _channel(named: Named, name: str, size: tuple[int, int], hit: Tensor) -> Ten
     pixels = torch.where(lost, INSTEAD[name], pixels)
     over = (pixels > OVERSHOOT).any(1, keepdim=True) & hit
     if int(over.sum()) > MANY_OVER * int(hit.sum()):
-        most = f"reaches {float(pixels[:, :, hit[0, 0]].max()):g}"
-        warnings.warn(
-            f"{named.layers.path}: {name} {most}, and is clamped to 1; divide it if it counts to 255", stacklevel=5
-        )
+        most = float(pixels[:, :, hit[0, 0]].max())
+        why = "divide it if it counts to 255" if most > BYTES else "what is seen through another surface may add to it"
+        warnings.warn(f"{named.layers.path}: {name} reaches {most:g}, and is clamped to 1; {why}", stacklevel=5)
     return pixels
 
 

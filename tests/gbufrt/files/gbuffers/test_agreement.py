@@ -117,9 +117,14 @@ def test_normals_that_no_setting_makes_agree_are_said_with_their_share(tmp_path:
     assert any("no setting makes them; depth lies within 0 and 1, and may be normalised" in line for line in lines)
 
 
-def test_colours_that_count_to_255_are_said_to_be_clamped(tmp_path: Path) -> None:
-    path = foreign_exr.write(tmp_path / "a.exr", plain(albedo_RGB=np.full((*foreign_exr.SIZE, 3), 128.0)))
-    with pytest.warns(UserWarning, match="albedo reaches 128, and is clamped to 1; divide it if it counts to 255"):
+@pytest.mark.parametrize(
+    ("most", "why"),
+    [(128.0, "divide it if it counts to 255"), (1.4, "what is seen through another surface may add to it")],
+)
+def test_colours_that_are_clamped_are_told(tmp_path: Path, most: float, why: str) -> None:
+    """Renderers add up what lies behind surfaces of some opacity; others count to 255."""
+    path = foreign_exr.write(tmp_path / "a.exr", plain(albedo_RGB=np.full((*foreign_exr.SIZE, 3), most)))
+    with pytest.warns(UserWarning, match=f"albedo reaches {most:g}, and is clamped to 1; {why}"):
         read_gbuffer(path, camera=foreign_exr.CAMERA)
 
 
