@@ -81,7 +81,7 @@ def upscale(
     2019; samples compared with what the history shows there by Irani and Peleg 1991. Planes carried on and splines are
     our own.
     """
-    check_history(gbuffer, history, "toned", "planes", "around")
+    check_history(gbuffer, history, "toned", "planes", "around", "level")
     _check(ratio, frames, gamma, lock, stability, sharpness)
     check_pictures(gbuffer.camera, depth=gbuffer.depth, color=color)
     check_alike("color", color=color, reactive=reactive)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import boxes
 import pytest
 import torch
@@ -47,3 +49,12 @@ def test_what_is_kept_dims_with_the_light():
     found, state = upscale(torch.full_like(light, 0.02), flat, state)
     assert float(state.signals["level"]) == pytest.approx(3.0, rel=1e-3)
     torch.testing.assert_close(found, torch.full_like(found, 0.02), rtol=0.02, atol=0)
+
+
+def test_a_history_without_its_brightness_is_refused():
+    """As one is that an older version kept."""
+    frame = jittered(0)
+    _, state = upscale(frame.read("radiance"), frame.gbuffer)
+    older = replace(state, signals={name: kept for name, kept in state.signals.items() if name != "level"})
+    with pytest.raises(ValueError, match=r"^history must hold 'level', got toned, planes, around"):
+        upscale(frame.read("radiance"), frame.gbuffer, older)
