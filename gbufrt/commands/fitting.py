@@ -12,7 +12,7 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
-from post import GTAO, Composite, Denoise, EstimateMissing
+from post import Composite, Denoise, EstimateMissing
 
 LIT = ("ao", "gi", "reflection", "behind", "composite")
 """Stages that make light of direct light; a finished picture holds it already."""
@@ -94,11 +94,9 @@ def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:
 def hint_of_units(frame: Frame, pipeline: Pipeline) -> str:
     """What to say where ``ao`` reaches so little of the picture that world units are hardly metres; else nothing."""
     g = frame.gbuffer
-    ao = dict(pipeline.stages.items()).get("ao")
-    sweep = dict(ao.stages.items()).get("estimate") if isinstance(ao, Pipeline) else None
-    if not isinstance(sweep, GTAO) or not bool(g.hit.any()):
+    radius = pipeline.all_tunables().get("ao.estimate.radius")
+    if radius is None or not bool(g.hit.any()):
         return ""
-    radius = float(sweep.radius)
     depth = float(g.depth[g.hit].median())
     seen = g.camera.size[0] / float(g.camera.lens[0, 1]) * (1.0 if g.camera.orthographic else depth)
     if radius >= SEEN * seen:

@@ -37,11 +37,11 @@ def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
     Returns:
         ``(B, 1, H, W)``, infinite where nothing limits it; None where the G-buffer does not tell.
     """
-    metals = glossy_metals(g)
-    if metals is None or g.roughness is None:
+    if g.roughness is None or g.metallic is None:
         return None
+    glossy = g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH) & ~tight_metals(g)
     points = g.camera.to_world(g.points_view())
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
     turned = length(now - was)  # radians, as it is small
     frames = (LASTING * g.roughness.square() / turned.clamp_min(1e-9)).clamp_min(LEAST)
-    return torch.where(metals & ~tight_metals(g), frames, torch.inf)
+    return torch.where(glossy, frames, torch.inf)

@@ -96,9 +96,8 @@ def temporal(
     sized = {"distance": distance, "longest": longest, "lenient": lenient}
     check_sizes(gbuffer.camera, depth=gbuffer.depth, signal=signal, **sized)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
-    geometry = surface(
-        gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, gbuffer.roughness if rare else None
-    )  # fmt: skip
+    rough = gbuffer.roughness if rare else None
+    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
     before, noise, past = 0.0, None, None if history is None else history.gbuffer
     if history is not None and past is not None:
@@ -166,12 +165,7 @@ def _fetch(
 
 
 def _finish(
-    sample: Tensor,
-    new: dict[str, Tensor],
-    length: Tensor,
-    g: GBuffer,
-    feedback: bool,
-    lead: int,
+    sample: Tensor, new: dict[str, Tensor], length: Tensor, g: GBuffer, feedback: bool, lead: int
 ) -> tuple[Tensor, History]:
     """Compute the variance left in the mean, and the history for the next frame."""
     mean, variance = new["signal"], sample_variance(new["moments"], length)
