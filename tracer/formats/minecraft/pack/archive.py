@@ -18,7 +18,7 @@ MAX_FILES = 1 << 18
 JAVA, BEDROCK = "assets/minecraft/textures/block/", "textures/blocks/"
 ENDS = (".png", ".tga")
 COMMENTS = re.compile(rb"^\s*//.*$", re.MULTILINE)  # Bedrock allows them in JSON
-# what zipfile raises: NotImplementedError where it does not know a compression, RuntimeError where it wants a password
+# what zipfile raises of a damaged file, of a compression that it does not know, and of one with a password
 ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError)
 
 
