@@ -15,6 +15,8 @@ from post.history.constants import YOUNG
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
 MOST = 10.0  # times the light that is kept: more than this is lost, since what few samples bring is uncertain
 WIDE = 5  # wavelets over which light is given back: they reach 62 pixels to each side
+ENOUGH = 200.0  # samples of a surface that tell as much of what is to be given back to it as the picture does, as
+# wavelets count them: on surfaces narrower than they are each counts several times
 
 
 def cut_outliers(
@@ -79,9 +81,19 @@ def still_missing(cut: Tensor, was: Tensor, now: Tensor) -> Tensor:
 
 
 def given_back(
-    smooth: Tensor, mean: Tensor, cut: Tensor, geometry: Surface, *, wide: int = WIDE, reach: Tensor | None = None
+    smooth: Tensor,
+    mean: Tensor,
+    cut: Tensor,
+    geometry: Surface,
+    *,
+    wide: int = WIDE,
+    reach: Tensor | None = None,
+    length: Tensor | None = None,
 ) -> Tensor:
     """Brighten each surface by the share of its light that cuts took over a wide area of it: its mean stays.
+
+    On a small surface few samples tell that share, and one that was cut at a highlight would brighten all of it: the
+    share of the whole picture counts as well then.
 
     Args:
         smooth: ``(B, 3, H, W)`` filtered light.
@@ -90,10 +102,20 @@ def given_back(
         geometry: of this frame.
         wide: wavelets over which light is given back.
         reach: ``(B, 1, H, W)``, see `spread`.
+        length: ``(B, 1, H, W)`` frames in the mean, which make its samples many or few; by default any number is
+            enough.
 
     Returns:
         ``(B, 3, H, W)``, at most twice as bright.
+
+    Source: Efron and Morris 1973 (shrinkage toward a mean).
     """
-    planes = torch.cat([luminance(mean), cut], dim=1)
-    light, away = spread(planes, torch.zeros_like(cut), geometry, wide, reach)[0].split(1, 1)
-    return smooth * (1 + (away / light.clamp_min(1e-6)).clamp(0.0, 1.0))
+    planes, alone = torch.cat([luminance(mean), cut], dim=1), torch.ones_like(cut)
+    averaged, left = spread(planes, alone, geometry, wide, reach)  # of one over ``left`` samples
+    light, away = averaged.split(1, 1)
+    share = (away / light.clamp_min(1e-6)).clamp(0.0, 1.0)
+    if length is not None:
+        whole = torch.where(geometry.hit, planes, 0.0).sum((2, 3), keepdim=True)
+        typical = (whole[:, 1:] / whole[:, :1].clamp_min(1e-6)).clamp(0.0, 1.0)
+        share = typical + (share - typical) / (1 + ENOUGH * left / length.clamp_min(1.0))
+    return smooth * (1 + share)

@@ -18,7 +18,7 @@ from post.history.antilag import grain_of, into_shadow, shared_at_first, tolerat
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
-from post.mirrors.glossy import frames_lasting, glossy_metals
+from post.mirrors.glossy import contrasting, frames_lasting, glossy_metals
 from post.mirrors.image import METAL
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
@@ -114,6 +114,7 @@ def denoise(
     grain = grain_of(mean, variance, shown.hit)
     likely = shared_at_first(mean, variance, length, shown.hit)
     told = tolerated(likely, grain, length, shown.hit, least=TOLERANCE)
+    told = told if (sharp := contrasting(gbuffer)) is None else told * sharp
     smooth, left = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
         iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL, unlike=glossy,
@@ -127,7 +128,7 @@ def denoise(
     sure = trusted(grain, length)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
     smooth = into_shadow(smooth, noisy, same, sure)
-    smooth = given_back(smooth, mean, history.signals["excess"], geometry)
+    smooth = given_back(smooth, mean, history.signals["excess"], geometry, length=length)
     clean = smooth * divisor + emission
     if mirrors is not None:
         clean = _despeckled(clean, same, mirrors)

@@ -66,6 +66,30 @@ def test_what_is_cut_comes_back_as_light_all_around():
     assert float(kept[inner].sum()) < 0.96 * float(light[inner].sum())
 
 
+def test_few_samples_of_a_small_surface_do_not_tell_what_to_give_back():
+    """A patch of which a third was cut lies in front of a wall of which a tenth was."""
+    camera, one = boxes.camera(SIZE), torch.ones_like(G.depth)
+    patch = torch.zeros_like(G.hit)
+    patch[..., 14:22, 20:28] = True
+    toward = camera.rotate_to_world(torch.tensor([0.0, 0.0, -1.0]).view(1, 3, 1, 1).expand_as(G.normal))
+    geometry = surface(torch.where(patch, 2.0, 4.0), toward, one > 0, camera)
+    light, cut = one.expand_as(G.normal).contiguous(), torch.where(patch, 1 / 3, 0.1)
+    typical = float(cut.mean())
+
+    def share(frames: float | None) -> torch.Tensor:
+        length = None if frames is None else frames * one
+        return given_back(light, light, cut, geometry, length=length)[:, :1] - 1
+
+    known, first, later, even = share(None), share(1.0), share(64.0), share(1e9)
+    assert torch.allclose(known[patch], torch.tensor(1 / 3), atol=1e-3)
+    assert torch.allclose(even, known, atol=1e-4)
+    own = [float((found[patch].mean() - typical) / (1 / 3 - typical)) for found in (first, later)]
+    assert 0.1 < own[0] < 0.6 < 0.9 < own[1]
+    assert float((first - known)[~patch].abs().max()) < 0.02
+    same = given_back(light, light, torch.full_like(cut, 0.2), geometry, length=one) / light
+    assert torch.allclose(same, torch.tensor(1.2), atol=1e-4)
+
+
 def test_what_a_single_sample_brings_far_above_the_limit_is_lost():
     kept = torch.ones_like(G.normal)
     assert float(taken(9.0 * kept, kept, 3).max()) == pytest.approx(8.0)

@@ -9,7 +9,7 @@ import torch
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
 from post import Denoise, denoise
-from post.mirrors.glossy import LASTING, LEAST, frames_lasting
+from post.mirrors.glossy import LASTING, LEAST, SHARP, TRUSTED, contrasting, frames_lasting
 
 SIZE = (48, 64)
 RADIUS, DISTANCE = 1.0, 3.0
@@ -114,3 +114,36 @@ def test_dark_samples_of_a_lobe_are_no_shadow():
             clean, history = denoise(torch.where(g.hit, light, 0.0), still, history)
         left[metallic] = float(clean[..., 23:25, 31:33].mean())
     assert left[0.0] < left[1.0] - 0.015
+
+
+def test_wavelets_are_told_less_noise_where_metals_show_sharp_images():
+    for roughness in (0.02, 0.2, 0.9):
+        g = ball(1, roughness)
+        share = contrasting(g)
+        assert share is not None
+        assert float(share[..., SIZE[0] // 2, SIZE[1] // 2]) == pytest.approx(
+            min(max((roughness / SHARP) ** 2, TRUSTED), 1.0), rel=1e-5
+        )
+        assert bool((share[~g.hit] == 1).all())
+    matt = contrasting(ball(1, 0.05, metallic=0.0))
+    assert matt is not None
+    assert bool((matt == 1).all())
+    assert contrasting(ball(1).replace(roughness=None)) is None
+
+
+def test_a_first_frame_keeps_the_contrast_that_a_smooth_ball_of_metal_shows(monkeypatch):
+    """Two halves of a ball show unlike light, with the noise of one sample a pixel."""
+    g = ball(0, 0.1)
+    left = torch.arange(SIZE[1]) < SIZE[1] // 2
+    truth = torch.where(left, 0.25, 1.0).expand_as(g.normal)
+    noise = 2 * torch.rand(g.depth.shape, generator=torch.Generator().manual_seed(5))
+    light = (truth * noise).contiguous()
+    near = g.hit.clone()
+    near[..., : SIZE[1] // 2 - 4] = near[..., SIZE[1] // 2 + 4 :] = False
+
+    def error() -> float:
+        return float((denoise(light, g)[0] - truth)[near.expand_as(truth)].square().mean())
+
+    sharp = error()
+    monkeypatch.setattr("post.passes.denoising.denoise.contrasting", lambda g: None)
+    assert sharp < 0.9 * error()
