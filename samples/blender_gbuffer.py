@@ -40,7 +40,7 @@ for material in [material for material in bpy.data.materials if material.node_tr
         if source and source.is_linked:
             tree.links.new(source.links[0].from_socket, target)
 render.use_motion_blur = render.use_multiview = render.use_crop_to_border = False  # no motion vectors with blur
-scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01  # one point a pixel, as G-buffers are sampled
+scene.cycles.pixel_filter_type = "BOX"  # a pixel wide: colours are means over a pixel, depth is that of its middle
 if bpy.app.version >= (5, 0):  # its files of several parts, which this avoids, fail on pixels not square
     image.media_type, image.use_exr_interleave = "MULTI_LAYER_IMAGE", True
 image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"

@@ -97,17 +97,15 @@ def land_row(lands, behind, at_x, at_y, found, moved_x, moved_y, depth, along, d
     """Whether points land on the pixels, and whether they lie behind what is there now."""
     height, width = depth.shape
     own = depth[y, first : first + time.shape[0]]
-    right, bottom = np.float32(width) - HALF, np.float32(height) - HALF
+    right, bottom = np.float32(width - 1), np.float32(height - 1)
     for x in range(time.shape[0]):
         step_x, step_y = along[x] * time[x], down[x] * time[x]
-        inside = (at_x[x] >= -HALF) & (at_x[x] < right) & (at_y[x] >= -HALF) & (at_y[x] < bottom)
-        there = ONE if inside else ZERO
         miss = _length(moved_x[x] * time[x] - step_x, moved_y[x] * time[x] - step_y)
         landed = TWO - miss / (TOLERANCE + RELATIVE * _length(step_x, step_y))
-        lands[x] = there * min(max(landed, ZERO), ONE)
-        behind[x] = there * TWO * max(_in_front(own[x], found[x], softness) - HALF, ZERO)
-        at_x[x] = min(max(at_x[x], ZERO), right - HALF)
-        at_y[x] = min(max(at_y[x], ZERO), bottom - HALF)
+        lands[x] = min(max(landed, ZERO), ONE)
+        behind[x] = TWO * max(_in_front(own[x], found[x], softness) - HALF, ZERO)
+        at_x[x] = min(max(at_x[x], ZERO), right)
+        at_y[x] = min(max(at_y[x], ZERO), bottom)
 
 
 @contracted

@@ -1,4 +1,8 @@
-"""An open shutter in torch: the definitions of `post.lens.op.reconstruct` and `blur_alike`, with their gradients."""
+"""An open shutter in torch: the definitions of `post.lens.op.reconstruct` and `blur_alike`, with their gradients.
+
+Beyond the border of the picture its border goes on. What comes in from there is not known; but left out, pixels there
+would be the mean of one end of their path alone, and noisy.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.directions import length
-from gbufrt.sampling import inside, pixel_centers, sample, shifted
+from gbufrt.sampling import pixel_centers, sample, shifted
 from post.lens.constants import ALIKE, LANDING_RELATIVE, LANDING_TOLERANCE, OVERSHOOT, OWN_WEIGHT, STILL
 
 
@@ -39,7 +43,7 @@ def similar_reference(color: Tensor, path: Tensor, noise: Tensor, opening: float
         at = px - path * time
         there = sample(path, at, mode="nearest")
         alike = (there * path).sum(1, keepdim=True) / path.square().sum(1, keepdim=True).clamp_min(1e-12)
-        alike = alike.clamp(0, 1) * inside(at, (color.shape[-2], color.shape[-1]))
+        alike = alike.clamp(0, 1)
         total, weight = total + alike * sample(sharp, at), weight + alike
     return total / weight
 
@@ -105,11 +109,11 @@ def _candidate(
     """The point that ``path`` brings here at ``time``: colour, depth, whether its own path does so, and whether it
     lies behind what is here now."""
     at = px - path * time
-    found, there = sample(known, at, mode="nearest"), inside(at, (color.shape[-2], color.shape[-1]))
+    found = sample(known, at, mode="nearest")
     miss = length((found[:, 1:] - path) * time)
     lands = (2 - miss / (LANDING_TOLERANCE + LANDING_RELATIVE * length(path * time))).clamp(0, 1)
     behind = 2 * (_in_front(known[:, :1], found[:, :1], softness) - 0.5).clamp_min(0)
-    return sample(color, at), found[:, :1], lands * there, behind * there
+    return sample(color, at), found[:, :1], lands, behind
 
 
 def _in_front(near: Tensor, far: Tensor, softness: float | Tensor) -> Tensor:

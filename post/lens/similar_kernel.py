@@ -24,8 +24,6 @@ def similar_pixel(i, out, color, sharp, path, noise, opening, samples):
     for k in range(samples):
         time = np.float32(opening) + (np.float32(k) + noise[y, x]) * step
         column, row = np.float32(x) - along * time, np.float32(y) - down * time
-        if column < -HALF or row < -HALF or column >= np.float32(width) - HALF or row >= np.float32(height) - HALF:
-            continue
         column, row = min(max(column, ZERO), np.float32(width - 1)), min(max(row, ZERO), np.float32(height - 1))
         near_x, near_y = np.int64(column + HALF), np.int64(row + HALF)
         alike = (path[b, 0, near_y, near_x] * along + path[b, 1, near_y, near_x] * down) / max(square, TINY)

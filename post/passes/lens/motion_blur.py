@@ -43,7 +43,7 @@ def motion_blur(
     that comes by. The path of the fastest thing nearby, of the cells around from which something reaches here (their
     borders jittered), leads to where that may be now, and the motion found there to which point of it comes by: parts
     of a spinning body all move unlike. A candidate counts if its own motion really brings it here, and the nearer one
-    occludes the other. What is disoccluded is filled with the surface behind.
+    occludes the other. What is disoccluded is filled with the surface behind. Beyond the picture its border goes on.
 
     Args:
         color: ``(B, C, H, W)`` linear.

@@ -132,6 +132,16 @@ def test_a_line_under_even_motion_becomes_a_box():
     assert float(trail[:31].sum()) == 0.0
 
 
+@pytest.mark.parametrize("weights", ["reconstruction", "similarity"])
+def test_what_comes_in_over_the_border_counts(weights):
+    """All moves by 16 px, and beyond an edge near the border all is one colour: the edge becomes a ramp up to there."""
+    color, depth, motion = torch.zeros(1, 3, 9, 48), torch.ones(1, 1, 9, 48), torch.zeros(1, 2, 9, 48)
+    color[..., 4:], motion[:, 0] = 1.0, 16.0
+    row = motion_blur(color, depth, motion, shutter=1.0, samples=64, weights=weights)[0, 0, 4]
+    want = [(8 - 4 + i + 0.5) / 16 for i in range(12)]
+    assert torch.allclose(row[:12], torch.tensor(want), atol=0.02)
+
+
 def test_the_nearer_hides_the_farther():
     """A mover behind a still pole does not show through it."""
     color, depth, motion = torch.zeros(1, 3, 16, 48), torch.full((1, 1, 16, 48), 10.0), torch.zeros(1, 2, 16, 48)
