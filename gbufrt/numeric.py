@@ -35,6 +35,30 @@ def check_between(low: float, high: float, **values: Any) -> None:
             raise ValueError(f"{name} must {wanted}, got {number:g}")
 
 
+def check_each(low: float, *, above: bool = False, unit: str = "", **values: Any) -> None:
+    """Raise unless numbers, or all numbers of a tensor, are at least ``low``, or above it; on a GPU all go.
+
+    Args:
+        low: the least number.
+        above: whether that is too little itself.
+        unit: of the numbers, for the message.
+        values: by the names of their arguments; tensors of any shape.
+
+    Raises:
+        TypeError: a value is neither a number nor a tensor.
+        ValueError: it is out of range, or NaN.
+    """
+    for name, value in values.items():
+        if not isinstance(value, Tensor) and not hasattr(value, "__float__"):
+            raise TypeError(f"{name} must be a number or a tensor, got {_told(value)}")
+        if isinstance(value, Tensor) and waits(value):
+            continue
+        least = float(value.detach().min() if isinstance(value, Tensor) else value)
+        if not (least > low if above else least >= low):
+            wanted = ("be positive" if low == 0 else f"be above {low:g}") if above else f"be at least {low:g}"
+            raise ValueError(f"{name} must {wanted}{unit and f', in {unit}'}, got {least:g}")
+
+
 def check_counts(**values: Any) -> None:
     """Raise TypeError where a value, by its argument's name, is no whole number."""
     for name, value in values.items():

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 from gbufrt import Pipeline, Stage
 from gbufrt.names import meant
-from gbufrt.numeric import check_numbers
+from gbufrt.numeric import check_kind, check_numbers
 from post.passes.denoising.atrous import Atrous
 from post.passes.denoising.bilateral import Bilateral
 from post.passes.denoising.temporal import Temporal
@@ -150,8 +150,12 @@ def with_fog(pipeline: Pipeline) -> Pipeline:
         One that also reads the fog that the tracer marched.
 
     Raises:
+        TypeError: it is no pipeline.
         ValueError: there is no such stage.
+
+    Source: see `post.fog`.
     """
+    check_kind(Pipeline, "pipeline", pipeline, "; post.me1() is one")
     paths = [name for name, _ in pipeline.passes() if name.rpartition(".")[2] == "composite"]
     inner = paths[0].removesuffix("composite") if paths else ""
     behind = Pipeline(layer="behind", fog=Fog())

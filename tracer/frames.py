@@ -11,9 +11,10 @@ from gbufrt.compute.resident import sent
 from gbufrt.numeric import check_counts
 from tracer.direct.fog import foggy
 from tracer.direct.lighting import light
-from tracer.gbuffers import layers, seconds
+from tracer.gbuffers import layers
 from tracer.lights.sky import environment
 from tracer.scene.scene import Scene
+from tracer.scene.times import seconds
 
 
 def render(
@@ -21,8 +22,8 @@ def render(
     camera: Camera,
     *,
     previous_camera: Camera | None = None,
-    time: float | Sequence[float] = 0.0,
-    previous_time: float | Sequence[float] | None = None,
+    time: float | Tensor | Sequence[float] = 0.0,
+    previous_time: float | Tensor | Sequence[float] | None = None,
     index: int = 0,
     light_samples: int = 16,
 ) -> Frame:

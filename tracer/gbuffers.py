@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +14,7 @@ from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, haze_before, range_of
 from tracer.scene.checks import check_scene, check_seen_by
 from tracer.scene.scene import MASK_PRIMARY, Scene
+from tracer.scene.times import seconds
 from tracer.texture import look
 from tracer.traversal.hits import Hits
 from tracer.traversal.panes import through_panes
@@ -31,8 +31,8 @@ def gbuffer(
     camera: Camera,
     *,
     previous_camera: Camera | None = None,
-    time: float | Sequence[float] = 0.0,
-    previous_time: float | Sequence[float] | None = None,
+    time: float | Tensor | Sequence[float] = 0.0,
+    previous_time: float | Tensor | Sequence[float] | None = None,
 ) -> GBuffer:
     """The first surface at each pixel, with every channel.
 
@@ -58,8 +58,8 @@ def layers(
     camera: Camera,
     *,
     previous_camera: Camera | None = None,
-    time: float | Sequence[float] = 0.0,
-    previous_time: float | Sequence[float] | None = None,
+    time: float | Tensor | Sequence[float] = 0.0,
+    previous_time: float | Tensor | Sequence[float] | None = None,
 ) -> tuple[GBuffer, GBuffer | None]:
     """The first surface at each pixel, and what lies straight behind it where it is transmissive.
 
@@ -80,6 +80,8 @@ def layers(
     check_seen_by(scene, camera)
     if previous_camera is not None:
         check_seen_by(scene, previous_camera, "previous_camera")
+        previous_camera = single(previous_camera)
+    camera = single(camera)
     rays = _primary_rays(scene, camera, previous_camera, time, previous_time)
     first = trace(
         scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
@@ -131,8 +133,8 @@ def _primary_rays(
     scene: Scene,
     camera: Camera,
     previous: Camera | None,
-    time: float | Sequence[float],
-    previous_time: float | Sequence[float] | None,
+    time: float | Tensor | Sequence[float],
+    previous_time: float | Tensor | Sequence[float] | None,
 ) -> _PrimaryRays:
     origins, directions = camera.rays()
     along = (directions * camera.forward[:, None, None, :]).sum(-1)
@@ -154,18 +156,9 @@ def _primary_rays(
     )
 
 
-def seconds(time: float | Sequence[float], batch: int, name: str = "time") -> list[float]:
-    """One time for each of ``batch`` cameras.
-
-    Raises:
-        ValueError: there is another number of them, or one is not finite.
-    """
-    times = [float(time)] * batch if isinstance(time, (int, float)) else [float(t) for t in time]
-    if not all(math.isfinite(t) for t in times):
-        raise ValueError(f"{name} must be finite, in seconds, got {time}")
-    if len(times) != batch:
-        raise ValueError(f"{name} must be one number or one for each of the {batch} cameras, got {len(times)}")
-    return times
+def single(camera: Camera) -> Camera:
+    """The camera in float32, in which rays are traced: matrices often come in float64."""
+    return camera if camera.intrinsics.dtype == torch.float32 else camera.to(torch.float32)
 
 
 def _gbuffer(

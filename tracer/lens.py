@@ -7,6 +7,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.focus import median_depth
+from gbufrt.numeric import check_numbers
 from gbufrt.tree import map_tensors
 from tracer.sampling.sequence import disc
 from tracer.scene.checks import check_is_scene, check_seen_by
@@ -77,12 +78,14 @@ def focus_distance(
         ``(B,)`` planar depth, world units; the camera's ``far`` where all rays miss.
 
     Raises:
+        TypeError: rate or region is no number.
         ValueError: rate or region is not in (0, 1].
 
     Source: BetterRTX, camera with depth of field.
     """
     check_is_scene(scene)
     check_seen_by(scene, camera)
+    check_numbers(rate=rate, region=region)
     if not 0 < rate <= 1 or not 0 < region <= 1:
         raise ValueError(f"rate and region must lie in (0, 1], got rate={rate}, region={region}")
     poses, found = scene.poses([time])[0].to(camera.device), []

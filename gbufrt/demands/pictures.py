@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from torch import Tensor
@@ -10,7 +11,7 @@ from gbufrt.camera import Camera
 from gbufrt.channels import Channel, check_like, check_one_kind, check_picture, check_tensor
 from gbufrt.frame import SIGNALS
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.numeric import check_numbers
+from gbufrt.numeric import check_between
 
 ROWS = {
     **CHANNELS,
@@ -31,18 +32,18 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
 
     Args:
         camera: of the pictures.
-        thickness: a picture, or a number for every pixel, world units.
+        thickness: a picture, or a number for every pixel, at least 0 world units.
         pictures: None where absent; ``light`` is as ``radiance``, ``visibility`` as ``ao``.
 
     Raises:
         TypeError: not a camera, tensor or number, a tensor of the wrong kind of number, or kinds of floats are mixed.
-        ValueError: wrong shape or device.
+        ValueError: wrong shape or device, or a negative number.
     """
     check_camera(camera)
     if isinstance(thickness, Tensor) and thickness.ndim > 0:
         pictures["thickness"] = thickness
     else:
-        check_numbers(thickness=thickness)
+        check_between(0, math.inf, thickness=thickness)
     for name, picture in pictures.items():
         if picture is not None:
             check_tensor(name, picture, ROWS[name], batch=camera.batch, size=camera.size, device=camera.device)

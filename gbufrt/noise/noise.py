@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import resident_on
+from gbufrt.numeric import check_counts
 
 TILE = 256
 SLICES = 128
@@ -47,8 +48,12 @@ def blue_noise(
     Returns:
         ``(dims, H, W)`` float32 in [0, 1).
 
+    Raises:
+        TypeError: index or seed is no whole number.
+
     Source: Ulichney 1993 (void and cluster); Wolfe et al. 2022 on golden-ratio animation.
     """
+    check_counts(index=index, seed=seed)
     tile = resident_on(torch.device(device or "cpu"), _tile, torch.float32)
     number = index.double() if isinstance(index, Tensor) else index  # rounds once, as Python's floats do
     wide = (tile + number % SLICES * GOLDEN).frac().repeat(1, 1 - (-width // TILE))
@@ -71,6 +76,7 @@ def hilbert_r2(
 
     Source: XeGTAO (Intel 2021); Roberts 2018 for R2.
     """
+    check_counts(index=index, seed=seed)
     curve = torch.from_numpy(_hilbert(64)).to(device or "cpu")
     rows = torch.arange(height, device=curve.device) % 64
     columns = torch.arange(width, device=curve.device) % 64
@@ -89,6 +95,7 @@ def pixel_hash(
     device: torch.device | str | None = None,
 ) -> Tensor:
     """White noise: ``(dims, H, W)`` float32 in [0, 1), by the PCG hash (Jarzynski and Olano 2020)."""
+    check_counts(index=index, seed=seed)
     grid = torch.arange(height * width, device=device or "cpu", dtype=torch.int64).view(1, height, width)
     dim = torch.arange(dims, device=grid.device, dtype=torch.int64).view(-1, 1, 1)
     return _pcg(grid + _pcg(dim + _pcg(torch.zeros_like(dim) + index + (seed << 16)))).float() / 2.0**24
@@ -105,6 +112,9 @@ def radical_inverse(base: int, number: int) -> float:
 
 def halton_jitter(index: int, *, length: int = 16) -> tuple[float, float]:
     """Camera jitter in pixels, in [-0.5, 0.5): Halton bases 2 and 3, repeating after ``length`` frames."""
+    check_counts(index=index, length=length)
+    if length < 1:
+        raise ValueError(f"length must be at least 1, got {length}")
     place = index % length + 1
     return radical_inverse(2, place) - 0.5, radical_inverse(3, place) - 0.5
 

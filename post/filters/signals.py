@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
+from gbufrt.numeric import check_counts
 from post.filters.units import unit_vectors
 
 UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
@@ -75,6 +76,20 @@ def guides(frame: Frame, names: tuple[str, ...]) -> Guides:
         "roughness": frame.gbuffer.roughness if specular else None,
         "confidence": frame.reflection_confidence if specular else None,
     }
+
+
+def check_lead(lead: int | None, signal: Tensor) -> None:
+    """Raise unless ``lead`` is None or counts channels that a signal ``(B, C, H, W)`` has.
+
+    Raises:
+        TypeError: it is no whole number.
+        ValueError: it is below 1 or beyond the channels.
+    """
+    if lead is None:
+        return
+    check_counts(lead=lead)
+    if not 1 <= lead <= signal.shape[1]:
+        raise ValueError(f"lead must lie in 1 to {signal.shape[1]}, the channels of the signal, got {lead}")
 
 
 def guarded_albedo(frame: Frame) -> Tensor:

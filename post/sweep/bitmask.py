@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
@@ -11,6 +12,7 @@ from gbufrt.camera import Camera
 from gbufrt.compute.resident import number
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
+from gbufrt.numeric import check_between
 from post.margin.op import scene
 from post.sweep import arcs, slices
 from post.sweep.chords import thickness_from_depth
@@ -73,13 +75,14 @@ def bitmask_ao(
         length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps, scales or radius are not positive, or a kernel is requested with soft edges, or
-                for tensors that it does not take.
+        ValueError: directions, steps, scales or radius are not positive, thickness or hidden is negative, or a kernel
+            is requested with soft edges, or for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
     given = {"depth": depth, "normal": normal, "hit": hit, "thickness": thickness}
     slices.check_sweep(camera, directions, steps, radius, scales, **given)
+    check_between(0, math.inf, hidden=hidden)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = None if radius is None else number(radius, depth)

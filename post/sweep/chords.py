@@ -116,6 +116,8 @@ def thickness_from_depth(
     Raises:
         TypeError: not a camera or a tensor.
         ValueError: a picture is not of the camera's size.
+
+    Source: our own, see the module; fitted to ray-traced ambient occlusion.
     """
     check_pictures(camera, depth=depth, normal=normal, hit=hit, object_id=object_id)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit

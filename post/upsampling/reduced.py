@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from gbufrt import SIGNALS, Frame
+from gbufrt.numeric import check_counts
 from gbufrt.reduction import Reduction, every_nth
 from post.filters.signals import MIN_ALBEDO, UNIT_VECTORS, guarded_albedo, wants_albedo
 from post.filters.surfaces import surface
@@ -21,6 +22,7 @@ class Reduced(Reduction):
     Of what the stages write, signals that `gbufrt.Frame` has fields for come back, and those named in ``extra``.
 
     Raises:
+        TypeError: the stride is no whole number, or ``extra`` no names.
         ValueError: the stride is not positive.
     """
 
@@ -28,6 +30,9 @@ class Reduced(Reduction):
     extra: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        check_counts(stride=self.stride)
+        if isinstance(self.extra, str) or not all(isinstance(name, str) for name in self.extra):
+            raise TypeError(f"extra must be names of signals, as in extra=('fog',), got {self.extra!r}")
         if self.stride < 1:
             raise ValueError(f"stride must be at least 1, got {self.stride}")
 

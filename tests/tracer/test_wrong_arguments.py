@@ -103,3 +103,94 @@ def test_no_time_is_no_number():
 def test_a_device_that_is_not_there_is_named():
     with pytest.raises(ValueError, match=r"^there is no device 'cuda:99': torch sees"):
         SCENE.to("cuda:99")
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tracer.Sun(direction=(0.0, 0.0, 0.0)), "^direction of the sun must have a finite length above 0"),
+        (lambda: tracer.Sun(direction=(NAN, 0.0, 0.0)), "^direction of the sun must have a finite length above 0"),
+        (lambda: tracer.Sun(irradiance=(1.0, -1.0, 1.0)), "^irradiance of the sun must be finite and not negative"),
+        (lambda: tracer.Sun(irradiance=(1.0, NAN, 1.0)), "^irradiance of the sun must be finite and not negative"),
+        (lambda: tracer.Sun(angular_radius=-3.0), "^angular_radius must lie in 0 to 89, got -3$"),
+        (lambda: tracer.Sun(angular_radius=95.0), "^angular_radius must lie in 0 to 89, got 95$"),
+        (lambda: tracer.Sky(stars=torch.eye(4)), r"^stars must be \(3,3\), a rotation, got \(4, 4\)$"),
+        (lambda: tracer.Haze(begin=5.0, end=5.0), "^begin of haze must be less than its end, got 5 and 5$"),
+        (lambda: tracer.Haze(begin=-5.0, end=5.0), "^begin must be at least 0, got -5$"),
+        (
+            lambda: tracer.Instance(model=PLAIN, pose=lambda _: torch.eye(4), scale=0.0),
+            "^scale must be positive, in world units a voxel, got 0$",
+        ),
+        (lambda: tracer.render(SCENE, CAMERA, time=[]), r"^time must be finite, in seconds, got \[\]$"),
+        (
+            lambda: tracer.path_trace(SCENE, CAMERA, time=(0.0, 1.0)),
+            "^time must be one number or one for each of the 1",
+        ),
+        (
+            lambda: tracer.path_trace(SCENE, CAMERA, aperture_radius=0.1, focus_distance=torch.ones(3)),
+            r"^focus_distance must be one number or \(1,\), got \(3,\)$",
+        ),
+    ],
+)
+def test_what_no_light_air_model_or_time_can_be_is_named(call: Callable[[], Any], message: str):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+NO_NUMBERS: dict[Callable[..., Any], dict[str, str]] = {
+    tracer.ambient_occlusion: {
+        "samples": "a whole number",
+        "seed": "a whole number",
+        "noise": "a num",
+        "radius": "a num",
+    },
+    tracer.indirect_diffuse: {"bounces": "a whole number"},
+    tracer.reflection: {"samples": "a whole number"},
+    light_truth: {"bounces": "a whole number", "samples": "a whole number"},
+}
+
+
+@pytest.mark.parametrize("function", NO_NUMBERS)
+def test_texts_in_place_of_numbers_of_truth_are_named(function: Callable[..., Any]):
+    for name, wanted in NO_NUMBERS[function].items():
+        with pytest.raises(TypeError, match=f"^{name} must be {wanted}.*, got 'village'$"):
+            function(SCENE, G, **{"samples": 1, name: NAME})
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: tracer.render(SCENE, CAMERA, time=NAME), "^time must be seconds, one number or one for each camera"),
+        (lambda: tracer.path_trace(SCENE, CAMERA, time=NAME), "^time must be seconds, one number or one for each cam"),
+        (lambda: tracer.path_trace(SCENE, CAMERA, shutter_offset=NAME), "^shutter_offset must be a number"),
+        (lambda: tracer.path_trace(SCENE, lambda _: NAME), r"^camera must be a gbufrt\.Camera, got str"),
+        (lambda: tracer.focus_distance(SCENE, CAMERA, rate=NAME), "^rate must be a number or a 0-dim tensor, got 'vil"),
+        (lambda: tracer.Sky(zenith=NAME), "^zenith of the sky must be three numbers"),
+        (lambda: tracer.Sky(picture=NAME), r"^picture must be a torch\.Tensor, got str"),
+        (lambda: tracer.Haze(begin=NAME, end=1.0), "^begin must be a number"),
+        (lambda: tracer.Instance(model=NAME, pose=lambda _: torch.eye(4)), r"^model must be a tracer\.World, got str$"),
+        (lambda: tracer.Instance(model=PLAIN, pose=NAME), "^pose must be a function of the time in seconds, got str$"),
+    ],
+)
+def test_what_is_no_light_air_model_time_or_camera_is_named(call: Callable[[], Any], message: str):
+    with pytest.raises(TypeError, match=message):
+        call()
+
+
+def test_a_camera_in_double_precision_shows_what_it_shows_in_single():
+    """Matrices of numpy and of camera files are float64."""
+    double = CAMERA.to(torch.float64)
+    single, found = (tracer.render(SCENE, camera, previous_camera=camera, index=3) for camera in (CAMERA, double))
+    assert found.gbuffer.depth.dtype == torch.float32
+    assert torch.allclose(found.read("radiance"), single.read("radiance"), atol=1e-5)
+    assert torch.allclose(found.gbuffer.depth, single.gbuffer.depth, rtol=1e-5)
+    assert float(tracer.focus_distance(SCENE, double)) == pytest.approx(float(tracer.focus_distance(SCENE, CAMERA)))
+
+
+def test_the_time_of_a_frame_may_be_a_tensor():
+    """As `gbufrt.Frame.time` may."""
+    found = tracer.render(SCENE, CAMERA, time=torch.tensor(1.5, dtype=torch.float64), light_samples=0)
+    assert found.time == 1.5

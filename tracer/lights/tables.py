@@ -14,7 +14,7 @@ from tracer.lights.samples import Lights
 from tracer.lights.sky_table import SkyTable
 from tracer.scene.scene import Scene, Sun
 
-NO_SUN = Sun(direction=(0.0, 0.0, 0.0), irradiance=(0.0, 0.0, 0.0))
+NO_SUN = Sun(irradiance=(0.0, 0.0, 0.0))
 
 
 def lit_tables(scene: Scene, lights: Lights | None, like: Tensor) -> tuple[Tensor, ...]:
@@ -33,7 +33,7 @@ def _picture(scene: Scene, like: Tensor) -> Tensor:
 def _sky(scene: Scene, like: Tensor) -> Tensor:
     colors, sun = scene.sky, scene.sun
     has, sun = (0.0, NO_SUN) if sun is None else (1.0, sun)
-    size = math.hypot(*sun.direction) or 1.0
+    size = math.hypot(*sun.direction)
     toward = tuple(part / size for part in sun.direction)
     disc = math.sin(math.radians(sun.angular_radius)) * has, has, 0.0
     rows = colors.zenith, colors.horizon, colors.ground, toward, sun.irradiance, disc

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.noise.noise import SLICES
+from gbufrt.numeric import check_counts
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import batched
 from tracer.lights.samples import Lights
@@ -119,6 +120,7 @@ def sample(
     """See `sample_light`; also the samples for a cache that the paths bring, ``(N, 9)``. Paths from the pixels that
     ``follows`` ``(B, 1, H, W)`` do not read it. For ``lights`` see `receivers_of`."""
     check_shown(scene, gbuffer)
+    check_counts(index=index, seed=seed)
     size = gbuffer.camera.size
     asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
     receivers = receivers_of(scene, asked, poses, lights)
@@ -162,6 +164,7 @@ def light_sums(scene: Scene, bounces: int, memory: Memory | None = None) -> tupl
     Raises:
         ValueError: bounces is below 1.
     """
+    check_counts(bounces=bounces)
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
 

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.compute.resident import places, waits
+from gbufrt.numeric import check_counts
 from tracer.direct.lighting import batched, ray_origins
 from tracer.lights.samples import Lights
 from tracer.paths.on_screen import Picture
@@ -137,6 +138,7 @@ def at_each_pixel(
 ) -> Truth:
     """Means of what paths from every pixel's surface find; 0 where there is no surface. See `converge`."""
     size = gbuffer.camera.size
+    check_counts(samples=samples)
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     sequence = Sequence.of(samples, dims, size, seed=seed, device=gbuffer.camera.device)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from gbufrt.numeric import check_counts, check_numbers
+
 GROUPS = 16  # of consecutive samples; the spread of their means gives the error
 FEWEST = 4  # groups needed before the error may end the sampling
 WIDE = 1 << 15  # paths at a time: bounds memory, and keeps them near the cache
@@ -57,8 +59,11 @@ def converge(estimate: Estimate, *, samples: int, noise: float, pixels: int, pro
         The means.
 
     Raises:
+        TypeError: samples is no whole number, or noise no number.
         ValueError: samples is below 1, or noise negative.
     """
+    check_counts(samples=samples)
+    check_numbers(noise=noise)
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     if not noise >= 0:

@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.quasirandom import SobolEngine
 
 from gbufrt.noise.noise import TILE, blue_noise
+from gbufrt.numeric import check_counts
 
 BELOW_ONE = 1 - 2**-24
 
@@ -37,6 +38,7 @@ class Sequence:
 
         The last one is kept: all layers of a film's frames have the same.
         """
+        check_counts(samples=samples, seed=seed)
         return _sequence(samples, dims, size, seed, device)
 
     def part(self, numbers: range) -> Sequence:

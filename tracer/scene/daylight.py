@@ -94,13 +94,18 @@ def at_hour(
     that lamps light the night. Sun and moon are the size that they are, and cast sharp shadows.
 
     Args:
-        scene: any scene or stream; one without a sun gets the default one.
+        scene: any scene or stream; one without a sun gets the default one. For each of several hours, the one that
+            they begin from: the sun of what comes back is that of its hour, and no noon's.
         hour: 0 to 24.
         day: days since a full moon: 14.8 is a night without moon.
         path: which way sun and moon go.
         atmosphere: what they shine through; Earth's by default.
 
+    Returns:
+        A scene or stream like it, under that sky.
+
     Raises:
+        TypeError: it is no scene, or hour or day is no number.
         ValueError: another hour, or a day that is not finite.
     """
     check_open(scene)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +14,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
 from gbufrt.names import unknown
-from gbufrt.numeric import check_destination, check_kind, check_numbers, check_three
+from gbufrt.numeric import check_between, check_counts, check_destination, check_each, check_kind, check_three
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
@@ -25,6 +26,7 @@ Pose = Callable[[float], Tensor]
 """Time in seconds to a ``(4, 4)`` rigid transform from the model's voxel coordinates to world space."""
 
 MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY = 1, 2, 4
+WIDEST = 89.0  # degrees: a sun of half the sky is a sky
 MASK_ALL = MASK_PRIMARY | MASK_SHADOW | MASK_SECONDARY
 
 
@@ -46,6 +48,13 @@ class Instance:
     mask: int = MASK_ALL
     name: str = ""
 
+    def __post_init__(self) -> None:
+        check_kind(World, "model", self.model)
+        if not callable(self.pose):
+            raise TypeError(f"pose must be a function of the time in seconds, got {type(self.pose).__name__}")
+        check_each(0, above=True, unit="world units a voxel", scale=self.scale)
+        check_counts(mask=self.mask)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sun:
@@ -64,7 +73,11 @@ class Sun:
     def __post_init__(self) -> None:
         for name in ("direction", "irradiance"):
             check_three(name, getattr(self, name), "the sun")
-        check_numbers(angular_radius=self.angular_radius)
+        if not 0 < math.hypot(*self.direction) < math.inf:
+            raise ValueError(f"direction of the sun must have a finite length above 0, got {self.direction}")
+        if not all(0 <= light < math.inf for light in self.irradiance):
+            raise ValueError(f"irradiance of the sun must be finite and not negative, got {self.irradiance}")
+        check_between(0, WIDEST, angular_radius=self.angular_radius)
 
 
 class Plain(NamedTuple):
@@ -97,6 +110,13 @@ class Sky:
     stars: Tensor | None = None
 
     def __post_init__(self) -> None:
+        for name in ("zenith", "horizon", "ground"):
+            check_three(name, getattr(self, name), "the sky")
+        for name in ("picture", "stars"):
+            if (given := getattr(self, name)) is not None:
+                check_kind(Tensor, name, given)
+        if self.stars is not None and self.stars.shape != (3, 3):
+            raise ValueError(f"stars must be (3,3), a rotation, got {tuple(self.stars.shape)}")
         if self.picture is not None and (self.picture.ndim != 4 or self.picture.shape[:2] != (1, 3)):
             raise ValueError(f"picture must be (1,3,h,w), linear radiance, got {tuple(self.picture.shape)}")
 
@@ -112,6 +132,11 @@ class Haze:
 
     begin: float
     end: float
+
+    def __post_init__(self) -> None:
+        check_between(0, math.inf, begin=self.begin, end=self.end)
+        if not self.begin < self.end:
+            raise ValueError(f"begin of haze must be less than its end, got {self.begin:g} and {self.end:g}")
 
     def and_also(self, other: Haze | None) -> Haze:
         """The haze that hides what either of two hides."""

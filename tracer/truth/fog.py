@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.directions import tangent_frame
+from gbufrt.numeric import check_counts
 from tracer.direct.fog import segments_of
 from tracer.direct.lighting import batched
 from tracer.fog.along import LampsAlong
@@ -62,6 +63,7 @@ def fog_truth(
     check_shown(scene, gbuffer)
     if scene.fog is None:
         raise ValueError("scene must have fog: dataclasses.replace(scene, fog=tracer.Fog(extinction=0.01))")
+    check_counts(steps=steps)
     if steps < 1:
         raise ValueError(f"steps must be at least 1, got {steps}")
     poses, size = batched(poses, gbuffer.batch, len(scene.instances)), gbuffer.camera.size

@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera
-from gbufrt.numeric import check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_each, check_numbers
 from tracer import lens
-from tracer.gbuffers import gbuffer, seconds
+from tracer.gbuffers import gbuffer
 from tracer.lights.samples import Lights
 from tracer.lights.sky import irradiance_table
 from tracer.paths.diffuse import unblocked
@@ -23,6 +23,7 @@ from tracer.sampling.progressive import WIDE, Progress, Truth, Values, converge
 from tracer.sampling.sequence import Sequence as Numbers
 from tracer.scene.checks import check_scene, check_seen_by
 from tracer.scene.scene import Scene
+from tracer.scene.times import moments, seconds
 
 FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
 MOMENTS = 8  # groups of pixels, each with its own time, that a sample is split into while the shutter is open
@@ -32,7 +33,7 @@ def path_trace(
     scene: Scene,
     camera: Camera | Callable[[float], Camera],
     *,
-    time: float | Sequence[float] = 0.0,
+    time: float | Tensor | Sequence[float] = 0.0,
     shutter: float = 0.0,
     shutter_offset: float = 0.0,
     aperture_radius: float = 0.0,
@@ -79,15 +80,16 @@ def path_trace(
         reflected rays hit must be.
 
     Raises:
+        TypeError: no scene, no camera, or no number where there must be one.
         ValueError: no voxels, or a number out of its range.
 
     Source: Kajiya 1986; Cook, Porter and Carpenter 1984 (lens and shutter).
     """
     _check(scene, bounces, samples, shutter, aperture_radius)
+    check_numbers(shutter_offset=shutter_offset)
     at_time = camera if callable(camera) else lambda _: camera
-    if not callable(camera):
-        check_seen_by(scene, camera)
-    cameras = at_time(time if isinstance(time, (int, float)) else float(time[0]))
+    cameras = at_time(moments(time)[0])
+    check_seen_by(scene, cameras)
     times = seconds(time, cameras.batch)
     focus = _focus(scene, cameras, times, aperture_radius, focus_distance)
     sequence = Numbers.of(samples, FIRST + 1 + MORE * (bounces + 1), cameras.size, seed=seed, device=cameras.device)
@@ -221,10 +223,11 @@ def _focus(
         return [1.0] * len(times)
     if given is None:
         return [float(lens.focus_distance(scene, lens.one_of(cameras, b), time=t)) for b, t in enumerate(times)]
-    distances = torch.as_tensor(given, dtype=torch.float64).expand(len(times))
-    if not bool((distances > 0).all()):
-        raise ValueError(f"focus_distance must be positive, in world units, got {distances.tolist()}")
-    return distances.tolist()
+    check_each(0, above=True, unit="world units", focus_distance=given)
+    distances = torch.as_tensor(given, dtype=torch.float64)
+    if distances.ndim > 1 or distances.numel() not in (1, len(times)):
+        raise ValueError(f"focus_distance must be one number or ({len(times)},), got {tuple(distances.shape)}")
+    return distances.expand(len(times)).tolist()
 
 
 def _check(scene: Scene, bounces: int, samples: int, shutter: float, aperture_radius: float) -> None:

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.directions import length
+from gbufrt.numeric import check_counts, check_numbers
 from gbufrt.specular import LAMP_ROUGHNESS
 from tracer.lens import focus_distance
 from tracer.paths.integrators import OCCLUSION_DIMS, REFLECTION_DIMS, indirect_dims
@@ -64,6 +65,7 @@ def ambient_occlusion(
     Raises:
         ValueError: radius or samples are not positive, or the poses do not fit.
     """
+    check_numbers(radius=radius)
     if not radius > 0:
         raise ValueError(f"radius must be positive, in world units, got {radius}")
 
@@ -123,6 +125,7 @@ def indirect_diffuse(
     Raises:
         ValueError: bounces or samples are below 1, there is no albedo, or the poses do not fit.
     """
+    check_counts(bounces=bounces)
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     receivers = receivers_of(scene, gbuffer, poses)

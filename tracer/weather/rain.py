@@ -50,7 +50,11 @@ def raining(scene: S, level: float) -> S:
         scene: any scene or stream.
         level: how hard it rains, 0 to 1; 0 leaves the scene as it is.
 
+    Returns:
+        A scene or stream like it, in that rain.
+
     Raises:
+        TypeError: it is no scene, or level is no number.
         ValueError: another level.
 
     Source: Moon and Spencer 1942 for the overcast sky (CIE S 011).

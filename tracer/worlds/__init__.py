@@ -54,7 +54,11 @@ def load(
         chunks: how many along each side; by default all of a region file, and 24 of a save, round its player.
         pack: of a Minecraft world or a schematic, the jar, zip or folder of a resource pack with textures.
 
+    Returns:
+        The scene, with its sky, and views to look from.
+
     Raises:
+        TypeError: neither a text nor a path.
         ValueError: neither a name nor a path of such a file, a file is broken, or a part was asked of another world.
         FileNotFoundError: there is no such file.
     """

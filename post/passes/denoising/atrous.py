@@ -9,11 +9,12 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.demands.pictures import check_sizes
+from gbufrt.mending import finite
 from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import spatial_moments, wavelet
 from post.filters.regression import fitted, with_places
-from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
+from post.filters.signals import check_lead, guides, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 
 REACH = 16.0  # pixels: widest blur of a reflection
@@ -78,6 +79,8 @@ def atrous(
     check_between(1, 8, iterations=iterations)
     check_between(0, math.inf, phi_color=phi_color, growth=growth, phi_normal=phi_normal, phi_depth=phi_depth)
     check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence)
+    check_lead(lead, signal)
+    signal, variance = finite(signal), None if variance is None else finite(variance)
     geometry = surface(depth, normal, hit, camera, unlike if roughness is None else roughness)
     if variance is None:
         _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)

@@ -9,10 +9,11 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, Pass
 from gbufrt.demands.pictures import check_sizes
+from gbufrt.mending import finite
 from gbufrt.numeric import check_between, check_counts, check_numbers
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import bilateral_limits, joint_bilateral, spatial_moments
-from post.filters.signals import guides, signal_names, stack, unstack, wants_albedo
+from post.filters.signals import check_lead, guides, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 
 LOBE = 1.5  # tangents of a lobe's spread, alpha, by which it may be blurred
@@ -80,6 +81,8 @@ def bilateral(
     powers = {"normal_power": normal_power, "variance_sensitivity": variance_sensitivity, "phi_color": phi_color}
     check_between(0, math.inf, depth_sensitivity=depth_sensitivity, **powers)
     check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence, distance=distance)
+    check_lead(lead, signal)
+    signal, variance = finite(signal), None if variance is None else finite(variance)
     geometry = surface(depth, normal, hit, camera, roughness)
     local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
     variance = spread if variance is None else variance

@@ -17,7 +17,7 @@ from gbufrt.mending import finite
 from gbufrt.numeric import check_between
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.op import spatial_moments
-from post.filters.signals import signal_names, stack, unstack, wants_albedo
+from post.filters.signals import check_lead, signal_names, stack, unstack, wants_albedo
 from post.filters.surfaces import surface
 from post.history.antilag import sample_variance, typical_variance
 from post.history.changes import follow_changes
@@ -95,6 +95,7 @@ def temporal(
     check_history(gbuffer, history, *STORED, *(("excess",) if excess else ()))
     sized = {"distance": distance, "longest": longest, "lenient": lenient}
     check_sizes(gbuffer.camera, depth=gbuffer.depth, signal=signal, **sized)
+    check_lead(lead, signal)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     rough = gbuffer.roughness if rare else None
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)

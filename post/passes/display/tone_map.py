@@ -12,7 +12,7 @@ from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite
 from gbufrt.noise.noise import dithered
-from gbufrt.numeric import check_between, check_numbers
+from gbufrt.numeric import check_between, check_each, check_numbers
 from post.display.ocio import CONFIGS, check_view, is_config, ocio_view
 from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
@@ -48,13 +48,14 @@ def tone_map(
 
     Raises:
         TypeError: ``color`` is no tensor of float32 or float64.
-        ValueError: ``color`` is not ``(B, 3, H, W)``, unknown operator or view, a number is not positive, or
-            OpenColorIO is wanted and not installed.
+        ValueError: ``color`` is not ``(B, 3, H, W)``, unknown operator or view, a number is not positive
+            (exposure and saturation may be 0), or OpenColorIO is wanted and not installed.
 
     Source: AgX by Sobotka 2022 in the polynomial fit of Wrensch 2023; ACES fit by Hill (BakingLab); Khronos PBR
     Neutral Tone Mapper specification 2024; Reinhard et al. 2002, eq. 4.
     """
     check_picture("color", color, "linear")
+    check_each(0, exposure=exposure)
     color = finite(color)  # NaN is the largest number to some kernels, which would show it as white
     _check(operator, view)
     if is_config(operator):

@@ -25,6 +25,8 @@ def vignette(image: Tensor, *, strength: float = 0.25, inner: float = 0.4, outer
     Raises:
         ValueError: ``strength`` is not in [0, 1], or not 0 <= inner < outer, or ``image`` has another shape.
         TypeError: ``image`` is no tensor of floats.
+
+    Source: none; a smoothstep of the distance, as common in engines.
     """
     check_between(0, 1, strength=strength)
     check_numbers(inner=inner, outer=outer)

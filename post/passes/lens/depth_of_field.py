@@ -11,6 +11,7 @@ from gbufrt.demands.pictures import check_beside
 from gbufrt.mending import finite
 from gbufrt.numeric import check_numbers
 from post.lens.constants import TINY
+from post.lens.limits import tell_cut
 from post.lens.op import layer_radii, spread_layers
 from post.lens.thin_lens import autofocus, circle_of_confusion
 
@@ -42,7 +43,7 @@ def depth_of_field(
         hit: ``(B, 1, H, W)`` bool; False marks the sky, which is infinitely far.
         focus_distance: planar depth that is sharp, world units; a float, ``(B,)``, or None for `autofocus`.
         aperture_radius: of the lens, world units; a float or ``(B,)``.
-        max_radius_px: the largest blur radius, pixels.
+        max_radius_px: the largest blur radius, pixels; a warning tells where many would be larger.
         layer_step: relative step between the blur radii of neighbouring layers; smaller is smoother and slower.
 
     Returns:
@@ -60,6 +61,7 @@ def depth_of_field(
     if focus_distance is None:
         focus_distance = autofocus(depth, camera, hit=hit)
     coc = circle_of_confusion(depth, camera, focus_distance=focus_distance, aperture_radius=aperture_radius, hit=hit)
+    tell_cut(coc, max_radius_px, "depth of field", "max_radius_px")
     coc = coc.clamp(-max_radius_px, max_radius_px).to(color.dtype)
     largest = max_radius_px if waits(coc) else float(coc.detach().abs().max())
     if largest < TINY:
@@ -99,6 +101,7 @@ class DepthOfField(TemporalPass):
         focus_region: float = 0.1,
     ) -> None:
         super().__init__()
+        check_numbers(focus_speed=focus_speed)
         if not 0 < focus_speed <= 1:
             raise ValueError(f"focus_speed must lie in (0, 1], got {focus_speed}")
         self.focus_distance, self.aperture_radius = focus_distance, aperture_radius

@@ -14,8 +14,9 @@ from gbufrt.demands.pictures import check_beside
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
-from gbufrt.numeric import check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_each, check_numbers
 from post.lens.constants import STILL
+from post.lens.limits import tell_cut
 from post.lens.op import blur_alike, reconstruct
 
 Position = Literal["center", "trailing"]
@@ -52,7 +53,8 @@ def motion_blur(
         shutter: share of the frame interval during which the shutter is open; a float or ``(B,)``.
         position: ``"center"`` exposes half before and half after the frame, ``"trailing"`` ends with it.
         samples: moments of the exposure a pixel.
-        tile: pixels: the largest blur to either side; cells are a quarter of that.
+        tile: pixels: the largest blur to either side, of which a warning tells where many would be larger; cells are a
+            quarter of that.
         weights: ``"reconstruction"``, or ``"similarity"``: the weights saturate(m_s . m_0 / m_0 . m_0) along the
             pixel's own motion, with which moving things do not spill over static ones.
         softness: relative difference in depth over which "in front" fades to "behind".
@@ -77,7 +79,10 @@ def motion_blur(
     color, depth, motion = finite(color), finite(depth), finite(motion)
     opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
-    path = _limited(motion.to(color.dtype) * share, tile / (1 + opening))
+    path, longest = motion.to(color.dtype) * share, tile / (1 + opening)
+    size = length(path)
+    tell_cut(size, longest, "motion blur", "tile")
+    path = path * (longest / size).clamp_max(1.0)
     cell = max(tile // CELLS, 1)
     cells = _longest(path, cell)
     if weights == "reconstruction" and not waits(color) and not bool((cells.square().sum(1) > STILL**2).any()):
@@ -127,20 +132,15 @@ def _reaching(cells: Tensor, size: int, most: float, reach: int) -> Tensor:
     return cells
 
 
-def _limited(path: Tensor, longest: float) -> Tensor:
-    return path * (longest / length(path)).clamp_max(1.0)
-
-
 def _check(shutter: float | Tensor, samples: int, tile: int, softness: float) -> None:
-    check_numbers(softness=softness, **({} if isinstance(shutter, Tensor) else {"shutter": shutter}))
+    check_numbers(softness=softness)
+    check_each(0, shutter=shutter)
     check_counts(samples=samples, tile=tile)
     for name, count in (("samples", samples), ("tile", tile)):
         if count < 1:
             raise ValueError(f"{name} must be at least 1, got {count}")
     if not softness > 0:
         raise ValueError(f"softness must be positive, got {softness}")
-    if not (isinstance(shutter, Tensor) or shutter >= 0):
-        raise ValueError(f"shutter must be at least 0, got {shutter}")
 
 
 class MotionBlur(Pass):

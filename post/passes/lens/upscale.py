@@ -150,15 +150,20 @@ def reactive_mask(g: GBuffer, *, reactivity: float = 1.0) -> Tensor:
 
     Args:
         g: with ``transmittance``, ``roughness`` and ``metallic``, as far as there are any.
-        reactivity: factor on the share.
+        reactivity: factor on the share, at least 0.
 
     Returns:
         ``(B, 1, H, W)`` in [0, 1], without gradient.
 
     Raises:
-        TypeError: ``g`` is no G-buffer.
+        TypeError: ``g`` is no G-buffer, or ``reactivity`` no number.
+        ValueError: ``reactivity`` is negative.
+
+    Source: AMD FidelityFX FSR 2, 2022, for what a reactive mask is; the share, by what a surface lets through and
+    mirrors, is our own.
     """
     check_kind(GBuffer, "g", g, "; frame.gbuffer is one")
+    check_between(0, math.inf, reactivity=reactivity)
     share = torch.zeros_like(g.depth)
     if g.transmittance is not None:
         share = g.transmittance.detach().mean(1, keepdim=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Literal
 
@@ -14,7 +15,7 @@ from gbufrt.compute.resident import resident
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_between, check_counts
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.sweep.chords import thickness_from_depth
 
@@ -142,11 +143,12 @@ def roughness_from_color(color: Tensor, *, scale: float = 4.0) -> Tensor:
 
     Raises:
         TypeError: ``color`` is no tensor of float32 or float64.
-        ValueError: ``color`` is not ``(B, 3, H, W)``.
+        ValueError: ``color`` is not ``(B, 3, H, W)``, or ``scale`` is negative.
 
     Source: ME1 Path Tracing, taken relative to the local brightness so that exposure does not matter.
     """
     check_picture("color", color, "linear radiance or albedo")
+    check_between(0, math.inf, scale=scale)
     level = luminance(color, 3)
     around = [shifted(level, dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dx or dy]
     difference = torch.stack([(one - level).abs() for one in around]).mean(0)
@@ -166,11 +168,12 @@ def metallic_from_color(color: Tensor, *, dark: float = 0.2, bright: float = 0.8
         ``(B, 1, H, W)`` in [0, 1].
 
     Raises:
-        ValueError: ``dark`` is not less than ``bright``.
+        ValueError: ``dark`` is negative, or not less than ``bright``.
 
     Source: ME1 Path Tracing.
     """
     check_picture("color", color, "linear albedo or radiance")
+    check_between(0, math.inf, dark=dark, bright=bright)
     if dark >= bright:
         raise ValueError(f"dark must be less than bright, got {dark} and {bright}")
     most, least = color.amax(1, keepdim=True), color.amin(1, keepdim=True)

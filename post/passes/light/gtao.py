@@ -13,6 +13,7 @@ from gbufrt.camera import Camera
 from gbufrt.compute.resident import number
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
+from gbufrt.numeric import check_counts
 from post.margin.op import scene
 from post.margin.view import PaddedView
 from post.sweep import arcs, slices
@@ -71,8 +72,8 @@ def gtao(
 
     Raises:
         TypeError: what must be a tensor or a number is none, or kinds of floats are mixed.
-        ValueError: directions, steps, scales or radius are not positive, scales too many, a picture is of another size,
-            or there is no such method.
+        ValueError: directions, steps, scales or radius are not positive, thickness or hidden is negative, scales too
+            many, a picture is of another size, or there is no such method.
 
     Source: Therrien et al. 2023 for ``bitmask``; Jimenez et al. 2016 for ``horizon``.
     """
@@ -107,6 +108,7 @@ def horizon_ao(
     Source: Jimenez et al. 2016, "Practical Real-Time Strategies for Accurate Indirect Occlusion"; XeGTAO.
     """
     slices.check_sweep(camera, directions, steps, radius, scales, depth=depth, normal=normal, hit=hit)
+    check_counts(seed=seed)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = number(radius, depth) * REACH

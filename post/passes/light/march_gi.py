@@ -73,11 +73,11 @@ def march_gi(
 
     Raises:
         TypeError: what must be a tensor or a number is none.
-        ValueError: rays is below 1, or a picture is of another size.
+        ValueError: rays is below 1, thickness is negative, or a picture is of another size.
 
     Source: ME1 Path Tracing technical overview (GI); Veach 1997, section 9.2 (the mixture's weights).
     """
-    check_counts(rays=rays)
+    check_counts(rays=rays, index=index, seed=seed)
     if rays < 1:
         raise ValueError(f"rays must be at least 1, got {rays}")
     given = {"depth": depth, "normal": normal, "light": light, "albedo": albedo, "hit": hit, "thickness": thickness}

@@ -13,6 +13,7 @@ from gbufrt.camera import Camera
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
+from gbufrt.numeric import check_counts
 from post.filters.surfaces import surface
 from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light, starts
@@ -79,13 +80,14 @@ def ssgi(
         (also where nothing was hit); bent_normal ``(B, 3, H, W)``, world space, unit length, 0 where nothing was hit.
 
     Raises:
-        ValueError: directions, steps or distance are not positive, or resolution is neither 1 nor 2, or is 2 where
-            index is a tensor, or a kernel is requested for tensors that it does not take.
+        ValueError: directions, steps or distance are not positive, thickness is negative, resolution is neither 1 nor
+            2, or is 2 where index is a tensor, or a kernel is requested for tensors that it does not take.
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
     given = {"depth": depth, "normal": normal, "hit": hit, "light": light, "albedo": albedo, "thickness": thickness}
     slices.check_sweep(camera, directions, steps, distance, **given)
+    check_counts(resolution=resolution, index=index)
     if resolution not in (1, 2):
         raise ValueError(f"resolution must be 1 (every pixel) or 2 (every second), got {resolution}")
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit

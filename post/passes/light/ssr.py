@@ -98,13 +98,14 @@ def ssr(
 
     Raises:
         TypeError: what must be a tensor or a number is none.
-        ValueError: unknown method, samples or bounces below 1, reuse outside 0 to 8, or a picture of another size.
+        ValueError: unknown method, samples or bounces below 1, reuse outside 0 to 8, a negative thickness, or a picture
+            of another size.
 
     Source: Stachowiak 2015; Heitz 2018; ME1 Path Tracing technical overview for ``cone``.
     """
     if method not in ("ggx", "cone"):
         raise ValueError(f'method must be "ggx" or "cone", got {method!r}')
-    check_counts(samples=samples, reuse=reuse, bounces=bounces)
+    check_counts(samples=samples, reuse=reuse, bounces=bounces, index=index, seed=seed)
     if samples < 1 or not 0 <= reuse <= 8:
         raise ValueError(f"samples must be at least 1 and reuse 0 to 8, got samples={samples}, reuse={reuse}")
     check_between(0, math.inf, roughness_cutoff=roughness_cutoff)

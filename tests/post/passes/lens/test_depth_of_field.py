@@ -226,5 +226,5 @@ def test_bad_input():
         options: dict[str, Any] = {name: float("nan")}
         with pytest.raises(ValueError, match=f"{name} must .*nan"):
             depth_of_field(color, depth, camera, **options)
-    with pytest.raises(ValueError, match="aperture_radius must not be negative"):
+    with pytest.raises(ValueError, match="aperture_radius must be at least 0"):
         depth_of_field(color, depth, camera, aperture_radius=-1.0)
