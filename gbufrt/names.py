@@ -7,9 +7,25 @@ import re
 import sys
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher, get_close_matches
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
 MOST = 4  # names that a message proposes
+BEDROCK = "a world of Minecraft Bedrock; convert it to a Java save (Chunker and Amulet do)"
+LINEAR = "in Linear's regions; convert them to .mca (their makers' tools do)"
+OLD = "of Minecraft before 1.2; open the world in a newer one, which writes .mca"
+VOXELS = "of another voxel program; export a .vox from there"
+MESH = "a mesh, and the tracer takes voxels; render it elsewhere and give the EXRs to `gbufrt post`"
+REMEDIES: Mapping[str, str] = {
+    **dict.fromkeys((".mcworld", ".mctemplate", ".mcstructure"), BEDROCK),
+    ".linear": LINEAR,
+    ".mcr": OLD,
+    **dict.fromkeys((".gox", ".qb", ".qbt", ".qbcl", ".qmo", ".binvox", ".vxl", ".kv6", ".vxm", ".cub"), VOXELS),
+    **dict.fromkeys((".obj", ".ply", ".stl", ".fbx", ".gltf", ".glb", ".usd", ".usda", ".usdc", ".blend"), MESH),
+    ".dat": "a part of a save; give the save's folder",
+    ".mcc": "a chunk that belongs to a region; give the .mca beside it",
+    ".zip": "packed; unpack it and give the save's folder",
+}
+"""What files are that are not read, by their ending, and what to do."""
 
 
 def meant(name: str, known: Iterable[str]) -> str:
@@ -33,11 +49,26 @@ def no_world(world: str, names: Iterable[str], endings: Iterable[str]) -> str:
     """The message about a world that is neither a known name nor a file of a kind that is read."""
     names, kind = list(names), PurePath(world).suffix.lower()
     there = f"there are {', '.join(names)}, or give a path to a {' or '.join(endings)} file or a save folder"
+    if remedy := REMEDIES.get(kind):
+        return f"{world} is {remedy}"
     if kind == ".exr":
         return f"{world} is no world: `gbufrt post {world}` reads G-buffers; {there}"
     if kind or PurePath(world).name != world:
         return f"{world} cannot be read as a world; {there}"
     return f"no world {world!r}{meant(world, names)}; {there}"
+
+
+def other_save(folder: Path) -> str:
+    """What a folder is that holds no Minecraft world of the kind that is read, and what to do; empty where unknown."""
+    if (folder / "db").is_dir() or (folder / "CURRENT").is_file():
+        return BEDROCK
+    for place in (folder, folder / "region"):
+        for kind in (".linear", ".mcr"):
+            if any(place.glob(f"*{kind}")):
+                return f"a world {REMEDIES[kind]}"
+    if (folder / "region2d").is_dir() or (folder / "region3d").is_dir():
+        return "a world of cubic chunks; convert it to a save of common chunks"
+    return ""
 
 
 def resolve(name: str, kinds: Mapping[str, str]) -> str:

@@ -19,6 +19,7 @@ from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.cuts import cut_between, cut_off
 from gbufrt.files.gbuffers.detect import better, detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.motion import fitted
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
 from gbufrt.files.gbuffers.sequence import Shot, numbered, one_shot, shot_parts, shots_of
@@ -181,7 +182,7 @@ class Source:
         elif follows and before is not None:
             known["previous_camera"] = before.gbuffer.camera
         frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)
-        profile = self._keep(shot, frame.gbuffer.camera)
+        profile = self._keep(shot, frame)
         self._tell_lost(shot, profile)
         if follows and self.fov is not None:
             g = frame.gbuffer
@@ -208,15 +209,26 @@ class Source:
         name = self.profile_of(shot)
         return self._profiles.get(name) or load_profile(name)
 
-    def _keep(self, shot: Shot, camera: Camera) -> Profile:
-        """Let all frames have the settings that the pixels of the first one tell; says what they are."""
-        name, profile = self.profile_of(shot), self._profile(shot)
+    def _keep(self, shot: Shot, frame: Frame) -> Profile:
+        """Let all frames have the settings that the pixels of the first one tell; says what they are.
+
+        Motion is told by the first frame whose camera moves, so that it is read alike where it stands again.
+        """
+        name, profile, g = self.profile_of(shot), self._profile(shot), frame.gbuffer
         if name not in self._profiles and profile.is_open:
             named = named_by(Layers(shot.files[0], shot_parts(shot.files)), profile)
-            self._profiles[name] = settled(named, camera, posed=self.fov is None).profile
+            self._profiles[name] = settled(named, g.camera, posed=self.fov is None).profile
             if found := found_settings(profile, self._profiles[name]):
                 self.tell(f"{shot}: by its pixels {found}")
-        return self._profiles.setdefault(name, profile)
+        kept, before = self._profiles.setdefault(name, profile), g.previous_camera
+        if (
+            kept.motion_fitted
+            and before is not None
+            and not torch.equal(before.world_from_view, g.camera.world_from_view)
+        ):
+            named = named_by(Layers(shot.files[0], shot_parts(shot.files)), kept)
+            self._profiles[name] = fitted(named, g.camera, before, g.depth, g.hit) or kept
+        return self._profiles[name]
 
 
 def _is_frame(path: Path, profile: str) -> bool:

@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gbufrt.commands.arguments.checks import ENDINGS, check_folder
+from gbufrt.names import REMEDIES, other_save
 
 
 def inspect(
@@ -48,7 +49,9 @@ def inspect(
     known = (*ENDINGS, ".exr")
     for file in shown:
         if not file.is_dir() and file.suffix.lower() not in known:
-            raise ValueError(f"{file} is of a kind that is not read; give {', '.join(known)} or a save folder")
+            unread = f"of a kind that is not read; give {', '.join(known)} or a save folder"
+            kind = REMEDIES.get(file.suffix.lower(), unread)
+            raise ValueError(f"{file} is {kind}")
 
     from rich.console import Console
 
@@ -78,6 +81,8 @@ def _there(files: Iterable[Path]) -> list[Path]:
         # as `tracer.formats.minecraft.region.files_within`, which would load torch first
         world = any((file / folder).is_dir() for folder in ("region", "dimensions")) or any(file.glob("*.mca"))
         pictures = file.is_dir() and not world and exr_files(file)
+        if file.is_dir() and not pictures and (kind := other_save(file)) and not world:
+            raise ValueError(f"{file} is {kind}")
         if file.is_dir() and not (pictures or world):
             raise ValueError(f"{file} holds neither EXR files nor a Minecraft world; give files, or another folder")
         shown += within(file) if pictures else expanded(file)

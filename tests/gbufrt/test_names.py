@@ -1,11 +1,17 @@
-"""What docstrings say of a pass's tunables, and how frames tell what they hold."""
+"""What docstrings say of a pass's tunables, how frames tell what they hold, and files that are not read."""
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import boxes
+import pytest
 import torch
 
+import tracer
 from gbufrt import Frame, Pass
+from gbufrt.commands.inspect import inspect
 
 
 def shaded(light: float, *, gain: float = 1.0, kind: str = "plain") -> float:
@@ -74,3 +80,35 @@ def test_a_frame_tells_what_it_holds_in_ten_lines():
     assert "orthographic, 12 x 9 units" in repr(boxes.camera(orthographic=True))
     assert "first of 2" in repr(boxes.cameras(2, (8, 8)))
     assert repr(frame.gbuffer).count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("files", "told"),
+    [
+        (("db/CURRENT", "level.dat"), "a world of Minecraft Bedrock; convert it to a Java save"),
+        (("CURRENT",), "a world of Minecraft Bedrock; convert it to a Java save"),
+        (("region/r.0.0.linear",), "a world in Linear's regions; convert them to .mca"),
+        (("region/r.0.0.mcr",), "a world of Minecraft before 1.2; open the world in a newer one, which writes .mca"),
+        (("region3d/0.0.0.3dr",), "a world of cubic chunks"),
+    ],
+)
+def test_saves_that_are_not_read_are_told_with_a_remedy(files: tuple[str, ...], told: str, tmp_path: Path) -> None:
+    for file in files:
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).touch()
+    with pytest.raises(ValueError, match=f"^{re.escape(f'{tmp_path} is {told}')}"):
+        tracer.load(tmp_path)
+    with pytest.raises(ValueError, match=f"^{re.escape(f'{tmp_path} is {told}')}"):
+        inspect(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("a.gox", "export a .vox"), ("a.QB", "export a .vox"), ("a.mcworld", "Java"), ("a.obj", "a mesh")],
+)
+def test_files_of_other_kinds_are_told_with_a_remedy(name: str, told: str, tmp_path: Path) -> None:
+    (tmp_path / name).touch()
+    with pytest.raises(ValueError, match=rf"{re.escape(name)} is .*{told}"):
+        tracer.load(tmp_path / name)
+    with pytest.raises(ValueError, match=rf"{re.escape(name)} is .*{told}"):
+        inspect(tmp_path / name)

@@ -31,7 +31,11 @@ def _blocks(path: Path, pack: str | PathLike[str] | None = None, **part: Any) ->
 
 
 FORMATS: Mapping[str, Callable[..., Scene]] = MappingProxyType(
-    {".vox": load_vox_scene, ".schem": load_schematic, ".schematic": load_schematic, ".mca": _blocks}
+    {
+        ".vox": load_vox_scene,
+        **dict.fromkeys((".schem", ".schematic", ".litematic", ".nbt"), load_schematic),
+        ".mca": _blocks,
+    }
 )
 """Readers of files by their ending, in lower case."""
 

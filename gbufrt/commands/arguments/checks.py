@@ -29,7 +29,8 @@ VIDEOS = (".mp4", ".mov")
 VALLEY = ("village", "lake", "cave", "plaza", "hall", "horizon", "closeup", "mill", "flythrough", "orbit")
 WORLDS: Mapping[str, tuple[str, ...]] = {"builtin": VALLEY, "valley": VALLEY, "terrain": ("horizon",)}
 """Built-in worlds, and the names of their views."""
-ENDINGS = (".vox", ".schem", ".schematic", ".mca")
+SCHEMATICS = (".schem", ".schematic", ".litematic", ".nbt")
+ENDINGS = (".vox", *SCHEMATICS, ".mca")
 """Endings of the files that hold worlds."""
 WINDOW = (4, 64)
 """Least and most chunks along a window."""
@@ -121,7 +122,7 @@ def check_part(world: str, part: Mapping[str, Any]) -> None:
     """
     ending = Path(world).suffix.lower()
     whole = world not in WORLDS and (ending == ".mca" or Path(world).is_dir())
-    textured = whole or (world not in WORLDS and ending in (".schem", ".schematic"))
+    textured = whole or (world not in WORLDS and ending in SCHEMATICS)
     if "pack" in part and not textured:
         raise ValueError(f"--pack is for Minecraft worlds and schematics; leave it out for {world}")
     if "pack" in part and not Path(part["pack"]).exists():

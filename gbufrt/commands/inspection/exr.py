@@ -174,8 +174,9 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
         "depth": f"{profile.depth_kind}, sky {'by its pixels' if profile.sky == MOST_HALF else f'at {profile.sky:g}'}",
         "normal": f"{profile.normal_space} space, {profile.up} up" if not estimates else _unposed(profile),
         "motion": "in the units that fit the cameras"
-        if profile.motion_fitted
-        else f"{profile.motion_unit} to the {named.motion[1].motion_target} frame",
+        if profile.motion_fitted is True
+        else f"{profile.motion_unit} to the {named.motion[1].motion_target} frame"
+        + (", unless others fit the cameras" if profile.motion_fitted else ""),
     }
     optional = ("position",) if named.light().products else ("emission", "position")
     shown = [name for name in (*CHANNELS, "thickness") if name != "motion_next"]

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from tracer.formats.minecraft.nbt import Tags
+
 
 def show_world(console: Console, path: Path) -> None:
     """Print kind, size, version and contents.
@@ -39,10 +41,12 @@ def _vox(path: Path) -> str:
 
 def _schematic(path: Path) -> str:
     from tracer.formats.minecraft.nbt import part
-    from tracer.formats.minecraft.schematic import root_of
+    from tracer.formats.minecraft.schematic import root_of, structure_of
 
     tags = root_of(path)
     try:
+        if (structure := structure_of(tags)) is not None:
+            return _structure(tags, structure[1].shape)
         sides = " x ".join(str(int(part(tags, side, int)) & 0xFFFF) for side in ("Width", "Height", "Length"))
         kind = f"Sponge schematic {int(part(tags, 'Version', int))}" if "Version" in tags else "MCEdit schematic"
         told = int(part(tags, "DataVersion", int)) if "DataVersion" in tags else None
@@ -50,6 +54,15 @@ def _schematic(path: Path) -> str:
         raise ValueError(f"{path}: {error}") from None
     data = "" if told is None else f", Minecraft's data version {told}"
     return f"{kind}, {sides} blocks, the middle number upwards{data}"
+
+
+def _structure(tags: Tags, shape: tuple[int, ...]) -> str:
+    """A Litematica schematic or a structure of the game, of sides along y, z and x."""
+    height, length, width = shape
+    told = tags.get("MinecraftDataVersion", tags.get("DataVersion"))
+    kind = "Litematica schematic" if "Regions" in tags else "Minecraft structure"
+    data = f", Minecraft's data version {int(told)}" if isinstance(told, int) else ""
+    return f"{kind}, {width} x {height} x {length} blocks, the middle number upwards{data}"
 
 
 def _blocks(path: Path) -> str:

@@ -13,6 +13,8 @@ from gbufrt.validation.geometry import FEW, flat
 from gbufrt.validation.motion import found_again
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
+TILT = 8.0  # degrees between the mean normal of a block and that of the depth, up to which they agree
+BLOCKS = 6  # along the shorter side of the picture
 AGREE = 0.5  # share of the flat pixels whose normals must be those of the depth
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
@@ -20,6 +22,7 @@ BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a ben
 STEPS = 32  # of second differences across the picture: those of neighbours are too small in large pictures
 FLATTEST = 0.25  # share of the pixels that are taken to lie on planes
 MOVES = 0.5  # pixels of motion apart from the cameras' own
+SCALES = (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0)  # of depth: millimetres and centimetres beside metres
 RECIPROCAL = '"reciprocal" or "device"'
 
 
@@ -118,12 +121,34 @@ def _normal_line(g: GBuffer, kind: str) -> str:
     fits = {text: _agreeing(g, g.camera, g.depth, normal, inside) for text, normal in normal_readings(g).items()}
     best = max(fits, key=lambda text: fits[text])
     if fits[best] <= max(now + BETTER, AGREE):
-        if now >= AGREE:
+        mean = _agreeing_means(g, g.normal)
+        if now >= AGREE or mean >= AGREE:
             return ""
+        means = {text: _agreeing_means(g, normal) for text, normal in normal_readings(g).items()}
+        best = max(means, key=lambda text: means[text])
+        if means[best] >= AGREE:
+            return (
+                f"{best} fits better: mean normals agree with depth in {means[best]:.0%} of the blocks, not {mean:.0%}"
+            )
         most = float((1 / g.depth if kind == "reciprocal" else g.depth)[g.hit].max())
         hint = "; depth lies within 0 and 1, and may be normalised: write it in world units" if most <= 1 else ""
         return f"normals agree with depth at {now:.0%} of the pixels, and no setting makes them{hint}"
     return f"{best} fits better: normals agree with depth at {fits[best]:.0%} of the pixels instead of {now:.0%}"
+
+
+def _agreeing_means(g: GBuffer, normal: Tensor) -> float:
+    """The share of the blocks of the picture whose mean normal is within `TILT` of that of the depth.
+
+    Normal maps tip normals this way and that, by more than `CLOSE`, and have the surface's own in the mean.
+    """
+    side, hit = max(min(g.depth.shape[-2:]) // BLOCKS, 1), g.hit.to(g.depth)
+    pooled = lambda t: torch.nn.functional.avg_pool2d(t * hit, side, max(side // 2, 1))
+    told = pooled(hit) > AGREE
+    mean, like = (
+        torch.nn.functional.normalize(pooled(n), dim=1) for n in (normal, g.camera.normals_from_depth(g.depth))
+    )
+    close = (mean * like).sum(1, keepdim=True)[told] > torch.tensor(TILT).deg2rad().cos()
+    return float(close.float().mean()) if close.numel() else 0.0
 
 
 def _static_line(g: GBuffer, motion: Tensor, previous: Camera) -> str:
@@ -141,6 +166,13 @@ def _static_line(g: GBuffer, motion: Tensor, previous: Camera) -> str:
     line = _motion_line(now, {text: share(m) for text, m in motion_readings(motion).items()}, "the cameras")
     if line or now > BETTER:
         return line
+    for scale in SCALES:
+        still, _ = g.camera.static_motion(previous, g.depth * scale, g.hit)
+        fits = float(((motion - still).norm(dim=1, keepdim=True) < 0.1)[told].float().mean())
+        if fits > AGREE:
+            return (
+                f"depth_scale times {scale:g} fits better: motion agrees with the cameras at {fits:.0%} of the pixels"
+            )
     return (
         f"motion agrees with the cameras at {now:.0%} of the pixels, and no setting makes it fit; if not all of them "
         "move, take that of a still world: motion = [] under [channels] of a profile"

@@ -17,6 +17,7 @@ BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
 UNCOUNTED = ("emission", "position", "motion_next")  # channels that speak for no profile
 DARK = 0.5  # of the certainty of others, where a profile knows none of the file's light
+SOME = 12  # layers that a message names
 PLAIN = 0.5  # of the certainty of others, that of plain names, which any program may write
 
 
@@ -51,7 +52,8 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
     layers = Layers(path, parts)
     best = _fitting(layers)
     if best.certainty == 0:
-        some = ", ".join(layers.names[:6]) + (", ..." if len(layers.names) > 6 else "")
+        there = [base or "".join(names) for base, names in layers.groups().items()]
+        some = ", ".join(there[:SOME]) + (", ..." if len(there) > SOME else "")
         raise ValueError(
             f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; write a profile and "
             "pass its path with --from"
@@ -88,9 +90,7 @@ def _fitting(layers: Layers) -> Detection:
     """
     weighed = {name: _weigh(name, load_profile(name), layers, layers.header) for name in SHIPPED}
     best, plain = max(weighed.values(), key=lambda detection: detection.certainty), weighed["generic"]
-    profile = load_profile(best.name)
-    unknown = {"motion"} if profile.motion_fitted else {"motion"} - {*profile.channels}  # how it is counted
-    return plain if plain.found - unknown > best.found and not best.marked else best
+    return plain if plain.found > best.found and not best.marked else best
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:

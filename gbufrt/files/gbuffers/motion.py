@@ -12,13 +12,14 @@ from gbufrt.camera import Camera
 from gbufrt.directions import length
 from gbufrt.files.gbuffers.convert import half_step_px, pixels_to_previous
 from gbufrt.files.gbuffers.named import Named
-from gbufrt.files.gbuffers.profile import Profile
+from gbufrt.files.gbuffers.profile import AUTO, Profile
 from gbufrt.validation.geometry import FEW
 
 MOVES = 0.5  # pixels of the cameras' motion, from which on it tells anything
 ALONG = 0.25  # pixels along an axis, from which on they tell its factor
 CLOSE = 0.1  # of the cameras' motion that the file's may be off to agree with it, at least this many pixels
 AGREE = 0.5  # share of the pixels that must agree: what moves by itself does not
+STILL = (0.0, 0.5)  # what motion may hold where nothing moves
 
 
 def motion_of(
@@ -44,7 +45,11 @@ def motion_of(
     raw = named.layers.stack(keys, view.size) if keys else None
     if raw is not None and profile.motion_fitted:
         found = None if static is None else _fitted(raw, profile, static, hit)
-        raw, profile = (None, profile) if found is None else (raw, found)
+        if found is not None:
+            warnings.warn(f"motion is read with {_settings(found)}, by which it fits the cameras", stacklevel=5)
+        elif profile.motion_fitted != AUTO:
+            raw = None
+        profile = found or profile
     if raw is None:
         return static, static_z
     motion = pixels_to_previous(raw, profile)
@@ -59,21 +64,54 @@ def motion_of(
     return torch.where(known, motion, static), static_z
 
 
+def fitted(named: Named, view: Camera, previous: Camera, depth: Tensor, hit: Tensor) -> Profile | None:
+    """The profile with the motion by which a frame fits its cameras; None where that is told, or nothing tells it.
+
+    Args: see `motion_of`.
+    """
+    keys, profile = named.motion
+    if not keys or not profile.motion_fitted:
+        return None
+    static, _ = view.static_motion(previous, depth, hit)
+    found = _fitted(named.layers.stack(keys, view.size), profile, static, hit)
+    return found and replace(found, motion_target=named.profile.motion_target)
+
+
 def _fitted(raw: Tensor, profile: Profile, static: Tensor, hit: Tensor) -> Profile | None:
-    """The profile with the factors by which most motion is that of a static world; None where there are none."""
+    """The profile with the factors by which most motion is that of a static world; None where there are none.
+
+    None also where factors of its own may be right (``auto``), and are.
+    """
     told = hit & (length(static) > MOVES) & raw.isfinite().all(1, keepdim=True)
-    scale = []
+    read = [scaled for still in STILL if (scaled := _scaled(raw, profile, static, told, still)) is not None]
+    if not read or (profile.motion_fitted == AUTO and _agreeing(raw, profile, static, told) >= AGREE):
+        return None
+    best = max(read, key=lambda scaled: _agreeing(raw, scaled, static, told))
+    return best if _agreeing(raw, best, static, told) >= AGREE else None
+
+
+def _scaled(raw: Tensor, profile: Profile, static: Tensor, told: Tensor, still: float) -> Profile | None:
+    """The profile with the factors that take the middle pixel to a static world's motion."""
+    scale, sign = [], -1 if profile.motion_target == "next" else 1
     for axis in (0, 1):
-        wanted, there = static[:, axis : axis + 1], raw[:, axis : axis + 1]
+        wanted, there = static[:, axis : axis + 1], raw[:, axis : axis + 1] - still
         tells = told & (wanted.abs() > ALONG) & (there != 0)
         if int(tells.sum()) < FEW:
             return None
-        scale.append(float((wanted / there)[tells].median()))
-    found = replace(profile, motion_offset=(0.0, 0.0), motion_scale=tuple(scale), motion_unit="pixels")
-    off = length(pixels_to_previous(raw, replace(found, motion_target="previous")) - static)
-    agrees = off < (CLOSE * length(static)).clamp_min(CLOSE)
-    if float(agrees[told].float().mean()) < AGREE:
-        return None
-    x, y = scale
-    warnings.warn(f"motion is read with motion_scale = [{x:.2g}, {y:.2g}], by which it fits the cameras", stacklevel=6)
-    return replace(found, motion_target="previous")
+        scale.append(sign * float((wanted / there)[tells].median()))
+    return replace(
+        profile, motion_offset=(still, still), motion_scale=tuple(scale), motion_unit="pixels", motion_fitted=False
+    )
+
+
+def _agreeing(raw: Tensor, profile: Profile, static: Tensor, told: Tensor) -> float:
+    """The share of the pixels whose motion is that of a static world."""
+    off = length(pixels_to_previous(raw, profile) - static)
+    return float((off < (CLOSE * length(static)).clamp_min(CLOSE))[told].float().mean())
+
+
+def _settings(profile: Profile) -> str:
+    """The lines of a profile that tell how motion is counted."""
+    x, y = profile.motion_scale
+    offset = f", motion_offset = {list(profile.motion_offset)}" if any(profile.motion_offset) else ""
+    return f"motion_scale = [{x:.2g}, {y:.2g}]{offset}"

@@ -89,9 +89,9 @@ class Profile:
     """pixels, or uv: parts of the picture's width and height."""
     motion_target: str = "previous"
     """The frame that motion leads to. Motion to the next frame is negated, as if it were even over three frames."""
-    motion_fitted: bool = False
+    motion_fitted: bool | str = False
     """How the file counts motion is not known: it is read with the factors by which most of it fits the cameras, and
-    left out where there are none."""
+    left out where there are none; auto: read as it is said here unless others fit, and where nothing tells."""
     shaded: tuple[str, ...] | None = None
     """Colours that shaders write together with roughness. Where these, as far as there are any, and roughness are 0,
     the shader has written neither, and the surface counts as rough. By default roughness 0 is a mirror."""
@@ -218,10 +218,13 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     **dict.fromkeys(
-        ("reversed", "any_case", "either_sign", "positions_first", "motion_fitted"),
+        ("reversed", "any_case", "either_sign", "positions_first"),
         ("true or false", lambda v: isinstance(v, bool), bool),
     ),
-    "normal_encoded": ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == "auto", lambda v: v),
+    **dict.fromkeys(
+        ("normal_encoded", "motion_fitted"),
+        ("true, false or 'auto'", lambda v: isinstance(v, bool) or v == AUTO, lambda v: v),
+    ),
     "normal_scale": ("three numbers", _numbers(3), tuple),
     **dict.fromkeys(("motion_offset", "motion_scale"), ("two numbers", _numbers(2), tuple)),
 }

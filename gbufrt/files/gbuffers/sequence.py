@@ -10,6 +10,7 @@ from pathlib import Path
 from gbufrt.files.guard import Part, read_parts
 
 PATTERN = re.compile(r"#+|%0?\d*d")
+HASHES = re.compile(r"#+")
 MASKS = frozenset(("R", "G", "B", "A", "RGB", "RGBA"))  # Falcor's ends of names, after the number
 NUMBER = re.compile(r"(?:(?<=[._ ])-)?\d+")  # a hyphen is a sign where it does not stand for a separator
 
@@ -85,12 +86,13 @@ def expanded(path: Path) -> list[Path]:
     """
     if path.exists() or not PATTERN.search(path.name):
         return [path]
-    form = re.compile(r"(-?\d+)".join(re.escape(text) for text in PATTERN.split(path.name)))
-    there = path.parent.iterdir() if path.parent.is_dir() else ()
-    found = sorted((tuple(map(int, match.groups())), file) for file in there if (match := form.fullmatch(file.name)))
-    if not found:
-        raise ValueError(f"no file fits {path}; check the path")
-    return [file for _, file in found]
+    there = list(path.parent.iterdir()) if path.parent.is_dir() else []
+    for pattern in (PATTERN, HASHES):  # where there are both, a name may hold %d itself
+        form = re.compile(r"(-?\d+)".join(re.escape(text) for text in pattern.split(path.name)))
+        fits = [(match, file) for file in there if (match := form.fullmatch(file.name))]
+        if fits:
+            return [file for _, file in sorted((tuple(map(int, match.groups())), file) for match, file in fits)]
+    raise ValueError(f"no file fits {path}; check the path")
 
 
 def by_number(paths: Iterable[Path]) -> list[Path]:

@@ -188,7 +188,7 @@ def test_real_files_of_other_renderers(tmp_path: Path, capfd, name: str) -> None
         (("{}", "--from", "blendr"), "no profile 'blendr' in --from (did you mean blender?); it has auto, blender,"),
         (("{}", "--from", "nuke", "--out", "{}"), "a.exr is a file; choose another name"),
         (("{}", "--from", "falcor"), "has no depth under linearZ.R, linearZ.X, linearZ; choose another profile"),
-        (("picture.png",), "picture.png is of a kind that is not read; give .vox, .schem, .schematic, .mca, .exr or"),
+        (("picture.png",), "picture.png is of a kind that is not read; give .vox, .schem, .schematic, .litematic, "),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, capfd, monkeypatch, arguments, message: str) -> None:

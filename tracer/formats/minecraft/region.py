@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from gbufrt.names import other_save
 from tracer.formats.minecraft.compression import inflate, unpack_lz4
 from tracer.formats.minecraft.nbt import Tags, parse_nbt
 
@@ -41,6 +42,8 @@ def region_files(path: Path) -> list[Path]:
     if not path.is_dir():
         raise FileNotFoundError(f"{path} does not exist")
     files = files_within(path)
+    if not files and (kind := other_save(path)):
+        raise ValueError(f"{path} is {kind}")
     if not files:
         raise ValueError(f"{path} holds no region files (region/r.X.Z.mca); give a save folder or a .mca file")
     return files

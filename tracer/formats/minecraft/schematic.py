@@ -1,4 +1,4 @@
-"""Schematics: Sponge's ``.schem``, versions 1 to 3, and MCEdit's ``.schematic``."""
+"""Schematics: Sponge's ``.schem``, MCEdit's ``.schematic``, Litematica's ``.litematic``, the game's own ``.nbt``."""
 
 from __future__ import annotations
 
@@ -17,12 +17,14 @@ from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.save import tell_unknown
 from tracer.formats.minecraft.sections import Section
+from tracer.formats.minecraft.structures.grid import Structure, checked
+from tracer.formats.minecraft.structures.litematic import litematic
+from tracer.formats.minecraft.structures.template import template
 from tracer.scene.grids import BRICK
 from tracer.scene.placement import place
 from tracer.scene.scene import Scene
 
 MAX_FILE = 1 << 26  # bytes, decompressed
-MAX_BLOCKS = 1 << 25
 
 Numbers = NDArray[np.int32]
 Named = tuple[list[str], Numbers]
@@ -43,12 +45,15 @@ def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None =
         FileNotFoundError: there is no such file.
     """
     path, builder = Path(path), Builder(None if pack is None else Pack(pack))
+    root = root_of(path)
     try:
-        root = root_of(path)
-        sides = [int(part(root, side, int)) & 0xFFFF for side in ("Height", "Length", "Width")]
-        if not 0 < math.prod(sides) <= MAX_BLOCKS:
-            raise ValueError(f"it must have 1 to {MAX_BLOCKS} blocks, got {sides[2]} x {sides[0]} x {sides[1]}")
-        named, biomes = _sponge(root, sides) if "Version" in root else (_mcedit(root, sides), PLAINS)
+        if (structure := structure_of(root)) is not None:
+            (names, grid), biomes = structure, PLAINS
+            named, sides = (names, grid.reshape(-1)), [*grid.shape]
+        else:
+            sides = [int(part(root, side, int)) & 0xFFFF for side in ("Height", "Length", "Width")]
+            checked(sides)
+            named, biomes = _sponge(root, sides) if "Version" in root else (_mcedit(root, sides), PLAINS)
         blocks = _built(builder, named, biomes, sides)
     except PackError:
         raise
@@ -62,6 +67,17 @@ def root_of(path: Path) -> Tags:
     """The tags that tell of a schematic, of whatever version; raises as `read_schematic`."""
     tags = read_nbt(path, limit=MAX_FILE)
     return part(tags, "Schematic", dict) if "Schematic" in tags else tags
+
+
+def structure_of(root: Tags) -> Structure | None:
+    """The blocks of a Litematica schematic or of a structure of the game; None where it is neither.
+
+    Raises:
+        ValueError: something in it breaks the format, or it is too large.
+    """
+    if "Regions" in root:
+        return litematic(root)
+    return template(root) if "size" in root and "blocks" in root else None
 
 
 def _sponge(root: Tags, sides: list[int]) -> tuple[Named, Named]:

@@ -147,3 +147,18 @@ def test_a_channel_that_vanishes_is_said_once(tmp_path: Path, capsys: pytest.Cap
     told = capsys.readouterr().err
     assert told.count("lacks albedo") == 1
     assert "frame 3 (" in told
+
+
+@pytest.mark.parametrize(
+    ("turn", "setting"), [((0, 1, 2), None), ((0, 2, 1), 'up = "z" fits better: mean normals agree with depth in ')]
+)
+def test_normals_that_maps_tip_agree_in_the_mean(turn: tuple[int, int, int], setting: str | None) -> None:
+    """By 17 degrees, over twenty pixels: hardly one normal is that of the depth."""
+    frame = boxes.frame(boxes.camera((108, 144)))
+    g = frame.gbuffer
+    y, x = torch.meshgrid(torch.arange(108.0), torch.arange(144.0), indexing="ij")
+    tip = 0.3 * torch.stack([torch.sin(2 * torch.pi * t / 20) for t in (x, y, x + y)])
+    normal = torch.nn.functional.normalize(g.normal + tip * g.hit, dim=1)[:, list(turn)]
+    normal[:, 1] *= -1 if setting else 1  # as a world with z up has them
+    lines = disagreements(frame.replace(gbuffer=g.replace(normal=normal)))
+    assert [line[: len(setting or "")] for line in lines] == ([setting] if setting else [])

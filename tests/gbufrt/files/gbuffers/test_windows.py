@@ -84,6 +84,10 @@ def test_patterns_stand_for_the_files_there_by_number(tmp_path: Path) -> None:
     assert expanded(tmp_path / "other.exr") == [tmp_path / "other.exr"]
     with pytest.raises(ValueError, match=r"no file fits .*other\.#\.exr"):
         expanded(tmp_path / "other.#.exr")
+    (tmp_path / "a%d_0007.exr").touch()  # a program that was given a pattern it does not know
+    assert expanded(tmp_path / "a%d_####.exr") == [tmp_path / "a%d_0007.exr"]
+    (tmp_path / "a1_0008.exr").touch()
+    assert expanded(tmp_path / "a%d_####.exr") == [tmp_path / "a1_0008.exr"]
 
 
 def test_numbers_below_zero_have_a_sign_and_separators_none(tmp_path: Path) -> None:
