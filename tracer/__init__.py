@@ -41,7 +41,7 @@ from tracer.truth.truth import (
 )
 from tracer.weather.rain import raining
 from tracer.worlds import WORLDS, load
-from tracer.worlds.stream import Stream, stream
+from tracer.worlds.regions.stream import Stream, stream
 
 __all__ = [
     "MASK_ALL",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -13,13 +14,14 @@ import torch
 from blocks import cubes_of
 
 import tracer
+from tracer.formats.minecraft.build import instance_of
 from tracer.lights.sky import sky_radiance
 from tracer.scene.cells import world_of_cells
 from tracer.scene.daylight import at_hour
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Scene
 from tracer.scene.world import World
-from tracer.worlds.landscape import landscape
+from tracer.worlds.regions.landscape import landscape
 
 DATA = os.environ.get("GBUFRT_TEST_DATA")
 REAL = ("1.12.2/r.0.-1.mca", "1.18.2/r.0.0.mca", "1.21.1/r.0.0.mca", "synthetic_1.21/r.0.0.mca")
@@ -129,6 +131,78 @@ def test_land_with_a_coast_goes_on_as_sea(land: int, coast: bool):
     assert (scene.sky.plain.water == 1) == coast
     beyond = [int(scene.world.at(torch.tensor([60, y, 40]))) for y in (3, 4, 23, 24, 29)]
     assert beyond == ([1, 2, 2, 0, 0] if coast else [0] * 5), "water before the cliff"
+
+
+def upland(*, side: int = 160, shift: int = 0) -> World:
+    """Hills, whose heights depend on x and z in ways that no mirror image repeats, over a deep cellar of rock."""
+    x, y, z = np.indices((side, 70, side))
+    height = (52 + 5 * np.sin(x / 31.0) + 4 * np.cos(z / 23.0) + x / 40).round()
+    table = MaterialTable.of([Material(name="stone"), Material(name="grass")])
+    kept = y <= height
+    cells = np.stack([x - 32 + shift, y - 8, z + 48], axis=-1)
+    return world_of_cells(cells[kept], np.where(y == height, 2, 1)[kept].astype(np.int16), table)
+
+
+def tops(world: World, x: range, z: range) -> torch.Tensor:
+    """``(X, Z)`` heights of columns."""
+    y = torch.arange(-8, 70)
+    cells = torch.stack(torch.meshgrid(torch.tensor(x), y, torch.tensor(z), indexing="ij"), dim=-1)
+    return ((world.at(cells) > 0) * (y[:, None] + 1)).amax(dim=1)
+
+
+def test_land_without_a_coast_goes_on_as_its_mirror_image():
+    world, scene = upland(), landscape(upland())
+    whole = tops(scene.world, range(-532, 638), range(-452, 718))
+    assert whole.min() > 30, "it goes on without a gap"
+    assert max(int(whole.diff(dim=axis).abs().max()) for axis in (0, 1)) <= 1, "and without a step"
+    own = tops(world, range(-32, 128), range(48, 208))
+    assert torch.equal(whole[500:660, 500:660], own)
+    assert torch.equal(whole[660:820, 500:660], own.flip(0))
+    assert torch.equal(whole[340:500, 660:820], own.flip(0, 1))
+    assert torch.equal(whole[820:980, 180:340], own), "the image of an image is turned back"
+    assert scene.haze is not None
+    assert scene.haze.end < 512
+    assert int(scene.world.at(torch.tensor([200, -8, 60]))) == 0 < int(scene.world.at(torch.tensor([20, -8, 60])))
+    for name in scene.views:
+        looks_free(scene, name, 11.0, near=4.0)
+
+
+@pytest.mark.parametrize("kept", ["beyond", "small", "ragged", "shifted"])
+def test_some_land_ends_where_its_file_does(kept: str):
+    """Where that is wanted, and where a mirror image would be seen for what it is, or not meet it."""
+    world = upland(side=112 if kept == "small" else 160, shift=3 if kept == "shifted" else 0)
+    if kept == "ragged":
+        index = world.index.clone()
+        index[::2, :, ::2] = 0
+        world = replace(world, index=index)
+    scene = landscape(world, beyond=kept != "beyond")
+    assert scene.world.bounds() == world.bounds()
+    assert scene.haze is None
+
+
+def test_leaves_go_on_as_cubes_and_plants_do_not():
+    """They are no voxels of the world, but an instance of finer ones."""
+    world, table = upland(), upland().materials
+    places = np.array([[20, 62, 60], [40, 62, 60]])
+    fine = np.concatenate(
+        [8 * places[0] + np.argwhere(np.ones((8, 8, 8))), 8 * places[1] + np.argwhere(np.eye(8)[..., None])]
+    )
+    shapes = instance_of(world_of_cells(fine, np.ones(len(fine), np.int16), table))
+    far = landscape(world, (shapes,)).world
+    mirrored = [int(far.at(torch.tensor([255 - x, y, z]))) for x, y, z in places]
+    assert mirrored == [1, 0]
+    assert [int(far.at(torch.tensor(place))) for place in places] == [0, 0], "they are what they were where they are"
+
+
+def test_a_long_piece_of_land_is_flown_over_along_its_length():
+    x, y, z = np.indices((240, 6, 48))
+    strip = world_of_cells(
+        np.stack([x, y, z], axis=-1).reshape(-1, 3), np.ones(x.size, np.int16), hills(side=96).materials
+    )
+    flight = landscape(strip).views["flight"]
+    eyes = np.array([flight.eye(time) for time in np.linspace(0, 48, 97)])
+    assert 0 < eyes[:, 2].min() < 14 < 34 < eyes[:, 2].max() < 48
+    assert np.ptp(eyes[:, 0]) > 140
 
 
 def test_below_the_horizon_lies_what_the_border_shows():

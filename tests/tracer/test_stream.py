@@ -19,7 +19,7 @@ import tracer
 from gbufrt import Frame
 from gbufrt.gbuffer import CHANNELS
 from tracer.scene.scene import Haze, Scene, Sky, View
-from tracer.worlds.stream import Stream, stream
+from tracer.worlds.regions.stream import Stream, stream
 
 DOWN = View(
     eye=lambda t: (200.0 + 4.0 * t, 34.0, 48.0), target=lambda t: (204.0 + 4.0 * t, 0.0, 48.0), fov_y=40.0

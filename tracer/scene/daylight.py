@@ -65,7 +65,7 @@ class SunPath:
 
 
 class Lit(Protocol):
-    """A dataclass with a sun and a sky: a `Scene`, or a `tracer.worlds.stream.Stream`."""
+    """A dataclass with a sun and a sky: a `Scene`, or a `tracer.worlds.regions.stream.Stream`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 

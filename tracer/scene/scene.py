@@ -185,7 +185,7 @@ class Scene:
             object.__setattr__(self, "views", Views(self.views))
 
     def around(self, eye: Sequence[float]) -> Scene:
-        """What a camera there can see: this scene. `tracer.worlds.stream.Stream` has another one for other places."""
+        """What a camera there can see: this scene. A `tracer.Stream` has another one for other places."""
         del eye
         return self
 

@@ -23,7 +23,7 @@ NEAR, FAR = 4.0, 170.0  # world units: where the haze of the hardest rain begins
 
 
 class Open(Protocol):
-    """A dataclass with sun, sky, haze and rain: a `Scene`, or a `tracer.worlds.stream.Stream`."""
+    """A dataclass with sun, sky, haze and rain: a `Scene`, or a `tracer.worlds.regions.stream.Stream`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 

@@ -34,18 +34,24 @@ class PartOptions:
     pack: str | None = None
     """Resource pack (jar, zip or folder) with textures for the blocks of a Minecraft world or a schematic."""
 
+    bare: bool = False
+    """A Minecraft world ends where its blocks end, in place of going on as the sea, or as land mirrored into haze."""
+
     def parsed(self) -> dict[str, Any]:
         """The part as arguments of `tracer.load`, or of `tracer.stream` with a window; those that are given.
 
         Raises:
-            ValueError: not as many whole numbers as wanted.
+            ValueError: not as many whole numbers as wanted, or both a window and nothing beyond.
         """
+        if self.bare and self.window is not None:
+            raise ValueError("--bare is for worlds that are in memory as a whole; leave it out with --window")
         part = {
             "box": whole_numbers("--box", self.box, "X0,Y0,Z0,X1,Y1,Z1"),
             "around": whole_numbers("--around", self.around, "X,Z"),
             "chunks": self.chunks,
             "window": self.window,
             "pack": self.pack,
+            "beyond": False if self.bare else None,
         }
         return {name: value for name, value in part.items() if value is not None}
 
@@ -98,7 +104,8 @@ class DayOptions:
     """How hard it rains, 0 to 1: grey sky, haze, and what is under the open sky wet. [default: not at all]"""
 
     waves: float | None = None
-    """Height of waves on water over its mean, world units, 0 to 0.45, such as 0.1. [default: still water]"""
+    """Height of waves on water over its mean, world units, 0 to 0.45, such as 0.1. [default: still water; 0.08 on the
+    open sea]"""
 
     def parsed(self) -> dict[str, Any] | None:
         """Arguments of `tracer.at_hour`, ``path`` as two numbers; None where the world keeps its own sun.

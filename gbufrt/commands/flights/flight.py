@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
     from gbufrt.frame import Frame
     from tracer.scene.scene import Scene
-    from tracer.worlds.stream import Stream
+    from tracer.worlds.regions.stream import Stream
 
 
 def stem(index: int) -> str:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gbufrt.frame import Frame
     from tracer.cache.irradiance import IrradianceCache
     from tracer.scene.scene import Scene, View
-    from tracer.worlds.stream import Stream
+    from tracer.worlds.regions.stream import Stream
 
 BOUNCES = 4  # of sampled light, as `tracer.path_trace` has by default
 
@@ -101,7 +101,7 @@ class Job:
             FileNotFoundError: there is no such file.
         """
         from tracer.worlds import WORLDS, builtin, load
-        from tracer.worlds.stream import stream
+        from tracer.worlds.regions.stream import stream
 
         if self.part.window is not None:
             scene = stream(self.world, **self.part.parsed())

@@ -13,7 +13,7 @@ from hills import save_of_hills
 
 from gbufrt.files.exr import read_notes
 from tracer.scene.scene import Scene
-from tracer.worlds.stream import Stream
+from tracer.worlds.regions.stream import Stream
 
 
 @pytest.fixture(autouse=True)

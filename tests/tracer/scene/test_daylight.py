@@ -17,7 +17,7 @@ from tracer.scene.cells import world_of_cells
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Scene
-from tracer.worlds.landscape import landscape
+from tracer.worlds.regions.landscape import landscape
 
 
 @cache

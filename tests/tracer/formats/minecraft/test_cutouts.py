@@ -20,7 +20,7 @@ from tracer.formats.minecraft.build import Builder
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.sections import Section
 from tracer.scene.textures import COLOR
-from tracer.worlds.landscape import landscape
+from tracer.worlds.regions.landscape import landscape
 
 
 def test_animations_show_their_first_frame_and_holes_the_mean_colour(tmp_path: Path):

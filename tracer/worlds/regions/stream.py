@@ -20,7 +20,7 @@ from tracer.formats.minecraft.window import Window, reach_of
 from tracer.scene.fog import Fog
 from tracer.scene.scene import Haze, Scene, Sky, Sun, View
 from tracer.scene.weather import Rain, Waves
-from tracer.worlds.landscape import SKY, SUN
+from tracer.worlds.regions.landscape import SKY, SUN
 from tracer.worlds.views import Point, loop
 
 CLEAR = 0.5  # of the window's reach: where haze begins

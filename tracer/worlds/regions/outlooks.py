@@ -1,34 +1,21 @@
-"""Scenes of landscapes from files: views that look over the ground, found on a map of its heights."""
+"""Views over land, found on a map of its heights: from where most is to be seen, and ways over and round it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
-from tracer.scene.material import MaterialTable
 from tracer.scene.placement import framing_views
-from tracer.scene.scene import Haze, Instance, Plain, Scene, Sky, Sun, View
-from tracer.scene.world import World
-from tracer.worlds.height_map import HeightMap, caverns_of, heights_of, raise_to
-from tracer.worlds.sea import ends_of, in_open_sea, shore_of
+from tracer.scene.scene import Sun, View
+from tracer.worlds.regions.height_map import HeightMap
 from tracer.worlds.views import loop, round_trip, still
 
 Floats = NDArray[np.float64]
 Point = tuple[float, float, float]
 
 SUN = Sun(direction=(-0.62, 0.60, 0.50), irradiance=(4.2, 3.7, 3.0))
-MEADOW = Plain((0.17, 0.21, 0.10))  # where the border is not known
-SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68), plain=MEADOW)
-EMBERS = Sky(zenith=(0.045, 0.009, 0.0055), horizon=(0.08, 0.015, 0.009), ground=(0.045, 0.009, 0.0055))
-SMOKE = Haze(begin=40.0, end=192.0)
-NIGHT, GLOW = (0.0018, 0.0011, 0.0025), (0.05, 0.044, 0.056)  # of the End: what is round it, and light from overhead
-OVERHEAD = 0.4  # sine of the elevation at which that light begins, where few pictures show it
-ENDLESS = 0.5  # of the land is end stone, where it floats in the End
-ROOFED = 0.9  # of the land lies under a roof of bedrock, where all of it does
 HEADROOM = 3.0  # between eye and roof, blocks
 FOV_Y = 55.0
 PLACES, TURNS = 7, 10  # tried along each side of the map, and round the compass
@@ -40,72 +27,15 @@ CLEAR = 14.0  # nothing is to be nearer than that, blocks
 EMPTY = -1.5  # score below which a picture shows more of nothing than of land
 SKY_SHARE = 0.30  # of a picture, as painters do
 FLIGHT, ROUND = 48.0, 36.0  # seconds
+KNOTS = 10  # of the flight's curve
 
 
-def landscape(world: World, instances: tuple[Instance, ...] = ()) -> Scene:
-    """A scene of a piece of land under the sky.
-
-    Args:
-        world: the land. Where the file ends it goes on as the sea if it has a coast there, see
-            `tracer.worlds.sea.shore_of`; else there is empty space, and below the horizon a plain of the border's mean
-            colour. What lies under a roof of bedrock, as the
-            Nether does, has smoke lit by embers in place of sun and sky. What is of end stone has a night lit from
-            overhead.
-        instances: what else there is.
-
-    Returns:
-        A scene with the views ``landscape`` (over the ground, from where most is to be seen), ``orbit`` (once round in
-        36 s) and ``flight`` (a round over the land, 48 s); under a roof ``landscape`` and ``panorama`` (once round on
-        the spot, 36 s).
-    """
-    ground = heights_of(world)
-    if _topped(ground, world.materials, "bedrock") > ROOFED and np.isfinite((caverns := caverns_of(world)).top).any():
-        view = _best(caverns)
-        views = {"landscape": view, "panorama": _panorama(view)}
-        return Scene(world=world, instances=instances, sun=None, sky=EMBERS, haze=SMOKE, views=views)
-    for instance in instances:
-        raise_to(ground, instance)
-    if instances and not np.isfinite(ground.top).any():  # nothing but plants and the like
-        ends = [np.array(instance.model.bounds()) * instance.scale for instance in instances]
-        points = np.array([[end[i, 0], end[j, 1], end[k, 2]] for end in ends for i, j, k in np.ndindex(2, 2, 2)])
-        return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=framing_views(points))
-    shore = shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())
-    if shore is not None:
-        ground, world = replace(ground, beyond=(shore.level, shore.water)), in_open_sea(world, shore)
-    views = {"landscape": _best(ground), "orbit": _orbit(ground), "flight": _flight(ground)}
-    if _topped(ground, world.materials, "end_stone") > ENDLESS:
-        return Scene(world=world, instances=instances, sun=None, sky=Sky(picture=_night()), views=views)
-    sky = replace(SKY, plain=_plain(ground, world.materials))
-    return Scene(world=world, instances=instances, sun=SUN, sky=sky, views=views)
+def views_over(ground: HeightMap, widest: float = math.inf) -> dict[str, View]:
+    """The views ``landscape``, ``orbit`` and ``flight``; ``orbit`` goes round no more than the ``widest`` half side."""
+    return {"landscape": best_view(ground), "orbit": _orbit(ground, widest), "flight": _flight(ground)}
 
 
-def _topped(ground: HeightMap, materials: MaterialTable, name: str) -> float:
-    """The share of the land that has a material on top."""
-    of_it = np.array([material.startswith(name) for material in materials.names])
-    on_top = of_it[ground.kind[np.isfinite(ground.top)]]
-    return float(on_top.mean()) if on_top.size else 0.0
-
-
-def _night() -> torch.Tensor:
-    """``(1, 3, 64, 128)`` the sky of the End: dark all round, with light from overhead, as it has no sun."""
-    up = torch.cos((torch.arange(64) + 0.5) / 64 * math.pi)
-    share = ((up - OVERHEAD) / (1 - OVERHEAD)).clamp(0, 1).square()
-    return torch.lerp(torch.tensor(NIGHT)[:, None], torch.tensor(GLOW)[:, None], share)[None, :, :, None].repeat(
-        1, 1, 1, 128
-    )
-
-
-def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:
-    """What land goes on as: the sea, or the mean of its border."""
-    if math.isfinite(ground.beyond[0]):
-        return Plain(MEADOW.albedo, 1.0)
-    kinds = torch.from_numpy(ground.kind[ends_of(np.isfinite(ground.top))])
-    albedo, water = materials.albedo.cpu()[kinds], materials.water.cpu()[kinds]
-    r, g, b = albedo[~water].mean(dim=0).tolist() if not water.all() else MEADOW.albedo
-    return Plain((r, g, b), float(water.float().mean()))
-
-
-def _best(ground: HeightMap) -> View:
+def best_view(ground: HeightMap) -> View:
     """The eye and direction that show most: many materials, far and near, some sky, and nothing before the lens.
 
     Where there is so little that each of them shows more of nothing, what there is, framed from above.
@@ -186,20 +116,21 @@ def _entropy(kinds: NDArray[np.int64]) -> float:
     return float(-(share * np.log(share)).sum())
 
 
-def _extent(ground: HeightMap) -> tuple[Point, float]:
-    """Middle of the land, at its mean height, and half its longer side."""
+def _extent(ground: HeightMap) -> tuple[Point, tuple[float, float]]:
+    """Middle of the land, at its mean height, and half its sides along x and z."""
     x, z = np.nonzero(np.isfinite(ground.top))
     middle = (ground.x0 + x.mean() + 0.5, float(ground.top[x, z].mean()), ground.z0 + z.mean() + 0.5)
-    return middle, float(max(np.ptp(x), np.ptp(z)) + 1) / 2
+    return middle, (float(np.ptp(x) + 1) / 2, float(np.ptp(z) + 1) / 2)
 
 
-def _orbit(ground: HeightMap) -> View:
-    (x, y, z), half = _extent(ground)
+def _orbit(ground: HeightMap, widest: float) -> View:
+    (x, y, z), sides = _extent(ground)
+    half = min(max(sides), widest)
     eye = round_trip((x, y, z), 1.5 * half + 4.0, 0.95 * half + 8.0, ROUND)
     return View(eye=eye, target=lambda _: (x, y, z), fov_y=50.0, description="round the land, 36 s")
 
 
-def _panorama(view: View) -> View:
+def panorama(view: View) -> View:
     """Once round on the spot."""
     eye, target = (np.array(place(0.0)) for place in (view.eye, view.target))
     ahead = target - eye
@@ -213,21 +144,27 @@ def _panorama(view: View) -> View:
 
 
 def _flight(ground: HeightMap) -> View:
-    """A round over the land, over the highest that is within reach of the curve between two of its points."""
-    (x, y, z), half = _extent(ground)
+    """A round over the land, over the highest that is within reach of the curve between two of its points.
+
+    It is as long and as wide as the land, beyond whose ends there is nothing, and begins where most is to be seen.
+    """
+    (x, y, z), (across, along) = _extent(ground)
+    turn = 2 * math.pi / KNOTS
+    reach = round(0.62 * max(across, along) * turn) + 2
+
+    def place(share: float, angle: float) -> tuple[float, float]:
+        return x + share * across * math.cos(angle), z + share * along * math.sin(angle)
+
     eyes, targets = list[Point](), list[Point]()
-    count = 10
-    for n in range(count):
-        angle = 2 * math.pi * n / count
-        px, pz = x + 0.62 * half * math.cos(angle), z + 0.62 * half * math.sin(angle)
-        reach = round(0.62 * half * 2 * math.pi / count) + 2
-        high = ground.highest(max(round(px) - ground.x0, 0), max(round(pz) - ground.z0, 0), reach) if half else y
+    for n in range(KNOTS):
+        (px, pz), (tx, tz) = place(0.62, n * turn), place(0.45, n * turn + 1.5)
+        high = ground.highest(max(round(px) - ground.x0, 0), max(round(pz) - ground.z0, 0), reach)
         eyes.append((px, max(high, y) + 9.0 if math.isfinite(high) else y + 12.0, pz))
-        ahead = angle + 1.5
-        targets.append((x + 0.45 * half * math.cos(ahead), y + 2.0, z + 0.45 * half * math.sin(ahead)))
-    return View(
-        eye=loop(eyes, FLIGHT), target=loop(targets, FLIGHT), fov_y=60.0, description="a round over the land, 48 s"
-    )
+        targets.append((tx, y + 2.0, tz))
+    ways = np.array(targets) - np.array(eyes)
+    first = int(np.argmax(_scores(ground, np.array(eyes), ways / np.linalg.norm(ways, axis=1, keepdims=True))))
+    eye, target = (loop(points[first:] + points[:first], FLIGHT) for points in (eyes, targets))
+    return View(eye=eye, target=target, fov_y=60.0, description="a round over the land, 48 s")
 
 
 def _point(v: Floats) -> Point:

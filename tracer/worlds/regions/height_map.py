@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,11 @@ class HeightMap:
             filled |= inside & (y >= self.roof[i, j])
         return filled, np.where(inside, self.kind[i, j], kind)
 
+    def going_on(self) -> HeightMap:
+        """This map where what lies beyond is as high as most of it, and of its most common material."""
+        land = np.isfinite(self.top)
+        return replace(self, beyond=(float(np.median(self.top[land])), int(np.bincount(self.kind[land]).argmax())))
+
     def highest(self, i: int, j: int, reach: int) -> float:
         """The highest within ``reach`` columns of one; -inf where there is none."""
         return float(
@@ -86,8 +91,8 @@ def heights_of(world: World) -> HeightMap:
     )
 
 
-def raise_to(ground: HeightMap, shapes: Instance) -> None:
-    """Raise a map to the blocks of an instance that fill their upper side, as leaves do and plants do not."""
+def full_blocks(shapes: Instance) -> tuple[NDArray[np.int64], NDArray[np.int16]]:
+    """``(N, 3)`` blocks of an instance that fill their upper side, as leaves do and plants do not; their materials."""
     model, side = shapes.model, round(1 / shapes.scale)
     bricks, index, each = model.bricks.cpu().numpy(), model.index.cpu().numpy(), BRICK // side
     upper = bricks[:, :, side - 1 :: side].reshape(-1, each, side, each, each, side)  # x, y in blocks, z
@@ -95,14 +100,21 @@ def raise_to(ground: HeightMap, shapes: Instance) -> None:
     cells = np.argwhere(index > 0)
     which = index[tuple(cells.T)]
     n, i, j, k = np.nonzero(filled[which])
-    x, y, z = ((np.array(model.origin) + BRICK * cells[n]) // side + np.stack([i, j, k], axis=1)).T
+    places = (np.array(model.origin) + BRICK * cells[n]) // side + np.stack([i, j, k], axis=1)
+    return places, kind[which[n], i, j, k]
+
+
+def raise_to(ground: HeightMap, shapes: Instance) -> None:
+    """Raise a map to the blocks of an instance that fill their upper side."""
+    places, kind = full_blocks(shapes)
+    x, y, z = places.T
     inside = (x >= ground.x0) & (x < ground.x0 + len(ground.top)) & (z >= ground.z0)
     inside &= z < ground.z0 + ground.top.shape[1]
     upward = np.flatnonzero(inside)[np.argsort(y[inside], kind="stable")]  # what is higher is written later
     a, b, height = x[upward] - ground.x0, z[upward] - ground.z0, y[upward] + 1.0
     higher = height > ground.top[a, b]
     a, b = a[higher], b[higher]
-    ground.top[a, b], ground.kind[a, b] = height[higher], kind[which[n], i, j, k][upward[higher]]
+    ground.top[a, b], ground.kind[a, b] = height[higher], kind[upward[higher]]
 
 
 def caverns_of(world: World) -> HeightMap:
