@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.luminance import luminance
@@ -15,8 +16,9 @@ from post.history.constants import YOUNG
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
 MOST = 10.0  # times the light that is kept: more than this is lost, since what few samples bring is uncertain
 WIDE = 5  # wavelets over which light is given back: they reach 62 pixels to each side
-ENOUGH = 200.0  # samples of a surface that tell as much of what is to be given back to it as the picture does, as
+ENOUGH = 200.0  # samples of a surface that tell as much of what is to be given back to it as all that is around, as
 # wavelets count them: on surfaces narrower than they are each counts several times
+BLOCK, BLOCKS = 4, 13  # pixels along a block, and blocks along the square of what is around: 52 pixels
 
 
 def cut_outliers(
@@ -93,7 +95,7 @@ def given_back(
     """Brighten each surface by the share of its light that cuts took over a wide area of it: its mean stays.
 
     On a small surface few samples tell that share, and one that was cut at a highlight would brighten all of it: the
-    share of the whole picture counts as well then.
+    share of all surfaces around counts as well then.
 
     Args:
         smooth: ``(B, 3, H, W)`` filtered light.
@@ -115,7 +117,15 @@ def given_back(
     light, away = averaged.split(1, 1)
     share = (away / light.clamp_min(1e-6)).clamp(0.0, 1.0)
     if length is not None:
-        whole = torch.where(geometry.hit, planes, 0.0).sum((2, 3), keepdim=True)
-        typical = (whole[:, 1:] / whole[:, :1].clamp_min(1e-6)).clamp(0.0, 1.0)
+        near = _around(torch.where(geometry.hit, planes, 0.0))
+        typical = (near[:, 1:] / near[:, :1].clamp_min(1e-6)).clamp(0.0, 1.0)
         share = typical + (share - typical) / (1 + ENOUGH * left / length.clamp_min(1.0))
     return smooth * (1 + share)
+
+
+def _around(planes: Tensor) -> Tensor:
+    """Means over squares, of any surface; one for all pixels of a block."""
+    blocks = F.avg_pool2d(planes, BLOCK, ceil_mode=True)
+    means = F.avg_pool2d(blocks, BLOCKS, stride=1, padding=BLOCKS // 2, count_include_pad=False)
+    wide = means.repeat_interleave(BLOCK, dim=2).repeat_interleave(BLOCK, dim=3)
+    return wide[..., : planes.shape[2], : planes.shape[3]]

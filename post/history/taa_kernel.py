@@ -17,7 +17,7 @@ from post.history.color_kernel import luminance, ycocg
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 THREE_HALVES, TWO, FIVE_HALVES, NINTH = np.float32(1.5), np.float32(2), np.float32(2.5), np.float32(1 / 9)
-IN_FRONT = np.float32(constants.IN_FRONT)
+IN_FRONT, QUARTER_SHARP = np.float32(constants.IN_FRONT), np.float32(constants.SHARP / 4)
 TINY, LEAST, BRIGHTEST = np.float32(1e-12), np.float32(1e-6), np.float32(constants.BRIGHTEST)
 
 
@@ -142,6 +142,7 @@ def fetch_row(old, age, which, motion, before, ages, y, first):
         if fx == ZERO and fy == ZERO:
             old[0, x], old[1, x], old[2, x] = before[0, y0, x0], before[1, y0, x0], before[2, y0, x0]
             continue
+        age[x] = min(age[x], QUARTER_SHARP / (fx * (ONE - fx) + fy * (ONE - fy)) - ONE)
         a, b, c, d = _weights(fx)
         e, f, g, h = _weights(fy)
         total = ONE / ((a + b + c + d) * (f + g) + (b + c) * (e + h))

@@ -10,7 +10,7 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.filters.edges import offsets, padded, windows
 from post.history.catmull_rom import catmull_rom
-from post.history.constants import BRIGHTEST, IN_FRONT, WINDOW
+from post.history.constants import BRIGHTEST, IN_FRONT, SHARP, WINDOW
 
 
 def anti_alias_reference(
@@ -30,7 +30,7 @@ def anti_alias_reference(
     if before is not None:
         px = pixel_centers(color) + dilated(motion, depth)
         visible = inside(px, (color.shape[-2], color.shape[-1])) & (sample(age, px, mode="nearest") > 0)
-        age = torch.where(visible, sample(age, px, mode="nearest"), 0.0)
+        age = torch.where(visible, torch.minimum(sample(age, px, mode="nearest"), sharp_for(px) - 1), 0.0)
         old = _clipped(catmull_rom(before, px), toned, current, gamma)
         length = (age + 1).clamp_max(longest(blend))
         current = torch.where(visible, old + (current - old) / length, current)
@@ -40,6 +40,15 @@ def anti_alias_reference(
 def longest(blend: float) -> float:
     """Frames that a history may hold, from its largest share."""
     return 1 / max(1 - blend, 1e-9)
+
+
+def sharp_for(px: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` frames after which a history read at such places each time is no longer worth its blur.
+
+    Every read between pixels softens, with Catmull-Rom weights too, most of all halfway.
+    """
+    along = (px - 0.5) % 1.0
+    return SHARP / (4 * along * (1 - along)).sum(dim=1, keepdim=True).clamp_min(1e-6)
 
 
 def _resampled(image: Tensor, jitter: Tensor | None) -> Tensor:

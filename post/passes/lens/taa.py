@@ -28,14 +28,15 @@ def taa(
 
     Each frame is resampled to pixel centres by a narrow Gaussian window around its jittered samples. The history is
     read with Catmull-Rom weights along the motion of the nearest surface in 3x3, if that is in front of the pixel's
-    own, and clipped in YCoCg to the mean and variance of the current 3x3 pixels. All colours are weighted by
-    1 / (1 + luminance), so that bright edges are anti-aliased as they will be displayed.
+    own, and clipped in YCoCg to the mean and variance of the current 3x3 pixels. It holds fewer frames where it is read
+    between pixels, since every such read softens it: four where halfway in one direction, two in both. All colours are
+    weighted by 1 / (1 + luminance), so that bright edges are anti-aliased as they will be displayed.
 
     Args:
         color: ``(B, 3, H, W)`` linear radiance.
         gbuffer: of this frame; its camera holds the jitter.
         history: what this function returned for the frame before; None at first.
-        blend: largest share of history.
+        blend: largest share of history, where it is read at pixel centres.
         gamma: standard deviations to which the history is clipped.
 
     Returns:

@@ -14,6 +14,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pipeline
 from gbufrt.noise.noise import halton_jitter
 from post.history.catmull_rom import catmull_rom
+from post.history.op import anti_alias
 from post.passes.lens.taa import TAA, taa
 
 SIZE = (48, 64)
@@ -210,3 +211,19 @@ def test_errors_help():
     small = boxes.frame(boxes.camera((8, 8)))
     with pytest.raises(ValueError, match="start with state=None"):
         taa(torch.ones(1, 3, 8, 8), small.gbuffer, history)
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+@pytest.mark.parametrize(("step", "frames"), [(0.0, 14), (1.0, 14), (0.25, 5), (0.5, 4)])
+def test_what_moves_by_parts_of_pixels_stays_sharp(step: float, frames: int, compiled: bool):
+    """Each read of a history between pixels softens it; waves of four pixels show how much is left."""
+    length, before = torch.zeros(1, 1, 8, 96), None
+    motion = torch.zeros(1, 2, 8, 96)
+    motion[:, 0] = -step
+    for index in range(24):
+        color = (0.5 + 0.3 * torch.sin((torch.arange(96) - index * step) * (math.pi / 2))).expand(1, 3, 8, 96)
+        planes = color.contiguous(), None, torch.ones(1, 1, 8, 96), motion, before, length
+        result, before, length = anti_alias(*planes, blend=0.93, gamma=1.25, compiled=compiled)
+    middle = slice(40, 80)  # what came into the picture lately is younger
+    assert float(result[..., middle].std() / color[..., middle].std()) > 0.7
+    assert int(length[0, 0, 4, 60]) == frames
