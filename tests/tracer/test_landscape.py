@@ -162,9 +162,22 @@ def test_land_without_a_coast_goes_on_as_its_mirror_image():
     assert torch.equal(whole[820:980, 180:340], own), "the image of an image is turned back"
     assert scene.haze is not None
     assert scene.haze.end < 512
+    assert scene.world.index.unique().tolist() == list(range(len(scene.world.bricks))), "no brick is kept in vain"
     assert int(scene.world.at(torch.tensor([200, -8, 60]))) == 0 < int(scene.world.at(torch.tensor([20, -8, 60])))
     for name in scene.views:
         looks_free(scene, name, 11.0, near=4.0)
+
+
+def test_the_eye_goes_round_over_hills_that_stand_in_its_way():
+    """Where land goes on, the way round lies over it."""
+    x, y, z = np.indices((256, 200, 256))
+    kept = y < np.where((x - 128) ** 2 + (z - 20) ** 2 < 30**2, 190, 8)
+    table = MaterialTable.of([Material(name="stone")])
+    cells = np.stack([x, y, z], axis=-1)[kept]
+    found = landscape(world_of_cells(cells, np.ones(len(cells), np.int16), table))
+    assert found.haze is not None
+    for time in np.linspace(0, 36, 37):
+        looks_free(found, "orbit", float(time), near=4.0)
 
 
 @pytest.mark.parametrize("kept", ["beyond", "small", "ragged", "shifted"])

@@ -26,8 +26,8 @@ Pose = Callable[[float], Tensor]
 """Time in seconds to a ``(4, 4)`` rigid transform from the model's voxel coordinates to world space."""
 
 MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY = 1, 2, 4
-WIDEST = 89.0  # degrees: a sun of half the sky is a sky
 MASK_ALL = MASK_PRIMARY | MASK_SHADOW | MASK_SECONDARY
+WIDEST = 89.0  # degrees: a sun of half the sky is a sky
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -223,8 +223,11 @@ def _focus(
         return [1.0] * len(times)
     if given is None:
         return [float(lens.focus_distance(scene, lens.one_of(cameras, b), time=t)) for b, t in enumerate(times)]
-    check_each(0, above=True, unit="world units", focus_distance=given)
-    distances = torch.as_tensor(given, dtype=torch.float64)
+    try:
+        distances = torch.as_tensor(given, dtype=torch.float64).cpu()
+    except (TypeError, ValueError):
+        raise TypeError(f"focus_distance must be a number or a tensor, got {type(given).__name__}") from None
+    check_each(0, above=True, unit="world units", focus_distance=distances)
     if distances.ndim > 1 or distances.numel() not in (1, len(times)):
         raise ValueError(f"focus_distance must be one number or ({len(times)},), got {tuple(distances.shape)}")
     return distances.expand(len(times)).tolist()

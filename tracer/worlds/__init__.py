@@ -75,6 +75,8 @@ def load(
     part: dict[str, Any] = {"box": box, "around": around, "chunks": chunks}
     path, builtins = Path(name), {"builtin": builtin, **WORLDS}
     read = _blocks if path.is_dir() else FORMATS.get(path.suffix.lower())
+    if read is None and name not in builtins:
+        raise ValueError(no_world(name, builtins, FORMATS))
     if read is not _blocks or name in builtins:
         if any(choice is not None for choice in part.values()):
             raise ValueError(f"box, around and chunks are for Minecraft regions and saves; leave them out for {name}")
@@ -86,10 +88,8 @@ def load(
     textured = read is not None and read is not load_vox_scene and name not in builtins
     if pack is not None and not textured:
         raise ValueError(f"pack is for Minecraft worlds and schematics; leave it out for {name}")
-    if name in builtins:
+    if read is None or name in builtins:
         return builtins[name]()
-    if read is None:
-        raise ValueError(no_world(name, builtins, FORMATS))
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist; check the path, or name a world: {', '.join(builtins)}")
     return read(path, **part, pack=pack) if textured else read(path)

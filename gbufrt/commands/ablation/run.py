@@ -123,7 +123,7 @@ def _load(world: str) -> Any:
     scene = load(world)
     if scene.empty or not scene.views:
         raise ValueError(f"world {world!r} has nothing to look at; give one with voxels and views")
-    return scene
+    return replace(scene, haze=None, waves=None)  # which the truth does not know
 
 
 def _about(plan: Plan) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def motion_of(
 
 
 def fitted(named: Named, view: Camera, previous: Camera, depth: Tensor, hit: Tensor) -> Profile | None:
-    """The profile with the motion by which a frame fits its cameras; None where that is told, or nothing tells it.
+    """The profile with the motion by which a frame fits its cameras, be it its own; None where nothing tells it.
 
     Args: see `motion_of`.
     """
@@ -73,7 +73,11 @@ def fitted(named: Named, view: Camera, previous: Camera, depth: Tensor, hit: Ten
     if not keys or not profile.motion_fitted:
         return None
     static, _ = view.static_motion(previous, depth, hit)
-    found = _fitted(named.layers.stack(keys, view.size), profile, static, hit)
+    raw = named.layers.stack(keys, view.size)
+    if profile.motion_fitted == AUTO and _agreeing(raw, profile, static, _told(raw, static, hit)) >= AGREE:
+        found = replace(profile, motion_fitted=False)
+    else:
+        found = _fitted(raw, profile, static, hit)
     return found and replace(found, motion_target=named.profile.motion_target)
 
 
@@ -82,12 +86,17 @@ def _fitted(raw: Tensor, profile: Profile, static: Tensor, hit: Tensor) -> Profi
 
     None also where factors of its own may be right (``auto``), and are.
     """
-    told = hit & (length(static) > MOVES) & raw.isfinite().all(1, keepdim=True)
+    told = _told(raw, static, hit)
     read = [scaled for still in STILL if (scaled := _scaled(raw, profile, static, told, still)) is not None]
     if not read or (profile.motion_fitted == AUTO and _agreeing(raw, profile, static, told) >= AGREE):
         return None
     best = max(read, key=lambda scaled: _agreeing(raw, scaled, static, told))
     return best if _agreeing(raw, best, static, told) >= AGREE else None
+
+
+def _told(raw: Tensor, static: Tensor, hit: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` where motion tells something: of surfaces that move on the screen."""
+    return hit & (length(static) > MOVES) & raw.isfinite().all(1, keepdim=True)
 
 
 def _scaled(raw: Tensor, profile: Profile, static: Tensor, told: Tensor, still: float) -> Profile | None:

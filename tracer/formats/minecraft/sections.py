@@ -15,6 +15,7 @@ from tracer.formats.minecraft.nbt import Tags, part
 FLATTENED = 1451  # data version of 17w47a: before it blocks are numbers
 PADDED = 2529  # data version of 20w17a: from there on no value spans two longs
 COUNT = 4096
+PART = 1 << 16  # numbers that are unpacked at a time; they begin with a long
 LOWEST, HIGHEST = -128, 127  # a section's Y is a byte
 
 Numbers = NDArray[np.int64]
@@ -89,8 +90,12 @@ def unpack(longs: Any, bits: int, count: int, *, padded: bool) -> Numbers:
     if padded:
         shifts = np.arange(each, dtype=np.uint64) * np.uint64(bits)
         return ((words[:, None] >> shifts) & np.uint64((1 << bits) - 1)).reshape(-1)[:count].astype(np.int64)
-    stream = np.unpackbits(words.astype("<u8").view(np.uint8), bitorder="little")[: count * bits]
-    return stream.reshape(count, bits) @ (1 << np.arange(bits, dtype=np.int64))
+    numbers, places = np.empty(count, np.int64), 1 << np.arange(bits, dtype=np.int64)
+    for first in range(0, count, PART):  # each bit takes eight bytes on the way
+        some = words[first * bits // 64 : -(-(first + PART) * bits // 64)].astype("<u8").view(np.uint8)
+        here = numbers[first : first + PART]
+        here[:] = np.unpackbits(some, bitorder="little")[: len(here) * bits].reshape(len(here), bits) @ places
+    return numbers
 
 
 def nibbles(packed: Any) -> Numbers:

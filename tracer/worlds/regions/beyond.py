@@ -109,8 +109,8 @@ def span_of(top: NDArray[np.float64]) -> Span | None:
         top: ``(X, Z)`` height of each column of voxels; -inf where there is none.
     """
     there = np.isfinite(top).reshape(len(top) // BRICK, BRICK, -1, BRICK)
-    land: NDArray[np.bool_] = np.all(there, axis=(1, 3))
-    if (np.any(there, axis=(1, 3)) & ~land).any():
+    land: NDArray[np.bool_] = np.any(there, axis=(1, 3))
+    if (ends_of(land) & ~np.all(there, axis=(1, 3))).any():
         return None
     size, span = 0, Span((0, 0), (0, 0))
     for first in range(len(land)):
@@ -130,10 +130,10 @@ def span_of(top: NDArray[np.float64]) -> Span | None:
 def in_open_land(world: World, instances: tuple[Instance, ...], span: Span, top: NDArray[np.float64]) -> World:
     """A world that goes on: what lies outside is its mirror image, so that heights go on without a step.
 
-    Of instances, blocks that are full go on as cubes, leaves with holes among them, and others do not.
+    Of instances, blocks that fill their upper side go on as cubes, leaves with holes among them, and others do not.
 
     Args:
-        world: the land.
+        world: the land, on the CPU.
         instances: what else there is.
         span: the part that is mirrored.
         top: ``(X, Z)`` heights of the world's columns of voxels.
@@ -150,7 +150,9 @@ def in_open_land(world: World, instances: tuple[Instance, ...], span: Span, top:
         used, number = torch.unique(index[there], return_inverse=True)
         index[there] = (sum(map(len, bricks)) + number).int()
         bricks.append(whole.bricks[used.long()].flip(sides))
-    return _around(replace(world, bricks=torch.cat(bricks), shining=None), index, LAND)
+    wider = _around(replace(world, bricks=torch.cat(bricks), shining=None), index, LAND)
+    used, number = torch.unique(torch.cat([index.new_zeros(1), wider.index.flatten()]), return_inverse=True)
+    return replace(wider, bricks=wider.bricks[used.long()], index=number[1:].view_as(index).int())
 
 
 def _mirrored(ends: tuple[int, int], count: int) -> tuple[Tensor, Tensor]:
@@ -168,7 +170,7 @@ def _seen(world: World, top: NDArray[np.float64]) -> Tensor:
     lowest = -torch.nn.functional.max_pool2d(-heights, 3, stride=1, padding=1)[0, 0]
     level = (lowest - DEEP - world.origin[1]) / BRICK
     kept = torch.arange(1, ny + 1)[:, None] > level[:, None]
-    return torch.where(kept.to(world.device), world.index, 0)
+    return torch.where(kept, world.index, 0)
 
 
 def _with_cubes(world: World, places: NDArray[np.int64], ids: NDArray[np.int16]) -> World:

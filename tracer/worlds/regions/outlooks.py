@@ -126,7 +126,8 @@ def _extent(ground: HeightMap) -> tuple[Point, tuple[float, float]]:
 def _orbit(ground: HeightMap, widest: float) -> View:
     (x, y, z), sides = _extent(ground)
     half = min(max(sides), widest)
-    eye = round_trip((x, y, z), 1.5 * half + 4.0, 0.95 * half + 8.0, ROUND)
+    over = 0.0 if half == max(sides) else float(ground.top.max()) + CLEAR - y  # the land, where it is over that
+    eye = round_trip((x, y, z), 1.5 * half + 4.0, max(0.95 * half + 8.0, over), ROUND)
     return View(eye=eye, target=lambda _: (x, y, z), fov_y=50.0, description="round the land, 36 s")
 
 
@@ -146,7 +147,7 @@ def panorama(view: View) -> View:
 def _flight(ground: HeightMap) -> View:
     """A round over the land, over the highest that is within reach of the curve between two of its points.
 
-    It is as long and as wide as the land, beyond whose ends there is nothing, and begins where most is to be seen.
+    It is as long and as wide as the land, so that it stays over it, and begins where most is to be seen.
     """
     (x, y, z), (across, along) = _extent(ground)
     turn = 2 * math.pi / KNOTS

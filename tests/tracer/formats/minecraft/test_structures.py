@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from nbtlib import Compound, File, Int, List
+from nbtlib import Compound, Double, File, Int, List
 from writers.region import nbt_bytes, pack, palette_of
 
 import tracer
 from gbufrt.commands.inspection.world import show_world
 from tracer.formats.minecraft.schematic import root_of, structure_of
+from tracer.formats.minecraft.sections import PART, unpack
 
 STATES = ("minecraft:air", "minecraft:stone", "minecraft:oak_log[axis=x]", "minecraft:structure_void")
 
@@ -52,6 +53,11 @@ def _names(path: Path) -> np.ndarray:
     found = structure_of(root_of(path))
     assert found is not None
     return np.array(found[0])[found[1]]
+
+
+def test_numbers_that_go_on_in_the_next_long_are_unpacked_in_parts() -> None:
+    numbers = np.random.default_rng(0).integers(0, 1 << 9, 2 * PART + 77)
+    assert (unpack(pack(numbers, 9, padded=False), 9, len(numbers), padded=False) == numbers).all()
 
 
 @pytest.mark.parametrize("count", [4, 5, 17])
@@ -115,6 +121,17 @@ def test_damage_is_told(tmp_path: Path) -> None:
     for at, number, told in (((4, 0, 0), 1, "lies at 4, 0, 0, outside 4 x 2 x 3"), ((0, 0, 0), 9, "has no entry 9")):
         with pytest.raises(ValueError, match=rf"a\.nbt: .*{told}"):
             tracer.load(_template(tmp_path / "a.nbt", {at: number}, (4, 2, 3), "palette"))
+    good = {"size": List[Int]([*map(Int, (4, 2, 3))]), "palettes": List[List[Compound]]([palette_of(STATES, "1.21")])}
+    for wrong, told in (
+        (
+            {"size": List[Double]([*map(Double, (1.0, np.inf, 1.0))])},
+            "size must be three whole numbers, got 3 of Double",
+        ),
+        ({"size": List[Int]([Int(1), Int(1)])}, "size must be three whole numbers, got 2 of Int"),
+        ({"palettes": List[Int]([Int(3)])}, "palettes must hold lists, got Int"),
+    ):
+        with pytest.raises(ValueError, match=rf"c\.nbt: .*{told}"):
+            tracer.load(_written(tmp_path / "c.nbt", **{**good, "blocks": List[Compound]([]), **wrong}))
     (tmp_path / "b.nbt").write_bytes(b"hello")
     with pytest.raises(ValueError, match=r"^[^:]*b\.nbt: NBT is damaged"):
         tracer.load(tmp_path / "b.nbt")

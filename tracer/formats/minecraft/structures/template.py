@@ -16,6 +16,8 @@ def template(root: Tags) -> Structure:
     width, height, length = _whole(root, "size")
     checked([height, length, width])
     entries = part(root, "palette", list) if "palette" in root else next(iter(part(root, "palettes", list)), [])
+    if not isinstance(entries, list):
+        raise ValueError(f"palettes must hold lists, got {type(entries).__name__}")
     names, whole = empty([height, length, width])
     numbers = [number_of(state_name(entry), names) for entry in entries]
     for block in part(root, "blocks", list):
@@ -29,7 +31,9 @@ def template(root: Tags) -> Structure:
 
 
 def _whole(tags: Tags, key: str) -> list[int]:
-    found = [int(number) for number in part(tags, key, list)]
-    if len(found) != 3:
-        raise ValueError(f"{key} must be three numbers, got {len(found)}")
-    return found
+    found = part(tags, key, list)
+    if len(found) != 3 or not all(isinstance(number, int) for number in found):
+        raise ValueError(
+            f"{key} must be three whole numbers, got {len(found)} of {type(next(iter(found), 0)).__name__}"
+        )
+    return [int(number) for number in found]
