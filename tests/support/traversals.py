@@ -85,5 +85,15 @@ def numbers(hits: Hits) -> dict[str, Tensor]:
     }
 
 
+def looks_free(scene: Scene, name: str, time: float, near: float) -> float:
+    """The share of rays that hit something, once it is clear that nothing is before the lens."""
+    camera = scene.views[name].camera(time, size=(18, 32))
+    assert not scene.world.at(camera.position[0].floor().long()).any(), f"{name} at {time} s is in a block"
+    hits = trace(scene, *camera.rays(), poses=scene.poses([time]))
+    close = (hits.t < near) & hits.hit
+    assert close.float().mean() < 0.03, f"{name} at {time} s is against something"
+    return float(hits.hit.float().mean())
+
+
 if __name__ == "__main__":
     save(answers)

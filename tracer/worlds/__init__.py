@@ -25,9 +25,9 @@ WORLDS: Mapping[str, Callable[..., Scene]] = MappingProxyType({"valley": valley,
 """Built-in worlds by name; each takes ``seed``. The first is the default."""
 
 
-def _blocks(path: Path, *, pack: str | PathLike[str] | None = None, beyond: bool = True, **part: Any) -> Scene:
+def _blocks(path: Path, *, pack: str | PathLike[str] | None = None, bare: bool | None = None, **part: Any) -> Scene:
     blocks = read_minecraft(path, Selection(**part), pack)
-    return landscape(blocks.world, blocks.instances, beyond=beyond)
+    return landscape(blocks.world, blocks.instances, bare=bool(bare))
 
 
 FORMATS: Mapping[str, Callable[..., Scene]] = MappingProxyType(
@@ -47,7 +47,7 @@ def load(
     around: tuple[int, int] | None = None,
     chunks: int | None = None,
     pack: str | PathLike[str] | None = None,
-    beyond: bool = True,
+    bare: bool = False,
 ) -> Scene:
     """A built-in world by its name, or a file's by its path: MagicaVoxel, Minecraft Java, or a schematic.
 
@@ -58,8 +58,8 @@ def load(
         around: of a Minecraft world, the place x, z round which chunks are taken.
         chunks: how many along each side; by default all of a region file, and 24 of a save, round its player.
         pack: of a Minecraft world or a schematic, the jar, zip or folder of a resource pack with textures.
-        beyond: whether a Minecraft world goes on where the file ends, as the sea with waves, or as land mirrored into
-            haze; without it the file's blocks are all there is.
+        bare: the blocks of a Minecraft world are all there is; otherwise it goes on where the file ends, as the sea
+            with waves, or as land mirrored into haze.
 
     Returns:
         The scene, with its sky, and views to look from.
@@ -72,19 +72,16 @@ def load(
     if not isinstance(name_or_path, (str, PathLike)):
         raise TypeError(f"name_or_path must be a name or a path, got {type(name_or_path).__name__}")
     name = fspath(name_or_path)
-    part: dict[str, Any] = {"box": box, "around": around, "chunks": chunks}
+    part: dict[str, Any] = {"box": box, "around": around, "chunks": chunks, "bare": bare or None}
     path, builtins = Path(name), {"builtin": builtin, **WORLDS}
     read = _blocks if path.is_dir() else FORMATS.get(path.suffix.lower())
     if read is None and name not in builtins:
         raise ValueError(no_world(name, builtins, FORMATS))
     if read is not _blocks or name in builtins:
         if any(choice is not None for choice in part.values()):
-            raise ValueError(f"box, around and chunks are for Minecraft regions and saves; leave them out for {name}")
-        if not beyond:
-            raise ValueError(f"beyond is for Minecraft regions and saves; leave it out for {name}")
+            those = "box, around, chunks and bare"
+            raise ValueError(f"{those} are for Minecraft regions and saves; leave them out for {name}")
         part = {}
-    else:
-        part["beyond"] = beyond
     textured = read is not None and read is not load_vox_scene and name not in builtins
     if pack is not None and not textured:
         raise ValueError(f"pack is for Minecraft worlds and schematics; leave it out for {name}")

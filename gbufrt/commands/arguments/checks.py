@@ -128,8 +128,7 @@ def check_part(world: str, part: Mapping[str, Any]) -> None:
     if "pack" in part and not Path(part["pack"]).exists():
         raise FileNotFoundError(f"--pack {part['pack']} does not exist; check the path")
     if chosen := [name for name in part if name != "pack" and not whole]:
-        option = "bare" if chosen[0] == "beyond" else chosen[0]
-        raise ValueError(f"--{option} is for Minecraft regions and saves; leave it out for {world}")
+        raise ValueError(f"--{chosen[0]} is for Minecraft regions and saves; leave it out for {world}")
 
 
 def check_folder(path: Path, option: str = "--out") -> Path:

@@ -51,7 +51,7 @@ class PartOptions:
             "chunks": self.chunks,
             "window": self.window,
             "pack": self.pack,
-            "beyond": False if self.bare else None,
+            "bare": self.bare or None,
         }
         return {name: value for name, value in part.items() if value is not None}
 

@@ -32,16 +32,16 @@ ROOMY = 100.0  # blocks: half of the land that is gone round where it goes on in
 SWELL = Waves(amplitude=0.08)  # an open sea that lies still shows nothing but sky
 
 
-def landscape(world: World, instances: tuple[Instance, ...] = (), *, beyond: bool = True) -> Scene:
+def landscape(world: World, instances: tuple[Instance, ...] = (), *, bare: bool = False) -> Scene:
     """A scene of a piece of land under the sky.
 
     Args:
         world: the land. What lies under a roof of bedrock, as the Nether does, has smoke lit by embers in place of sun
             and sky. What is of end stone has a night lit from overhead.
         instances: what else there is.
-        beyond: whether it goes on where the file ends, see `tracer.worlds.regions.beyond`: in waves as the sea if it
-            has a coast there, in haze as its mirror image if it is large. Else there is empty space, and below the
-            horizon a plain of the border's mean colour.
+        bare: it ends where the file does: there is empty space, and below the horizon a plain of the border's mean
+            colour. Otherwise it goes on, see `tracer.worlds.regions.beyond`: in waves as the sea if it has a coast
+            there, in haze as its mirror image if it is large.
 
     Returns:
         A scene with the views ``landscape`` (over the ground, from where most is to be seen), ``orbit`` (once round in
@@ -64,11 +64,11 @@ def landscape(world: World, instances: tuple[Instance, ...] = (), *, beyond: boo
         return Scene(world=world, instances=instances, sun=None, sky=sky, views=views_over(ground))
     sky = replace(SKY, plain=_plain(ground, world.materials))
     found = Scene(world=world, instances=instances, sun=SUN, sky=sky)
-    if beyond and (shore := shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())) is not None:
+    if not bare and (shore := shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())) is not None:
         sky, sea = replace(SKY, plain=SEA), in_open_sea(world, shore)
         ground = replace(ground, beyond=(shore.level, shore.water))
         return replace(found, world=sea, sky=sky, waves=SWELL, views=views_over(ground))
-    if beyond and (span := span_of(ground.top)) is not None:
+    if not bare and (span := span_of(ground.top)) is not None:
         wider = in_open_land(world, instances, span, ground.top)
         return replace(found, world=wider, haze=DISTANCE, views=views_over(ground.going_on(), widest=ROOMY))
     return replace(found, views=views_over(ground))

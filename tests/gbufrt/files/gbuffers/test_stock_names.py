@@ -91,6 +91,20 @@ def test_motion_is_read_alike_where_the_camera_stands_again(name: str, tmp_path:
     assert _off(last.gbuffer, "motion", mover) < 1e-4
 
 
+def test_motion_that_fitted_as_it_was_is_not_read_otherwise_later(tmp_path: Path) -> None:
+    """Frames 2 and 4 have the same cameras; all that moves in the latter goes the other way, as in a train."""
+    now, before = (camera.world_from_view[0].tolist() for camera in (CAMERA, BEFORE))
+    more = f"[[frames]]\nnumber = 4\nworld_from_view = {now}\n"
+    poses = CAMERAS.replace("number = 3\nworld_from_view = {now}", "number = 3\nworld_from_view = {before}") + more
+    cameras = tmp_path / "camera.toml"
+    cameras.write_text(poses.format(intrinsics=CAMERA.intrinsics[0].tolist(), now=now, before=before))
+    layers = {"RGB": GREY, "depth.Z": PLANAR, "normal.XYZ": T["normal"], "albedo.RGB": GREY}
+    told = {1: 0 * T["motion"], 2: T["motion"], 3: -T["motion"], 4: T["motion"] * (-1, 1)}
+    files = [write(tmp_path / f"a.{n}.exr", layers | {"motion.XY": motion}) for n, motion in told.items()]
+    *_, last = Source.of(files, "auto", cameras, None).frames()
+    assert _off(last.gbuffer, "motion", told[4]) < 1e-4
+
+
 @pytest.mark.parametrize("unit", [0.001, 100.0])
 def test_depth_of_another_unit_than_the_cameras_is_told_by_motion(unit: float, tmp_path: Path) -> None:
     layers = {"RGB": GREY, "depth.Z": PLANAR / unit, "normal.XYZ": T["normal"], "motion.XY": T["motion"]}
