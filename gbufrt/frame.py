@@ -237,7 +237,7 @@ class Frame:
         """What the next frame may read of this one: geometry and unblurred light."""
         names = ("radiance", "ambient", "gi", "sky_visibility", "composite")
         keep = {name: getattr(self, name) for name in names}
-        return Frame(gbuffer=self.gbuffer, index=self.index, time=self.time, **keep)
+        return Frame(gbuffer=self.gbuffer.geometry(), index=self.index, time=self.time, **keep)
 
 
 SIGNALS = channels_of(Frame)

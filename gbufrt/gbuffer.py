@@ -94,6 +94,11 @@ class GBuffer:
         """All tensors on another device; arguments as `torch.Tensor.to`. A dtype applies to the float channels only."""
         return map_tensors(to_function(*args, **kwargs), self)
 
+    def geometry(self) -> GBuffer:
+        """What tells, in the next frame, where this one shows the same surface: depth, hit, normals and object ids."""
+        names = ("depth", "hit", "normal", "normal_geo", "object_id")
+        return GBuffer(camera=self.camera, **{name: getattr(self, name) for name in names})
+
     def points_view(self) -> Tensor:
         """``(B, 3, H, W)`` view-space position of each pixel's surface."""
         return self.camera.unproject(self.depth)

@@ -11,21 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.utils.weak import WeakTensorKeyDictionary
 
 from gbufrt.compute.resident import waits
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
+from gbufrt.validation.known import as_finite_as, is_known, keep, know, knowing
 from gbufrt.validation.pixels import all_finite, check_finite, pixels
 
 SURFACE = ("depth", "normal", "normal_geo")  # without these a pixel shows no surface
 WHOLE = ("motion", "bent_normal")  # vectors: one component means nothing without the others
-_known: ContextVar[WeakTensorKeyDictionary | None] = ContextVar("finite tensors", default=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,28 +125,43 @@ def contained(frame: Frame, names: Iterable[str]) -> Frame:
 
 
 @contextmanager
-def remembering() -> Iterator[None]:
-    """Inside, `contained` looks at each tensor once, or mends it once. Nothing may write into them until the end."""
-    token = _known.set(WeakTensorKeyDictionary())
-    try:
+def remembering(frame: Frame, names: Iterable[str]) -> Iterator[None]:
+    """Inside, `contained` looks at each tensor once, or mends it once. Nothing may write into them until the end.
+
+    Those of ``frame`` called ``names`` are looked at now, all together.
+
+    Args:
+        frame: that passes are to see.
+        names: of the channels and signals that they read.
+    """
+    with knowing([] if frame.previous is None else _tensors(frame.previous)):
+        _clean(frame, tuple(names))
         yield
-    finally:
-        _known.reset(token)
+
+
+def remember(previous: Frame) -> None:
+    """Inside `remembering`: what is known of this frame is known, too, when it is the one before."""
+    keep(_tensors(previous))
+
+
+def _tensors(frame: Frame) -> list[Tensor]:
+    return [frame.read(name) for name in frame.present]
 
 
 def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
     """Whether all tensors are known to be finite, by their sums: one test for all."""
-    known = _known.get()
     layers = [layer for layer in (frame, frame.behind, frame.previous) if layer is not None]
     every = [tensor for layer in layers for name in names if (tensor := layer.get(name)) is not None]
-    every = [tensor for tensor in every if tensor.is_floating_point() and (known is None or tensor not in known)]
+    every = [tensor for tensor in every if tensor.is_floating_point() and not is_known(tensor)]
     if any(waits(tensor) for tensor in every):
         return False
-    sums = [tensor.detach().sum() for tensor in every]
-    clean = not sums or bool(torch.isfinite(torch.stack([total.double() for total in sums])).all())
-    if clean and known is not None:
-        known.update(dict.fromkeys(every, True))
-    return clean
+    if not every:
+        return True
+    sums = torch.isfinite(torch.stack([tensor.detach().sum().double() for tensor in every])).tolist()
+    for tensor, is_finite in zip(every, sums, strict=True):
+        if is_finite:
+            know(tensor)
+    return all(sums)
 
 
 def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:
@@ -178,7 +191,7 @@ def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
         lost = ~torch.stack(finite_there).all(0)
         for name in g.present:
             clear = g.camera.far if name == "depth" else CHANNELS[name].clear
-            changes[name] = _kept(getattr(g, name), getattr(g, name).masked_fill(lost, clear))
+            changes[name] = as_finite_as(getattr(g, name), getattr(g, name).masked_fill(lost, clear))
     for name in bad:
         changes[name] = _signal(name, changes[name] if name in changes else given[name])
     return g.replace(**changes) if changes else g
@@ -190,23 +203,15 @@ def _signal(name: str, tensor: Tensor) -> Tensor:
         after = torch.where(torch.isfinite(tensor).all(dim=1, keepdim=True), tensor, 0.0)
     else:
         after = finite(tensor, nan=0.0 if row is None else row.clear)
-    if (known := _known.get()) is not None and waits(after):
-        known[after] = True
-    return after
-
-
-def _kept(before: Tensor, after: Tensor) -> Tensor:
-    """``after``, known to be finite if ``before`` is."""
-    if (known := _known.get()) is not None and before in known:
-        known[after] = True
+    if waits(after):
+        know(after)
     return after
 
 
 def _known_finite(tensor: Tensor) -> bool:
     """Whether a tensor is known to be finite; to look at it costs a sum on the CPU where `remembering`
     does not know it, and is left out on a GPU."""
-    known = _known.get()
-    if known is not None and tensor in known:
+    if is_known(tensor):
         return True
     return not tensor.is_floating_point() if waits(tensor) else _is_finite(tensor)
 

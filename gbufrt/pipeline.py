@@ -19,7 +19,7 @@ from gbufrt.demands.results import returned
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState, size_text
-from gbufrt.mending import remembering
+from gbufrt.mending import remember, remembering
 from gbufrt.numeric import check_counts
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass
 from gbufrt.reduction import Place, Reduction
@@ -108,12 +108,14 @@ class Pipeline(Branch):
         if state is not None and frame.previous is None:
             frame = frame.replace(previous=state.previous)
         return_freed(frame.gbuffer.depth)
-        with remembering():
+        with remembering(frame, self.names):
             seen, inside = self.place.enter(frame, self.names), PipelineState()
             if seen is not None:
                 seen, inside = self._inside(seen, state or inside)
                 frame = self.place.leave(frame, seen, self._written())
-        state = PipelineState(stages=inside.stages, previous=frame.as_previous(), saw=inside.saw)
+            previous = frame.as_previous()
+            remember(previous)
+        state = PipelineState(stages=inside.stages, previous=previous, saw=inside.saw)
         return frame.replace(previous=None), state if keep_graph else state.detach()
 
     def stream(self, frames: Iterable[Frame], *, keep_graph: bool = False) -> Iterator[Frame]:

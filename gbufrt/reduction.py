@@ -12,6 +12,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.frame import LIGHT, SIGNALS, Frame
 from gbufrt.gbuffer import GBuffer
+from gbufrt.validation.known import as_finite_as
 
 
 class Reduction(ABC):
@@ -113,7 +114,7 @@ def every_nth(frame: Frame, stride: int) -> Frame:
     size = frame.gbuffer.camera.size
 
     def thinned(tensor: Tensor) -> Tensor:
-        return tensor[..., ::stride, ::stride].contiguous() if tensor.shape[-2:] == size else tensor
+        return _every_nth(tensor, stride) if tensor.shape[-2:] == size else tensor
 
     signals = {n: thinned(t) for n, row in SIGNALS.items() if row.full_size and (t := getattr(frame, n)) is not None}
     layers = {n: every_nth(layer, stride) for n in ("behind", "previous") if (layer := getattr(frame, n)) is not None}
@@ -122,8 +123,12 @@ def every_nth(frame: Frame, stride: int) -> Frame:
 
 
 def _every_nth_gbuffer(g: GBuffer, stride: int) -> GBuffer:
-    channels = {name: getattr(g, name)[..., ::stride, ::stride].contiguous() for name in g.present}
+    channels = {name: _every_nth(getattr(g, name), stride) for name in g.present}
     if "motion" in channels:
-        channels["motion"] = channels["motion"] / stride
+        channels["motion"] = as_finite_as(channels["motion"], channels["motion"] / stride)
     before = None if g.previous_camera is None else every_nth_camera(g.previous_camera, stride)
     return GBuffer(camera=every_nth_camera(g.camera, stride), previous_camera=before, **channels)
+
+
+def _every_nth(tensor: Tensor, stride: int) -> Tensor:
+    return as_finite_as(tensor, tensor[..., ::stride, ::stride].contiguous())

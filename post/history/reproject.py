@@ -161,18 +161,6 @@ def history_for(history: History | None, cut: Tensor | None) -> History | None:
     return history.reset(cut) if cut is not None and isinstance(history, History) else history
 
 
-def geometry_of(gbuffer: GBuffer) -> GBuffer:
-    """Only those channels of a past frame's G-buffer that `correspondence_reference` needs."""
-    return GBuffer(
-        camera=gbuffer.camera,
-        depth=gbuffer.depth,
-        hit=gbuffer.hit,
-        normal=gbuffer.normal,
-        normal_geo=gbuffer.normal_geo,
-        object_id=gbuffer.object_id,
-    )
-
-
 def _expected(g: GBuffer, previous: Camera, motion: Tensor, motion_z: Tensor, by_object: bool) -> Tensor:
     """Expected values of a tap: normal, hit, object, position of the surface in the previous view, and tolerance."""
     px = g.camera.pixel_centers(dtype=g.depth.dtype) + motion

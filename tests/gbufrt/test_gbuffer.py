@@ -75,6 +75,7 @@ def test_as_previous_keeps_no_chain():
     assert f.as_previous().previous is None
     assert f.as_previous().color is None
     assert f.as_previous().composite is not None
+    assert f.as_previous().gbuffer.albedo is None, "only geometry"
 
 
 def test_tables_describe_every_field():

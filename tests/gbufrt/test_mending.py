@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame
-from gbufrt.mending import Mended, contained, finite, held, mended, remembering
+from gbufrt.mending import Mended, contained, finite, held, mended, remember, remembering
+from gbufrt.reduction import every_nth
 
 
 def put(tensor: Tensor, *values: float) -> Tensor:
@@ -114,19 +115,51 @@ def test_materials_and_signals_take_their_clear_values():
     assert contained(bad, ("depth", "radiance")) is bad, "what a pass does not read is not its concern"
 
 
-def test_what_is_known_is_not_looked_at_again(monkeypatch: pytest.MonkeyPatch):
-    frame, looked = boxes.frame(), []
-    whole = Tensor.sum
-    monkeypatch.setattr(
-        Tensor, "sum", lambda tensor, *args, **kwargs: looked.append(1) or whole(tensor, *args, **kwargs)
-    )
-    with remembering():
+@pytest.fixture
+def looked(monkeypatch: pytest.MonkeyPatch) -> list[Tensor]:
+    """The tensors whose sums were taken."""
+    seen, whole = list[Tensor](), Tensor.sum
+    monkeypatch.setattr(Tensor, "sum", lambda tensor, *args, **kwargs: seen.append(tensor) or whole(tensor, *args))
+    return seen
+
+
+def test_what_is_known_is_not_looked_at_again(looked: list[Tensor]):
+    frame = boxes.frame()
+    looked.clear()
+    with remembering(frame, ("depth", "radiance")):
+        assert len(looked) == 2
         contained(frame, ("depth", "radiance"))
         assert len(looked) == 2
         contained(frame, ("depth", "radiance", "normal"))
         assert len(looked) == 3
+        contained(every_nth(frame, 2), ("depth", "radiance", "normal"))
+        assert len(looked) == 3, "part of what is known is known"
         bad = frame.replace(radiance=put(frame.read("radiance"), torch.nan))
         assert bool(torch.isfinite(contained(bad, ("depth", "radiance")).read("radiance")).all())
     looked.clear()
     contained(frame, ("depth", "radiance"))
     assert len(looked) == 2, "nothing is known outside"
+
+
+def test_one_bad_channel_leaves_the_others_known(looked: list[Tensor]):
+    frame = boxes.frame()
+    bad = frame.replace(radiance=put(frame.read("radiance"), torch.nan))
+    with remembering(bad, ("depth", "radiance")):
+        looked.clear()
+        contained(bad, ("depth",))
+        assert not looked
+        assert bool(torch.isfinite(contained(bad, ("depth", "radiance")).read("radiance")).all())
+
+
+def test_the_frame_before_is_known_until_something_is_written_into_it(looked: list[Tensor]):
+    before = boxes.frame()
+    frame = boxes.frame().replace(previous=before)
+    with remembering(before, ("depth", "radiance")):
+        remember(before)
+    for times in (2, 3):  # the second time, after a write
+        looked.clear()
+        with remembering(frame, ("depth", "radiance")):
+            assert len(looked) == times
+            clean = contained(frame, ("depth", "radiance")).previous
+            assert clean is not None and bool(torch.isfinite(clean.read("radiance")).all())
+        before.read("radiance")[0, 0, 0, 0] = torch.nan

@@ -26,7 +26,7 @@ from post.history.fireflies import cut_outliers, still_missing, taken
 from post.history.op import blended, taken_in
 from post.history.planes import together
 from post.history.read import read_history, read_sharp
-from post.history.reproject import geometry_of, history_for, motion_of
+from post.history.reproject import history_for, motion_of
 from post.history.virtual import agreeing_motion, with_image
 from post.passes.denoising.atrous import atrous
 
@@ -181,7 +181,7 @@ def _finish(
             mean, g.depth, g.normal, hit=g.hit, camera=g.camera, iterations=1, variance=variance, lead=lead
         )
     signals = {**new, "signal": kept, "variance": variance}
-    return mean, History(length=length, signals=signals, gbuffer=geometry_of(g))
+    return mean, History(length=length, signals=signals, gbuffer=g.geometry())
 
 
 class Temporal(TemporalPass):

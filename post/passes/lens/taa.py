@@ -13,7 +13,7 @@ from gbufrt.history import check_history
 from gbufrt.mending import finite
 from gbufrt.numeric import check_between
 from post.history.op import anti_alias
-from post.history.reproject import geometry_of, history_for, motion_of
+from post.history.reproject import history_for, motion_of
 
 
 def taa(
@@ -65,7 +65,7 @@ def taa(
         motion = motion_of(gbuffer, history.gbuffer.camera)[0]
     resolved = anti_alias(color, gbuffer.camera.jitter, depth, motion, before, age, blend=blend, gamma=gamma)
     result, toned, length = resolved
-    return result, History(length=length, signals={"toned": toned}, gbuffer=geometry_of(gbuffer))
+    return result, History(length=length, signals={"toned": toned}, gbuffer=gbuffer.geometry())
 
 
 class TAA(TemporalPass):

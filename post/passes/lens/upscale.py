@@ -15,7 +15,7 @@ from gbufrt.history import check_history
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from gbufrt.numeric import check_between, check_kind
-from post.history.reproject import geometry_of, history_for, motion_of
+from post.history.reproject import history_for, motion_of
 from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import light_around, same_light, thin_features
 from post.upsampling.motion import farthest_around, moving_surfaces
@@ -108,7 +108,7 @@ def upscale(
     if sharpness:
         light = light_of(sharpened(large.toned, sharpness))
     signals = {"toned": large.toned, "planes": large.planes, "around": around, "level": level}
-    return light / level, History(length=large.length, signals=signals, gbuffer=geometry_of(gbuffer))
+    return light / level, History(length=large.length, signals=signals, gbuffer=gbuffer.geometry())
 
 
 def brightness(color: Tensor, history: History | None) -> tuple[Tensor, Tensor]:
