@@ -8,7 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from gbufrt.compute.threads import wait_passively
+from gbufrt.compute.threads import wait_briefly
 
 if TYPE_CHECKING:
     from gbufrt.camera import Camera
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gbufrt.pipeline import Pipeline
 
 __version__ = "0.1.0"
-wait_passively()  # before anything here loads torch
+wait_briefly()  # before anything here loads torch
 
 _HOMES = {
     "camera": ("Camera",),

@@ -161,5 +161,6 @@ def test_the_frame_before_is_known_until_something_is_written_into_it(looked: li
         with remembering(frame, ("depth", "radiance")):
             assert len(looked) == times
             clean = contained(frame, ("depth", "radiance")).previous
-            assert clean is not None and bool(torch.isfinite(clean.read("radiance")).all())
+            assert clean is not None
+            assert bool(torch.isfinite(clean.read("radiance")).all())
         before.read("radiance")[0, 0, 0, 0] = torch.nan

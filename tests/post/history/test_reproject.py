@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from gbufrt import Frame
-from post.history.reproject import correspondence_reference, find_taps, geometry_of, motion_of
+from post.history.reproject import correspondence_reference, find_taps, motion_of
 
 SIZE = (60, 80)
 
@@ -151,7 +151,7 @@ def test_motion_comes_from_the_cameras_where_it_is_missing():
     assert now.gbuffer.motion_z is not None
     assert torch.allclose(motion, now.gbuffer.motion, atol=1e-3)
     assert torch.allclose(motion_z, now.gbuffer.motion_z, atol=1e-4)
-    assert float(find_taps(*correspondence_reference(bare, geometry_of(before.gbuffer))).valid.float().mean()) > 0.85
+    assert float(find_taps(*correspondence_reference(bare, before.gbuffer.geometry())).valid.float().mean()) > 0.85
 
 
 def test_a_single_pixel_and_a_changed_size():
