@@ -19,7 +19,8 @@ class PartOptions:
     """Which part of a Minecraft world is taken, and its textures."""
 
     box: Numbers = None
-    """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
+    """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included; along x and z whole
+    chunks, but for --bare and --window."""
 
     around: Numbers = None
     """Place X,Z in a Minecraft world round which chunks are taken. [default: the player's, else the middle]"""
