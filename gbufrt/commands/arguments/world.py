@@ -30,7 +30,8 @@ class PartOptions:
 
     window: Whole | None = None
     """Chunks along each side that are in memory at once: they follow the camera over a region or a save of any size,
-    and haze hides their border. Such a world has the view flight. [default: the whole part is loaded]"""
+    and haze hides their border. Such a world has the view flight, under a roof of bedrock landscape and panorama.
+    [default: the whole part is loaded]"""
 
     pack: str | None = None
     """Resource pack (jar, zip or folder) with textures for the blocks of a Minecraft world or a schematic."""
