@@ -16,6 +16,7 @@ STEPS = 32  # of second differences across the picture: those of neighbours are 
 FLATTEST = 0.25  # share of the pixels that are taken to lie on planes
 MOST = 1.001  # of a share: filters of pixels and halves overshoot by less
 NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
+ENDED = 0.01  # share of the surfaces at the end of normalised depth, from which on that is told
 SHARES = [(n / 50) ** 2 for n in range(45)]  # of the far distance: near ones that are tried
 
 
@@ -64,7 +65,13 @@ def normalised_line(g: GBuffer, kind: str, others: Iterable[Tensor] = ()) -> str
     bends = {reading: _curvature(depth, inside) for reading, depth in readings.items()}
     near, back = min(bends, key=lambda reading: bends[reading])
     if bend_of(g.depth, inside, orthographic=False) <= BEND or bends[near, back] >= NEARER * known:
-        return ""
+        ended = float((stored[g.hit] == 1).float().mean())
+        return (
+            f"depth is exactly 1 at {ended:.0%} of the surfaces, as normalised depth is where it ends; set sky = 1 in "
+            "a profile if they are the sky, and depth_scale to the distance of its white"
+            if ended > ENDED
+            else ""
+        )
     more = ", reversed = true" if back else ""
     return (
         f'depth lies within {ends[0]:.2g} and {ends[1]:.2g}; depth_kind = "normalised"{more} fits better: with near '

@@ -234,6 +234,10 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
             value = ", ".join(f"{v:g}" for v in raw[0, :, 0, 0].tolist())
             warnings.warn(f"{named.layers.path}: normals are {value} everywhere, and count as absent", stacklevel=5)
             return torch.where(hit, normal, 0.0), hit
+        if bool(hit.any()) and (most := float(raw.abs().amax(1)[hit[:, 0]].median())) > BYTES:
+            warnings.warn(
+                f"{named.layers.path}: normals reach {most:g}; write them from -1 to 1, or 0 to 1", stacklevel=5
+            )
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)

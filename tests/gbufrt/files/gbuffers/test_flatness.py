@@ -55,3 +55,14 @@ def test_small_scenes_are_not_taken_for_it(kind: str, tmp_path: Path) -> None:
         tmp_path / "a.exr", {"depth.Z": np.where(SKY, 0, T[kind] / 1000), "normal.XYZ": T["normal"], "RGB": GREY}
     )
     assert disagreements(read_gbuffer(path, camera=CAMERA), depth_kind=kind) == []
+
+
+def test_depth_that_ends_at_one_is_told(tmp_path: Path) -> None:
+    """From 0 at the camera: planes are flat then, but the sky is a wall."""
+    path, own = write(tmp_path / "a.exr", {"depth.Z": _shares(0.0, 40.0), "RGB": GREY}), tmp_path / "own.toml"
+    (line,) = disagreements(read_gbuffer(path, camera=CAMERA))
+    assert "of the surfaces, as normalised depth is where it ends; set sky = 1 in a profile" in line
+    own.write_text('base = "generic"\ndepth_kind = "planar"\nsky = 1\ndepth_scale = 40\n')
+    frame = read_gbuffer(path, own, camera=CAMERA)
+    assert bool((frame.gbuffer.hit[0, 0].numpy() == (T["planar"] < 40)).all())
+    assert disagreements(frame) == []

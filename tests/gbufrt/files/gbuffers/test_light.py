@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from writers.foreign_exr import CAMERA, SIZE, truth, write
+from writers.foreign_exr import CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
@@ -47,9 +47,17 @@ def test_stock_names_of_more_programs(tmp_path: Path) -> None:
     frame = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
     assert frame.composite is not None
     assert "normal_estimated" not in frame.extra
+    planes = {f"normals.{c}": T["normal"][..., i] for i, c in enumerate("XYZ")} | {"distance_to_image_plane": depth}
+    assert detect(write_parts(tmp_path / "e.exr", {"": planes})).reasons[0] == "depth is distance_to_image_plane"
     names = {"V.Depth.Z": np.where(T["hit"], depth, 1e10), "V.Combined.RGB": LIT, "V.Denoising Albedo.RGB": GREY}
     path = write(tmp_path / "b.exr", names, {"BlenderMultiChannel": "Blender V2.55.1 and newer"})
     assert read_gbuffer(path, camera=CAMERA).gbuffer.albedo is not None
     names = {"QueueWorldDepth.R": 100 * depth, "depth.Z": depth, "albedo.RGB": GREY, "RGB": GREY}
     assert detect(write(tmp_path / "c.exr", names)).name != "unreal"
     assert detect(write(tmp_path / "d.exr", names, {"unreal/jobDate": "2026.01.01"})).name == "unreal"
+
+
+def test_normals_that_count_to_255_are_told(tmp_path: Path) -> None:
+    layers = {"depth.Z": NAMES["hitPz.Z"], "normal.RGB": 255 * (T["normal"] / 2 + 0.5), "RGB": GREY}
+    with pytest.warns(UserWarning, match=r"normals reach 255; write them from -1 to 1"):
+        read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
