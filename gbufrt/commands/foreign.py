@@ -18,6 +18,7 @@ from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.cuts import cut_between, cut_off
 from gbufrt.files.gbuffers.detect import better, detect, named_by
+from gbufrt.files.gbuffers.grain import lamps_told
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.motion import fitted
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
@@ -155,6 +156,8 @@ class Source:
         frame, wrong = self.read(shot, before)
         for line in wrong:
             self.tell(f"{shot}: {line}")
+        if lamps := lamps_told(frame):
+            self.tell(lamps)
         guessed = frame.extra.get("normal_estimated")
         if guessed is not None and min(frame.gbuffer.camera.size) > 1:
             g = frame.gbuffer

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from gbufrt.camera.matrices import check_matrices
 from gbufrt.validation.geometry import Geometry, check_depth, check_normal, check_planar
+from gbufrt.validation.ids import check_ids
 from gbufrt.validation.motion import check_motion, check_movers, check_previous
 from gbufrt.validation.pixels import check_finite, check_not_negative, check_range, check_unit
 
@@ -39,6 +40,8 @@ def validate_gbuffer(g: Geometry, before: Geometry | None = None, prefix: str = 
     for name in ("emission", "thickness"):
         if name in channels:
             check_not_negative(prefix + name, channels[name])
+    if "object_id" in channels:
+        check_ids(g, channels["object_id"], prefix)
     if g.motion is not None and g.previous_camera is not None:
         check_motion(g, g.motion, prefix)
     if before is not None and g.previous_camera is not None:

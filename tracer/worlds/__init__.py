@@ -26,7 +26,8 @@ WORLDS: Mapping[str, Callable[..., Scene]] = MappingProxyType({"valley": valley,
 
 
 def _blocks(path: Path, *, pack: str | PathLike[str] | None = None, bare: bool | None = None, **part: Any) -> Scene:
-    blocks = read_minecraft(path, Selection(**part), pack)
+    chosen = Selection(**part)  # land that is cut within chunks has no border of bricks to be mirrored at
+    blocks = read_minecraft(path, chosen if bare else chosen.in_whole_chunks(), pack)
     return landscape(blocks.world, blocks.instances, bare=bool(bare))
 
 
@@ -54,7 +55,8 @@ def load(
     Args:
         name_or_path: a name in `WORLDS`, ``builtin``, the path of a file whose ending is in `FORMATS`, or that of a
             Minecraft save folder.
-        box: of a Minecraft world, the blocks from x0, y0, z0 up to x1, y1, z1, these not included.
+        box: of a Minecraft world, the blocks from x0, y0, z0 up to x1, y1, z1, these not included; unless ``bare``,
+            all of the chunks that it touches between y0 and y1, because land goes on from whole ones.
         around: of a Minecraft world, the place x, z round which chunks are taken.
         chunks: how many along each side; by default all of a region file, and 24 of a save, round its player.
         pack: of a Minecraft world or a schematic, the jar, zip or folder of a resource pack with textures.

@@ -19,7 +19,8 @@ class PartOptions:
     """Which part of a Minecraft world is taken, and its textures."""
 
     box: Numbers = None
-    """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included."""
+    """Blocks of a Minecraft world to take, as X0,Y0,Z0,X1,Y1,Z1, the last three not included; along x and z whole
+    chunks, but for --bare and --window."""
 
     around: Numbers = None
     """Place X,Z in a Minecraft world round which chunks are taken. [default: the player's, else the middle]"""
@@ -29,7 +30,8 @@ class PartOptions:
 
     window: Whole | None = None
     """Chunks along each side that are in memory at once: they follow the camera over a region or a save of any size,
-    and haze hides their border. Such a world has the view flight. [default: the whole part is loaded]"""
+    and haze hides their border. Such a world has the view flight, under a roof of bedrock landscape and panorama.
+    [default: the whole part is loaded]"""
 
     pack: str | None = None
     """Resource pack (jar, zip or folder) with textures for the blocks of a Minecraft world or a schematic."""

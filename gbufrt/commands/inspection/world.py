@@ -41,12 +41,12 @@ def _vox(path: Path) -> str:
 
 def _schematic(path: Path) -> str:
     from tracer.formats.minecraft.nbt import part
-    from tracer.formats.minecraft.schematic import root_of, structure_of
+    from tracer.formats.minecraft.schematic import root_of, structure_sides
 
     tags = root_of(path)
     try:
-        if (structure := structure_of(tags)) is not None:
-            return _structure(tags, structure[1].shape)
+        if (found := structure_sides(tags)) is not None:
+            return _structure(tags, found)
         sides = " x ".join(str(int(part(tags, side, int)) & 0xFFFF) for side in ("Width", "Height", "Length"))
         kind = f"Sponge schematic {int(part(tags, 'Version', int))}" if "Version" in tags else "MCEdit schematic"
         told = int(part(tags, "DataVersion", int)) if "DataVersion" in tags else None
@@ -56,7 +56,7 @@ def _schematic(path: Path) -> str:
     return f"{kind}, {sides} blocks, the middle number upwards{data}"
 
 
-def _structure(tags: Tags, shape: tuple[int, ...]) -> str:
+def _structure(tags: Tags, shape: list[int]) -> str:
     """A Litematica schematic or a structure of the game, of sides along y, z and x."""
     height, length, width = shape
     told = tags.get("MinecraftDataVersion", tags.get("DataVersion"))

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.directions import length
+from gbufrt.files.gbuffers.flatness import BEND, NEARER, bend_of, normalised_line
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 from gbufrt.validation.geometry import FEW, flat
@@ -17,10 +18,6 @@ TILT = 8.0  # degrees between the mean normal of a block and that of the depth, 
 BLOCKS = 6  # along the shorter side of the picture
 AGREE = 0.5  # share of the flat pixels whose normals must be those of the depth
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
-NEARER = 0.5  # of the bend of planes: another kind of depth that comes so close is the right one
-BEND = 2e-6  # relative second difference of 1 / z on a plane, below which a bend is rounding
-STEPS = 32  # of second differences across the picture: those of neighbours are too small in large pictures
-FLATTEST = 0.25  # share of the pixels that are taken to lie on planes
 MOVES = 0.5  # pixels of motion apart from the cameras' own
 SCALES = (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0)  # of depth: millimetres and centimetres beside metres
 RECIPROCAL = '"reciprocal" or "device"'
@@ -39,7 +36,10 @@ def disagreements(
             camera that moved would make a mover of everything.
     """
     g = frame.gbuffer
-    lines = [_depth_line(g, depth_kind), _normal_line(g, depth_kind)] if min(g.camera.size) > 2 else []
+    readings = depth_readings(g, depth_kind).values()
+    lines = [normalised_line(g, depth_kind, readings)] if min(g.camera.size) > 2 else []
+    if lines == [""]:
+        lines = [_depth_line(g, depth_kind), _normal_line(g, depth_kind)]
     if g.motion is not None and posed:
         if g.previous_camera is not None:
             lines.append(_static_line(g, g.motion, g.previous_camera))
@@ -199,26 +199,6 @@ def _motion_line(now: float, fits: dict[str, float], what: str) -> str:
     if fits[best] <= now + BETTER:
         return ""
     return f"{best} fits better: motion agrees with {what} at {fits[best]:.0%} of the pixels instead of {now:.0%}"
-
-
-def bend_of(depth: Tensor, inside: Tensor, *, orthographic: bool) -> float:
-    """Relative second difference of 1 / z where the picture is flattest; of z in orthographic ones.
-
-    Args:
-        depth: ``(B, 1, H, W)`` taken to be planar, world units.
-        inside: ``(B, 1, H, W)`` bool: pixels that count, where those a step beside them do too.
-        orthographic: whether the camera is.
-
-    Returns:
-        The bend, 0 where nothing is left to tell it by.
-    """
-    value, step = depth.double() if orthographic else 1 / depth.double(), max(min(depth.shape[-2:]) // STEPS, 1)
-    for dim in (2, 3):
-        inside = inside & inside.roll(step, dim) & inside.roll(-step, dim)
-    bends = [(value.roll(step, dim) - 2 * value + value.roll(-step, dim)).abs() / value for dim in (2, 3)]
-    middle = (..., slice(step, -step), slice(step, -step))
-    found = torch.maximum(*bends)[middle][inside[middle]]
-    return float(found.sort().values[int(FLATTEST * found.numel())]) if found.numel() else 0.0
 
 
 def _agreeing(g: GBuffer, camera: Camera, depth: Tensor, normal: Tensor, inside: Tensor) -> float:

@@ -3,12 +3,14 @@
 ``worldToCamera`` and ``worldToNDC`` are OpenEXR's standard attributes, which Arnold, Karma, RenderMan and others write:
 rows times matrix, x right, y up, and the whole picture from (0, 0) at its upper left to (1, 1). Some writers look along
 -z, and some span -1 to 1; both are told from the matrices. Unreal's Movie Render Queue writes position, angles
-and field of view as text. Sources: OpenEXR's list of standard attributes; Unreal's FRotationMatrix.
+and field of view as text, under ``unreal/camera``, or under the camera's name where a shot has several. Sources:
+OpenEXR's list of standard attributes; Unreal's FRotationMatrix.
 """
 
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +23,8 @@ from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 RIGID = 1e-3  # how far a camera's axes may be from unit length and right angles
 ROLL = 1e-3  # how far the camera's right points up, from which on it tells which axis is not up
-UNREAL = re.compile(r"unreal/(?:camera|layerData)/(?:.*/)?(curPos/[xyz]|curRot/(?:pitch|yaw|roll)|fov)")
+UNREAL = re.compile(r"unreal/(.*/)?(curPos/[xyz]|curRot/(?:pitch|yaw|roll)|fov)")
+POSE = 6  # numbers of position and angles
 
 
 @dataclass(frozen=True)
@@ -78,9 +81,12 @@ def _standard(header: Mapping[str, Any]) -> _Found | None:
 
 
 def _unreal(header: Mapping[str, Any], size: tuple[int, int]) -> _Found | None:
-    told = {match[1]: float(header[key]) for key in header if (match := UNREAL.fullmatch(key))}
-    if len(told) < 7:
+    if not (cameras := _told_by_unreal(header)):
         return None
+    name, told = next(iter(cameras.items()))
+    if others := [other for other, numbers in cameras.items() if numbers != told]:
+        text = f"the file carries the cameras {', '.join((name, *others))}; took {name}, --camera gives another"
+        warnings.warn(text, stacklevel=4)
     pitch, yaw, roll = (np.radians(told[f"curRot/{name}"]) for name in ("pitch", "yaw", "roll"))
     (cp, sp), (cy, sy), (cr, sr) = ((np.cos(angle), np.sin(angle)) for angle in (pitch, yaw, roll))
     forward = (cp * cy, cp * sy, sp)
@@ -92,6 +98,23 @@ def _unreal(header: Mapping[str, Any], size: tuple[int, int]) -> _Found | None:
     across = 0.5 / np.tan(np.radians(told["fov"]) / 2)
     project = np.array([[across, 0, 0.5, 0], [0, across * size[1] / size[0], 0.5, 0], [0, 0, 1, 0]])
     return _Found(pose, project)
+
+
+def _told_by_unreal(header: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """Position, angles and field of view of all cameras that have them, by their names.
+
+    The player's camera has its field of view one level below its pose, for each pass; others both in one place.
+    """
+    told: dict[str, dict[str, float]] = {}
+    for key in header:
+        if match := UNREAL.fullmatch(key):
+            told.setdefault(match[1] or "", {})[match[2]] = float(header[key])
+    poses = {place: numbers for place, numbers in told.items() if len(numbers.keys() - {"fov"}) == POSE}
+    found = {place: numbers for place, numbers in poses.items() if "fov" in numbers}
+    if not found:
+        below = {p: next((t for q, t in told.items() if q.startswith(p) and "fov" in t), {}) for p in poses}
+        found = {place: {**numbers, "fov": below[place]["fov"]} for place, numbers in poses.items() if below[place]}
+    return {place.rstrip("/"): numbers for place, numbers in found.items()}
 
 
 def _upright(pose: np.ndarray) -> str:

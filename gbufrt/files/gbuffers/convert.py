@@ -24,6 +24,8 @@ def distances(raw: Tensor, profile: Profile) -> Tensor:
     if profile.depth_kind == "device":
         share = raw if profile.reversed else 1 - raw  # 1 at the near plane, and linear in 1 / z
         return 1 / (1 / profile.far + share.double() * (1 / profile.near - 1 / profile.far)).to(raw)
+    if profile.depth_kind == "normalised":
+        return profile.near + (1 - raw if profile.reversed else raw) * (profile.far - profile.near)
     return raw
 
 

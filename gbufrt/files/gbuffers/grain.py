@@ -1,4 +1,4 @@
-"""How noisy the light of a frame is."""
+"""How noisy the light of a frame is, and whether some of it is that of lamps."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ ALIKE = 0.02  # relative difference up to which depths and colours of neighbours
 TURNED = 0.999  # cosine of their normals from which on
 NOISY = 0.06  # of pictures whose albedo is known
 TEXTURED = 0.15  # of others, where the difference may be that of a texture
+LAMP = 10.0  # times as much light for their colour as half of the surfaces send: lamps, or what the sun shines on
+FEW = 1e-3  # share of the surfaces that may be so bright
 
 
 def grain(frame: Frame) -> float:
@@ -39,6 +41,22 @@ def noisy(frame: Frame) -> float | None:
     """The `grain` of light that is noisy; None where it is not, or where it may be a texture's."""
     found = grain(frame)
     return None if found < (TEXTURED if frame.gbuffer.albedo is None else NOISY) else found
+
+
+def lamps_told(frame: Frame) -> str:
+    """What to say where direct light shows surfaces as bright as lamps, and no emission tells which of it is theirs."""
+    g, light = frame.gbuffer, frame.radiance
+    if light is None or g.emission is not None:
+        return ""
+    sent = luminance(light) if g.albedo is None else luminance(light) / luminance(g.albedo).clamp_min(TEXTURED)
+    sent = sent[g.hit].nan_to_num(posinf=0.0)
+    lit = sent[sent > 0]
+    if not lit.numel() or float((sent > LAMP * lit.median()).float().mean()) <= FEW:
+        return ""
+    return (
+        "direct light shows surfaces over ten times as bright as most, and no layer of emission; if they are lamps, "
+        "indirect light and mirrors count their light twice: write emission too"
+    )
 
 
 def _close(channel: Tensor) -> Tensor:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -23,7 +23,8 @@ class Layers:
 
     So does the name of a pass that has a file of its own, before channels without a layer, or of several such files.
 
-    Of several views, as stereo files have them, the first is taken, and its name left out of those of channels.
+    Of several views, as stereo files have them, the first is taken, and its name left out of those of channels. Three
+    channels whose names differ in a last letter x, y, z are a vector: ``Px``, of old pbrt, becomes ``P.x``.
 
     Raises:
         ValueError: two parts hold a channel of one name.
@@ -50,6 +51,7 @@ class Layers:
             if full in self._parts:
                 raise ValueError(f"{path} holds the channel {full!r} in two parts; rename one of them")
             self._parts[full] = part, name
+        self._parts = {_dotted(name, self._parts): at for name, at in self._parts.items()}
         self.names = tuple(self._parts)
 
     def find(self, names: Iterable[str], count: int, layer: str = "", *, any_case: bool = False) -> list[str]:
@@ -171,6 +173,14 @@ def _full(part: Part, name: str, parts: Sequence[Part]) -> str:
     """A channel's name with that of its part, where it does not carry it; the only part of a file needs none."""
     alone = sum(other.of_pass == part.of_pass for other in parts) == 1
     return name if alone or not part.name or name.startswith(f"{part.name}.") else f"{part.name}.{name}"
+
+
+def _dotted(name: str, names: Container[str]) -> str:
+    """A channel's name with a dot before the letter of its axis, where it is one of three that lack it."""
+    base, axis = name[:-1], name[-1:]
+    axes = next((some for some in ("xyz", "XYZ") if axis and axis in some), "")
+    vector = base and not base.endswith(".") and axes and all(base + letter in names for letter in axes)
+    return f"{base}.{axis}" if vector and f"{base}.{axis}" not in names else name
 
 
 def _views(parts: Sequence[Part]) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ of the direct light."""
 CHOICES = {
     "up": ("y", "z", "auto"),
     "handed": ("right", "left"),
-    "depth_kind": ("planar", "ray", "device", "reciprocal", "auto"),
+    "depth_kind": ("planar", "ray", "device", "reciprocal", "normalised", "auto"),
     "normal_space": ("world", "opengl", "opencv", "pbrt", "auto"),
     "motion_unit": ("pixels", "uv"),
     "motion_target": ("previous", "next"),
@@ -63,14 +63,15 @@ class Profile:
     either_sign: bool = False
     """Depth may count down too: its sign is that of most pixels."""
     depth_kind: str = "planar"
-    """planar z, the length of the ray, device depth between near and far, 1 / z (reciprocal), or auto: the one of
-    planar, ray and reciprocal by which what is flat is flattest."""
+    """planar z, the length of the ray, device depth between near and far, planar z as a share of the way from near to
+    far (normalised), 1 / z (reciprocal), or auto: the one of planar, ray and reciprocal by which what is flat is
+    flattest."""
     near: float = 0.1
-    """Planar depth of the near plane, for device depth."""
+    """Planar depth of the near plane, for device and normalised depth."""
     far: float = 1000.0
-    """Planar depth of the far plane, for device depth; inf is allowed."""
+    """Planar depth of the far plane, for device depth, where inf is allowed, and normalised depth."""
     reversed: bool = False
-    """Device depth is 1 at the near plane and 0 at the far plane."""
+    """Device or normalised depth is 1 at the near plane and 0 at the far plane."""
     sky: float = float("inf")
     """What depth holds where nothing was hit; what is larger is sky too. 65504, the largest half, gives way where
     float depths of surfaces are larger, and any to a larger depth far beyond all else that many pixels share."""

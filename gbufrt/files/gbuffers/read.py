@@ -21,7 +21,7 @@ from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 from gbufrt.files.gbuffers.settle import settled
-from gbufrt.files.gbuffers.sky import COUNTED
+from gbufrt.files.gbuffers.sky import COUNTED, sky_lacks
 from gbufrt.files.gbuffers.surfaces import hit_of
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
@@ -126,7 +126,7 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         colors = [named.layers.stack(keys, size) for name in profile.shaded if (keys := named.find((name,), 3))]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
-    radiance, finished, mirrors = _light(named, size, whole)
+    radiance, finished, mirrors = _light(named, size, whole, hit)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -202,7 +202,7 @@ def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -
     return replace(camera, intrinsics=intrinsics)
 
 
-def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | None, Tensor | None, bool]:
+def _light(named: Named, size: tuple[int, int], whole: bool, hit: Tensor) -> tuple[Tensor | None, Tensor | None, bool]:
     """Direct light, or else the finished picture; and whether the light holds sky and lamps as mirrors show them."""
     light = named.light(whole=whole)
     if light.lacking:
@@ -212,9 +212,15 @@ def _light(named: Named, size: tuple[int, int], whole: bool) -> tuple[Tensor | N
             stacklevel=4,
         )
     products = [torch.stack([named.layers.stack(keys, size) for keys in f]).prod(0) for f in light.products]
-    if products:
-        return torch.stack(products).sum(0), None, light.mirrors
-    return None, named.layers.stack(light.finished, size) if light.finished else None, False
+    finished = named.layers.stack(light.finished, size) if light.finished else None
+    if not products:
+        return None, finished, False
+    direct = torch.stack(products).sum(0)
+    if finished is not None and sky_lacks(direct, finished, hit):
+        text = f"direct light has no sky; that of {', '.join(light.finished)} is taken, which is the same"
+        warnings.warn(f"{named.layers.path}: {text}", stacklevel=4)
+        direct = torch.where(hit, direct, finished)
+    return direct, None, light.mirrors
 
 
 def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:
@@ -228,6 +234,10 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
             value = ", ".join(f"{v:g}" for v in raw[0, :, 0, 0].tolist())
             warnings.warn(f"{named.layers.path}: normals are {value} everywhere, and count as absent", stacklevel=5)
             return torch.where(hit, normal, 0.0), hit
+        if bool(hit.any()) and (most := float(raw.abs().amax(1)[hit[:, 0]].median())) > BYTES:
+            warnings.warn(
+                f"{named.layers.path}: normals reach {most:g}; write them from -1 to 1, or 0 to 1", stacklevel=5
+            )
         given, there = world_normals(raw, named.profile, view)
         normal = torch.where(there, given, normal)
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)

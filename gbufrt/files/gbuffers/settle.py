@@ -9,9 +9,10 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.files.gbuffers.agreement import BEND, CLOSE, bend_of
+from gbufrt.files.gbuffers.agreement import CLOSE
 from gbufrt.files.gbuffers.convert import VIEWS, distances, planar, told, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
+from gbufrt.files.gbuffers.flatness import BEND, bend_of
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 from gbufrt.files.gbuffers.surfaces import hit_of

@@ -104,3 +104,15 @@ def share_shown(frame: Frame, environment: Tensor) -> float | None:
     tells = g.hit & (g.roughness < SMOOTH) & (g.metallic > 0.5) & (sky > sky.mean() / 8)
     own = luminance(light if g.emission is None else light - g.emission)
     return float((own > sky / 2)[tells].float().mean()) if int(tells.sum()) >= FEW else None
+
+
+def sky_lacks(direct: Tensor, finished: Tensor, hit: Tensor) -> bool:
+    """Whether direct light is black all over a sky that the finished picture shows: its pass is missing.
+
+    Args:
+        direct: ``(1, 3, H, W)`` radiance.
+        finished: likewise, with all light.
+        hit: ``(1, 1, H, W)`` bool.
+    """
+    sky = ~hit.expand_as(direct)
+    return bool((direct[sky] == 0).all()) and bool((finished[sky] > 0).any())

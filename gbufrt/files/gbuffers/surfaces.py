@@ -11,6 +11,7 @@ from gbufrt.files.gbuffers.convert import FARTHEST, distances
 from gbufrt.files.gbuffers.profile import Profile
 from gbufrt.files.precision import MOST_HALF
 
+SHARES = ("device", "normalised")  # kinds of depth from near to far
 SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
 ALIKE = 0.001  # share of the pixels that hold the largest depth exactly, where it is the sky's
 BEYOND = 1000.0  # how many times farther than surfaces such a sky is at least
@@ -26,8 +27,8 @@ def hit_of(raw: Tensor, profile: Profile) -> Tensor:
     raw = raw * profile.depth_scale
     sky = _sky_of(raw, profile)
     hit = near_enough & (raw > _leavings(raw)) & (raw < sky * SKY_SHARE if abs(profile.sky) > 1 else raw != sky)
-    if profile.depth_kind == "device":
-        hit = hit & (raw < 1) if not profile.reversed else hit
+    if profile.depth_kind in SHARES and not profile.reversed:
+        hit = hit & (raw < 1)
     return hit
 
 
@@ -40,7 +41,7 @@ def _sky_of(raw: Tensor, profile: Profile) -> float:
     sky = profile.sky * profile.depth_scale
     sky = math.inf if sky <= 0 else sky
     there = raw[(raw > 0) & (raw < FARTHEST)]
-    if profile.depth_kind in ("device", "reciprocal") or not there.numel():
+    if profile.depth_kind in (*SHARES, "reciprocal") or not there.numel():
         return sky
     last = float(there.max())
     others = there[there < last]

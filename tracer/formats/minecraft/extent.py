@@ -64,7 +64,9 @@ class Extent:
         if not places:
             return self
         low, high = np.min(places, axis=0).tolist(), (np.max(places, axis=0) + 1).tolist()
-        return replace(self, low=(low[0], low[1]), high=(high[0], high[1]))
+        found = replace(self, low=(low[0], low[1]), high=(high[0], high[1]))
+        found._tops.update(self._tops)
+        return found
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -79,37 +81,53 @@ class Extent:
     def height(self, x: float, z: float) -> float:
         """Upper side of the highest block of the chunk at a place; nan where there is none that can be read."""
         place = math.floor(x / WIDTH), math.floor(z / WIDTH)
-        if place not in self._heights:
-            self._heights[place] = self._height(place)
-        return self._heights[place]
+        if place not in self._tops:
+            self._tops[place] = self._highest(place)
+        return self._tops[place][0]
+
+    def topped(self, name: str) -> float:
+        """The share of the chunks whose height was asked for that have a block of that name highest; nan for none."""
+        tops = [top for height, top in self._tops.values() if not math.isnan(height)]
+        return (
+            sum(any(block.rpartition(":")[2] == name for block in top) for top in tops) / len(tops)
+            if tops
+            else math.nan
+        )
 
     @cached_property
-    def _heights(self) -> dict[Place, float]:
+    def _tops(self) -> dict[Place, tuple[float, frozenset[str]]]:
         return {}
 
     @cached_property
     def _open(self) -> dict[Place, Region]:
         return {}
 
-    def _height(self, place: Place) -> float:
-        key = place[0] // SIDE, place[1] // SIDE
+    def _highest(self, place: Place) -> tuple[float, frozenset[str]]:
+        """The upper side of the highest block of a chunk, and the names of the blocks of that layer."""
+        none, key = (math.nan, frozenset[str]()), (place[0] // SIDE, place[1] // SIDE)
         if key not in self.files or not self.part.takes(place):
-            return math.nan
+            return none
         if key not in self._open:
             self._open.clear()  # one at a time
             self._open[key] = Region.of(self.files[key])
         region = self._open[key]
         if place not in region.sectors:
-            return math.nan
+            return none
         try:
             parts = chunk_sections(region, place, self.part.box)
         except ValueError:
-            return math.nan
-        return max((16 * section.y + top for section, _ in parts if (top := _top(section))), default=math.nan)
+            return none
+        found = [(16 * section.y + top, names) for section, _ in parts for top, names in [_top(section)] if top]
+        return max(found, key=lambda layer: layer[0], default=none)
 
 
-def _top(section: Section) -> int:
-    """How many layers of a section lie up to its highest block; 0 where there is none."""
-    solid = np.array([not is_nothing(parse_state(state)[0]) for state in section.states])
-    layers = np.broadcast_to(solid[section.blocks], 4096).reshape(16, -1).any(axis=1)
-    return int(np.flatnonzero(layers)[-1]) + 1 if layers.any() else 0
+def _top(section: Section) -> tuple[int, frozenset[str]]:
+    """How many layers of a section lie up to its highest block, 0 where there is none, and what that layer is of."""
+    names = [parse_state(state)[0] for state in section.states]
+    solid = np.array([not is_nothing(name) for name in names])
+    blocks = np.broadcast_to(section.blocks, 4096).reshape(16, -1)
+    layers = solid[blocks].any(axis=1)
+    if not layers.any():
+        return 0, frozenset()
+    last = int(np.flatnonzero(layers)[-1])
+    return last + 1, frozenset(names[n] for n in np.unique(blocks[last]) if solid[n])

@@ -20,12 +20,21 @@ def read_nbt(path: Path, *, limit: int) -> Tags:
     Raises:
         ValueError: larger than ``limit`` bytes, damaged, or no NBT; names the file.
     """
+    data = bytes_of(path, limit=limit)
+    try:
+        return parse_nbt(data)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def bytes_of(path: Path, *, limit: int) -> bytes:
+    """A whole file, unpacked if it is gzipped; raises as `read_nbt`."""
     with path.open("rb") as file:
         data = file.read(limit + 1)
     try:
         if len(data) > limit:
             raise ValueError(f"the file has more than the {limit} bytes allowed")
-        return parse_nbt(inflate(data, limit=limit) if data[:2] == GZIP else data)
+        return inflate(data, limit=limit) if data[:2] == GZIP else data
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

@@ -71,6 +71,14 @@ class Selection:
         first = round(x / WIDTH - count / 2), round(z / WIDTH - count / 2)
         return first, (first[0] + count, first[1] + count)
 
+    def in_whole_chunks(self) -> Selection:
+        """The same with the sides of the box along x and z moved out to those of chunks."""
+        if self.box is None:
+            return self
+        (_, y0, _), (_, y1, _) = self.box[:3], self.box[3:]
+        (x0, z0), (x1, z1) = self.chunk_range((0, 0))
+        return Selection(box=(WIDTH * x0, y0, WIDTH * z0, WIDTH * x1, y1, WIDTH * z1))
+
     def takes(self, place: Place) -> bool:
         """Whether a chunk lies in the part: all do where neither a box nor a place is told."""
         if self.box is None and self.around is None:

@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.joined import joined
 from tracer.formats.minecraft.legacy import AIR, legacy_state
-from tracer.formats.minecraft.nbt import Tags, part, read_nbt
+from tracer.formats.minecraft.nbt import Tags, part
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
 from tracer.formats.minecraft.save import tell_unknown
 from tracer.formats.minecraft.sections import Section
 from tracer.formats.minecraft.structures.grid import Structure, checked
-from tracer.formats.minecraft.structures.litematic import litematic
-from tracer.formats.minecraft.structures.template import template
+from tracer.formats.minecraft.structures.litematic import extents, litematic
+from tracer.formats.minecraft.structures.skim import read_skimmed
+from tracer.formats.minecraft.structures.template import size_of, template
 from tracer.scene.grids import BRICK
 from tracer.scene.placement import place
 from tracer.scene.scene import Scene
@@ -65,7 +66,7 @@ def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None =
 
 def root_of(path: Path) -> Tags:
     """The tags that tell of a schematic, of whatever version; raises as `read_schematic`."""
-    tags = read_nbt(path, limit=MAX_FILE)
+    tags = read_skimmed(path, limit=MAX_FILE)
     return part(tags, "Schematic", dict) if "Schematic" in tags else tags
 
 
@@ -78,6 +79,14 @@ def structure_of(root: Tags) -> Structure | None:
     if "Regions" in root:
         return litematic(root)
     return template(root) if "size" in root and "blocks" in root else None
+
+
+def structure_sides(root: Tags) -> list[int] | None:
+    """The sides along y, z and x of what `structure_of` would read, without its blocks; raises as that."""
+    if "Regions" in root:
+        corners, sizes = extents(root)
+        return [int(n) for n in np.add(corners, sizes).max(axis=0) - np.min(corners, axis=0)]
+    return size_of(root) if "size" in root and "blocks" in root else None
 
 
 def _sponge(root: Tags, sides: list[int]) -> tuple[Named, Named]:

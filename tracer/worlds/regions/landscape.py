@@ -60,7 +60,7 @@ def landscape(world: World, instances: tuple[Instance, ...] = (), *, bare: bool 
         points = np.array([[end[i, 0], end[j, 1], end[k, 2]] for end in ends for i, j, k in np.ndindex(2, 2, 2)])
         return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=framing_views(points))
     if _topped(ground, world.materials, "end_stone") > ENDLESS:
-        sky = Sky(picture=_night())
+        sky = Sky(picture=night())
         return Scene(world=world, instances=instances, sun=None, sky=sky, views=views_over(ground))
     sky = replace(SKY, plain=_plain(ground, world.materials))
     found = Scene(world=world, instances=instances, sun=SUN, sky=sky)
@@ -81,8 +81,8 @@ def _topped(ground: HeightMap, materials: MaterialTable, name: str) -> float:
     return float(on_top.mean()) if on_top.size else 0.0
 
 
-def _night() -> torch.Tensor:
-    """``(1, 3, 64, 128)`` the sky of the End: dark all round, with light from overhead, as it has no sun."""
+def night() -> torch.Tensor:
+    """``(1, 3, 64, 128)``: the sky of the End: dark all round, with light from overhead, as it has no sun."""
     up = torch.cos((torch.arange(64) + 0.5) / 64 * math.pi)
     share = ((up - OVERHEAD) / (1 - OVERHEAD)).clamp(0, 1).square()
     return torch.lerp(torch.tensor(NIGHT)[:, None], torch.tensor(GLOW)[:, None], share)[None, :, :, None].repeat(

@@ -20,7 +20,9 @@ from tracer.formats.minecraft.window import Window, reach_of
 from tracer.scene.fog import Fog
 from tracer.scene.scene import Haze, Scene, Sky, Sun, View
 from tracer.scene.weather import Rain, Waves
-from tracer.worlds.regions.landscape import SKY, SUN
+from tracer.worlds.regions.height_map import caverns_of
+from tracer.worlds.regions.landscape import EMBERS, ENDLESS, ROOFED, SKY, SMOKE, SUN, night
+from tracer.worlds.regions.outlooks import best_view, panorama
 from tracer.worlds.views import Point, loop
 
 CLEAR = 0.5  # of the window's reach: where haze begins
@@ -130,7 +132,8 @@ def stream(
 
     Returns:
         A `Stream` with the view ``flight``, a round over the land at 10 blocks a second; ``stream.around(eye)`` is the
-        scene for a camera there.
+        scene for a camera there. Under a roof of bedrock, as in the Nether, ``landscape`` and ``panorama`` in its
+        stead, from within; there, and over land of end stone, the sky is that of `landscape`.
 
     Raises:
         ValueError: the window is out of range, the path holds no chunks, or none in that part, or ``chunks`` is given
@@ -142,8 +145,20 @@ def stream(
     path, part = Path(path), Selection(box=box, around=around, chunks=chunks)
     Window(path, chunks=window, pack=pack)  # its errors now, rather than at the first frame
     extent = Extent.of(path, part).land()
-    views = {"flight": _flight(extent, reach_of(window))}
-    return Stream(path=path, window=window, selection=part, views=views, pack=pack)
+    found = Stream(path=path, window=window, selection=part, pack=pack)
+    if extent.topped("bedrock") > ROOFED and (inside := _inside(found, extent)) is not None:
+        return replace(found, views=inside, sun=None, sky=EMBERS, haze=SMOKE)
+    flown = replace(found, views={"flight": _flight(extent, reach_of(window))})
+    return replace(flown, sun=None, sky=Sky(picture=night())) if extent.topped("end_stone") > ENDLESS else flown
+
+
+def _inside(world: Stream, extent: Extent) -> Mapping[str, View] | None:
+    """Views from a cavern in the middle of land under a roof, where no way is clear; None where it has none."""
+    caverns = caverns_of(world.around((extent.middle[0], 0.0, extent.middle[1])).world)
+    if not np.isfinite(caverns.top).any():
+        return None
+    view = best_view(caverns)
+    return {"landscape": view, "panorama": panorama(view)}
 
 
 def _flight(extent: Extent, reach: float) -> View:

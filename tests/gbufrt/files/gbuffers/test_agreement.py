@@ -114,6 +114,10 @@ def test_normals_that_no_setting_makes_agree_are_said_with_their_share(tmp_path:
     near = np.where(truth["hit"], 1 - np.clip(truth["planar"] / 40, 0, 0.9), 0)  # white is near
     path = foreign_exr.write(tmp_path / "b.exr", plain(depth_Y=near))
     lines = disagreements(read_gbuffer(path, camera=foreign_exr.CAMERA))
+    assert any('depth_kind = "normalised", reversed = true fits better' in line for line in lines)
+    noise = np.random.default_rng(0).uniform(0.1, 0.9, truth["hit"].shape)
+    path = foreign_exr.write(tmp_path / "c.exr", plain(depth_Y=np.where(truth["hit"], near**0.2 + 0.001 * noise, 0)))
+    lines = disagreements(read_gbuffer(path, camera=foreign_exr.CAMERA))
     assert any("no setting makes them; depth lies within 0 and 1, and may be normalised" in line for line in lines)
 
 

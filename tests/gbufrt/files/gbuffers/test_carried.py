@@ -113,19 +113,38 @@ def test_the_frame_before_gives_the_camera_before(tmp_path: Path) -> None:
     assert float(second.motion[second.hit.expand_as(second.motion)].abs().max()) > 1
 
 
-def test_the_text_of_unreal_is_read_in_metres() -> None:
+def unreal() -> dict[str, float]:
+    """The camera as Unreal's text tells it."""
     x, y, z = VIEW[:3, 3]
     dx, dy, dz = VIEW[:3, 2]
     fov = 2 * math.degrees(math.atan(math.tan(math.radians(25)) * SIZE[1] / SIZE[0]))
     told = {f"curPos/{axis}": 100 * v for axis, v in zip("xyz", (x, z, y), strict=True)}
     told |= {"curRot/pitch": math.degrees(math.asin(dy)), "curRot/yaw": math.degrees(math.atan2(dz, dx))}
-    told |= {"curRot/roll": 0.0, "FinalImage/fov": fov}
+    return told | {"curRot/roll": 0.0, "fov": fov}
+
+
+def test_the_text_of_unreal_is_read_in_metres() -> None:
+    told = {("FinalImage/fov" if name == "fov" else name): value for name, value in unreal().items()}
     header = {f"unreal/camera/{name}": str(value) for name, value in told.items()}
     assert close(carried_camera(header, load_profile("unreal"), SIZE))
     header["unreal/camera/curRot/roll"] = "90"  # to the right: what was right of the picture is now at its foot
     turned = carried_camera(header, load_profile("unreal"), SIZE)
     assert turned is not None
     assert torch.allclose(turned.world_from_view[0, :3, 1], -CAMERA.world_from_view[0, :3, 0], atol=1e-5)
+
+
+@pytest.mark.parametrize("place", ["Cam_B/FinalImage", "layerData/FinalImage.Cam_B", "ShotCam/FinalImage"])
+def test_cameras_of_unreal_have_names_where_there_are_several(place: str) -> None:
+    """The pose of the player's camera is written too, but no field of view for it."""
+    header = {f"unreal/camera/{name}": "7.5" for name in unreal() if name != "fov"}
+    header |= {f"unreal/{place}/{name}": str(value) for name, value in unreal().items()}
+    header |= {"unreal/camera/shutterAngle": "180.0", f"unreal/{place}/prevPos/x": "1.0"}
+    assert close(carried_camera(header, load_profile("unreal"), SIZE))
+    header |= {f"unreal/{place}2/{name}": str(value) for name, value in unreal().items()}
+    assert close(carried_camera(header, load_profile("unreal"), SIZE))
+    header[f"unreal/{place}2/fov"] = "33.0"
+    with pytest.warns(UserWarning, match=rf"carries the cameras {place}, {place}2; took {place}, --camera"):
+        assert close(carried_camera(header, load_profile("unreal"), SIZE))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from writers.foreign_exr import BEFORE, CAMERA, SIZE, truth, write
+from writers.foreign_exr import BEFORE, CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
@@ -48,6 +48,20 @@ def test_positions_tell_depth(space: str, tmp_path: Path) -> None:
     assert np.abs(g.depth[0, 0].numpy() - T["planar"])[T["hit"]].max() < 1e-4
     assert np.abs(g.normal[0].permute(1, 2, 0).numpy() - NORMAL).max() < 1e-4
     assert disagreements(frame) == []
+
+
+@pytest.mark.parametrize("space", ["pbrt", "y up"])
+def test_old_pbrt_writes_vectors_without_dots(space: str, tmp_path: Path) -> None:
+    """``Pz`` alone is Houdini's depth; beside Px and Py it is a part of positions, which may lie in the world."""
+    position, normal = SPACES[space]
+    bare = {f"{n}{a}": v[..., i] for n, v in (("P", position), ("N", normal)) for i, a in enumerate("xyz")}
+    bare |= {f"Ns{a}": normal[..., i] for i, a in enumerate("xyz")} | {"dzdx": SKY * 1.0, "dzdy": SKY * 1.0}
+    colours = {f"{layer}{c}": GREY[..., 0] for layer in ("", "Albedo.") for c in "RGB"}
+    path = write_parts(tmp_path / "a.exr", {"": bare | colours})
+    assert detect(path).reasons[:2] == ("depth follows from P.x, P.y, P.z", "normal is N.x, N.y, N.z")
+    g = read_gbuffer(path, camera=CAMERA).gbuffer
+    assert np.abs(g.depth[0, 0].numpy() - T["planar"])[T["hit"]].max() < 1e-4
+    assert np.abs(g.normal[0].permute(1, 2, 0).numpy() - NORMAL).max() < 1e-4
 
 
 def test_a_profile_of_ones_own_names_positions_axes_and_scale(tmp_path: Path) -> None:

@@ -104,6 +104,28 @@ def test_both_become_worlds_and_are_inspected(tmp_path: Path, capsys: pytest.Cap
         assert f"{what} blocks, the middle number upwards, Minecraft's data version 3955" in capsys.readouterr().out
 
 
+def test_large_structures_and_full_chests_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The game's structure blocks list 48 x 48 x 48 blocks; what their chests hold is no block."""
+    from rich.console import Console
+
+    at = np.indices((48, 48, 48)).reshape(3, -1).T
+    states = np.random.default_rng(0).integers(0, 3, len(at))
+    listed = [Compound({"pos": List[Int]([*map(Int, p)]), "state": Int(n)}) for p, n in zip(at, states, strict=True)]
+    listed[7] = Compound({"nbt": Compound({"Items": List[Compound]([Compound({"n": Int(1)})])}), **listed[7]})
+    listed[8] = Compound({"state": listed[8]["state"], "pos": listed[8]["pos"]})
+    palette = palette_of(STATES, "1.21")
+    whole = _written(tmp_path / "a.nbt", size=List[Int]([Int(48)] * 3), palette=palette, blocks=List[Compound](listed))
+    assert (_names(whole).transpose(2, 0, 1).reshape(-1) == np.array(STATES)[states]).all()
+    chests = List[Compound]([Compound({"Items": List[Compound]([_axes(0, 0, 0)] * 27)})] * 6000)
+    region = _region((0, 0, 0), (7, 3, 5), np.ones((3, 5, 7), np.int64))
+    full = _written(tmp_path / "b.litematic", Regions=Compound({"a": Compound({**region, "TileEntities": chests})}))
+    assert (_names(full) == STATES[1]).all()
+    broken = Compound({**region, "BlockStates": region["BlockStates"][:0]})
+    _written(tmp_path / "c.litematic", Regions=Compound({"a": broken}))
+    show_world(Console(width=200), tmp_path / "c.litematic")
+    assert "7 x 3 x 5 blocks" in capsys.readouterr().out, "its size is told without its blocks"
+
+
 def test_damage_is_told(tmp_path: Path) -> None:
     numbers, far = np.ones((1, 1, 4), np.int64), 1 << 20
     region = _region((0, 0, 0), (4, 1, 1), numbers)

@@ -21,10 +21,8 @@ def litematic(root: Tags) -> Structure:
 
     Source: the public description of the format in Litematica's and litemapy's documentation.
     """
-    regions = [part(regions, name, dict) for regions in [part(root, "Regions", dict)] for name in regions]
-    if not regions:
-        raise ValueError("it holds no regions")
-    corners, sizes = zip(*(_extent(region) for region in regions), strict=True)
+    regions = _regions(root)
+    corners, sizes = extents(root)
     low = np.min(corners, axis=0)
     high = np.max(np.add(corners, sizes), axis=0)
     for size in (*sizes, high - low):
@@ -36,6 +34,19 @@ def litematic(root: Tags) -> Structure:
         numbers = np.array([number_of(name, names) for name in own], np.int32)[blocks]
         whole[place] = np.where(numbers > 0, numbers, whole[place])
     return list(names), whole
+
+
+def extents(root: Tags) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """``(N, 3)`` low corners and sizes of all regions along y, z and x; raises as `litematic`."""
+    corners, sizes = zip(*(_extent(region) for region in _regions(root)), strict=True)
+    return np.array(corners), np.array(sizes)
+
+
+def _regions(root: Tags) -> list[Tags]:
+    regions = part(root, "Regions", dict)
+    if not regions:
+        raise ValueError("it holds no regions")
+    return [part(regions, name, dict) for name in regions]
 
 
 def _extent(region: Tags) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

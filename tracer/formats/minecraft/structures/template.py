@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tracer.formats.minecraft.nbt import Tags, part
 from tracer.formats.minecraft.sections import state_name
 from tracer.formats.minecraft.structures.grid import Structure, checked, empty, number_of
@@ -10,24 +12,45 @@ from tracer.formats.minecraft.structures.grid import Structure, checked, empty, 
 def template(root: Tags) -> Structure:
     """The blocks; of several palettes, of which the game chooses by chance, the first.
 
+    Args:
+        root: as `tracer.formats.minecraft.structures.skim.read_skimmed` gives it.
+
     Raises:
         ValueError: something in it breaks the format, or it is too large.
     """
-    width, height, length = _whole(root, "size")
-    checked([height, length, width])
+    sides = size_of(root)
+    checked(sides)
+    height, length, width = sides
     entries = part(root, "palette", list) if "palette" in root else next(iter(part(root, "palettes", list)), [])
     if not isinstance(entries, list):
         raise ValueError(f"palettes must hold lists, got {type(entries).__name__}")
-    names, whole = empty([height, length, width])
-    numbers = [number_of(state_name(entry), names) for entry in entries]
-    for block in part(root, "blocks", list):
-        (x, y, z), state = _whole(block, "pos"), int(part(block, "state", int))
-        if not (0 <= x < width and 0 <= y < height and 0 <= z < length):
-            raise ValueError(f"a block lies at {x}, {y}, {z}, outside {width} x {height} x {length}")
-        if not 0 <= state < len(numbers):
-            raise ValueError(f"a palette of {len(numbers)} entries has no entry {state}")
-        whole[y, z, x] = numbers[state]
+    names, whole = empty(sides)
+    numbers = np.array([number_of(state_name(entry), names) for entry in entries], np.int32)
+    blocks = root["blocks"]
+    if not isinstance(blocks, np.ndarray):  # a list of nothing, or of what is no block
+        blocks = _listed(part(root, "blocks", list))
+    places, states = blocks[:, :3], blocks[:, 3]
+    outside = ((places < 0) | (places >= np.array([width, height, length]))).any(axis=1)
+    if outside.any():
+        x, y, z = places[outside][0].tolist()
+        raise ValueError(f"a block lies at {x}, {y}, {z}, outside {width} x {height} x {length}")
+    unknown = (states < 0) | (states >= len(numbers))
+    if unknown.any():
+        raise ValueError(f"a palette of {len(numbers)} entries has no entry {int(states[unknown][0])}")
+    x, y, z = places.T
+    whole[y, z, x] = numbers[states]
     return list(names), whole
+
+
+def size_of(root: Tags) -> list[int]:
+    """Sides along y, z and x."""
+    width, height, length = _whole(root, "size")
+    return [height, length, width]
+
+
+def _listed(blocks: list[Tags]) -> np.ndarray:
+    told = [[*_whole(block, "pos"), int(part(block, "state", int))] for block in blocks]
+    return np.array(told, np.int64).reshape(-1, 4)
 
 
 def _whole(tags: Tags, key: str) -> list[int]:

@@ -1,0 +1,63 @@
+"""Direct light of files that lack a part of it, or do not tell lamps from what they light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from writers.foreign_exr import CAMERA, SIZE, truth, write, write_parts
+
+from gbufrt.commands.foreign import Source
+from gbufrt.files import read_gbuffer
+from gbufrt.files.gbuffers.detect import detect
+
+T = truth()
+HIT = T["hit"][..., None]
+GREY = np.full((*SIZE, 3), 0.5)
+LIT = np.where(HIT, GREY, 0)
+LAMP = np.where(np.arange(SIZE[1])[:, None] < 3, 30.0, LIT)  # the three columns at the left
+NAMES = {"hitPz.Z": np.where(T["hit"], T["planar"], 0), "N.XYZ": T["normal"], "albedo.RGB": GREY}
+
+
+def test_a_sky_that_direct_light_lacks_is_that_of_the_finished_picture(tmp_path: Path) -> None:
+    """As of Karma's directdiffuse beside its beauty."""
+    path = write(tmp_path / "a.exr", NAMES | {"C.rgb": LIT + np.where(HIT, 0.1, 0.9), "directdiffuse.rgb": LIT})
+    with pytest.warns(UserWarning, match=r"direct light has no sky; that of C\.r, C\.g, C\.b is taken"):
+        frame = read_gbuffer(path, camera=CAMERA)
+    assert frame.radiance is not None
+    assert torch.equal(frame.radiance[0].permute(1, 2, 0), torch.from_numpy(np.where(HIT, LIT, 0.9)).float())
+
+
+@pytest.mark.parametrize(("light", "emission", "told"), [(LAMP, None, 1), (LIT, None, 0), (LAMP, LAMP - LIT, 0)])
+def test_lamps_that_no_emission_tells_are_told(
+    light: np.ndarray, emission: np.ndarray | None, told: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    layers = {"depth.Z": NAMES["hitPz.Z"], "normal.XYZ": T["normal"], "albedo.RGB": GREY, "direct.RGB": light}
+    layers |= {} if emission is None else {"emission.RGB": emission * HIT}
+    files = [write(tmp_path / f"a.{n}.exr", layers) for n in (1, 2)]
+    list(Source.of(files, "auto", None, 50.0).frames())
+    assert capfd.readouterr().err.count("count their light twice: write emission too") == told
+
+
+def test_stock_names_of_more_programs(tmp_path: Path) -> None:
+    depth = NAMES["hitPz.Z"]
+    layers = {"Z-Depth.R": depth, "Smooth normal.RGB": T["normal"] / 2 + 0.5, "HdrColor.RGB": GREY}
+    frame = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
+    assert frame.composite is not None
+    assert "normal_estimated" not in frame.extra
+    planes = {f"normals.{c}": T["normal"][..., i] for i, c in enumerate("XYZ")} | {"distance_to_image_plane": depth}
+    assert detect(write_parts(tmp_path / "e.exr", {"": planes})).reasons[0] == "depth is distance_to_image_plane"
+    names = {"V.Depth.Z": np.where(T["hit"], depth, 1e10), "V.Combined.RGB": LIT, "V.Denoising Albedo.RGB": GREY}
+    path = write(tmp_path / "b.exr", names, {"BlenderMultiChannel": "Blender V2.55.1 and newer"})
+    assert read_gbuffer(path, camera=CAMERA).gbuffer.albedo is not None
+    names = {"QueueWorldDepth.R": 100 * depth, "depth.Z": depth, "albedo.RGB": GREY, "RGB": GREY}
+    assert detect(write(tmp_path / "c.exr", names)).name != "unreal"
+    assert detect(write(tmp_path / "d.exr", names, {"unreal/jobDate": "2026.01.01"})).name == "unreal"
+
+
+def test_normals_that_count_to_255_are_told(tmp_path: Path) -> None:
+    layers = {"depth.Z": NAMES["hitPz.Z"], "normal.RGB": 255 * (T["normal"] / 2 + 0.5), "RGB": GREY}
+    with pytest.warns(UserWarning, match=r"normals reach 255; write them from -1 to 1"):
+        read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
