@@ -15,6 +15,7 @@ from tracer.gbuffers import layers
 from tracer.lights.sky import environment
 from tracer.scene.scene import Scene
 from tracer.scene.times import seconds
+from tracer.underwater.frames import submerged
 
 
 def render(
@@ -69,6 +70,7 @@ def render(
 
     through = None if first.transmittance is None else first.transmittance.amax(dim=1, keepdim=True)
     frame = lit(first, None if second is None else lit(second, None, through))
+    frame = submerged(scene, frame, poses=poses)
     return frame if scene.fog is None else foggy(scene, frame, poses=poses, index=index)
 
 

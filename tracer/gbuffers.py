@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -11,7 +12,7 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.compute.resident import places, sent, waits
 from gbufrt.gbuffer import CHANNELS
-from tracer.lights.haze import Air, haze_before, range_of
+from tracer.lights.haze import Air, range_of
 from tracer.scene.checks import check_scene, check_seen_by
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.scene.times import seconds
@@ -19,6 +20,9 @@ from tracer.texture import look
 from tracer.traversal.hits import Hits
 from tracer.traversal.panes import through_panes
 from tracer.traversal.rays import run_lengths, trace
+from tracer.underwater.air import air_before
+from tracer.underwater.medium import Medium
+from tracer.underwater.surface import Below, below, past_borders
 from tracer.weather.waves import on_waves
 from tracer.weather.wet import wet
 
@@ -83,22 +87,25 @@ def layers(
         previous_camera = single(previous_camera)
     camera = single(camera)
     rays = _primary_rays(scene, camera, previous_camera, time, previous_time)
-    first = trace(
-        scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_min=rays.near, t_max=rays.far
-    )
-    second = rises = None
-    given = {"poses": rays.poses, "t_max": rays.far}
+    second = rises = under = None
+    medium = Medium.of(scene, camera.position, rays.poses)
+    far = rays.far if medium is None else torch.minimum(rays.far, medium.reach[:, None, None])
+    given: dict[str, Any] = {"poses": rays.poses, "t_max": far}
+    first = trace(scene, rays.origins, rays.directions, mask=MASK_PRIMARY, t_min=rays.near, **given)
+    if medium is not None:
+        first = past_borders(scene, rays.origins, rays.directions, first, medium.wet[:, None, None], **given)
     if scene.materials.transmissive:
-        second = trace(
-            scene, rays.origins, rays.directions, poses=rays.poses, mask=MASK_PRIMARY, t_max=rays.far, beyond=first
-        )
+        second = trace(scene, rays.origins, rays.directions, mask=MASK_PRIMARY, beyond=first, **given)
     if second is not None and scene.waves is not None:
         moments = {"times": rays.times, "before": rays.times_before, "eyes": camera.position}
         first, second, rises = on_waves(scene, rays.origins, rays.directions, first, second, **given, **moments)
     through = None
+    if second is not None and medium is not None:
+        under = below(scene, medium, rays.origins, rays.directions, first, rays.times, camera.position)
+        second = second.without(under.shows)  # refraction leads elsewhere, see `tracer.underwater.frames`
     if second is not None:
         second, through = through_panes(scene, rays.origins, rays.directions, second, **given)
-    air = None if scene.haze is None else haze_before(scene, rays.directions, first)
+    air = air_before(scene, medium, rays.directions, first)
     solid, run = run_lengths(scene, rays.origins, rays.directions, first, poses=rays.poses, cap=MAX_THICKNESS)
     run = torch.where(first.back_face, first.t, run)  # the camera itself is in the medium whose back it shows
     if second is None or through is None:
@@ -107,7 +114,7 @@ def layers(
         scene, rays.origins, rays.directions, second, poses=rays.poses, cap=MAX_THICKNESS
     )
     inner = torch.where(first.back_face, run, torch.minimum(run, second.t - first.t))
-    front = _gbuffer(scene, rays, first, solid, inner, air, rises)
+    front = _gbuffer(scene, rays, first, solid, inner, air, rises, under)
     assert front.transmittance is not None
     front = front.replace(transmittance=front.transmittance * _planes(through))
     return front, _gbuffer(scene, rays, second, solid_behind, run_behind)
@@ -169,6 +176,7 @@ def _gbuffer(
     run: Tensor,
     air: Air | None = None,
     rises: Tensor | None = None,
+    under: Below | None = None,
 ) -> GBuffer:
     """The channels of one layer.
 
@@ -199,8 +207,8 @@ def _gbuffer(
         "object_id": hits.instance[:, None],
         "thickness": thickness[:, None],
     }
-    if air is not None:
-        values |= air.over(values)
+    for lies_over in (under, air):
+        values |= {} if lies_over is None else lies_over.over(values)
     for name, value in values.items():
         if name not in ("depth", "motion_z"):
             values[name] = torch.where(hit, value, CHANNELS[name].clear).to(value.dtype)

@@ -197,8 +197,7 @@ def test_a_camera_in_a_block_sees_out_and_one_in_water_sees_its_surface_from_ben
     surface = first.material_id == WATER
     assert surface.all()
     torch.testing.assert_close(first.normal[:, 1], -torch.ones(1, 8, 8))
-    assert second.hit.all()
-    assert (second.material_id == STONE).all()
+    assert not second.hit.any(), "what lies straight behind is not what refraction shows"
 
 
 def test_batch_equals_loop() -> None:

@@ -18,15 +18,17 @@ HORIZON = 0.03  # sine of the elevation whose sky is the haze's: a little more t
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Air:
-    """The air between a camera and what it sees.
+    """The air, or the water, between a camera and what it sees.
 
     Args:
-        share: ``(B, H, W)`` of the light that comes from the air, 0 to 1.
-        light: ``(B, 3, H, W)`` radiance of the sky behind it, which is the air's.
+        share: ``(B, 1, H, W)`` or ``(B, 3, H, W)`` of the light that comes from the air, 0 to 1.
+        light: ``(B, 3, H, W)`` radiance of so much of it that nothing is seen through it.
+        rougher: ``(B, 1, H, W)`` in [0, 1], how far reflections fade.
     """
 
     share: Tensor
     light: Tensor
+    rougher: Tensor
 
     def over(self, channels: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """The channels of a G-buffer that it changes: surfaces give less of their own, and the air's light instead.
@@ -34,12 +36,12 @@ class Air:
         So every pass dims its part of the light, as it would dim it on a darker surface. Reflections fade with
         roughness.
         """
-        share = self.share[:, None]
+        share, rough = self.share, channels["roughness"]
         return {
             "albedo": channels["albedo"] * (1 - share),
             "transmittance": channels["transmittance"] * (1 - share),
             "emission": torch.lerp(channels["emission"], self.light, share),
-            "roughness": torch.lerp(channels["roughness"], torch.ones_like(share), share),
+            "roughness": torch.lerp(rough, torch.ones_like(rough), self.rougher),
         }
 
 
@@ -52,8 +54,8 @@ def haze_before(scene: Scene, directions: Tensor, hits: Hits) -> Air:
     """The air before what rays ``(B, H, W, 3)`` of a scene with haze hit."""
     assert scene.haze is not None
     share = _share(scene.haze, hits.t * _along_ground(directions))
-    share = torch.where(hits.hit, share, 0.0)
-    return Air(share=share, light=sky_behind(scene, directions.permute(0, 3, 1, 2)))
+    share = torch.where(hits.hit, share, 0.0)[:, None]
+    return Air(share=share, light=sky_behind(scene, directions.permute(0, 3, 1, 2)), rougher=share)
 
 
 def haze_beyond(haze: Haze, first: Tensor, second: Tensor) -> Tensor:

@@ -142,6 +142,11 @@ class MaterialTable:
         """``(M,)`` bool: which are called water, with or without a name space before it and a biome after it."""
         return torch.tensor([bool(WATER.match(name)) for name in self.names], device=self.albedo.device)
 
+    @cached_property
+    def has_water(self) -> bool:
+        """Whether there is water that lets light through."""
+        return bool((self.water & (self.opacity < 1)).any())
+
     def to(self, *args: Any, **kwargs: Any) -> MaterialTable:
         """The table on another device; arguments as `torch.Tensor.to`."""
         return map_tensors(lambda t: t.to(*args, **kwargs), self)

@@ -13,6 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from gbufrt.compute.resident import resident_on
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import BRICK, Grid
 from tracer.scene.material import MaterialTable
@@ -134,8 +135,8 @@ class World:
         Returns:
             ``(...)`` int16; 0 outside the grid.
         """
-        local = cells.long() - torch.tensor(self.origin, device=cells.device)
-        limit = torch.tensor(self.index.shape, device=cells.device) * BRICK
+        local = cells.long() - resident_on(cells.device, self.origin, torch.int64)
+        limit = resident_on(cells.device, tuple(n * BRICK for n in self.index.shape), torch.int64)
         within = ((local >= 0) & (local < limit)).all(dim=-1)
         local = torch.where(within[..., None], local, 0)
         cell, inner = local // BRICK, local % BRICK

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import torch
@@ -54,6 +54,17 @@ class Hits:
         wide = mask[..., None]
         pairs = {f.name: (getattr(self, f.name), getattr(other, f.name)) for f in fields(Hits)}
         return Hits(**{n: torch.where(mask if a.ndim == mask.ndim else wide, a, b) for n, (a, b) in pairs.items()})
+
+    def without(self, mask: Tensor) -> Hits:
+        """These, of which those set in ``mask`` ``(...)`` have become misses."""
+        return replace(
+            self,
+            t=torch.where(mask, torch.inf, self.t),
+            hit=self.hit & ~mask,
+            material=torch.where(mask, 0, self.material),
+            instance=torch.where(mask, 0, self.instance),
+            normal=torch.where(mask[..., None], 0.0, self.normal),
+        )
 
     def uv(self, scales: Tensor | None = None) -> Tensor:
         """``(..., 2)`` in [0, 1]: the hit point on the face, along the grid's two other axes in order.

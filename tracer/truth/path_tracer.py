@@ -24,6 +24,7 @@ from tracer.sampling.sequence import Sequence as Numbers
 from tracer.scene.checks import check_scene, check_seen_by
 from tracer.scene.scene import Scene
 from tracer.scene.times import moments, seconds
+from tracer.underwater.paths import onward
 
 FIRST = 5  # numbers that a ray from the camera takes: time, pixel (2), lens (2)
 MOMENTS = 8  # groups of pixels, each with its own time, that a sample is split into while the shutter is open
@@ -201,17 +202,20 @@ class _Exposure:
         known = torch.ones_like(along, dtype=torch.bool)
         if self.aperture_radius > 0 or self.shutter > 0:  # else it is the picture itself, in finer detail
             known = begins_on_screen(self.scene, now.picture, origins, directions, **spans)
-        given = {
-            **spans,
-            "detail": focal if camera.orthographic else focal / along,
-            "spreads": not camera.orthographic,
-        }
+        detail = focal if camera.orthographic else focal / along
+        given = {**spans, "detail": detail, "spreads": not camera.orthographic}
+        led = onward(self.scene, camera.position, origins, directions, u[FIRST], **spans)
+        if led is not None:
+            origins, directions, given["t_min"] = led.origins, led.directions, led.t_min
+            u = torch.cat([u[:FIRST], led.u[None], u[FIRST + 1 :]])
         if self.unblocked:
             light = unblocked(self.scene, self._irradiance, origins, directions, u[FIRST], **given)
             both = light, light * known[:, None]
         else:
             given |= {"bounces": self.bounces, "picture": now.picture, "known": known}
             both = radiance(self.scene, now.lights, origins, directions, u[FIRST:], **given)
+        if led is not None:
+            both = both[0] * led.weight + led.added, both[1] * led.weight + led.added * known[:, None]
         return torch.cat(both, dim=1).view(len(numbers), len(pixels), 6).sum(dim=0)
 
 

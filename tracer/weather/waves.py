@@ -81,7 +81,7 @@ def on_waves(
         if times[b] != before[b]:
             earlier = Water.of(scene.waves, before[b], eyes[b])
             rises[here] = torch.where(wavy, earlier.height(at) - water.height(at), 0.0)
-    return second.where(dry, first), _without(second, dry), torch.where(dry, 0.0, rises)
+    return second.where(dry, first), second.without(dry), torch.where(dry, 0.0, rises)
 
 
 def _met(
@@ -141,15 +141,3 @@ def above_waves(scene: Scene, materials: Tensor | None, normals: Tensor, points:
     height = points[:, 1:2]
     clear = torch.where(wave, torch.maximum(height, (height - 1e-2).ceil() + 1e-3), height)
     return torch.cat([points[:, :1], clear, points[:, 2:]], dim=1)
-
-
-def _without(hits: Hits, where: Tensor) -> Hits:
-    """Hits of which some have become misses."""
-    return replace(
-        hits,
-        t=torch.where(where, torch.inf, hits.t),
-        hit=hits.hit & ~where,
-        material=torch.where(where, 0, hits.material),
-        instance=torch.where(where, 0, hits.instance),
-        normal=torch.where(where[..., None], 0.0, hits.normal),
-    )

@@ -15,6 +15,7 @@ from tracer.scene.scene import Haze, Instance, Plain, Scene, Sky
 from tracer.scene.weather import Waves
 from tracer.scene.world import World
 from tracer.worlds.regions.beyond import LAND, ends_of, in_open_land, in_open_sea, shore_of, span_of
+from tracer.worlds.regions.depths import view_within
 from tracer.worlds.regions.height_map import HeightMap, caverns_of, heights_of, raise_to
 from tracer.worlds.regions.outlooks import SUN, best_view, panorama, views_over
 
@@ -67,7 +68,11 @@ def landscape(world: World, instances: tuple[Instance, ...] = (), *, bare: bool 
     if not bare and (shore := shore_of(ground.top, ground.kind, world.materials.water.cpu().numpy())) is not None:
         sky, sea = replace(SKY, plain=SEA), in_open_sea(world, shore)
         ground = replace(ground, beyond=(shore.level, shore.water))
-        return replace(found, world=sea, sky=sky, waves=SWELL, views=views_over(ground))
+        views = views_over(ground)
+        if bool(world.materials.water.cpu()[torch.from_numpy(ground.kind[np.isfinite(ground.top)])].all()):
+            within = view_within(world, instances, shore.level)
+            views = views if within is None else {"underwater": within, **views}
+        return replace(found, world=sea, sky=sky, waves=SWELL, views=views)
     if not bare and (span := span_of(ground.top)) is not None:
         wider = in_open_land(world, instances, span, ground.top)
         return replace(found, world=wider, haze=DISTANCE, views=views_over(ground.going_on(), widest=ROOMY))
