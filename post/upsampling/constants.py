@@ -11,12 +11,16 @@ FAR_SHARE = 1e-3  # of the twelve samples that are not the nearest four
 SAMPLE_WINDOW = -3.0  # where there is history; d in pixels of the large picture; as `post.history.constants.WINDOW`
 FIRST_WINDOW = -4.0  # without history, d in pixels of the small picture: one sample must do for all around it
 BOX_WINDOW = -1.0  # d in pixels of the small picture, of the neighbours that bound what a history may hold
+STEPPED = 0.6  # how far a history's pixels are read as steps between their neighbours; the rest as slopes
 LEAST_WEIGHT = 1e-4  # of a frame that has no sample near a pixel: its history then stays, but is not divided by 0
 ALONG = 0.2  # factor on squared distances along an edge, where samples are few: they tell more of it than those beside
 FLAT = 7e-3  # squared differences of tone-mapped luminance over 3x3 pixels, below which noise has no edges
 
 # how far a history is believed
 FOLLOWS = 0.5  # most of what a history changes between the pixel and the samples that colours are corrected by
+EXPLAINED = 8.0  # standard deviations by which the box is wider where a history shows what the samples hold
+BEYOND = 1.0  # of the contrast that a history has around a sample: a colour as far beyond it is not explained at all
+SURPRISE = 0.01  # of tone-mapped colour, added to that
 TRUSTED = 0.1  # weight of a history at which half of `FOLLOWS` is reached
 MATURE = 0.6  # weight of samples from which on a pixel has its history's window
 LOST_BETWEEN = 0.1  # share of a history's weight lost where it is read half way between pixels, since that blurs it

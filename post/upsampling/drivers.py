@@ -16,10 +16,7 @@ from post.upsampling.upscale_history_kernel import (
     INDEX,
     KEPT,
     bounded,
-    coefficients_row,
     fetch_row,
-    filtered_across,
-    filtered_down,
 )
 from post.upsampling.upscale_kernel import NOW, SUMS, box_row, colors_row, mix_row, sums_row
 from post.upsampling.upscale_samples_kernel import TENSOR, samples_row
@@ -65,49 +62,22 @@ upsampled_each = Each(upsampled_pixel)
 
 
 @driver
-def coefficient_rows(out, image, taps, threads):
-    """See `post.upsampling.spline.spline_coefficients`."""
-    batch, _, height, width = image.shape
-    for thread in prange(threads):
-        rows = np.empty(width + len(taps) - 1, np.float32)
-        for item in range(thread, batch * height, threads):
-            coefficients_row(out[item // height], rows, image[item // height], taps, item % height)
-
-
-@scalar
-def down_pixel(i, padded, image, taps):
-    """Planes ``(N, H, W)`` filtered down, with as many columns on both sides as the filter reaches across."""
-    n, y, x = pixel_of(i, padded.shape[1], padded.shape[2])
-    filtered_down(padded[n, y, x : x + 1], image[n], taps, y, bounded(x - len(taps) // 2, image.shape[2]))
-
-
-@scalar
-def across_pixel(i, out, padded, taps):
-    """What `down_pixel` leaves, filtered across."""
-    n, y, x = pixel_of(i, out.shape[1], out.shape[2])
-    filtered_across(out[n, y, x : x + 1], padded[n, y, x : x + len(taps)], taps)
-
-
-down_each, across_each = Each(down_pixel), Each(across_pixel)
-
-
-@driver
-def sample_rows(seen, curve, old, luma, motion, lenses, threads):
+def sample_rows(seen, toned, old, luma, motion, lenses, threads):
     """See `post.upsampling.upscale_samples_kernel.samples_row`."""
     batch, _, height, width = seen.shape
     for thread in prange(threads):
         sums = np.empty((TENSOR, width + 2), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            samples_row(seen[b, :, y], sums, curve[b], old[b], luma[b], motion[b], lenses[b], y, 0)
+            samples_row(seen[b, :, y], sums, toned[b], old[b], luma[b], motion[b], lenses[b], y, 0)
 
 
 @scalar
-def samples_pixel(i, seen, curve, old, luma, motion, lenses):
+def samples_pixel(i, seen, toned, old, luma, motion, lenses):
     """As `sample_rows`, one sample."""
     b, y, x = pixel_of(i, seen.shape[2], seen.shape[3])
     sums = cuda.local.array((TENSOR, 3), np.float32)
-    samples_row(seen[b, :, y, x : x + 1], sums, curve[b], old[b], luma[b], motion[b], lenses[b], y, x)
+    samples_row(seen[b, :, y, x : x + 1], sums, toned[b], old[b], luma[b], motion[b], lenses[b], y, x)
 
 
 samples_each = Each(samples_pixel)
@@ -115,7 +85,7 @@ samples_each = Each(samples_pixel)
 
 @driver
 def upscaled_rows(
-    light, new, lengths, news, toned, small, farthest, curve, old, seen, length, planes, across, down, lenses,
+    light, new, lengths, news, toned, small, farthest, old, seen, length, planes, across, down, lenses,
     orthographic, gamma, frames, lock, stability, weight, threads,
 ):  # fmt: skip
     """See `post.upsampling.upscale_op.upscaled`."""
@@ -127,13 +97,13 @@ def upscaled_rows(
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
             there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic
-            given = *there, curve[b], old[b], seen[b], length[b], planes[b], np.float32(lock), y, 0
+            given = *there, old[b], seen[b], length[b], planes[b], np.float32(lock), y, 0
             _upscaled_row((new[b], light[b], lengths[b], news[b]), toned[b], given, (kept, now, sums), numbers, 0)
 
 
 @scalar
 def upscaled_pixel(
-    i, light, new, lengths, news, toned, small, farthest, curve, old, seen, length, planes, across, down, lenses,
+    i, light, new, lengths, news, toned, small, farthest, old, seen, length, planes, across, down, lenses,
     orthographic, gamma, frames, lock, stability, weight,
 ):  # fmt: skip
     """As `upscaled_rows`, one pixel."""
@@ -144,7 +114,7 @@ def upscaled_pixel(
     end, begin = x + 1, bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
     out = new[b, :, :, x:end], light[b, :, :, x:end], lengths[b, :, x:end], news[b, :, :, x:end]
     there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic
-    there = *there, curve[b], old[b], seen[b], length[b], planes[b], np.float32(lock), y, x
+    there = *there, old[b], seen[b], length[b], planes[b], np.float32(lock), y, x
     some = sums[:, : min(3, toned.shape[3] - begin)]
     _upscaled_row(out, toned[b], there, (kept, now, some), numbers, begin)
 
@@ -159,7 +129,7 @@ def _upscaled_row(out, toned, there, scratch, numbers, begin):
     ``there`` is what `fetch_row` takes.
     """
     (kept, now, sums), small, lens, across, down = scratch, there[0], there[2], there[3], there[4]
-    seen, y = there[8], there[12]
+    seen, y = there[7], there[11]
     fetch_row(kept, *there)
     sums_row(sums, toned, down, y, begin)
     box_row(now, sums, across, down, y, begin, toned.shape[2])

@@ -13,8 +13,8 @@ import numpy as np
 from gbufrt.compute.kernel import inlined, scalar
 from post.upsampling import constants
 
-ZERO, HALF, ONE, FOUR = (np.float32(x) for x in (0, 0.5, 1, 4))
-SIXTH, TWO_THIRDS, NEAREST = np.float32(1 / 6), np.float32(2 / 3), np.float32(1e-9)
+ZERO, HALF, ONE, TWO, FOUR, NEAREST = (np.float32(x) for x in (0, 0.5, 1, 2, 4, 1e-9))
+STEPPED, BEYOND, SURPRISE = np.float32(constants.STEPPED), np.float32(constants.BEYOND), np.float32(constants.SURPRISE)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
 LOST_BETWEEN, IN_FRONT = np.float32(constants.LOST_BETWEEN), np.float32(1 - constants.IN_FRONT)
 LOST_MOVING, LOST_SHEARED, FASTEST = (
@@ -28,48 +28,16 @@ INDEX, BOXES, LOCK, PLACE, AWAY, STEP = 0, 1, 4, 5, 6, 7
 """Rows of `axis_table`."""
 DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
 """Channels of what the small picture tells of its surfaces."""
-WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT = 0, 1, 4, 5, 6, 10, 11, 13, 14
+WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT, KNOWN = 0, 1, 4, 5, 6, 10, 11, 13, 14, 17
 """Rows of what is kept of each pixel's history; `LOCKED` has four, as `accumulate.locked`, `REACT` three."""
-KEPT = 17
-EXPECTED, SHEAR, ELLIPSE = 0, 3, 4
+KEPT = 18
+EXPECTED, SHEAR, ELLIPSE, EXPLAINED = 0, 3, 4, 7
 """Channels of what `samples_row` tells of samples."""
 
 
 @inlined
 def bounded(i, count):
     return min(max(i, 0), count - 1)
-
-
-@scalar
-def coefficients_row(out, rows, image, taps, y):
-    """A row of spline coefficients ``(3, W)``: down, then across; ``rows`` is room for one row."""
-    width, reach = image.shape[2], len(taps) // 2
-    for c in range(3):
-        filtered_down(rows[reach : reach + width], image[c], taps, y, 0)
-        for x in range(reach):
-            rows[x], rows[reach + width + x] = rows[reach], rows[reach + width - 1]
-        filtered_across(out[c, y], rows, taps)
-
-
-@scalar
-def filtered_down(new, plane, taps, y, first):
-    """Row ``y`` of a plane from column ``first`` on, filtered down."""
-    reach = len(taps) // 2
-    new[:] = ZERO
-    for k in range(-reach, reach + 1):
-        row, weight = plane[bounded(y + k, len(plane)), first : first + len(new)], taps[k + reach]
-        for x in range(len(new)):
-            new[x] += weight * row[x]
-
-
-@scalar
-def filtered_across(new, rows, taps):
-    """A row, filtered across; ``rows`` begins as many pixels before it as the filter reaches."""
-    new[:] = ZERO
-    for k in range(len(taps)):
-        row, weight = rows[k : k + len(new)], taps[k]
-        for x in range(len(new)):
-            new[x] += weight * row[x]
 
 
 @inlined
@@ -120,41 +88,60 @@ def _was_at(small, lens, across, down, orthographic, x, y, first):
 
 
 @inlined
-def _cubic(f):
-    """Weights of a B-spline's taps at -1, 0, 1 and 2."""
-    g, square, cube = ONE - f, f * f, f * f * f
-    first, last, second = g * g * g * SIXTH, cube * SIXTH, TWO_THIRDS - square + HALF * cube
-    return first, second, ONE - first - second - last, last
+def _moved(a, b, c, d, f):
+    """See `post.upsampling.remap`."""
+    g, up, here, down = ONE - f, b - a, c - b, d - c
+    first, second = g * b, f * c
+    if up * here > ZERO:
+        step, steepest = (b - c) / (a - c), TWO * min(abs(up), abs(here))
+        slope = min(max((c - a) * HALF, -steepest), steepest)
+        stepped, sloped = max(step - f, ZERO) * a + (ONE - max(step, f)) * c, g * (b + slope * f * HALF)
+        first = sloped + (stepped - sloped) * STEPPED
+    if here * down > ZERO:
+        step, steepest = (c - d) / (b - d), TWO * min(abs(here), abs(down))
+        slope = min(max((d - b) * HALF, -steepest), steepest)
+        stepped, sloped = min(step, f) * b + max(f - step, ZERO) * d, f * (c - slope * g * HALF)
+        second = sloped + (stepped - sloped) * STEPPED
+    return first + second
 
 
 @inlined
-def spline(curve, old, x, y):
-    """Colour of a history ``old`` between pixels, by splines of coefficients ``curve``, within the four around."""
-    _, height, width = curve.shape
+def remapped(old, x, y):
+    """Colour of a history over a square between its pixels; see `post.upsampling.remap`."""
+    _, height, width = old.shape
     left, top = np.float32(math.floor(x - HALF)), np.float32(math.floor(y - HALF))
     u, v, x0, y0 = x - HALF - left, y - HALF - top, np.int64(left), np.int64(top)
     xa, xb = bounded(x0 - 1, width), bounded(x0, width)
     xc, xd = bounded(x0 + 1, width), bounded(x0 + 2, width)
     ye, yf = bounded(y0 - 1, height), bounded(y0, height)
     yg, yh = bounded(y0 + 1, height), bounded(y0 + 2, height)
-    x0 += 1 if u > ONE - ALMOST_NEXT else 0
-    y0 += 1 if v > ONE - ALMOST_NEXT else 0
-    west, east = bounded(x0, width), bounded(x0 + 1, width)
-    north, south = bounded(y0, height), bounded(y0 + 1, height)
-    a, b, c, d = _cubic(u)
-    e, f, g, h = _cubic(v)
     red, green, blue = ZERO, ZERO, ZERO
     for n in range(3):
-        r0, r1, r2, r3 = curve[n, ye], curve[n, yf], curve[n, yg], curve[n, yh]
-        read = (
-            e * (a * r0[xa] + b * r0[xb] + c * r0[xc] + d * r0[xd])
-            + f * (a * r1[xa] + b * r1[xb] + c * r1[xc] + d * r1[xd])
-            + g * (a * r2[xa] + b * r2[xb] + c * r2[xc] + d * r2[xd])
-            + h * (a * r3[xa] + b * r3[xb] + c * r3[xc] + d * r3[xd])
+        r0, r1, r2, r3 = old[n, ye], old[n, yf], old[n, yg], old[n, yh]
+        read = _moved(
+            _moved(r0[xa], r0[xb], r0[xc], r0[xd], u),
+            _moved(r1[xa], r1[xb], r1[xc], r1[xd], u),
+            _moved(r2[xa], r2[xb], r2[xc], r2[xd], u),
+            _moved(r3[xa], r3[xb], r3[xc], r3[xd], u),
+            v,
         )
-        p, q, r, s = old[n, north, west], old[n, north, east], old[n, south, west], old[n, south, east]
-        red, green, blue = green, blue, min(max(read, min(p, q, r, s)), max(p, q, r, s))
+        red, green, blue = green, blue, read
     return red, green, blue
+
+
+@inlined
+def explained(toned, old, column, row, x, y):
+    """How well a history shows, around ``x`` and ``y``, what a sample holds; see `accumulate.explained`."""
+    _, height, width = old.shape
+    x0, y0 = np.int64(math.floor(x - HALF + ALMOST_NEXT)), np.int64(math.floor(y - HALF + ALMOST_NEXT))
+    west, east = bounded(x0, width), bounded(x0 + 1, width)
+    north, south = bounded(y0, height), bounded(y0 + 1, height)
+    most_beyond = ZERO
+    for n in range(3):
+        p, q, r, s = old[n, north, west], old[n, north, east], old[n, south, west], old[n, south, east]
+        least, most, color = min(p, q, r, s), max(p, q, r, s), toned[n, row, column]
+        most_beyond = max(most_beyond, max(least - color, color - most) / (BEYOND * (most - least) + SURPRISE))
+    return ONE - min(most_beyond, ONE)
 
 
 @inlined
@@ -164,15 +151,12 @@ def _between(plane, i, k, u, j, m, v):
 
 
 @scalar
-def fetch_row(
-    kept, small, farthest, lens, across, down, orthographic, curve, old, seen, length, planes, lock, y, first
-):
+def fetch_row(kept, small, farthest, lens, across, down, orthographic, old, seen, length, planes, lock, y, first):
     """History where each pixel was, and what is left of its locks; zero where the pixel was not seen.
 
-    ``kept`` and ``across`` are of the columns from ``first`` on. ``curve`` are the coefficients of the splines through
-    ``old``; ``seen`` is of `samples_row`.
+    ``kept`` and ``across`` are of the columns from ``first`` on; ``seen`` is of `samples_row`.
     """
-    (_, height, width), (low_height, low_width) = curve.shape, farthest.shape
+    (_, height, width), (low_height, low_width) = old.shape, farthest.shape
     for x in range(kept.shape[1]):
         there_x, there_y, depth, then = _was_at(small, lens, across, down, orthographic, x, y, first)
         move_x, move_y = there_x - (np.float32(first + x) + HALF), there_y - (np.float32(y) + HALF)
@@ -216,5 +200,6 @@ def fetch_row(
                 react = _between(small[REACTIVE + c], i, k, s, j, m, t)
             kept[REACT + c, x], most = react, max(most, react)
         kept[SPARED, x] = lock * strength * (ONE - most)
-        red, green, blue = spline(curve, old, there_x, there_y)
+        kept[KNOWN, x] = _between(seen[EXPLAINED], i, k, s, j, m, t)
+        red, green, blue = remapped(old, there_x, there_y)
         kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x] = red, green, blue

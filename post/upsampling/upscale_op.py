@@ -14,7 +14,6 @@ from post.history.constants import WINDOW
 from post.upsampling.accumulate import mean_weight
 from post.upsampling.constants import BOX_WINDOW
 from post.upsampling.samples import Samples
-from post.upsampling.spline import spline_taps
 from post.upsampling.upscale_reference import Large, Small, Tunables, upscaled_reference
 
 
@@ -51,7 +50,7 @@ def upscaled(
     motion = F.pad(small.motion.detach(), (1, 1, 1, 1), mode="replicate")
     found = upscaled_cpu(
         small.toned, light, motion, planes, small.farthest, *before, *tables, _lenses(camera, previous, at, size),
-        resident(spline_taps(), small.toned), camera.orthographic, *numbers, mean_weight(at),
+        camera.orthographic, *numbers, mean_weight(at),
     )  # fmt: skip
     return found[0], Large(*found[1:])
 
@@ -90,7 +89,7 @@ def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]
 @torch.library.custom_op("gbufrt::upscale", mutates_args=())
 def upscaled_cpu(
     toned: Tensor, luma: Tensor, motion: Tensor, planes: Tensor, farthest: Tensor, old: Tensor, length: Tensor,
-    kept: Tensor, across: Tensor, down: Tensor, lenses: Tensor, taps: Tensor, orthographic: bool, gamma: float,
+    kept: Tensor, across: Tensor, down: Tensor, lenses: Tensor, orthographic: bool, gamma: float,
     frames: float, lock: float, stability: float, weight: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
     """See `upscaled`: light, and the three of `Large`; ``weight`` is what a frame's samples weigh in the mean.
@@ -99,9 +98,6 @@ def upscaled_cpu(
     """
     from gbufrt.compute.kernel import array, threads
     from post.upsampling.drivers import (
-        across_each,
-        coefficient_rows,
-        down_each,
         sample_rows,
         samples_each,
         upscaled_each,
@@ -109,22 +105,17 @@ def upscaled_cpu(
     )
     from post.upsampling.upscale_samples_kernel import SEEN
 
-    curve, light, new, lengths, news = (
-        torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, old, length, kept)
+    light, new, lengths, news = (
+        torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, length, kept)
     )
     seen = toned.new_empty(toned.shape[0], SEEN, *toned.shape[2:])
-    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], curve, old, seen, length[:, 0], kept
-    samples = seen, curve, old, luma[:, 0], motion, lenses
+    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], old, seen, length[:, 0], kept
+    samples = seen, toned, old, luma[:, 0], motion, lenses
     numbers = orthographic, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
-        image, smooth = old.flatten(0, 1), curve.flatten(0, 1)
-        padded = image.new_empty(*image.shape[:2], image.shape[2] + len(taps) - 1)
-        down_each(padded.numel(), padded, image, taps)
-        across_each(smooth.numel(), smooth, padded, taps)
         samples_each(seen[:, 0].numel(), *samples)
         upscaled_each(new[:, 0].numel(), *pictures, across, down, lenses, *numbers)
     else:
-        coefficient_rows(array(curve), array(old), array(taps), threads())
         sample_rows(*map(array, samples), threads())
         given = (*map(array, pictures), array(across), array(down), array(lenses))
         upscaled_rows(*given, *numbers, threads())

@@ -13,8 +13,9 @@ from gbufrt.directions import length as size_of
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.history.constants import BRIGHTEST
-from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight, shear
+from post.upsampling.accumulate import clipped, explained, gathered, held, locked, mean_weight, shear
 from post.upsampling.constants import (
+    EXPLAINED,
     FASTEST,
     FOLLOWS,
     LOCK_WIDENS,
@@ -26,8 +27,8 @@ from post.upsampling.constants import (
     TRUSTED,
 )
 from post.upsampling.motion import upscaled_motion
+from post.upsampling.remap import bounds_around, remapped
 from post.upsampling.samples import Samples
-from post.upsampling.spline import spline_coefficients, spline_read, without_overshoot
 
 
 class Small(NamedTuple):
@@ -87,15 +88,14 @@ def upscaled_reference(
     weight = weight / (1 + LOST_MOVING * size_of(motion).clamp_max(FASTEST))
     locks = held(locks, depth, depth_before, motion)
     locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
-    coefficients = spline_coefficients(before.toned)
-    old = without_overshoot(spline_read(coefficients, there), before.toned, there)
+    old = remapped(before.toned, there)
 
-    expected = without_overshoot(spline_read(coefficients, samples), before.toned, samples)
-    now = gathered(small.toned, expected, at, weight)
+    now = gathered(small.toned, remapped(before.toned, samples), at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
-    kept, moved = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm)
+    known = EXPLAINED * at.between(explained(small.toned, *bounds_around(before.toned, samples)))
+    kept, moved = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm + known)
     moved = torch.where(weight > 0, moved.detach(), 0.0)
     most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
     kept = torch.lerp(kept, old, spared)

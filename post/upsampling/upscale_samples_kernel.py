@@ -11,17 +11,17 @@ import numpy as np
 
 from gbufrt.compute.kernel import scalar
 from post.upsampling import constants
-from post.upsampling.upscale_history_kernel import ELLIPSE, EXPECTED, SHEAR, spline
+from post.upsampling.upscale_history_kernel import ELLIPSE, EXPECTED, EXPLAINED, SHEAR, explained, remapped
 
 ZERO, HALF, ONE, FOUR, TINY = (np.float32(x) for x in (0, 0.5, 1, 4, 1e-12))
 ACROSS, FLAT = np.float32(1 - constants.ALONG), np.float32(constants.FLAT)
 FASTEST = np.float32(constants.FASTEST)
-TENSOR, SEEN = 3, 7
+TENSOR, SEEN = 3, 8
 
 
 @scalar
-def samples_row(out, sums, curve, old, light, motion, lens, y, first):
-    """What the history shows where samples lie, how otherwise their neighbours move, and ellipses along edges.
+def samples_row(out, sums, toned, old, light, motion, lens, y, first):
+    """What the history shows where samples lie and how well, how neighbours move, and ellipses along edges.
 
     ``sums`` is room for two columns more than ``out`` has. ``light`` and ``motion``, pixels of the small picture, reach
     two and one pixels beyond the picture. Of ``lens`` see `post.upsampling.upscale_op`.
@@ -36,13 +36,14 @@ def samples_row(out, sums, curve, old, light, motion, lens, y, first):
         share = ACROSS / (a + c + FLAT)
         one[x], two[x], three[x] = ONE - share * (larger - a), share * b, ONE - share * (larger - c)
     _shear_row(out[SHEAR], motion, lens, y, first)
-    _, large_height, large_width = curve.shape
+    _, large_height, large_width = old.shape
     for x in range(width):
         at_x = np.float32(first + x) + HALF + lens[24] + motion[0, y + 1, first + x + 1]
         at_y = np.float32(y) + HALF + lens[25] + motion[1, y + 1, first + x + 1]
         at_x = min(max(at_x * lens[22], -ONE), np.float32(large_width + 1))
         at_y = min(max(at_y * lens[23], -ONE), np.float32(large_height + 1))
-        out[EXPECTED, x], out[EXPECTED + 1, x], out[EXPECTED + 2, x] = spline(curve, old, at_x, at_y)
+        out[EXPECTED, x], out[EXPECTED + 1, x], out[EXPECTED + 2, x] = remapped(old, at_x, at_y)
+        out[EXPLAINED, x] = explained(toned, old, first + x, y, at_x, at_y)
 
 
 @scalar

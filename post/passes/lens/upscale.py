@@ -48,11 +48,11 @@ def upscale(
 
     Every sample counts for the pixels of the large picture by how near it lies to them; along an edge it counts farther
     than across it. What a history shows at a pixel and not where the samples lie is added to them, so that they do not
-    blur it. The history is read through a spline, where the surface in front was, and clipped in YCoCg to mean and
-    variance of the samples around; its weight falls where neighbours move otherwise. Thin features, which the samples
-    often miss, are locked: they are not clipped until light changes. The box is wider where clipping moves history to
-    and fro, which would flicker. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it
-    were exposed.
+    blur it. The history is read where the surface in front was, with steps and slopes inside its pixels so that edges
+    stay sharp, and clipped in YCoCg to mean and variance of the samples around; its weight falls where neighbours move
+    otherwise. Thin features, which the samples often miss, are locked: they are not clipped until light changes. The
+    box is wider where the history shows what the samples hold, and where clipping moves it to and fro, which would
+    flicker. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it were exposed.
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 
@@ -78,8 +78,8 @@ def upscale(
         ValueError: a number is out of its range, or a shape does not fit.
 
     Source: the method of AMD FidelityFX FSR 2, 2022; Karis 2014; Salvi 2016; kernels along edges by Wronski et al.
-    2019; samples compared with what the history shows there by Irani and Peleg 1991. Planes carried on and splines are
-    our own.
+    2019; samples compared with what the history shows there by Irani and Peleg 1991; steps in pixels by Hirt and
+    Nichols 1981, slopes by van Leer 1977. Planes carried on are our own.
     """
     check_history(gbuffer, history, "toned", "planes", "around", "level")
     _check(ratio, frames, gamma, lock, stability, sharpness)

@@ -1,14 +1,12 @@
-"""What temporal upscaling is made of: samples and their kernels, locks, shear of motion, splines."""
+"""What temporal upscaling is made of: samples and their kernels, locks, shear of motion, what is known of samples."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from gbufrt.sampling import pixel_centers, sample
-from post.upsampling.accumulate import ellipses, near, same_light, shear
+from post.upsampling.accumulate import ellipses, explained, near, same_light, shear
 from post.upsampling.samples import Samples
-from post.upsampling.spline import spline_coefficients, spline_read
 
 SMALL, LARGE = (30, 40), (60, 80)
 
@@ -58,15 +56,9 @@ def test_shear_is_how_otherwise_neighbours_move():
     assert float(shear(motion * 0 + 7).max()) == 0.0
 
 
-def test_splines_go_through_pixels_and_hardly_blur():
-    white = torch.rand((1, 3, 24, 24), generator=torch.Generator().manual_seed(1))
-    centers = pixel_centers(white)
-    read = spline_read(spline_coefficients(white), centers)
-    assert torch.allclose(read[..., 6:-6, 6:-6], white[..., 6:-6, 6:-6], atol=2e-3)
-    wave = torch.cos(torch.arange(24.0) * 1.8).expand(1, 1, 24, 24)
-    there = centers + torch.tensor([0.5, 0.0]).view(1, 2, 1, 1)
-    exact = torch.cos((torch.arange(24.0) + 0.5) * 1.8)
-    inner = (..., slice(6, -6))
-    by_spline = (spline_read(spline_coefficients(wave), there) - exact)[inner].abs().max()
-    by_bicubic = (sample(wave, there, mode="bicubic") - exact)[inner].abs().max()
-    assert by_spline < 0.65 * by_bicubic
+def test_colours_beyond_those_of_a_history_are_not_explained():
+    least, most = torch.full((1, 3, 1, 5), 0.2), torch.full((1, 3, 1, 5), 0.4)
+    samples = torch.full((1, 3, 1, 5), 0.3)
+    samples[0, 1] = torch.tensor([0.2, 0.4, 0.505, 0.9, 0.0])
+    found = explained(samples, least, most)[0, 0, 0]
+    assert found.tolist() == pytest.approx([1.0, 1.0, 0.5, 0.0, 1 - 0.2 / 0.21], abs=1e-4)
