@@ -11,7 +11,7 @@ from post.mirrors.image import METAL, SMOOTH, tight_metals
 
 LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
 LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
-SHARP = 0.25  # roughness below which images have strong contrasts
+SHARP, SMALL = 0.25, 0.5  # roughness below which images have strong contrasts; and where surfaces curve tightly
 TRUSTED = 0.1  # least share of a variance that such contrasts leave
 
 
@@ -29,13 +29,15 @@ def contrasting(g: GBuffer) -> Tensor | None:
     """Share of the variance, ``(B, 1, H, W)`` in [0, 1], by which wavelets are to tell contrasts from noise in metals.
 
     What smooth metals show has edges that the geometry does not tell. There a filter that takes contrasts for noise
-    costs more than noise. Other surfaces have 1.
+    costs more than noise; the more so where a surface curves tightly, and shows all around it in a few pixels. Other
+    surfaces have 1.
 
     None where the G-buffer does not tell.
     """
     if g.roughness is None or g.metallic is None:
         return None
-    broad = (g.roughness / SHARP).square().clamp(TRUSTED, 1.0)
+    roughness = g.roughness.detach()  # it chooses a blur, which has no gradient
+    broad = (roughness / torch.where(tight_metals(g), SMALL, SHARP)).square().clamp(TRUSTED, 1.0)
     return torch.where(g.hit & (g.metallic > METAL), broad, 1.0)
 
 
