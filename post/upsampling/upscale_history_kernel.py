@@ -88,21 +88,23 @@ def _was_at(small, lens, across, down, orthographic, x, y, first):
 
 
 @inlined
+def _sloped(near, up, here, f):
+    """``near`` with what its slope adds on the way to its neighbour; it rises by ``up``, then by ``here``."""
+    steepest = TWO * min(abs(up), abs(here))
+    return near + min(max((up + here) * HALF, -steepest), steepest) * f * HALF
+
+
+@inlined
 def _moved(a, b, c, d, f):
-    """See `post.upsampling.remap`."""
+    """See `post.upsampling.remap`; what is chosen is chosen without a jump, which no processor would foresee."""
     g, up, here, down = ONE - f, b - a, c - b, d - c
-    first, second = g * b, f * c
-    if up * here > ZERO:
-        step, steepest = (b - c) / (a - c), TWO * min(abs(up), abs(here))
-        slope = min(max((c - a) * HALF, -steepest), steepest)
-        stepped, sloped = max(step - f, ZERO) * a + (ONE - max(step, f)) * c, g * (b + slope * f * HALF)
-        first = sloped + (stepped - sloped) * STEPPED
-    if here * down > ZERO:
-        step, steepest = (c - d) / (b - d), TWO * min(abs(here), abs(down))
-        slope = min(max((d - b) * HALF, -steepest), steepest)
-        stepped, sloped = min(step, f) * b + max(f - step, ZERO) * d, f * (c - slope * g * HALF)
-        second = sloped + (stepped - sloped) * STEPPED
-    return first + second
+    rising, next_rising = up * here > ZERO, here * down > ZERO
+    step, next_step = here / (up + here if rising else ONE), down / (here + down if next_rising else ONE)
+    sloped, next_sloped = g * _sloped(b, up, here, f), f * _sloped(c, here, down, -g)
+    stepped = max(step - f, ZERO) * a + (ONE - max(step, f)) * c
+    next_stepped = min(next_step, f) * b + max(f - next_step, ZERO) * d
+    first = sloped + (stepped - sloped) * STEPPED if rising else g * b
+    return first + (next_sloped + (next_stepped - next_sloped) * STEPPED if next_rising else f * c)
 
 
 @inlined
