@@ -20,7 +20,6 @@ from tracer.traversal.rays import transmission
 RAYS, ROUND = 64, 6.0  # that find how open the surface is, and the world units round the eye in which they begin
 ENTERS = 0.934  # share of light from a whole even sky that a smooth surface of water lets in
 BACK = 8.0  # an even half space lit from overhead sends back an eighth of what it scatters
-WAYS = 2.0  # of light seen from above, down through the water and up: a tint per unit of depth stands for both
 LEAST = 1e-4  # extinction of the clearest water, per world unit
 SERIES = 1e-3  # exponents below which a series is exact in float32
 UNSEEN = 1e-3  # share of light below which it ends
@@ -66,7 +65,7 @@ class Medium:
         level = _level(scene, cells)
         above = torch.stack([eyes[:, 0], torch.where(wet, level + 0.01, eyes[:, 1]), eyes[:, 2]], dim=1)
         opacity = table.opacity[which]
-        extinction = -table.tint[which].clamp_min(1e-6).log().clamp_max(-LEAST) / WAYS
+        extinction = -table.tint[which].clamp_min(1e-6).log().clamp_max(-LEAST)
         return Medium(
             wet=wet,
             extinction=torch.where(wet[:, None], extinction, 0.0),

@@ -18,7 +18,6 @@ from tracer.frames import render
 from tracer.gbuffers import layers
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Haze, Sun
-from tracer.underwater.medium import WAYS
 
 BLACK, BLUE, GREEN, WALL = 1, 2, 3, 4
 TABLE = MaterialTable.of(
@@ -93,7 +92,7 @@ def test_walls_take_the_colour_of_the_water_over_distance():
         g, middle = frame.gbuffer, (0, slice(None), 12, 16)
         assert g.albedo is not None
         distance = (g.camera.to_world(g.points_view())[0, :, 12, 16] - torch.tensor(EYE)).norm()
-        want = 0.8 * TABLE.tint[BLUE] ** (distance / WAYS)
+        want = 0.8 * TABLE.tint[BLUE] ** distance
         torch.testing.assert_close(g.albedo[middle], want, rtol=1e-4, atol=1e-6)
         found.append((g.albedo[middle], frame.read("radiance")[middle]))
     for (near, haze), (far, more) in itertools.pairwise(found):
