@@ -25,8 +25,6 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
     found, ran = answers_of(SCRIPT, tmp_path / "answers.pt")
     light = {"sweep", "padded", "bodies", "agx", "encode", "vignette", "upsampled", "read", "tone", "alias", "luma"}
     light |= {
-        "down",
-        "across",
         "samples",
         "upscaled",
         "surface",
