@@ -139,9 +139,10 @@ def remembering(frame: Frame, names: Iterable[str]) -> Iterator[None]:
         yield
 
 
-def remember(previous: Frame) -> None:
-    """Inside `remembering`: what is known of this frame is known, too, when it is the one before."""
+def remember(previous: Frame) -> Frame:
+    """Inside `remembering`: the same frame, of which what is known is known, too, when it is the one before."""
     keep(_tensors(previous))
+    return previous
 
 
 def _tensors(frame: Frame) -> list[Tensor]:

@@ -83,8 +83,7 @@ class Pipeline(Branch):
         """`forward`; each stage contains non-finite pixels itself."""
         check_frame(frame)
         if not isinstance(state, PipelineState | None):
-            got = type(state).__name__
-            raise TypeError(f"state must be None or what the pipeline returned beside a frame, got {got}")
+            raise TypeError(f"state must be None or what a pipeline returned with a frame, got {type(state).__name__}")
         check_inputs(self.reads, self.passes(), frame)
         if state is not None:
             state.check_fits(frame)
@@ -113,8 +112,7 @@ class Pipeline(Branch):
             if seen is not None:
                 seen, inside = self._inside(seen, state or inside)
                 frame = self.place.leave(frame, seen, self._written())
-            previous = frame.as_previous()
-            remember(previous)
+            previous = remember(frame.as_previous())
         state = PipelineState(stages=inside.stages, previous=previous, saw=inside.saw)
         return frame.replace(previous=None), state if keep_graph else state.detach()
 
