@@ -16,7 +16,6 @@ from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
 from post.upsampling.constants import (
     ALONG,
-    BEYOND,
     BOX_WINDOW,
     COVERED,
     DECAY,
@@ -26,7 +25,6 @@ from post.upsampling.constants import (
     MATURE,
     PARTING,
     SAMPLE_WINDOW,
-    SURPRISE,
 )
 from post.upsampling.samples import Samples
 
@@ -135,18 +133,6 @@ def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]
     outside = (away.abs() / (extent * now.spread).clamp_min(1e-6)).amax(1, keepdim=True).clamp_min(1.0)
     kept = now.mean + away / outside
     return rgb(kept), (kept - was)[:, :1]
-
-
-def explained(toned: Tensor, least: Tensor, most: Tensor) -> Tensor:
-    """``(B, 1, h, w)`` in [0, 1]: how well a history shows what the samples hold, which then is no reason to clip it.
-
-    Args:
-        toned: ``(B, 3, h, w)`` samples, tone-mapped.
-        least: of each channel in the history around each sample.
-        most: see ``least``.
-    """
-    beyond = torch.maximum(least - toned, toned - most) / (BEYOND * (most - least) + SURPRISE)
-    return 1 - beyond.amax(1, keepdim=True).clamp(0, 1)
 
 
 def thin_features(toned: Tensor) -> Tensor:

@@ -18,9 +18,6 @@ FLAT = 7e-3  # squared differences of tone-mapped luminance over 3x3 pixels, bel
 
 # how far a history is believed
 FOLLOWS = 0.5  # most of what a history changes between the pixel and the samples that colours are corrected by
-EXPLAINED = 8.0  # standard deviations by which the box is wider where a history shows what the samples hold
-BEYOND = 1.0  # of the contrast that a history has around a sample: a colour as far beyond it is not explained at all
-SURPRISE = 0.01  # of tone-mapped colour, added to that
 TRUSTED = 0.1  # weight of a history at which half of `FOLLOWS` is reached
 MATURE = 0.6  # weight of samples from which on a pixel has its history's window
 LOST_BETWEEN = 0.1  # share of a history's weight lost where it is read half way between pixels, since that blurs it
@@ -41,4 +38,3 @@ IN_FRONT = 0.05  # of its depth: a surface nearer by more hides the other, and p
 STRETCH = 1.5  # most by which a surface's plane may carry its depth on, as a factor: beyond it planes mislead
 TOLERANCE = 0.1  # of its depth by which a surface may lie behind all that was seen there
 EDGE_ON = 1e-3  # cosine to the ray below which a surface has no plane to carry its depth on
-ALMOST_NEXT = 1e-3  # pixels: places this near to the next pixel count as on it, so that rounding changes nothing seen

@@ -62,22 +62,22 @@ upsampled_each = Each(upsampled_pixel)
 
 
 @driver
-def sample_rows(seen, toned, old, luma, motion, lenses, threads):
+def sample_rows(seen, old, luma, motion, lenses, threads):
     """See `post.upsampling.upscale_samples_kernel.samples_row`."""
     batch, _, height, width = seen.shape
     for thread in prange(threads):
         sums = np.empty((TENSOR, width + 2), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            samples_row(seen[b, :, y], sums, toned[b], old[b], luma[b], motion[b], lenses[b], y, 0)
+            samples_row(seen[b, :, y], sums, old[b], luma[b], motion[b], lenses[b], y, 0)
 
 
 @scalar
-def samples_pixel(i, seen, toned, old, luma, motion, lenses):
+def samples_pixel(i, seen, old, luma, motion, lenses):
     """As `sample_rows`, one sample."""
     b, y, x = pixel_of(i, seen.shape[2], seen.shape[3])
     sums = cuda.local.array((TENSOR, 3), np.float32)
-    samples_row(seen[b, :, y, x : x + 1], sums, toned[b], old[b], luma[b], motion[b], lenses[b], y, x)
+    samples_row(seen[b, :, y, x : x + 1], sums, old[b], luma[b], motion[b], lenses[b], y, x)
 
 
 samples_each = Each(samples_pixel)

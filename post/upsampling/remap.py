@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.sampling import gather
-from post.upsampling.constants import ALMOST_NEXT, STEPPED
+from post.upsampling.constants import STEPPED
 
 
 def remapped(image: Tensor, px: Tensor) -> Tensor:
@@ -50,15 +50,3 @@ def _slope(a: Tensor, b: Tensor, c: Tensor) -> Tensor:
     """Of the pixel in the middle of three that rise or fall, as steep as leaves it between its neighbours."""
     steepest = 2 * torch.minimum((b - a).abs(), (c - b).abs())
     return torch.minimum(torch.maximum((c - a) / 2, -steepest), steepest)
-
-
-def bounds_around(image: Tensor, px: Tensor) -> tuple[Tensor, Tensor]:
-    """Least and most ``(B, C, h, w)`` of the four pixels around positions.
-
-    Args:
-        image: ``(B, C, H, W)``.
-        px: ``(B, 2, h, w)`` pixels, centres at +0.5.
-    """
-    x, y = torch.floor(px - 0.5 + ALMOST_NEXT).long().unbind(dim=1)
-    around = torch.stack([gather(image, x + i, y + j) for j in (0, 1) for i in (0, 1)])
-    return around.amin(dim=0), around.amax(dim=0)

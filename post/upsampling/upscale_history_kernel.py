@@ -14,7 +14,7 @@ from gbufrt.compute.kernel import inlined, scalar
 from post.upsampling import constants
 
 ZERO, HALF, ONE, TWO, FOUR, NEAREST = (np.float32(x) for x in (0, 0.5, 1, 2, 4, 1e-9))
-STEPPED, BEYOND, SURPRISE = np.float32(constants.STEPPED), np.float32(constants.BEYOND), np.float32(constants.SURPRISE)
+STEPPED = np.float32(constants.STEPPED)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
 LOST_BETWEEN, IN_FRONT = np.float32(constants.LOST_BETWEEN), np.float32(1 - constants.IN_FRONT)
 LOST_MOVING, LOST_SHEARED, FASTEST = (
@@ -23,15 +23,15 @@ LOST_MOVING, LOST_SHEARED, FASTEST = (
     np.float32(constants.FASTEST),
 )
 STRETCH, TOLERANCE = np.float32(constants.STRETCH), np.float32(1 + constants.TOLERANCE)
-EDGE_ON, ALMOST_NEXT = np.float32(constants.EDGE_ON), np.float32(constants.ALMOST_NEXT)
+EDGE_ON = np.float32(constants.EDGE_ON)
 INDEX, BOXES, LOCK, PLACE, AWAY, STEP = 0, 1, 4, 5, 6, 7
 """Rows of `axis_table`."""
 DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
 """Channels of what the small picture tells of its surfaces."""
-WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT, KNOWN = 0, 1, 4, 5, 6, 10, 11, 13, 14, 17
+WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT = 0, 1, 4, 5, 6, 10, 11, 13, 14
 """Rows of what is kept of each pixel's history; `LOCKED` has four, as `accumulate.locked`, `REACT` three."""
-KEPT = 18
-EXPECTED, SHEAR, ELLIPSE, EXPLAINED = 0, 3, 4, 7
+KEPT = 17
+EXPECTED, SHEAR, ELLIPSE = 0, 3, 4
 """Channels of what `samples_row` tells of samples."""
 
 
@@ -132,21 +132,6 @@ def remapped(old, x, y):
 
 
 @inlined
-def explained(toned, old, column, row, x, y):
-    """How well a history shows, around ``x`` and ``y``, what a sample holds; see `accumulate.explained`."""
-    _, height, width = old.shape
-    x0, y0 = np.int64(math.floor(x - HALF + ALMOST_NEXT)), np.int64(math.floor(y - HALF + ALMOST_NEXT))
-    west, east = bounded(x0, width), bounded(x0 + 1, width)
-    north, south = bounded(y0, height), bounded(y0 + 1, height)
-    most_beyond = ZERO
-    for n in range(3):
-        p, q, r, s = old[n, north, west], old[n, north, east], old[n, south, west], old[n, south, east]
-        least, most, color = min(p, q, r, s), max(p, q, r, s), toned[n, row, column]
-        most_beyond = max(most_beyond, max(least - color, color - most) / (BEYOND * (most - least) + SURPRISE))
-    return ONE - min(most_beyond, ONE)
-
-
-@inlined
 def _between(plane, i, k, u, j, m, v):
     """A plane between columns ``i`` and ``k``, by ``u`` of the way, and rows ``j`` and ``m``, by ``v``."""
     return (ONE - v) * ((ONE - u) * plane[j, i] + u * plane[j, k]) + v * ((ONE - u) * plane[m, i] + u * plane[m, k])
@@ -202,6 +187,5 @@ def fetch_row(kept, small, farthest, lens, across, down, orthographic, old, seen
                 react = _between(small[REACTIVE + c], i, k, s, j, m, t)
             kept[REACT + c, x], most = react, max(most, react)
         kept[SPARED, x] = lock * strength * (ONE - most)
-        kept[KNOWN, x] = _between(seen[EXPLAINED], i, k, s, j, m, t)
         red, green, blue = remapped(old, there_x, there_y)
         kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x] = red, green, blue

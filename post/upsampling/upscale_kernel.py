@@ -23,7 +23,6 @@ from post.upsampling.upscale_history_kernel import (
     EXPECTED,
     FEATURE,
     INDEX,
-    KNOWN,
     LOCK,
     LOCKED,
     NOW_DEPTH,
@@ -42,7 +41,6 @@ TINY, SMALL, SMALLEST = np.float32(1e-12), np.float32(1e-6), np.float32(1e-30)
 BRIGHTEST, EIGHTH, FARTHEST = np.float32(MOST_BRIGHT), np.float32(1 / 8), np.float32(1 / 32)
 SAMPLE_WINDOW, FIRST_WINDOW = np.float32(constants.SAMPLE_WINDOW), np.float32(constants.FIRST_WINDOW)
 FOLLOWS, TRUSTED = np.float32(constants.FOLLOWS), np.float32(constants.TRUSTED)
-EXPLAINED = np.float32(constants.EXPLAINED)
 LEAST_WEIGHT, MATURE, DECAY = (
     np.float32(constants.LEAST_WEIGHT),
     np.float32(constants.MATURE),
@@ -149,7 +147,7 @@ def mix_row(kept, now, small, across, down, numbers, y, out, light, length, plan
             out[k, y, x] = now[COLOR + k, x]
         if weight > ZERO:
             calm = min(max(ONE - abs(drift) / max(wobble, STEADY), ZERO), ONE) if wobble > STEADY else ZERO
-            extent = gamma + LOCK_WIDENS * spared + stability * calm + EXPLAINED * kept[KNOWN, x]
+            extent = gamma + LOCK_WIDENS * spared + stability * calm
             r, g, b = kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x]
             luma, orange, shift = ycocg(r, g, b)
             a0, a1, a2 = luma - now[MEAN, x], orange - now[MEAN + 1, x], shift - now[MEAN + 2, x]

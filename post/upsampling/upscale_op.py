@@ -110,7 +110,7 @@ def upscaled_cpu(
     )
     seen = toned.new_empty(toned.shape[0], SEEN, *toned.shape[2:])
     pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], old, seen, length[:, 0], kept
-    samples = seen, toned, old, luma[:, 0], motion, lenses
+    samples = seen, old, luma[:, 0], motion, lenses
     numbers = orthographic, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
         samples_each(seen[:, 0].numel(), *samples)

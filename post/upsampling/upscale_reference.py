@@ -13,9 +13,8 @@ from gbufrt.directions import length as size_of
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.history.constants import BRIGHTEST
-from post.upsampling.accumulate import clipped, explained, gathered, held, locked, mean_weight, shear
+from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight, shear
 from post.upsampling.constants import (
-    EXPLAINED,
     FASTEST,
     FOLLOWS,
     LOCK_WIDENS,
@@ -27,7 +26,7 @@ from post.upsampling.constants import (
     TRUSTED,
 )
 from post.upsampling.motion import upscaled_motion
-from post.upsampling.remap import bounds_around, remapped
+from post.upsampling.remap import remapped
 from post.upsampling.samples import Samples
 
 
@@ -94,8 +93,7 @@ def upscaled_reference(
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
-    known = EXPLAINED * at.between(explained(small.toned, *bounds_around(before.toned, samples)))
-    kept, moved = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm + known)
+    kept, moved = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm)
     moved = torch.where(weight > 0, moved.detach(), 0.0)
     most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
     kept = torch.lerp(kept, old, spared)

@@ -11,17 +11,17 @@ import numpy as np
 
 from gbufrt.compute.kernel import scalar
 from post.upsampling import constants
-from post.upsampling.upscale_history_kernel import ELLIPSE, EXPECTED, EXPLAINED, SHEAR, explained, remapped
+from post.upsampling.upscale_history_kernel import ELLIPSE, EXPECTED, SHEAR, remapped
 
 ZERO, HALF, ONE, FOUR, TINY = (np.float32(x) for x in (0, 0.5, 1, 4, 1e-12))
 ACROSS, FLAT = np.float32(1 - constants.ALONG), np.float32(constants.FLAT)
 FASTEST = np.float32(constants.FASTEST)
-TENSOR, SEEN = 3, 8
+TENSOR, SEEN = 3, 7
 
 
 @scalar
-def samples_row(out, sums, toned, old, light, motion, lens, y, first):
-    """What the history shows where samples lie and how well, how neighbours move, and ellipses along edges.
+def samples_row(out, sums, old, light, motion, lens, y, first):
+    """What the history shows where samples lie, how otherwise their neighbours move, and ellipses along edges.
 
     ``sums`` is room for two columns more than ``out`` has. ``light`` and ``motion``, pixels of the small picture, reach
     two and one pixels beyond the picture. Of ``lens`` see `post.upsampling.upscale_op`.
@@ -43,7 +43,6 @@ def samples_row(out, sums, toned, old, light, motion, lens, y, first):
         at_x = min(max(at_x * lens[22], -ONE), np.float32(large_width + 1))
         at_y = min(max(at_y * lens[23], -ONE), np.float32(large_height + 1))
         out[EXPECTED, x], out[EXPECTED + 1, x], out[EXPECTED + 2, x] = remapped(old, at_x, at_y)
-        out[EXPLAINED, x] = explained(toned, old, first + x, y, at_x, at_y)
 
 
 @scalar

@@ -51,8 +51,8 @@ def upscale(
     blur it. The history is read where the surface in front was, with steps and slopes inside its pixels so that edges
     stay sharp, and clipped in YCoCg to mean and variance of the samples around; its weight falls where neighbours move
     otherwise. Thin features, which the samples often miss, are locked: they are not clipped until light changes. The
-    box is wider where the history shows what the samples hold, and where clipping moves it to and fro, which would
-    flicker. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it were exposed.
+    box is wider where clipping moves history to and fro, which would flicker. All colours are weighted by
+    1 / (1 + luminance), that of dim pictures as if it were exposed.
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 

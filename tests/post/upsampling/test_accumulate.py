@@ -1,11 +1,11 @@
-"""What temporal upscaling is made of: samples and their kernels, locks, shear of motion, what is known of samples."""
+"""What temporal upscaling is made of: samples and their kernels, locks, shear of motion."""
 
 from __future__ import annotations
 
 import pytest
 import torch
 
-from post.upsampling.accumulate import ellipses, explained, near, same_light, shear
+from post.upsampling.accumulate import ellipses, near, same_light, shear
 from post.upsampling.samples import Samples
 
 SMALL, LARGE = (30, 40), (60, 80)
@@ -54,11 +54,3 @@ def test_shear_is_how_otherwise_neighbours_move():
     motion[:, :, :, 4:] = torch.tensor([3.0, -4.0]).view(1, 2, 1, 1)
     assert shear(motion)[0, 0, 2].tolist() == [0, 0, 0, 5, 5, 0, 0, 0]
     assert float(shear(motion * 0 + 7).max()) == 0.0
-
-
-def test_colours_beyond_those_of_a_history_are_not_explained():
-    least, most = torch.full((1, 3, 1, 5), 0.2), torch.full((1, 3, 1, 5), 0.4)
-    samples = torch.full((1, 3, 1, 5), 0.3)
-    samples[0, 1] = torch.tensor([0.2, 0.4, 0.505, 0.9, 0.0])
-    found = explained(samples, least, most)[0, 0, 0]
-    assert found.tolist() == pytest.approx([1.0, 1.0, 0.5, 0.0, 1 - 0.2 / 0.21], abs=1e-4)
