@@ -83,7 +83,7 @@ class Pipeline(Branch):
         """`forward`; each stage contains non-finite pixels itself."""
         check_frame(frame)
         if not isinstance(state, PipelineState | None):
-            raise TypeError(f"state must be None or what a pipeline returned with a frame, got {type(state).__name__}")
+            raise TypeError(f"state must be None or what the pipeline returned with it, got {type(state).__name__}")
         check_inputs(self.reads, self.passes(), frame)
         if state is not None:
             state.check_fits(frame)
