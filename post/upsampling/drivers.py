@@ -12,12 +12,7 @@ from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import allocating, driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
 from post.upsampling.row_kernel import GUIDES, NEAREST, PLANES, Room, upsampled_picture_row
-from post.upsampling.upscale_history_kernel import (
-    INDEX,
-    KEPT,
-    bounded,
-    fetch_row,
-)
+from post.upsampling.upscale_history_kernel import INDEX, KEPT, bounded, fetch_row
 from post.upsampling.upscale_kernel import NOW, SUMS, box_row, colors_row, mix_row, sums_row
 from post.upsampling.upscale_samples_kernel import TENSOR, samples_row
 

@@ -97,12 +97,7 @@ def upscaled_cpu(
     ``luma`` and ``motion`` reach two and one pixels beyond the small picture.
     """
     from gbufrt.compute.kernel import array, threads
-    from post.upsampling.drivers import (
-        sample_rows,
-        samples_each,
-        upscaled_each,
-        upscaled_rows,
-    )
+    from post.upsampling.drivers import sample_rows, samples_each, upscaled_each, upscaled_rows
     from post.upsampling.upscale_samples_kernel import SEEN
 
     light, new, lengths, news = (

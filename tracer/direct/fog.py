@@ -13,6 +13,7 @@ from gbufrt.reduction import every_nth
 from tracer.direct.lighting import batched, lifted
 from tracer.fog.scattered import scattered
 from tracer.fog.segments import Segments, passes
+from tracer.sampling.scatter import mirrored
 from tracer.scene.scene import MASK_SECONDARY, Scene
 from tracer.traversal.rays import trace
 
@@ -78,9 +79,7 @@ def _mirrored(scene: Scene, g: GBuffer, poses: Tensor, index: int) -> Tensor:
     """``(B, 4, h, w)`` light and transmittance of the fog along the mirrored rays of smooth surfaces."""
     assert scene.fog is not None
     assert g.roughness is not None
-    ways = g.camera.rays()[1]
-    normal = g.normal.permute(0, 2, 3, 1)
-    ways = ways - 2 * (ways * normal).sum(-1, keepdim=True) * normal
+    ways = mirrored(g.camera.rays()[1], g.normal.permute(0, 2, 3, 1))
     points = lifted(g).permute(0, 2, 3, 1)
     hits = trace(scene, points, ways, poses=poses, mask=MASK_SECONDARY)
     smooth = g.hit[:, 0] & (g.roughness[:, 0] <= MIRROR)

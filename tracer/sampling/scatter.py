@@ -16,6 +16,11 @@ def dot(a: Tensor, b: Tensor) -> Tensor:
     return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1] + a[:, 2] * b[:, 2]
 
 
+def mirrored(directions: Tensor, normals: Tensor) -> Tensor:
+    """Rays ``(..., 3)`` as surfaces with these normals, on either side, reflect them."""
+    return directions - 2 * (directions * normals).sum(-1, keepdim=True) * normals
+
+
 def cosine_direction(normals: Tensor, u: Tensor) -> Tensor:
     """Directions ``(N, 3)`` above ``normals``, with density cosine / pi, from numbers ``(2, N)`` in [0, 1)."""
     across, other = tangent_frame(normals)

@@ -15,11 +15,12 @@ from gbufrt.environment import environment_directions
 from tracer.lights.haze import sky_behind
 from tracer.lights.sky import sky_irradiance, sun_radiance
 from tracer.lights.stars import stars
+from tracer.sampling.scatter import mirrored
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 from tracer.texture import look
 from tracer.traversal.rays import trace, transmission
 from tracer.underwater.medium import Medium
-from tracer.underwater.surface import LIFT, leaves, mirrored, past_borders, reflectance, refracted
+from tracer.underwater.surface import LIFT, leaves, past_borders, reflectance, refracted
 
 
 def submerged(scene: Scene, frame: Frame, *, poses: Tensor) -> Frame:

@@ -8,11 +8,12 @@ import torch
 from torch import Tensor
 
 from tracer.lights.shadows import SHORT
+from tracer.sampling.scatter import mirrored
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.traversal.hits import Hits
 from tracer.traversal.rays import trace
 from tracer.underwater.medium import Medium
-from tracer.underwater.surface import LIFT, leaves, mirrored, past_borders, reflectance, refracted
+from tracer.underwater.surface import LIFT, leaves, past_borders, reflectance, refracted
 
 
 class Onward(NamedTuple):

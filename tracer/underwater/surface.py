@@ -142,8 +142,3 @@ def refracted(directions: Tensor, normals: Tensor) -> Tensor:
     """``(..., 3)`` where rays go on that leave water through a surface whose normal faces them, unit length."""
     cosine = -(directions * normals).sum(-1, keepdim=True)
     return F.normalize(INDEX * directions + (INDEX * cosine - outside(cosine)) * normals, dim=-1)
-
-
-def mirrored(directions: Tensor, normals: Tensor) -> Tensor:
-    """``(..., 3)`` rays reflected by a surface."""
-    return directions - 2 * (directions * normals).sum(-1, keepdim=True) * normals

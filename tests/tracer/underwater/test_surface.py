@@ -7,7 +7,8 @@ import math
 import torch
 import torch.nn.functional as F
 
-from tracer.underwater.surface import INDEX, mirrored, outside, reflectance, refracted
+from tracer.sampling.scatter import mirrored
+from tracer.underwater.surface import INDEX, outside, reflectance, refracted
 
 CRITICAL = math.asin(1 / INDEX)
 
