@@ -187,14 +187,17 @@ def _geometry(g: GBuffer, names: tuple[str, ...]) -> GBuffer:
     given: dict[str, Tensor] = {n: t for n in names if n in CHANNELS and (t := getattr(g, n)) is not None}
     bad = [name for name, tensor in given.items() if not _known_finite(tensor)]
     changes: dict[str, Tensor] = {}
-    if surfaces := set(bad) & set(SURFACE):
-        finite_there = [torch.isfinite(given[name]).all(dim=1, keepdim=True) for name in sorted(surfaces)]
-        lost = ~torch.stack(finite_there).all(0)
+    if surfaces := [name for name in SURFACE if name in bad]:
+        lost = ~torch.stack([torch.isfinite(given[name]).all(dim=1, keepdim=True) for name in surfaces]).all(0)
         for name in g.present:
-            clear = g.camera.far if name == "depth" else CHANNELS[name].clear
-            changes[name] = as_finite_as(getattr(g, name), getattr(g, name).masked_fill(lost, clear))
+            before, clear = getattr(g, name), g.camera.far if name == "depth" else CHANNELS[name].clear
+            cleared = torch.where(lost, before.new_full((), clear), before)
+            changes[name] = as_finite_as(before, cleared)
     for name in bad:
-        changes[name] = _signal(name, changes[name] if name in changes else given[name])
+        if name in surfaces:
+            know(changes[name])
+        else:
+            changes[name] = _signal(name, changes.get(name, given[name]))
     return g.replace(**changes) if changes else g
 
 
