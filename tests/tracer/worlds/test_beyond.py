@@ -43,6 +43,22 @@ def test_land_in_the_sea_goes_on_as_sea():
     assert landscape(island(gap=True)).world.bounds() == world.bounds(), "the sea would stand in the gap as a wall"
 
 
+def test_the_floor_of_the_sea_beyond_shows_no_copies():
+    """It is even, and as deep as the deepest place of the border."""
+    world = island()
+    cells = torch.stack(torch.meshgrid(torch.arange(48), torch.arange(24), torch.arange(48), indexing="ij"), dim=-1)
+    ids = world.at(cells)
+    ids[::2, 4] = ids[::2, 4].clamp_max(1)
+    ids[1, 2:4, 47] = 2
+    kept = ids > 0
+    uneven = world_of_cells(cells[kept].numpy(), ids[kept].numpy(), world.materials)
+    found = landscape(uneven).world
+    at = torch.stack(torch.meshgrid(torch.arange(60, 90), torch.arange(24), torch.arange(30), indexing="ij"), dim=-1)
+    beyond = found.at(at)
+    assert beyond[0, :, 0].tolist() == [1, 1] + 22 * [2]
+    assert (beyond == beyond[:1, :, :1]).all()
+
+
 @pytest.mark.parametrize(("land", "coast"), [(16, True), (32, False)])
 def test_land_with_a_coast_goes_on_as_sea(land: int, coast: bool):
     """A third of the border is water, or a sixth of it."""

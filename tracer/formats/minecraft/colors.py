@@ -14,7 +14,7 @@ from tracer.scene.material import RGB, Material
 
 GRASS, LEAVES = 0.50, 0.42  # albedo over a biome's colour: blades and leaves shade one another
 BRIGHTEST = 0.85  # no real surface reflects more
-WATER, TINGE = 0.25, 0.2  # what water scatters of its biome's colour, and how far its transmission is tinted by it
+WATER, TINGE = 0.25, 0.05  # what water scatters of its biome's colour, and how far its transmission is tinted by it
 SPECK = 0.35  # share of an ore's face
 DEEPEST = 6  # rules that follow one another
 VARIATION = {"grass": 0.16, "leaves": 0.30}

@@ -70,15 +70,21 @@ def ends_of(land: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def in_open_sea(world: World, shore: Shore) -> World:
-    """A world that goes on: each empty column of bricks becomes a copy of the deepest one of the shore.
+    """A world that goes on: each empty column of bricks becomes the deepest column of voxels of the shore.
 
-    Copies of shallow water would show that they are copies.
+    Copies of shallow water, and of a floor that is not even, would show that they are copies.
     """
     nx, _, nz = world.index.shape
     x, z = _deepest(world, shore)
-    index = world.index[x, :, z, None].repeat(nx + 2 * REACH, 1, nz + 2 * REACH)
-    index[:, : max(int(shore.level - DEEP) - world.origin[1], 0) // BRICK] = 0
-    return _around(world, index, REACH)
+    column = world.index[x, :, z]
+    bricks = world.bricks[column.long()]
+    wet = world.materials.water[bricks.long()].sum(dim=(0, 2)).flatten().argmax()
+    even = bricks[:, wet // BRICK, :, wet % BRICK, None].unsqueeze(1).expand_as(bricks)
+    level = int(shore.level - DEEP) - world.origin[1]
+    index = torch.arange(len(column), dtype=torch.int32, device=column.device) + len(world.bricks)
+    index = torch.where((column > 0) & (torch.arange(len(column)) >= max(level, 0) // BRICK), index, 0)
+    index = index[None, :, None].repeat(nx + 2 * REACH, 1, nz + 2 * REACH)
+    return _around(replace(world, bricks=torch.cat([world.bricks, even]), shining=None), index, REACH)
 
 
 def _around(world: World, index: Tensor, reach: int) -> World:
