@@ -129,7 +129,7 @@ class Job:
 
             base = self.eye[1] if self.eye is not None else 0.0
             if self.eye is None and scene.views:
-                view = scene.views.get(self.view or next(iter(scene.views)))
+                view = scene.views.get(self.view or self.day.first(scene.views))
                 base = base if view is None else float(view.eye(self.time)[1])
             scene = replace(scene, fog=Fog(extinction=fog["extinction"], falloff=fog["falloff"], base=base))
         if scene.empty:
@@ -159,7 +159,7 @@ class Job:
         if self.eye is not None and self.target is not None:
             eye, target = self.eye, self.target
             return View(eye=lambda _: eye, target=lambda _: target, fov_y=View.fov_y if self.fov is None else self.fov)
-        view = scene.views[self.view or next(iter(scene.views))]
+        view = scene.views[self.view or self.day.first(scene.views)]
         return view if self.fov is None else replace(view, fov_y=self.fov)
 
     def trace(
