@@ -9,6 +9,7 @@ from weakref import ref
 from gbufrt.commands.arguments.checks import WINDOW, check_part, check_world
 from gbufrt.commands.arguments.values import MOST_COUNT, MOST_FRAMES, at_least
 from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
+from gbufrt.commands.flights.day import under
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
@@ -111,19 +112,7 @@ class Job:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
-        if (when := self.day.parsed()) is not None:
-            from tracer.scene.daylight import SunPath, at_hour
-
-            path = SunPath(**dict(zip(("zenith", "azimuth"), when.pop("path", ()), strict=False)))
-            scene = at_hour(scene, **when, path=path)
-        if self.day.rain is not None:
-            from tracer.weather.rain import raining
-
-            scene = raining(scene, self.day.rain)
-        if self.day.waves is not None:
-            from tracer.scene.weather import Waves
-
-            scene = replace(scene, waves=Waves(amplitude=self.day.waves))
+        scene = under(scene, self.day, self.world)
         if (fog := self.fog.parsed()) is not None:
             from tracer.scene.fog import Fog
 
