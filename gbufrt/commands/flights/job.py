@@ -10,6 +10,7 @@ from gbufrt.commands.arguments.checks import WINDOW, check_part, check_world
 from gbufrt.commands.arguments.values import MOST_COUNT, MOST_FRAMES, at_least
 from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
 from gbufrt.commands.flights.day import under
+from gbufrt.commands.flights.inside import tell_inside
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
@@ -127,6 +128,8 @@ class Job:
             raise ValueError(f"world {self.world!r} has no views to look from")
         if self.view is not None and self.view not in scene.views:
             raise ValueError(unknown("view", self.view, f"world {self.world!r}", scene.views))
+        if self.eye is not None:
+            tell_inside(scene, self.eye)
         return scene
 
     def notes(self) -> dict[str, Any]:
