@@ -12,9 +12,9 @@ from gbufrt.compute.resident import waits
 
 
 def check_numbers(**values: Any) -> None:
-    """Raise TypeError where a value, by its argument's name, is neither a number, a 0-dim tensor nor None."""
+    """Raise TypeError where a value, by its argument's name, is neither a number nor a 0-dim tensor."""
     for name, value in values.items():
-        if value is not None and (not hasattr(value, "__float__") or getattr(value, "ndim", 0)):
+        if not hasattr(value, "__float__") or getattr(value, "ndim", 0):
             raise TypeError(f"{name} must be a number or a 0-dim tensor, got {_told(value)}")
 
 
@@ -22,13 +22,13 @@ def check_between(low: float, high: float, **values: Any) -> None:
     """Raise unless numbers, by their arguments' names, lie in ``low`` to ``high``; those on a GPU are left alone.
 
     Raises:
-        TypeError: a value is neither a number, a 0-dim tensor nor None.
+        TypeError: a value is neither a number nor a 0-dim tensor.
         ValueError: it is out of range, or NaN.
     """
     check_numbers(**values)
     wanted = f"be at least {low:g}" if high == math.inf else f"lie in {low:g} to {high:g}"
     for name, value in values.items():
-        if value is None or (isinstance(value, Tensor) and waits(value)):
+        if isinstance(value, Tensor) and waits(value):
             continue
         number = float(value.detach() if isinstance(value, Tensor) else value)
         if not low <= number <= high:

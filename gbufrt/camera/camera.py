@@ -29,7 +29,7 @@ from gbufrt.camera.transforms import (
 )
 from gbufrt.compute.resident import resident, waits
 from gbufrt.directions import length
-from gbufrt.numeric import check_destination, check_numbers, check_size
+from gbufrt.numeric import check_destination, check_each, check_numbers, check_size
 from gbufrt.tree import map_tensors
 
 
@@ -158,9 +158,9 @@ class Camera:
             ValueError: the field of view is not in (0, 180), or eye, target and up lie on one line.
         """
         check_size(size)
-        check_numbers(fov_y=fov_y, orthographic_height=orthographic_height)
-        if orthographic_height is not None and not orthographic_height > 0:
-            raise ValueError(f"orthographic_height must be positive, in world units, got {orthographic_height}")
+        check_numbers(fov_y=fov_y)
+        if orthographic_height is not None:
+            check_each(0, above=True, unit="world units", orthographic_height=orthographic_height)
         pose = looking_at(eye, target, up)
         spread = spread_of(fov_y) if orthographic_height is None else orthographic_height
         return Camera.from_intrinsics(

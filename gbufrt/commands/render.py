@@ -53,7 +53,7 @@ def render(
     Args:
         world: Built-in world (builtin, terrain, ...), .vox, .schem, .schematic or .mca file, or Minecraft save folder.
         out: Folder to write to; made where it is missing.
-        view: Named view or camera path of the world; by default its first.
+        view: Named view or camera path of the world; by default its first, by night the first above water.
         eye: In place of --view: where the camera is, as X,Y,Z in world units (voxels), y up. A negative number needs an
             equals sign: --eye=-12,30,8.
         target: Where it looks to, likewise.

@@ -42,7 +42,7 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
     check_camera(camera)
     if isinstance(thickness, Tensor) and thickness.ndim > 0:
         pictures["thickness"] = thickness
-    else:
+    elif thickness is not None:
         check_between(0, math.inf, thickness=thickness)
     for name, picture in pictures.items():
         if picture is not None:

@@ -31,6 +31,14 @@ def numeric(cls: type) -> frozenset[str]:
 
 
 @cache
+def optional(cls: type) -> frozenset[str]:
+    """Those `keywords` that may be None, by their annotations or else their defaults."""
+    known = inspect.signature(cls.__init__).parameters
+    kinds = {name: known[name].annotation for name in keywords(cls)}
+    return frozenset(n for n, kind in kinds.items() if "None" in str(kind).split(" | ") or known[n].default is None)
+
+
+@cache
 def choices(cls: type) -> dict[str, tuple[Any, ...]]:
     """Those `keywords` that take one of a few values, by their annotations, with these values."""
     try:
@@ -51,10 +59,12 @@ def check_tunable(name: str, value: Any, present: Any) -> None:
 
 
 def check_kept(cls: type, name: str, value: Any) -> None:
-    """Raise TypeError where a text is kept as a number that the constructor of a stage takes, and ValueError where it
-    is none of the few that the constructor takes."""
-    if isinstance(value, str) and name in numeric(cls):
+    """Raise TypeError where a text, a list or None is kept as a number that the constructor of a stage takes, and
+    ValueError where a text is none of the few that the constructor takes."""
+    if isinstance(value, (str, list, tuple, dict)) and name in numeric(cls):
         raise TypeError(f"{name} of {cls.__name__} must be a number, got {value!r}")
+    if value is None and name in numeric(cls) - optional(cls):
+        raise TypeError(f"{name} of {cls.__name__} must be a number, got None")
     if isinstance(value, str) and value not in (known := choices(cls).get(name, (value,))):
         there = ", ".join(map(repr, known))
         raise ValueError(f"{name} of {cls.__name__} must be one of {there}, got {value!r}{meant(value, known)}")

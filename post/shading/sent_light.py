@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import torch
@@ -9,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Frame
 from gbufrt.compute.resident import waits
+from gbufrt.numeric import check_between, check_counts
 from post.history.read import read_history
 from post.sweep.bitmask import bitmask_ao
 
@@ -57,8 +59,11 @@ def sent_light(
         ``(B, 3, H, W)`` outgoing linear radiance.
 
     Raises:
-        ValueError: bounces is less than 1.
+        TypeError: bounces is no whole number, or bounce_loss no number.
+        ValueError: bounces is less than 1, or bounce_loss negative.
     """
+    check_counts(bounces=bounces)
+    check_between(0, math.inf, bounce_loss=bounce_loss)
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     g, light, previous = frame.gbuffer, gathered_radiance(frame), frame.previous
@@ -91,8 +96,10 @@ def feedback_gain(bounces: int) -> float:
         0 for one bounce, toward 1 for many.
 
     Raises:
+        TypeError: bounces is no whole number.
         ValueError: bounces is below 1.
     """
+    check_counts(bounces=bounces)
     if bounces < 1:
         raise ValueError(f"bounces must be at least 1, got {bounces}")
     total = (1 - TYPICAL_REFLECTANCE**bounces) / (1 - TYPICAL_REFLECTANCE)

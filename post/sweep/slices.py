@@ -130,7 +130,8 @@ def check_sweep(
     """Raise ValueError or TypeError unless counts and radius are in range and the pictures, by name, fit the camera."""
     counts = {"directions": directions, "steps": steps, "scales": scales}
     check_counts(**counts)
-    check_numbers(radius=radius)
+    if radius is not None:
+        check_numbers(radius=radius)
     for name, value in counts.items():
         if value < 1:
             raise ValueError(f"{name} must be at least 1, got {value}")

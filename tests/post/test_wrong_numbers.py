@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import Any
 
@@ -9,11 +10,17 @@ import boxes
 import pytest
 import torch
 
+import gbufrt
 import post
 from gbufrt.noise.noise import blue_noise, halton_jitter, hilbert_r2, pixel_hash
 from post.lens.thin_lens import circle_of_confusion
 
 SIZE = (24, 32)
+NONE: Any = None
+NUMBER: Any = 3
+NAN: Any = torch.nan
+SEVERAL: Any = [1, 2]
+WORD: Any = "x"
 FRAME = boxes.frame(boxes.camera(SIZE))
 G = FRAME.gbuffer
 LIT, ONE = torch.rand(1, 3, *SIZE), torch.rand(1, 1, *SIZE)
@@ -25,6 +32,7 @@ SWEEPS: dict[Callable[..., Any], dict[str, Any]] = {
     post.march_gi: {**SURFACES, "light": LIT, "albedo": LIT},
     post.ssr: {**SURFACES, "light": LIT, "roughness": ONE},
 }
+LIGHT = FRAME.replace(radiance=LIT, color=LIT, gbuffer=G.replace(albedo=LIT))
 LENS: dict[str, Any] = {"color": LIT, "depth": G.depth, "camera": G.camera}
 MOVED: dict[str, Any] = {"color": LIT, "depth": G.depth, "motion": LIT[:, :2]}
 FILTERED: dict[str, Any] = {**SURFACES, "signal": LIT, "hit": G.hit}
@@ -118,3 +126,50 @@ def test_strides_and_pipelines_are_told_from_what_is_none():
     for wrong in (None, "low"):
         with pytest.raises(TypeError, match=r"^pipeline must be a gbufrt\.Pipeline, got \w+; post\.me1\(\) is one$"):
             post.with_fog(wrong)  # pyright: ignore[reportArgumentType]
+
+
+def test_no_number_of_a_pass_may_be_none():
+    """They are told where they are set, not by torch over a frame."""
+    told = 0
+    for name, kind in vars(post).items():
+        if not (isinstance(kind, type) and issubclass(kind, (gbufrt.Pass, gbufrt.TemporalPass))):
+            continue
+        for tunable, known in inspect.signature(kind).parameters.items():
+            if isinstance(known.default, (int, float)) and "None" not in str(known.annotation):
+                with pytest.raises(TypeError, match=rf"^{tunable}( of {name})? must be a number"):
+                    kind(**{tunable: None})
+                told += 1
+    assert told > 80
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: post.SSGI(distance=SEVERAL), r"distance of SSGI must be a number, got \[1, 2\]"),
+        (lambda: post.fxaa(LIT, subpixel=NONE), "subpixel must be a number or a 0-dim tensor, got NoneType"),
+        (lambda: post.gtao(**SURFACES, radius=WORD), "radius must be a number or a 0-dim tensor, got 'x'"),
+        (lambda: post.gtao(**SURFACES, method="horizon", thickness=WORD), "thickness must be a number"),
+        (lambda: post.gtao(**SURFACES, method="horizon", hidden=NONE), "hidden must be a number"),
+        (lambda: post.tone_map(LIT, operator=NONE), "operator and view must be texts, got None and ''"),
+        (lambda: post.AerialPerspective(sun=NONE)(LIGHT), r"sun of the air must be three numbers .*, got None"),
+        (lambda: post.AerialPerspective(atmosphere=NUMBER)(LIGHT), r"atmosphere must be a gbufrt\.Atmosphere, got int"),
+        (lambda: post.SSGI(bounces=NAN)(LIGHT), "bounces must be a whole number, got nan"),
+        (lambda: post.EstimateMissing(channels=NUMBER), "channels must be a name or several such as .*, got 3"),
+    ],
+)
+def test_what_is_no_number_is_named(call: Callable[[], Any], message: str):
+    with pytest.raises(TypeError, match=f"^{message}"):
+        call()
+
+
+def test_what_is_out_of_range_or_nan_is_named():
+    for bad in (-1.0, torch.nan):
+        with pytest.raises(ValueError, match=r"^bounce_loss must be at least 0"):
+            post.SSGI(bounce_loss=bad)(LIGHT)
+        with pytest.raises(ValueError, match=r"^thickness must be at least 0"):
+            post.gtao(**SURFACES, method="horizon", thickness=bad)
+        later = LIGHT.replace(time=1.0, previous=LIGHT, color=LIT)
+        with pytest.raises(ValueError, match=r"^target_frame_time must be positive, in seconds"):
+            post.MotionBlur(target_frame_time=bad)(later)
+    with pytest.raises(ValueError, match=r"^min_ev must not exceed max_ev, got nan"):
+        post.exposure(LIT, min_ev=torch.nan)

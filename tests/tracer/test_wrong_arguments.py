@@ -18,6 +18,7 @@ SCENE: Any = tracer.Scene(world=PLAIN)
 CAMERA: Any = Camera.look_at((2.0, 5.0, 9.0), (2.0, 0.0, 2.0), size=(3, 4))
 G: Any = tracer.gbuffer(SCENE, CAMERA)
 NAME: Any = "village"
+NONE: Any = None
 PROGRAM: Any = len
 WRONG: Any = {"a": tracer.HitGroup()}
 OF_GBUFFERS: dict[str, Any] = {
@@ -78,6 +79,14 @@ def test_what_takes_a_frame_tells_how_one_is_made(name: str):
             lambda: tracer.Scene(world=NAME),
             r"^world must be a tracer\.World, got str; tracer\.load\(name\) gives a scene$",
         ),
+        (lambda: tracer.Sun(angular_radius=NONE), "^angular_radius must be a number or a 0-dim tensor, got NoneType$"),
+        (lambda: tracer.Haze(begin=NONE, end=9.0), "^begin must be a number or a 0-dim tensor, got NoneType$"),
+        (lambda: tracer.Sky(plain=NAME), r"^plain must be a tracer\.Plain, got str$"),
+        (lambda: tracer.SunPath(zenith=NONE), "^zenith must be a number"),
+        (lambda: tracer.Waves(amplitude=NAME), "^amplitude must be a number"),
+        (lambda: tracer.Fog(extinction=NONE), "^extinction must be a number"),
+        (lambda: tracer.Fog(extinction=0.1, albedo=NONE), "^albedo of fog must be three numbers .*, got None$"),
+        (lambda: tracer.ambient_occlusion(SCENE, G, noise=NONE), "^noise must be a number"),
         (lambda: tracer.Sun(direction=NAME), "^direction of the sun must be three numbers"),
         (
             lambda: tracer.Material(name="a", albedo=NAME),

@@ -42,6 +42,7 @@ class SunPath:
     azimuth: float = 12.0
 
     def __post_init__(self) -> None:
+        check_numbers(zenith=self.zenith, azimuth=self.azimuth)
         for name, most in (("zenith", 90.0), ("azimuth", 360.0)):
             if not abs(getattr(self, name)) <= most:
                 raise ValueError(f"{name} must be -{most:g} to {most:g} degrees, got {getattr(self, name)}")

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from gbufrt.numeric import check_numbers, check_three
+
 SERIES = 1e-3  # exponents below which a series is exact in float32
 STEEPEST = 60.0  # exponents beyond it overflow
 
@@ -24,6 +26,7 @@ class Fog:
         base: height at which it has its ``extinction``, world units.
 
     Raises:
+        TypeError: what must be a number is none.
         ValueError: a number outside its range.
     """
 
@@ -34,9 +37,11 @@ class Fog:
     base: float = 0.0
 
     def __post_init__(self) -> None:
+        check_three("albedo", self.albedo, "fog")
+        check_numbers(**{name: getattr(self, name) for name in ("extinction", "anisotropy", "falloff", "base")})
         if not 0.0 <= self.extinction < math.inf:
             raise ValueError(f"extinction must be at least 0 per world unit, got {self.extinction}")
-        if len(self.albedo) != 3 or not all(0.0 <= share <= 1.0 for share in self.albedo):
+        if not all(0.0 <= share <= 1.0 for share in self.albedo):
             raise ValueError(f"albedo must be three shares in 0..1, got {self.albedo}")
         if not -1.0 < self.anisotropy < 1.0:
             raise ValueError(f"anisotropy must lie between -1 and 1, got {self.anisotropy}")

@@ -112,9 +112,9 @@ class Sky:
     def __post_init__(self) -> None:
         for name in ("zenith", "horizon", "ground"):
             check_three(name, getattr(self, name), "the sky")
-        for name in ("picture", "stars"):
+        for name, kind in (("picture", Tensor), ("stars", Tensor), ("plain", Plain)):
             if (given := getattr(self, name)) is not None:
-                check_kind(Tensor, name, given)
+                check_kind(kind, name, given)
         if self.stars is not None and self.stars.shape != (3, 3):
             raise ValueError(f"stars must be (3,3), a rotation, got {tuple(self.stars.shape)}")
         if self.picture is not None and (self.picture.ndim != 4 or self.picture.shape[:2] != (1, 3)):

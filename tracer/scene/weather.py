@@ -74,6 +74,7 @@ class Waves:
     caustics: float = 16.0
 
     def __post_init__(self) -> None:
+        check_numbers(**{field.name: getattr(self, field.name) for field in fields(self)})
         for name, most in (("amplitude", 0.45), ("frequency", 10.0), ("speed", 100.0), ("caustics", 1000.0)):
             if not (math.isfinite(value := getattr(self, name)) and 0.0 <= value <= most):
                 raise ValueError(f"{name} of waves must lie in 0..{most:g}, got {value}")

@@ -9,6 +9,8 @@ from weakref import ref
 from gbufrt.commands.arguments.checks import WINDOW, check_part, check_world
 from gbufrt.commands.arguments.values import MOST_COUNT, MOST_FRAMES, at_least
 from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
+from gbufrt.commands.flights.day import under
+from gbufrt.commands.flights.inside import tell_inside
 from gbufrt.names import unknown
 
 if TYPE_CHECKING:
@@ -111,25 +113,13 @@ class Job:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
-        if (when := self.day.parsed()) is not None:
-            from tracer.scene.daylight import SunPath, at_hour
-
-            path = SunPath(**dict(zip(("zenith", "azimuth"), when.pop("path", ()), strict=False)))
-            scene = at_hour(scene, **when, path=path)
-        if self.day.rain is not None:
-            from tracer.weather.rain import raining
-
-            scene = raining(scene, self.day.rain)
-        if self.day.waves is not None:
-            from tracer.scene.weather import Waves
-
-            scene = replace(scene, waves=Waves(amplitude=self.day.waves))
+        scene = under(scene, self.day, self.world)
         if (fog := self.fog.parsed()) is not None:
             from tracer.scene.fog import Fog
 
             base = self.eye[1] if self.eye is not None else 0.0
             if self.eye is None and scene.views:
-                view = scene.views.get(self.view or next(iter(scene.views)))
+                view = scene.views.get(self.view or self.day.first(scene.views))
                 base = base if view is None else float(view.eye(self.time)[1])
             scene = replace(scene, fog=Fog(extinction=fog["extinction"], falloff=fog["falloff"], base=base))
         if scene.empty:
@@ -138,6 +128,8 @@ class Job:
             raise ValueError(f"world {self.world!r} has no views to look from")
         if self.view is not None and self.view not in scene.views:
             raise ValueError(unknown("view", self.view, f"world {self.world!r}", scene.views))
+        if self.eye is not None:
+            tell_inside(scene, self.eye)
         return scene
 
     def notes(self) -> dict[str, Any]:
@@ -159,7 +151,7 @@ class Job:
         if self.eye is not None and self.target is not None:
             eye, target = self.eye, self.target
             return View(eye=lambda _: eye, target=lambda _: target, fov_y=View.fov_y if self.fov is None else self.fov)
-        view = scene.views[self.view or next(iter(scene.views))]
+        view = scene.views[self.view or self.day.first(scene.views)]
         return view if self.fov is None else replace(view, fov_y=self.fov)
 
     def trace(

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.demands.pictures import check_camera
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.convert import distances, linear, planar, told, world_normals
 from gbufrt.files.gbuffers.depths import stored_depth
@@ -73,6 +74,9 @@ def read_gbuffer(
         ValueError: the file is damaged, no profile fits, both of camera and fov are given, or neither is and the file
             carries no camera.
     """
+    for name, given in (("camera", camera), ("previous_camera", previous_camera)):
+        if given is not None:
+            check_camera(given, name)
     if camera is not None and fov is not None:
         raise ValueError("read_gbuffer takes either camera or fov; pass one of them")
     if previous_camera is not None and fov is not None:

@@ -69,7 +69,7 @@ def exposure(
         raise ValueError(f"low and high must satisfy 0 <= low < high <= 1, got {low} and {high}")
     if not key > 0:
         raise ValueError(f"key must be positive, got {key}")
-    if min_ev > max_ev:
+    if not min_ev <= max_ev:
         raise ValueError(f"min_ev must not exceed max_ev, got {min_ev} and {max_ev}")
     check_between(0, 1, night=night)
     check_between(0, math.inf, speed_up=speed_up, speed_down=speed_down)

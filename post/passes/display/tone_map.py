@@ -70,6 +70,8 @@ def tone_map(
 
 
 def _check(operator: str, view: str) -> None:
+    if not isinstance(operator, str) or not isinstance(view, str):
+        raise TypeError(f"operator and view must be texts, got {operator!r} and {view!r}")
     if is_config(operator):
         check_view(operator, view)
     elif operator in OPERATORS and view:

@@ -186,6 +186,7 @@ class MotionBlur(Pass):
     def _stretch(self, frame: Frame) -> float | Tensor:
         if self.target_frame_time is None or frame.previous is None:
             return 1.0
+        check_each(0, above=True, unit="seconds", target_frame_time=self.target_frame_time)
         elapsed = frame.time - frame.previous.time
         if isinstance(elapsed, Tensor):
             return torch.where(elapsed > 0, self.target_frame_time / elapsed, 1.0)

@@ -11,7 +11,7 @@ from gbufrt import Camera, Frame, Pass
 from gbufrt.atmosphere import Atmosphere, air_before
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
-from gbufrt.numeric import check_numbers
+from gbufrt.numeric import check_kind, check_numbers, check_three
 
 
 def aerial_perspective(
@@ -51,6 +51,10 @@ def aerial_perspective(
     """
     check_pictures(camera, color=color, depth=depth, hit=hit)
     check_numbers(unit=unit, height=height)
+    check_three("sun", sun, "the air")
+    check_three("irradiance", irradiance, "the air")
+    if atmosphere is not None:
+        check_kind(Atmosphere, "atmosphere", atmosphere)
     kilometres = float(unit.detach() if isinstance(unit, Tensor) else unit)
     if not kilometres >= 0:
         raise ValueError(f"unit must be at least 0 kilometres, got {kilometres}")

@@ -205,6 +205,8 @@ class EstimateMissing(Pass):
         self, *, search_radius: int = 2, roughness_scale: float = 4.0, channels: str | Sequence[str] = ESTIMATES
     ) -> None:
         super().__init__()
+        if not isinstance(channels, (str, Sequence)):
+            raise TypeError(f"channels must be a name or several such as ('thickness',), got {channels!r}")
         self.channels = (channels,) if isinstance(channels, str) else tuple(channels)
         if unknown := [name for name in self.channels if name not in ESTIMATES]:
             raise ValueError(f"channels must be some of {', '.join(ESTIMATES)}, got {', '.join(map(repr, unknown))}")

@@ -11,9 +11,10 @@ from torch import Tensor
 from gbufrt import Frame, Pass
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import number
+from gbufrt.demands.pictures import check_pictures
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_between, check_counts
 from post.margin.op import scene
 from post.margin.view import PaddedView
 from post.sweep import arcs, slices
@@ -81,7 +82,9 @@ def gtao(
         raise ValueError(f"method must be 'bitmask' or 'horizon', got {method!r}")
     sweep: dict[str, Any] = {"hit": hit, "radius": radius, "directions": directions, "steps": steps}
     sweep |= {"scales": scales, "index": index, "seed": seed}
+    check_between(0, math.inf, hidden=hidden)
     if method == "horizon":
+        check_pictures(camera, thickness=thickness)  # it needs none, but takes one that the bitmask takes too
         return horizon_ao(depth, normal, camera, **sweep)
     return bitmask_ao(depth, normal, camera, thickness=thickness, hidden=hidden, **sweep)
 

@@ -12,6 +12,9 @@ import numpy as np
 from traversals import looks_free
 from writers.region import chunk, section, write_region
 
+import tracer
+from gbufrt.commands.arguments.world import DayOptions
+from gbufrt.commands.flights.day import under
 from tracer.worlds.regions.landscape import EMBERS, SUN
 from tracer.worlds.regions.stream import stream
 
@@ -62,3 +65,20 @@ def test_over_end_stone_there_is_no_sun_but_a_flight(tmp_path: Path) -> None:
     assert float(flown.sky.picture.max()) < 0.1
     granite = stream(_save(tmp_path / "other", lambda *at: np.minimum(_end(*at), 1)), window=6)
     assert (granite.sun, granite.sky.picture) == (SUN, None)
+
+
+@pytest.mark.parametrize("blocks", [_nether, _end])
+@pytest.mark.parametrize("window", [None, 6])
+def test_where_there_is_no_day_hours_and_rain_change_nothing(tmp_path: Path, blocks, window: int | None) -> None:
+    """The Nether had the haze of a blue sky under its roof, and the End an earthly night."""
+    save = _save(tmp_path / "save", blocks)
+    scene = tracer.load(save) if window is None else stream(save, window=window)
+    for day in (DayOptions(hour=12.0), DayOptions(rain=0.5)):
+        with pytest.warns(UserWarning, match="leave there as it is: the Nether and the End have no day"):
+            assert under(scene, day, "there") is scene
+
+
+def test_land_under_the_sky_has_hours(tmp_path: Path) -> None:
+    scene = tracer.load(_save(tmp_path / "other", lambda *at: np.minimum(_end(*at), 1)))
+    later = under(scene, DayOptions(hour=21.0), "there")
+    assert later.sky.picture is not None

@@ -10,6 +10,8 @@ from tracer.formats.minecraft.compression import GZIP, inflate
 
 MAX_READS = 1 << 19  # a value takes one to three, a real chunk some 10,000: bounds time, and memory of nbtlib's objects
 
+COMPOUND = b"\n"  # the tag of a tree's root
+
 T = TypeVar("T")
 Tags = dict[str, Any]
 
@@ -49,6 +51,8 @@ def parse_nbt(data: bytes) -> Tags:
         from nbtlib import File
     except ImportError:
         raise ValueError("Minecraft's files need nbtlib: pip install gbufrt[worlds]") from None
+    if data[:1] != COMPOUND:
+        raise ValueError(f"it is no NBT: it begins with {data[:4]!r}, in place of {COMPOUND!r}")
     try:
         return File.parse(_Reader(data))
     except RecursionError:

@@ -79,6 +79,11 @@ def landscape(world: World, instances: tuple[Instance, ...] = (), *, bare: bool 
     return replace(found, views=views_over(ground))
 
 
+def is_dayless(sky: Sky) -> bool:
+    """Whether it is a sky under which hours and weather make no sense: the Nether's or the End's."""
+    return sky is EMBERS or (sky.picture is not None and torch.equal(sky.picture.cpu(), night()))
+
+
 def _topped(ground: HeightMap, materials: MaterialTable, name: str) -> float:
     """The share of the land that has a material on top."""
     of_it = np.array([material.startswith(name) for material in materials.names])
