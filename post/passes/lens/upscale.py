@@ -15,12 +15,12 @@ from gbufrt.history import check_history
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from gbufrt.numeric import check_between, check_kind
+from post.display.sharpen import sharpened
 from post.history.reproject import history_for, motion_of
 from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import light_around, same_light, thin_features
 from post.upsampling.motion import farthest_around, moving_surfaces
 from post.upsampling.samples import Samples
-from post.upsampling.sharpen import sharpened
 from post.upsampling.upscale_op import upscaled
 from post.upsampling.upscale_reference import Large, Small, Tunables, begun, light_of
 
