@@ -40,7 +40,7 @@ from post.upsampling.upscale_history_kernel import (
 )
 
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
-TINY, SMALL, SMALLEST = np.float32(1e-12), np.float32(1e-6), np.float32(1e-30)
+TINY = np.float32(1e-12)
 BRIGHTEST, EIGHTH, FARTHEST = np.float32(MOST_BRIGHT), np.float32(1 / 8), np.float32(1 / 32)
 SAMPLE_WINDOW, FIRST_WINDOW = np.float32(constants.SAMPLE_WINDOW), np.float32(constants.FIRST_WINDOW)
 FOLLOWS, TRUSTED = np.float32(constants.FOLLOWS), np.float32(constants.TRUSTED)
@@ -49,6 +49,8 @@ LEAST_WEIGHT, MATURE, DECAY = (
     np.float32(constants.MATURE),
     np.float32(constants.DECAY),
 )
+NARROWEST, WIDER = np.float32(constants.NARROWEST), np.float32(constants.WIDEST - constants.NARROWEST)
+WIDEST_AT, DISTRUST = np.float32(constants.WIDEST_AT), np.float32(constants.DISTRUST)
 NEW_SHARE, STEADY, LOCK_WIDENS = (
     np.float32(constants.NEW_SHARE),
     np.float32(constants.STEADY),
@@ -159,37 +161,37 @@ def box_row(now, sums, small, begin):
 
 
 @scalar
-def _clip_row(rows, kept, now, gamma, stability):
-    """Histories within their boxes, in RGB, and how far their lumas moved."""
-    red, green, blue, r, g, b = rows[0], rows[1], rows[2], kept[OLD], kept[OLD + 1], kept[OLD + 2]
-    m0, m1, m2, s0, s1, s2 = now[MEAN], now[MEAN + 1], now[MEAN + 2], now[SPREAD], now[SPREAD + 1], now[SPREAD + 2]
-    extent, drift, wobble, spared, weight, moved = (
-        rows[3],
-        kept[DRIFT],
-        kept[WOBBLE],
-        kept[SPARED],
-        kept[WEIGHT],
-        rows[4],
-    )
+def _extent_row(extent, kept, gamma, stability, widest_at):
+    """Standard deviations to the sides of the boxes."""
+    drift, wobble, spared, weight = kept[DRIFT], kept[WOBBLE], kept[SPARED], kept[WEIGHT]
     for x in range(pixels(extent.shape[0])):
         calm = min(max(ONE - abs(drift[x]) / max(wobble[x], STEADY), ZERO), ONE) if wobble[x] > STEADY else ZERO
-        extent[x] = gamma + LOCK_WIDENS * spared[x] + stability * calm
+        wide = NARROWEST + WIDER * min(max(weight[x] / widest_at, ZERO), ONE)
+        extent[x] = (gamma + LOCK_WIDENS * spared[x] + stability * calm) * wide
+
+
+@scalar
+def _clip_row(rows, kept, now):
+    """Histories within their boxes, in RGB, how far their lumas moved, and what weight is left."""
+    red, green, blue, r, g, b = rows[0], rows[1], rows[2], kept[OLD], kept[OLD + 1], kept[OLD + 2]
+    m0, m1, m2, s0, s1, s2 = now[MEAN], now[MEAN + 1], now[MEAN + 2], now[SPREAD], now[SPREAD + 1], now[SPREAD + 2]
+    extent, moved, weight = rows[3], rows[4], kept[WEIGHT]
     for x in range(pixels(extent.shape[0])):
         luma, orange, shift = ycocg(r[x], g[x], b[x])
-        a0, a1, a2 = luma - m0[x], orange - m1[x], shift - m2[x]
-        outside = abs(a0) / max(extent[x] * s0[x], SMALL)
-        outside = max(outside, abs(a1) / max(extent[x] * s1[x], SMALL))
-        outside = max(max(outside, abs(a2) / max(extent[x] * s2[x], SMALL)), ONE)
-        a0, a1, a2 = m0[x] + a0 / outside, m1[x] + a1 / outside, m2[x] + a2 / outside
-        moved[x] = a0 - luma if weight[x] > ZERO else ZERO
+        e0, e1, e2 = extent[x] * s0[x], extent[x] * s1[x], extent[x] * s2[x]
+        a0 = min(max(luma, m0[x] - e0), m0[x] + e0)
+        a1, a2 = min(max(orange, m1[x] - e1), m1[x] + e1), min(max(shift, m2[x] - e2), m2[x] + e2)
         red[x], green[x], blue[x] = a0 + a1 - a2, a0 + a2, a0 - a1 - a2
+        moved[x] = a0 - luma if weight[x] > ZERO else ZERO
+        weight[x] /= ONE + DISTRUST * max(max(abs(a0 - luma), abs(a1 - orange)), abs(a2 - shift))
 
 
 @scalar
 def mix_row(kept, now, small, rows, numbers, new, light, length):
     """The new history: the old one, clipped to its box, with this frame in it; and the light that it shows."""
     (gamma, frames, stability, mean_weight), y, first, end = numbers, small.y, small.first, small.end
-    _clip_row(rows, kept, now, gamma, stability)
+    _extent_row(rows[3], kept, gamma, stability, WIDEST_AT * mean_weight)
+    _clip_row(rows, kept, now)
     most_length, weight, more, spared = frames * mean_weight, kept[WEIGHT], now[NOW_WEIGHT], kept[SPARED]
     for k in range(3):
         clipped, old, color, react = rows[k], kept[OLD + k], now[COLOR + k], kept[REACT + k]
