@@ -19,12 +19,16 @@ from post.upsampling.constants import (
     BOX_WINDOW,
     COVERED,
     DECAY,
+    DISTRUST,
     FIRST_WINDOW,
     FLAT,
     LEAST_WEIGHT,
     MATURE,
+    NARROWEST,
     PARTING,
     SAMPLE_WINDOW,
+    WIDEST,
+    WIDEST_AT,
 )
 from post.upsampling.samples import Samples
 
@@ -117,22 +121,26 @@ def mean_weight(at: Samples) -> float:
     return 8 / 9 * math.pi / -SAMPLE_WINDOW / (at.ratio[0] * at.ratio[1])
 
 
-def clipped(old: Tensor, now: Gathered, extent: Tensor) -> tuple[Tensor, Tensor]:
-    """Move a history toward the mean of the surroundings until it lies in their box in YCoCg.
+def clipped(old: Tensor, now: Gathered, extent: Tensor, weight: Tensor, at: Samples) -> tuple[Tensor, Tensor, Tensor]:
+    """Hold a history within mean and deviation of the surroundings in YCoCg, channel by channel.
 
     Args:
         old: ``(B, 3, H, W)`` tone-mapped.
         now: this frame.
         extent: ``(B, 1, H, W)`` standard deviations to the sides of the box.
+        weight: ``(B, 1, H, W)`` of the history: the more, the wider is the box.
+        at: the frame's samples.
 
     Returns:
-        The history, and ``(B, 1, H, W)`` by how much its luma moved.
+        The history; ``(B, 1, H, W)`` by how much its luma moved; and what weight is left, the less the more it moved.
     """
     was = ycocg(old)
-    away = was - now.mean
-    outside = (away.abs() / (extent * now.spread).clamp_min(1e-6)).amax(1, keepdim=True).clamp_min(1.0)
-    kept = now.mean + away / outside
-    return rgb(kept), (kept - was)[:, :1]
+    wide = NARROWEST + (WIDEST - NARROWEST) * (weight / (WIDEST_AT * mean_weight(at))).clamp(0, 1)
+    side = extent * wide * now.spread
+    kept = torch.minimum(torch.maximum(was, now.mean - side), now.mean + side)
+    moved = kept - was
+    left = weight / (1 + DISTRUST * moved.abs().amax(1, keepdim=True))
+    return rgb(kept), moved[:, :1], left
 
 
 def thin_features(toned: Tensor) -> Tensor:

@@ -25,6 +25,12 @@ LOST_MOVING = 0.2  # share lost besides for each pixel of movement, up to `FASTE
 LOST_SHEARED = 0.3  # share lost for each pixel by which neighbours move otherwise: surfaces beside it come into view
 FASTEST = 2.0  # pixels a frame
 
+# how a history is clipped: one of few samples is hardly better than those of this frame, one of many is
+NARROWEST = 0.5  # factor on the sides of its box where a history has no weight
+WIDEST = 3.0  # that factor for a history of `WIDEST_AT` frames
+WIDEST_AT = 12.0  # frames' mean weight
+DISTRUST = 12.0  # by how much clipping takes weight from a history: a change of 1 / DISTRUST halves it
+
 # thin features, which samples miss in most frames, are locked
 DECAY = 0.1  # share of a lock that a sample at the pixel's centre uses up, so that it ends when the feature has gone
 PARTING = 0.5  # pixels a frame by which the motion of a feature and of what is seen in its place differ

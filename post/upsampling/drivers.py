@@ -11,13 +11,16 @@ from numba import prange
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import allocating, driver, scalar
 from post.upsampling.kernel import SPAN, Grid, upsampled_row
+from post.upsampling.remap_kernel import TAPS
 from post.upsampling.row_kernel import GUIDES, NEAREST, PLANES, Room, upsampled_picture_row
-from post.upsampling.upscale_history_kernel import INDEX, KEPT, bounded, fetch_row
-from post.upsampling.upscale_kernel import NOW, SUMS, box_row, colors_row, mix_row, sums_row
+from post.upsampling.upscale_history_kernel import INDEX, KEPT, SCRATCH, Past, Small, fetch_row
+from post.upsampling.upscale_kernel import NOW, SUMS, box_row, colors_row, keep_row, mix_row, sums_row
+from post.upsampling.upscale_samples_kernel import SCRATCH as SAMPLE_SCRATCH
 from post.upsampling.upscale_samples_kernel import TENSOR, samples_row
 
 cuda: Any = numba.cuda
 AROUND = SPAN * SPAN  # samples around a pixel
+PIECE = 256  # pixels of a row that are upscaled at a time: rows of scratch stay in the cache
 
 
 @allocating
@@ -57,22 +60,24 @@ upsampled_each = Each(upsampled_pixel)
 
 
 @driver
-def sample_rows(seen, old, luma, motion, lenses, threads):
+def sample_rows(seen, old, size, luma, motion, lenses, threads):
     """See `post.upsampling.upscale_samples_kernel.samples_row`."""
     batch, _, height, width = seen.shape
     for thread in prange(threads):
         sums = np.empty((TENSOR, width + 2), np.float32)
+        scratch = np.empty((TAPS, width), np.int32), np.empty((SAMPLE_SCRATCH, width), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            samples_row(seen[b, :, y], sums, old[b], luma[b], motion[b], lenses[b], y, 0)
+            samples_row(seen[b, :, y], sums, scratch, old[b], size, luma[b], motion[b], lenses[b], y, 0)
 
 
 @scalar
-def samples_pixel(i, seen, old, luma, motion, lenses):
+def samples_pixel(i, seen, old, size, luma, motion, lenses):
     """As `sample_rows`, one sample."""
     b, y, x = pixel_of(i, seen.shape[2], seen.shape[3])
     sums = cuda.local.array((TENSOR, 3), np.float32)
-    samples_row(seen[b, :, y, x : x + 1], sums, old[b], luma[b], motion[b], lenses[b], y, x)
+    scratch = cuda.local.array((TAPS, 1), np.int32), cuda.local.array((SAMPLE_SCRATCH, 1), np.float32)
+    samples_row(seen[b, :, y, x : x + 1], sums, scratch, old[b], size, luma[b], motion[b], lenses[b], y, x)
 
 
 samples_each = Each(samples_pixel)
@@ -80,53 +85,57 @@ samples_each = Each(samples_pixel)
 
 @driver
 def upscaled_rows(
-    light, new, lengths, news, toned, small, farthest, old, seen, length, planes, across, down, lenses,
-    orthographic, gamma, frames, lock, stability, weight, threads,
+    light, new, lengths, news, toned, surfaces, farthest, old, seen, length, planes, across, down, lenses,
+    orthographic, low, gamma, frames, lock, stability, weight, threads,
 ):  # fmt: skip
     """See `post.upsampling.upscale_op.upscaled`."""
     batch, _, height, width = new.shape
     numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
+    size = min(width, PIECE)
     for thread in prange(threads):
-        kept, now = np.empty((KEPT, width), np.float32), np.empty((NOW, width), np.float32)
-        sums = np.empty((SUMS, toned.shape[3]), np.float32)
+        kept, now = np.empty((KEPT, size), np.float32), np.empty((NOW, size), np.float32)
+        scratch = np.empty((TAPS, size), np.int32), np.empty((SCRATCH, size), np.float32)
+        sums = np.empty((SUMS, low[1]), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            there = small[b], farthest[b], lenses[b], across[b], down[b], orthographic
-            given = *there, old[b], seen[b], length[b], planes[b], np.float32(lock), y, 0
-            _upscaled_row((new[b], light[b], lengths[b], news[b]), toned[b], given, (kept, now, sums), numbers, 0)
+            past = Past(old[b], length[b], planes[b], height, width)
+            given = surfaces[b], farthest[b], toned[b], seen[b], lenses[b], across[b], down[b], orthographic
+            out = new[b], light[b], lengths[b], news[b]
+            for begin in range(0, width, size):
+                first = min(begin, width - size)
+                small = Small(*given, low[0], low[1], y, first, first + size)
+                _upscaled_row(out, small, past, np.float32(lock), (kept, now, sums, scratch), numbers)
 
 
 @scalar
 def upscaled_pixel(
-    i, light, new, lengths, news, toned, small, farthest, old, seen, length, planes, across, down, lenses,
-    orthographic, gamma, frames, lock, stability, weight,
+    i, light, new, lengths, news, toned, surfaces, farthest, old, seen, length, planes, across, down, lenses,
+    orthographic, low, gamma, frames, lock, stability, weight,
 ):  # fmt: skip
     """As `upscaled_rows`, one pixel."""
     b, y, x = pixel_of(i, new.shape[2], new.shape[3])
     kept, now = cuda.local.array((KEPT, 1), np.float32), cuda.local.array((NOW, 1), np.float32)
+    scratch = cuda.local.array((TAPS, 1), np.int32), cuda.local.array((SCRATCH, 1), np.float32)
     sums = cuda.local.array((SUMS, 3), np.float32)
     numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
-    end, begin = x + 1, bounded(np.int64(across[b, INDEX, x]) - 1, toned.shape[3])
-    out = new[b, :, :, x:end], light[b, :, :, x:end], lengths[b, :, x:end], news[b, :, :, x:end]
-    there = small[b], farthest[b], lenses[b], across[b, :, x:end], down[b], orthographic
-    there = *there, old[b], seen[b], length[b], planes[b], np.float32(lock), y, x
-    some = sums[:, : min(3, toned.shape[3] - begin)]
-    _upscaled_row(out, toned[b], there, (kept, now, some), numbers, begin)
+    past = Past(old[b], length[b], planes[b], new.shape[2], new.shape[3])
+    given = surfaces[b], farthest[b], toned[b], seen[b], lenses[b], across[b], down[b], orthographic
+    small, out = Small(*given, low[0], low[1], y, x, x + 1), (new[b], light[b], lengths[b], news[b])
+    _upscaled_row(out, small, past, np.float32(lock), (kept, now, sums, scratch), numbers)
 
 
 upscaled_each = Each(upscaled_pixel)
 
 
 @scalar
-def _upscaled_row(out, toned, there, scratch, numbers, begin):
-    """Pixels of a row, as many as there is room for, with samples from column ``begin`` on.
-
-    ``there`` is what `fetch_row` takes.
-    """
-    (kept, now, sums), small, lens, across, down = scratch, there[0], there[2], there[3], there[4]
-    seen, y = there[7], there[11]
-    fetch_row(kept, *there)
-    sums_row(sums, toned, down, y, begin)
-    box_row(now, sums, across, down, y, begin, toned.shape[2])
-    colors_row(now, kept, toned, seen, across, down, lens[22] * lens[23], y)
-    mix_row(kept, now, small, across, down, numbers, y, *out)
+def _upscaled_row(out, small, past, lock, room, numbers):
+    """Some pixels of a row."""
+    (kept, now, sums, scratch), index = room, small.across[INDEX]
+    begin, end = max(np.int64(index[small.first]) - 1, 0), min(np.int64(index[small.end - 1]) + 2, small.width)
+    some, (new, light, length, planes) = sums[:, : end - begin], out
+    fetch_row(kept, small, past, lock, scratch)
+    sums_row(some, small, begin)
+    box_row(now, some, small, begin)
+    colors_row(now, kept, small, scratch)
+    mix_row(kept, now, small, scratch[1], numbers, new, light, length)
+    keep_row(kept, now, small, scratch, planes)

@@ -1,22 +1,26 @@
 """The compiled form of temporal upscaling: where pixels of the large picture were, and what its history holds there.
 
-Names and steps are those of the torch reference in `post.upsampling.upscale_reference`, the definition. Of the tables
-of columns and rows see `post.upsampling.upscale_op.axis_table`.
+A row of pixels at a time, whose loops become vector instructions but for the gathers. Names and steps are those of the
+torch reference in `post.upsampling.upscale_reference`, the definition. Of the tables of columns and rows see
+`post.upsampling.upscale_op.axis_table`.
 """
 
 from __future__ import annotations
 
 import math
+from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.kernel import inlined, scalar
+from gbufrt.compute.each import pixels
+from gbufrt.compute.kernel import scalar
 from post.upsampling import constants
+from post.upsampling.remap_kernel import FOUR, SHARES, between_row, bounded, gather_row, remapped_row, taps_row
 
-ZERO, HALF, ONE, TWO, FOUR, NEAREST = (np.float32(x) for x in (0, 0.5, 1, 2, 4, 1e-9))
-STEPPED = np.float32(constants.STEPPED)
+ZERO, HALF, ONE, NEAREST = (np.float32(x) for x in (0, 0.5, 1, 1e-9))
+BETWEEN = np.float32(2 * constants.LOST_BETWEEN)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
-LOST_BETWEEN, IN_FRONT = np.float32(constants.LOST_BETWEEN), np.float32(1 - constants.IN_FRONT)
+IN_FRONT = np.float32(1 - constants.IN_FRONT)
 LOST_MOVING, LOST_SHEARED, FASTEST = (
     np.float32(constants.LOST_MOVING),
     np.float32(constants.LOST_SHEARED),
@@ -31,161 +35,199 @@ DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6
 WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT = 0, 1, 4, 5, 6, 10, 11, 13, 14
 """Rows of what is kept of each pixel's history; `LOCKED` has four, as `accumulate.locked`, `REACT` three."""
 KEPT = 17
+AT, THEN, VALID, SHARE, VALUES, READS = 9, 11, 12, 13, 13 + SHARES, 13 + SHARES + FOUR
+"""Rows of scratch after those of surfaces: where pixels were, their depth there, whether it was seen, and for reads."""
+SCRATCH = READS + FOUR
 EXPECTED, SHEAR, ELLIPSE = 0, 3, 4
 """Channels of what `samples_row` tells of samples."""
 
 
-@inlined
-def bounded(i, count):
-    return min(max(i, 0), count - 1)
-
-
-@inlined
-def _surface_in_front(small, across, down, x, y):
-    """Column and row of the nearest surface among the four samples that surround a pixel."""
-    _, height, width = small.shape
-    column, row = np.int64(across[INDEX, x]), np.int64(down[INDEX, y])
-    side_x = column - (1 if across[AWAY, x] > ZERO else (-1 if across[AWAY, x] < ZERO else 0))
-    side_y = row - (1 if down[AWAY, y] > ZERO else (-1 if down[AWAY, y] < ZERO else 0))
-    side_x, side_y = bounded(side_x, width), bounded(side_y, height)
-    best_x, best_y, nearest = column, row, small[DEPTH, row, column]
-    for k in range(1, 4):
-        i, j = side_x if k != 2 else column, side_y if k != 1 else row
-        if small[DEPTH, j, i] < nearest * IN_FRONT:
-            best_x, best_y, nearest = i, j, small[DEPTH, j, i]
-    return best_x, best_y
-
-
-@inlined
-def _was_at(small, lens, across, down, orthographic, x, y, first):
-    """Where a pixel was, px, and its depth now and then."""
-    column, row = _surface_in_front(small, across, down, x, y)
-    near, at_x, at_y = small[DEPTH, row, column], np.float32(first + x) + HALF, np.float32(y) + HALF
-    ray_x, ray_y = (at_x - lens[2]) / lens[0], (at_y - lens[3]) / lens[1]
-    fx, fy, fz = small[FACING, row, column], small[FACING + 1, row, column], small[FACING + 2, row, column]
-    start = fx * ray_x + fy * ray_y if orthographic else ZERO
-    along = fz if orthographic else fx * ray_x + fy * ray_y + fz
-    depth = near
-    if abs(along) > EDGE_ON:
-        met = (small[OFFSET, row, column] - start) / along
-        if met > near / STRETCH and met < near * STRETCH:
-            depth = met
-    px, py = (ray_x, ray_y) if orthographic else (ray_x * depth, ray_y * depth)
-    hit = small[HIT, row, column] > ZERO
-    if hit or not orthographic:
-        share = ONE if hit else ZERO
-        bx = lens[4] * px + lens[5] * py + lens[6] * depth + lens[13] * share
-        by = lens[7] * px + lens[8] * py + lens[9] * depth + lens[14] * share
-        bz = lens[10] * px + lens[11] * py + lens[12] * depth + lens[15] * share
-    else:
-        bx, by, bz = px, py, depth
-    behind = ONE if orthographic else max(bz, NEAREST)
-    scale_x, scale_y = lens[22], lens[23]
-    there_x = bx / behind * lens[16] + lens[18] + small[OWN, row, column] * scale_x
-    there_y = by / behind * lens[17] + lens[19] + small[OWN + 1, row, column] * scale_y
-    then = depth + (bz - depth if hit else ZERO) + small[OWN_Z, row, column]
-    return there_x, there_y, depth, then
-
-
-@inlined
-def _sloped(near, up, here, f):
-    """``near`` with what its slope adds on the way to its neighbour; it rises by ``up``, then by ``here``."""
-    steepest = TWO * min(abs(up), abs(here))
-    return near + min(max((up + here) * HALF, -steepest), steepest) * f * HALF
-
-
-@inlined
-def _moved(a, b, c, d, f):
-    """See `post.upsampling.remap`; what is chosen is chosen without a jump, which no processor would foresee."""
-    g, up, here, down = ONE - f, b - a, c - b, d - c
-    rising, next_rising = up * here > ZERO, here * down > ZERO
-    step, next_step = here / (up + here if rising else ONE), down / (here + down if next_rising else ONE)
-    sloped, next_sloped = g * _sloped(b, up, here, f), f * _sloped(c, here, down, -g)
-    stepped = max(step - f, ZERO) * a + (ONE - max(step, f)) * c
-    next_stepped = min(next_step, f) * b + max(f - next_step, ZERO) * d
-    first = sloped + (stepped - sloped) * STEPPED if rising else g * b
-    return first + (next_sloped + (next_stepped - next_sloped) * STEPPED if next_rising else f * c)
-
-
-@inlined
-def remapped(old, x, y):
-    """Colour of a history over a square between its pixels; see `post.upsampling.remap`."""
-    _, height, width = old.shape
-    left, top = np.float32(math.floor(x - HALF)), np.float32(math.floor(y - HALF))
-    u, v, x0, y0 = x - HALF - left, y - HALF - top, np.int64(left), np.int64(top)
-    xa, xb = bounded(x0 - 1, width), bounded(x0, width)
-    xc, xd = bounded(x0 + 1, width), bounded(x0 + 2, width)
-    ye, yf = bounded(y0 - 1, height), bounded(y0, height)
-    yg, yh = bounded(y0 + 1, height), bounded(y0 + 2, height)
-    red, green, blue = ZERO, ZERO, ZERO
-    for n in range(3):
-        r0, r1, r2, r3 = old[n, ye], old[n, yf], old[n, yg], old[n, yh]
-        read = _moved(
-            _moved(r0[xa], r0[xb], r0[xc], r0[xd], u),
-            _moved(r1[xa], r1[xb], r1[xc], r1[xd], u),
-            _moved(r2[xa], r2[xb], r2[xc], r2[xd], u),
-            _moved(r3[xa], r3[xb], r3[xc], r3[xd], u),
-            v,
-        )
-        red, green, blue = green, blue, read
-    return red, green, blue
-
-
-@inlined
-def _between(plane, i, k, u, j, m, v):
-    """A plane between columns ``i`` and ``k``, by ``u`` of the way, and rows ``j`` and ``m``, by ``v``."""
-    return (ONE - v) * ((ONE - u) * plane[j, i] + u * plane[j, k]) + v * ((ONE - u) * plane[m, i] + u * plane[m, k])
+Small = namedtuple("Small", "surfaces farthest toned seen lens across down orthographic height width y first end")
+"""Flat pictures of samples, what leads to them, their height and width, and which pixels of the large picture to do."""
+Past = namedtuple("Past", "old length planes height width")
+"""A flat history."""
 
 
 @scalar
-def fetch_row(kept, small, farthest, lens, across, down, orthographic, old, seen, length, planes, lock, y, first):
+def four_places(taps, small, centered):
+    """The four samples that surround each pixel; ``centered`` is the side of the others where one is in its centre."""
+    index, away = small.across[INDEX, small.first : small.end], small.across[AWAY, small.first : small.end]
+    row, above, last = np.int64(small.down[INDEX, small.y]), small.down[AWAY, small.y], np.float32(small.width - 1)
+    side = bounded(row + np.int64(-ONE if above > ZERO else (ONE if above < ZERO else centered)), small.height)
+    here, there = np.int32(row * small.width), np.int32(side * small.width)
+    one, two, three, four = taps[0], taps[1], taps[2], taps[3]
+    for x in range(pixels(one.shape[0])):
+        step = -ONE if away[x] > ZERO else (ONE if away[x] < ZERO else centered)
+        column, beside = np.int32(index[x]), np.int32(min(max(index[x] + step, ZERO), last))
+        one[x], two[x], three[x], four[x] = column + here, beside + here, column + there, beside + there
+
+
+@scalar
+def _surface_row(rows, taps, small):
+    """The nearest surface among the four samples that surround each pixel."""
+    four_places(taps, small, ZERO)
+    one, two, three, four = taps[0], taps[1], taps[2], taps[3]
+    for k in range(FOUR):
+        gather_row(rows[VALUES + k], small.surfaces[DEPTH], taps[k])
+    a, b, c, d = rows[VALUES], rows[VALUES + 1], rows[VALUES + 2], rows[VALUES + 3]
+    for x in range(pixels(one.shape[0])):
+        nearest, place, closer = a[x], one[x], b[x] < a[x] * IN_FRONT
+        nearest, place = b[x] if closer else nearest, two[x] if closer else place
+        closer = c[x] < nearest * IN_FRONT
+        nearest, place = c[x] if closer else nearest, three[x] if closer else place
+        one[x] = four[x] if d[x] < nearest * IN_FRONT else place
+    for k in range(OWN_Z + 1):
+        gather_row(rows[k], small.surfaces[k], one)
+
+
+@scalar
+def _depth_row(depth, rows, lens, orthographic, y, first):
+    """Where the plane of each pixel's surface lies."""
+    near, fx, fy, fz, offset = rows[DEPTH], rows[FACING], rows[FACING + 1], rows[FACING + 2], rows[OFFSET]
+    ray_y = (np.float32(y) + HALF - lens[3]) / lens[1]
+    for x in range(pixels(depth.shape[0])):
+        ray_x = (np.float32(np.int32(first + x)) + HALF - lens[2]) / lens[0]
+        tilted = fx[x] * ray_x + fy[x] * ray_y
+        start, along = tilted if orthographic else ZERO, fz[x] if orthographic else tilted + fz[x]
+        facing = abs(along) > EDGE_ON
+        met = (offset[x] - start) / (along if facing else ONE)
+        facing &= (met > near[x] / STRETCH) & (met < near[x] * STRETCH)
+        depth[x] = met if facing else near[x]
+
+
+@scalar
+def _was_row(kept, rows, small):
+    """Where each pixel was, px, and its depth now and then."""
+    lens, orthographic, y, first = small.lens, small.orthographic, small.y, small.first
+    _depth_row(kept[NOW_DEPTH], rows, lens, orthographic, y, first)
+    depth, at_x, at_y, then, hit = kept[NOW_DEPTH], rows[AT], rows[AT + 1], rows[THEN], rows[HIT]
+    own_x, own_y, own_z, ray_y = rows[OWN], rows[OWN + 1], rows[OWN_Z], (np.float32(y) + HALF - lens[3]) / lens[1]
+    for x in range(pixels(depth.shape[0])):
+        ray_x, z = (np.float32(np.int32(first + x)) + HALF - lens[2]) / lens[0], depth[x]
+        px, py = ray_x if orthographic else ray_x * z, ray_y if orthographic else ray_y * z
+        solid = hit[x] > ZERO
+        share, still = ONE if solid else ZERO, orthographic and not solid
+        bx = lens[4] * px + lens[5] * py + lens[6] * z + lens[13] * share
+        by = lens[7] * px + lens[8] * py + lens[9] * z + lens[14] * share
+        bz = lens[10] * px + lens[11] * py + lens[12] * z + lens[15] * share
+        bx, by, bz = px if still else bx, py if still else by, z if still else bz
+        behind = ONE if orthographic else max(bz, NEAREST)
+        at_x[x] = bx / behind * lens[16] + lens[18] + own_x[x] * lens[22]
+        at_y[x] = by / behind * lens[17] + lens[19] + own_y[x] * lens[23]
+        then[x] = (bz if solid else z) + own_z[x]
+    move_x, move_y = kept[NOW_MOTION], kept[NOW_MOTION + 1]
+    for x in range(pixels(depth.shape[0])):
+        move_x[x] = at_x[x] - (np.float32(np.int32(first + x)) + HALF)
+        move_y[x] = at_y[x] - (np.float32(y) + HALF)
+
+
+@scalar
+def _seen_row(rows, taps, small, past):
+    """Whether the frame before showed each pixel; where it did not, the history's corner is read."""
+    at_x, at_y, then, valid, farthest, place = rows[AT], rows[AT + 1], rows[THEN], rows[VALID], rows[VALUES], taps[0]
+    lens, right, bottom = small.lens, np.float32(small.width - 1), np.float32(small.height - 1)
+    width, height = np.float32(past.width), np.float32(past.height)
+    for x in range(pixels(valid.shape[0])):
+        inside = (at_x[x] >= ZERO) & (at_x[x] < width) & (at_y[x] >= ZERO) & (at_y[x] < height)
+        at_x[x], at_y[x], valid[x] = at_x[x] if inside else ZERO, at_y[x] if inside else ZERO, ONE if inside else ZERO
+        column = min(max(np.floor(at_x[x] / lens[22] - lens[20]), ZERO), right)
+        row = min(max(np.floor(at_y[x] / lens[23] - lens[21]), ZERO), bottom)
+        place[x] = np.int32(row) * np.int32(small.width) + np.int32(column)
+    gather_row(farthest, small.farthest, place)
+    for x in range(pixels(valid.shape[0])):
+        valid[x] = valid[x] if then[x] <= farthest[x] * TOLERANCE else ZERO
+
+
+@scalar
+def _weight_row(kept, rows, taps, small):
+    """What is left of the weight of each pixel's history."""
+    index, row = small.across[INDEX, small.first : small.end], np.int32(small.down[INDEX, small.y])
+    place, apart = taps[0], rows[VALUES]
+    for x in range(pixels(place.shape[0])):
+        place[x] = row * np.int32(small.width) + np.int32(index[x])
+    gather_row(apart, small.seen[SHEAR], place)
+    weight, move_x, move_y, valid = kept[WEIGHT], kept[NOW_MOTION], kept[NOW_MOTION + 1], rows[VALID]
+    u, v, drift, wobble = rows[SHARE], rows[SHARE + 1], kept[DRIFT], kept[WOBBLE]
+    for x in range(pixels(place.shape[0])):
+        speed = min(math.sqrt(move_x[x] * move_x[x] + move_y[x] * move_y[x]), FASTEST)
+        lost = (ONE + LOST_SHEARED * apart[x]) * (ONE + LOST_MOVING * speed)
+        left = ONE - BETWEEN * (u[x] * (ONE - u[x]) + v[x] * (ONE - v[x]))
+        weight[x] = weight[x] * left / lost if valid[x] > ZERO else ZERO
+        drift[x], wobble[x] = drift[x] * valid[x], wobble[x] * valid[x]
+
+
+@scalar
+def _between_samples(rows, taps, small):
+    """Taps and shares of `between_row` for pixels between the samples of the small picture."""
+    place, left, right, u, v = (
+        small.across[PLACE, small.first : small.end],
+        taps[1],
+        taps[2],
+        rows[SHARE],
+        rows[SHARE + 1],
+    )
+    last, row = np.int32(small.width - 1), np.int64(small.down[PLACE, small.y])
+    taps[5, :], taps[6, :] = np.int32(row * small.width), np.int32(min(row + 1, small.height - 1) * small.width)
+    v[:] = small.down[PLACE, small.y] - np.float32(row)
+    for x in range(pixels(left.shape[0])):
+        i = np.int32(place[x])
+        left[x], right[x], u[x] = i, min(np.int32(i + 1), last), place[x] - np.float32(i)
+
+
+@scalar
+def _react_rows(kept, rows, taps, small):
+    """How much less history each channel may hold; taps are of `_between_samples`."""
+    channels, shares, values = small.surfaces.shape[0] - REACTIVE, rows[SHARE : SHARE + SHARES], rows[VALUES:]
+    for k in range(channels):
+        between_row(kept[REACT + k], small.surfaces[REACTIVE + k], taps, shares, values)
+    for k in range(channels, 3):
+        red, other = kept[REACT], kept[REACT + k]
+        for x in range(pixels(other.shape[0])):
+            other[x] = red[x] if k > 0 else ZERO
+
+
+@scalar
+def _lock_row(kept, rows, alike, lock):
+    """What is left of locks, and how far they spare pixels of clipping."""
+    strength, was, moved_x, moved_y = kept[LOCKED], kept[LOCKED + 1], kept[LOCKED + 2], kept[LOCKED + 3]
+    move_x, move_y, depth, then, valid = (
+        kept[NOW_MOTION],
+        kept[NOW_MOTION + 1],
+        kept[NOW_DEPTH],
+        rows[THEN],
+        rows[VALID],
+    )
+    red, green, blue, spared = kept[REACT], kept[REACT + 1], kept[REACT + 2], kept[SPARED]
+    for x in range(pixels(strength.shape[0])):
+        off_x, off_y = moved_x[x] - move_x[x], moved_y[x] - move_y[x]
+        alive = min(max(ONE - math.sqrt(off_x * off_x + off_y * off_y) / PARTING, ZERO), ONE) * alike[x] * valid[x]
+        alive = strength[x] * alive if then[x] > was[x] * COVERED else ZERO
+        strength[x], was[x] = alive, was[x] * valid[x] + depth[x] - then[x]
+        moved_x[x], moved_y[x] = moved_x[x] * valid[x], moved_y[x] * valid[x]
+        spared[x] = lock * alive * (ONE - max(max(red[x], green[x]), blue[x]))
+
+
+@scalar
+def fetch_row(kept, small, past, lock, scratch):
     """History where each pixel was, and what is left of its locks; zero where the pixel was not seen.
 
-    ``kept`` and ``across`` are of the columns from ``first`` on; ``seen`` is of `samples_row`.
+    ``scratch`` are taps and rows, for as many pixels as ``kept``. See `Small` and `Past`.
     """
-    (_, height, width), (low_height, low_width) = old.shape, farthest.shape
-    for x in range(kept.shape[1]):
-        there_x, there_y, depth, then = _was_at(small, lens, across, down, orthographic, x, y, first)
-        move_x, move_y = there_x - (np.float32(first + x) + HALF), there_y - (np.float32(y) + HALF)
-        kept[NOW_DEPTH, x], kept[NOW_MOTION, x], kept[NOW_MOTION + 1, x] = depth, move_x, move_y
-        valid = there_x >= ZERO and there_x < np.float32(width) and there_y >= ZERO and there_y < np.float32(height)
-        if valid:
-            i = bounded(np.int64(math.floor(there_x / lens[22] - lens[20])), low_width)
-            j = bounded(np.int64(math.floor(there_y / lens[23] - lens[21])), low_height)
-            valid = then <= farthest[j, i] * TOLERANCE
-        if not valid:
-            for k in range(NOW_DEPTH):
-                kept[k, x] = ZERO
-            kept[SPARED, x], kept[LOCKED + 1, x] = ZERO, depth - then
-            continue
-        left, top = np.float32(math.floor(there_x - HALF)), np.float32(math.floor(there_y - HALF))
-        u, v = there_x - HALF - left, there_y - HALF - top
-        blur = HALF * (FOUR * u * (ONE - u) + FOUR * v * (ONE - v))
-        x0, y0 = np.int64(left), np.int64(top)
-        xb, xc, yf, yg = bounded(x0, width), bounded(x0 + 1, width), bounded(y0, height), bounded(y0 + 1, height)
-        speed = min(math.sqrt(move_x * move_x + move_y * move_y), FASTEST)
-        apart = seen[SHEAR, np.int64(down[INDEX, y]), np.int64(across[INDEX, x])]
-        lost = (ONE + LOST_SHEARED * apart) * (ONE + LOST_MOVING * speed)
-        kept[WEIGHT, x] = _between(length, xb, xc, u, yf, yg, v) * (ONE - LOST_BETWEEN * blur) / lost
-        kept[DRIFT, x] = _between(planes[0], xb, xc, u, yf, yg, v)
-        kept[WOBBLE, x] = _between(planes[1], xb, xc, u, yf, yg, v)
-        strength, was = _between(planes[2], xb, xc, u, yf, yg, v), _between(planes[3], xb, xc, u, yf, yg, v)
-        moved_x = _between(planes[4], xb, xc, u, yf, yg, v)
-        moved_y = _between(planes[5], xb, xc, u, yf, yg, v)
-        apart = math.sqrt((moved_x - move_x) ** 2 + (moved_y - move_y) ** 2) / PARTING
-        strength *= min(max(ONE - apart, ZERO), ONE)
-        i, j = np.int64(across[PLACE, x]), np.int64(down[PLACE, y])
-        k, m = min(i + 1, low_width - 1), min(j + 1, low_height - 1)
-        s, t = across[PLACE, x] - np.float32(i), down[PLACE, y] - np.float32(j)
-        strength = strength * _between(small[ALIKE], i, k, s, j, m, t) if then > was * COVERED else ZERO
-        kept[LOCKED, x], kept[LOCKED + 1, x] = strength, was + depth - then
-        kept[LOCKED + 2, x], kept[LOCKED + 3, x] = moved_x, moved_y
-        most = ZERO
-        for c in range(3):
-            react = kept[REACT, x] if c else ZERO
-            if c < small.shape[0] - REACTIVE:
-                react = _between(small[REACTIVE + c], i, k, s, j, m, t)
-            kept[REACT + c, x], most = react, max(most, react)
-        kept[SPARED, x] = lock * strength * (ONE - most)
-        red, green, blue = remapped(old, there_x, there_y)
-        kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x] = red, green, blue
+    taps, rows = scratch
+    shares, values, reads = rows[SHARE : SHARE + SHARES], rows[VALUES : VALUES + FOUR], rows[READS : READS + FOUR]
+    _surface_row(rows, taps, small)
+    _was_row(kept, rows, small)
+    _seen_row(rows, taps, small, past)
+    taps_row(taps, shares, rows[AT], rows[AT + 1], past.height, past.width)
+    between_row(kept[WEIGHT], past.length, taps, shares, values)
+    for k in range(2):
+        between_row(kept[DRIFT + k], past.planes[k], taps, shares, values)
+    for k in range(4):
+        between_row(kept[LOCKED + k], past.planes[2 + k], taps, shares, values)
+    for k in range(3):
+        remapped_row(kept[OLD + k], past.old[k], taps, shares, values, reads)
+    _weight_row(kept, rows, taps, small)
+    _between_samples(rows, taps, small)
+    _react_rows(kept, rows, taps, small)
+    between_row(reads[0], small.surfaces[ALIKE], taps, shares, values)
+    _lock_row(kept, rows, reads[0], lock)

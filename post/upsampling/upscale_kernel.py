@@ -11,10 +11,12 @@ import math
 
 import numpy as np
 
+from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import inlined, scalar
 from post.history.color_kernel import luminance, ycocg
 from post.history.constants import BRIGHTEST as MOST_BRIGHT
 from post.upsampling import constants
+from post.upsampling.remap_kernel import FOUR, bounded, gather_row
 from post.upsampling.upscale_history_kernel import (
     AWAY,
     BOXES,
@@ -26,18 +28,19 @@ from post.upsampling.upscale_history_kernel import (
     LOCK,
     LOCKED,
     NOW_DEPTH,
-    NOW_MOTION,
     OLD,
     REACT,
+    READS,
     SPARED,
     STEP,
+    VALUES,
     WEIGHT,
     WOBBLE,
-    bounded,
+    four_places,
 )
 
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
-TINY, SMALL, SMALLEST = np.float32(1e-12), np.float32(1e-6), np.float32(1e-30)
+TINY = np.float32(1e-12)
 BRIGHTEST, EIGHTH, FARTHEST = np.float32(MOST_BRIGHT), np.float32(1 / 8), np.float32(1 / 32)
 SAMPLE_WINDOW, FIRST_WINDOW = np.float32(constants.SAMPLE_WINDOW), np.float32(constants.FIRST_WINDOW)
 FOLLOWS, TRUSTED = np.float32(constants.FOLLOWS), np.float32(constants.TRUSTED)
@@ -46,6 +49,8 @@ LEAST_WEIGHT, MATURE, DECAY = (
     np.float32(constants.MATURE),
     np.float32(constants.DECAY),
 )
+NARROWEST, WIDER = np.float32(constants.NARROWEST), np.float32(constants.WIDEST - constants.NARROWEST)
+WIDEST_AT, DISTRUST = np.float32(constants.WIDEST_AT), np.float32(constants.DISTRUST)
 NEW_SHARE, STEADY, LOCK_WIDENS = (
     np.float32(constants.NEW_SHARE),
     np.float32(constants.STEADY),
@@ -54,18 +59,21 @@ NEW_SHARE, STEADY, LOCK_WIDENS = (
 COLOR, MEAN, SPREAD, NOW_WEIGHT, LOWEST, HIGHEST = 0, 3, 6, 9, 10, 13
 """Rows of what this frame tells of each pixel."""
 NOW, SUMS = 16, 6
+BESIDE, WINDOW, COUNTS = 3, 5, READS
+"""Rows of scratch after the three of ellipses: how far samples lie to the side, their window, and how each counts."""
 
 
 @scalar
-def sums_row(sums, toned, down, y, begin):
+def sums_row(sums, small, begin):
     """Of columns of samples from ``begin`` on, sums over three rows about a row of pixels: YCoCg and its squares."""
-    height, end = toned.shape[1], begin + sums.shape[1]
+    toned, down, y, count = small.toned, small.down, small.y, sums.shape[1]
     sums[:] = ZERO
     s0, s1, s2, s3, s4, s5 = sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
     for k in range(3):
-        row, box = bounded(np.int64(down[INDEX, y]) + k - 1, height), down[BOXES + k, y]
-        red, green, blue = toned[0, row, begin:end], toned[1, row, begin:end], toned[2, row, begin:end]
-        for x in range(sums.shape[1]):
+        first = bounded(np.int64(down[INDEX, y]) + k - 1, small.height) * small.width + begin
+        box, end = down[BOXES + k, y], first + count
+        red, green, blue = toned[0, first:end], toned[1, first:end], toned[2, first:end]
+        for x in range(count):
             luma, orange, shift = ycocg(red[x], green[x], blue[x])
             s0[x] += box * luma
             s1[x] += box * orange
@@ -83,99 +91,141 @@ def _near(exponent):
 
 
 @scalar
-def colors_row(now, kept, toned, seen, across, down, area, y):
-    """Colours of the four samples that surround each pixel, by ellipses; see `accumulate.gathered`."""
-    _, height, width = toned.shape
-    row, above = np.int64(down[INDEX, y]), down[AWAY, y]
-    side = -1 if above > ZERO else 1
-    other, below, step = bounded(row + side, height), above + np.float32(side) * down[STEP, 0], across[STEP, 0]
-    for x in range(now.shape[1]):
-        column, left = np.int64(across[INDEX, x]), across[AWAY, x]
-        side = -1 if left > ZERO else 1
-        beside, right = bounded(column + side, width), left + np.float32(side) * step
-        xx, xy, yy = seen[ELLIPSE, row, column], seen[ELLIPSE + 1, row, column], seen[ELLIPSE + 2, row, column]
-        ready = min(max(kept[WEIGHT, x] / MATURE, ZERO), ONE)
-        window = SAMPLE_WINDOW * ready + FIRST_WINDOW / area * (ONE - ready)
-        count, share, r, g, b, e, f, h = LEAST_WEIGHT, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
-        l0, l1, l2 = toned[0, row, column], toned[1, row, column], toned[2, row, column]
-        m0, m1, m2 = l0, l1, l2
-        for k in range(4):
-            i, j = beside if k % 2 else column, other if k > 1 else row
-            u, v = right if k % 2 else left, below if k > 1 else above
-            square = xx * u * u + xy * u * v * TWO + yy * v * v
-            count += _near(SAMPLE_WINDOW * square)
-            counts = _near(window * square)
-            t0, t1, t2 = toned[0, j, i], toned[1, j, i], toned[2, j, i]
-            share, r, g, b = share + counts, r + counts * t0, g + counts * t1, b + counts * t2
-            e, f = e + counts * seen[EXPECTED, j, i], f + counts * seen[EXPECTED + 1, j, i]
-            h += counts * seen[EXPECTED + 2, j, i]
-            l0, l1, l2, m0, m1, m2 = min(l0, t0), min(l1, t1), min(l2, t2), max(m0, t0), max(m1, t1), max(m2, t2)
-        share, follows = ONE / share, FOLLOWS * kept[WEIGHT, x] / (kept[WEIGHT, x] + TRUSTED)
-        now[COLOR, x] = r * share + follows * (kept[OLD, x] - e * share)
-        now[COLOR + 1, x] = g * share + follows * (kept[OLD + 1, x] - f * share)
-        now[COLOR + 2, x] = b * share + follows * (kept[OLD + 2, x] - h * share)
-        now[LOWEST, x], now[LOWEST + 1, x], now[LOWEST + 2, x] = l0, l1, l2
-        now[HIGHEST, x], now[HIGHEST + 1, x], now[HIGHEST + 2, x] = m0, m1, m2
-        now[NOW_WEIGHT, x] = count
+def _weigh_four(counts, now, kept, rows, small):
+    """How the four samples around each pixel count, by ellipses, in shares of all."""
+    step, side, left, right = small.across[STEP, 0], small.down[STEP, 0], rows[BESIDE], rows[BESIDE + 1]
+    away, window, area = small.across[AWAY, small.first : small.end], rows[WINDOW], small.lens[22] * small.lens[23]
+    xx, xy, yy, total, ready = rows[0], rows[1], rows[2], now[NOW_WEIGHT], kept[WEIGHT]
+    for x in range(pixels(left.shape[0])):
+        left[x], right[x] = away[x], away[x] + (-step if away[x] > ZERO else step)
+        mature = min(max(ready[x] / MATURE, ZERO), ONE)
+        window[x] = SAMPLE_WINDOW * mature + FIRST_WINDOW / area * (ONE - mature)
+        total[x] = LEAST_WEIGHT
+    above = small.down[AWAY, small.y]
+    for k in range(FOUR):
+        count, beside = counts[k], rows[BESIDE + k % 2]
+        v = above + (-side if above > ZERO else side) if k > 1 else above
+        for x in range(pixels(count.shape[0])):
+            u = beside[x]
+            square = xx[x] * u * u + xy[x] * u * v * TWO + yy[x] * v * v
+            total[x] += _near(SAMPLE_WINDOW * square)
+            count[x] = _near(window[x] * square)
+    one, two, three, four = counts[0], counts[1], counts[2], counts[3]
+    for x in range(pixels(one.shape[0])):
+        share = ONE / (one[x] + two[x] + three[x] + four[x])
+        one[x], two[x], three[x], four[x] = one[x] * share, two[x] * share, three[x] * share, four[x] * share
 
 
 @scalar
-def box_row(now, sums, across, down, y, begin, low_width):
+def colors_row(now, kept, small, scratch):
+    """Colours of the four samples that surround each pixel, by ellipses; see `accumulate.gathered`."""
+    taps, rows = scratch
+    values, counts = rows[VALUES : VALUES + FOUR], rows[COUNTS : COUNTS + FOUR]
+    four_places(taps, small, ONE)
+    for k in range(3):
+        gather_row(rows[k], small.seen[ELLIPSE + k], taps[0])
+    _weigh_four(counts, now, kept, rows, small)
+    a, b, c, d, weight = values[0], values[1], values[2], values[3], kept[WEIGHT]
+    one, two, three, four = counts[0], counts[1], counts[2], counts[3]
+    for n in range(3):
+        for k in range(FOUR):
+            gather_row(values[k], small.seen[EXPECTED + n], taps[k])
+        color, old = now[COLOR + n], kept[OLD + n]
+        for x in range(pixels(one.shape[0])):
+            expected = one[x] * a[x] + two[x] * b[x] + three[x] * c[x] + four[x] * d[x]
+            color[x] = FOLLOWS * weight[x] / (weight[x] + TRUSTED) * (old[x] - expected)
+        for k in range(FOUR):
+            gather_row(values[k], small.toned[n], taps[k])
+        lowest, highest = now[LOWEST + n], now[HIGHEST + n]
+        for x in range(pixels(one.shape[0])):
+            color[x] += one[x] * a[x] + two[x] * b[x] + three[x] * c[x] + four[x] * d[x]
+            lowest[x], highest[x] = min(min(a[x], b[x]), min(c[x], d[x])), max(max(a[x], b[x]), max(c[x], d[x]))
+
+
+@scalar
+def box_row(now, sums, small, begin):
     """What bounds the history of each pixel; see `accumulate.gathered`. ``sums`` are of columns from ``begin`` on."""
+    index, down, y, count = small.across[INDEX, small.first : small.end], small.down, small.y, sums.shape[1]
+    across, first = small.across, small.first
     box_high = down[BOXES, y] + down[BOXES + 1, y] + down[BOXES + 2, y]
-    for x in range(now.shape[1]):
-        i = np.int64(across[INDEX, x])
-        h, k = bounded(i - 1, low_width) - begin, bounded(i + 1, low_width) - begin
-        a, b, c = across[BOXES, x], across[BOXES + 1, x], across[BOXES + 2, x]
+    for x in range(pixels(now.shape[1])):
+        i = np.int64(index[x]) - begin
+        h, k = bounded(i - 1, count), bounded(i + 1, count)
+        a, b, c = across[BOXES, first + x], across[BOXES + 1, first + x], across[BOXES + 2, first + x]
         share = ONE / ((a + b + c) * box_high)
         for n in range(3):
-            mean = (a * sums[n, h] + b * sums[n, i - begin] + c * sums[n, k]) * share
-            square = (a * sums[n + 3, h] + b * sums[n + 3, i - begin] + c * sums[n + 3, k]) * share
+            mean = (a * sums[n, h] + b * sums[n, i] + c * sums[n, k]) * share
+            square = (a * sums[n + 3, h] + b * sums[n + 3, i] + c * sums[n + 3, k]) * share
             now[MEAN + n, x] = mean
             now[SPREAD + n, x] = math.sqrt(max(square - mean * mean, ZERO) + TINY)
 
 
 @scalar
-def mix_row(kept, now, small, across, down, numbers, y, out, light, length, planes):
+def _extent_row(extent, kept, gamma, stability, widest_at):
+    """Standard deviations to the sides of the boxes."""
+    drift, wobble, spared, weight = kept[DRIFT], kept[WOBBLE], kept[SPARED], kept[WEIGHT]
+    for x in range(pixels(extent.shape[0])):
+        calm = min(max(ONE - abs(drift[x]) / max(wobble[x], STEADY), ZERO), ONE) if wobble[x] > STEADY else ZERO
+        wide = NARROWEST + WIDER * min(max(weight[x] / widest_at, ZERO), ONE)
+        extent[x] = (gamma + LOCK_WIDENS * spared[x] + stability * calm) * wide
+
+
+@scalar
+def _clip_row(rows, kept, now):
+    """Histories within their boxes, in RGB, how far their lumas moved, and what weight is left."""
+    red, green, blue, r, g, b = rows[0], rows[1], rows[2], kept[OLD], kept[OLD + 1], kept[OLD + 2]
+    m0, m1, m2, s0, s1, s2 = now[MEAN], now[MEAN + 1], now[MEAN + 2], now[SPREAD], now[SPREAD + 1], now[SPREAD + 2]
+    extent, moved, weight = rows[3], rows[4], kept[WEIGHT]
+    for x in range(pixels(extent.shape[0])):
+        luma, orange, shift = ycocg(r[x], g[x], b[x])
+        e0, e1, e2 = extent[x] * s0[x], extent[x] * s1[x], extent[x] * s2[x]
+        a0 = min(max(luma, m0[x] - e0), m0[x] + e0)
+        a1, a2 = min(max(orange, m1[x] - e1), m1[x] + e1), min(max(shift, m2[x] - e2), m2[x] + e2)
+        red[x], green[x], blue[x] = a0 + a1 - a2, a0 + a2, a0 - a1 - a2
+        moved[x] = a0 - luma if weight[x] > ZERO else ZERO
+        weight[x] /= ONE + DISTRUST * max(max(abs(a0 - luma), abs(a1 - orange)), abs(a2 - shift))
+
+
+@scalar
+def mix_row(kept, now, small, rows, numbers, new, light, length):
     """The new history: the old one, clipped to its box, with this frame in it; and the light that it shows."""
-    gamma, frames, stability, mean_weight = numbers
-    most_length = frames * mean_weight
-    for x in range(kept.shape[1]):
-        weight, more = kept[WEIGHT, x], now[NOW_WEIGHT, x]
-        drift, wobble, spared, moved = kept[DRIFT, x], kept[WOBBLE, x], kept[SPARED, x], ZERO
-        for k in range(3):
-            out[k, y, x] = now[COLOR + k, x]
-        if weight > ZERO:
-            calm = min(max(ONE - abs(drift) / max(wobble, STEADY), ZERO), ONE) if wobble > STEADY else ZERO
-            extent = gamma + LOCK_WIDENS * spared + stability * calm
-            r, g, b = kept[OLD, x], kept[OLD + 1, x], kept[OLD + 2, x]
-            luma, orange, shift = ycocg(r, g, b)
-            a0, a1, a2 = luma - now[MEAN, x], orange - now[MEAN + 1, x], shift - now[MEAN + 2, x]
-            outside = max(
-                abs(a0) / max(extent * now[SPREAD, x], SMALL), abs(a1) / max(extent * now[SPREAD + 1, x], SMALL)
-            )
-            outside = max(max(outside, abs(a2) / max(extent * now[SPREAD + 2, x], SMALL)), ONE)
-            a0 = now[MEAN, x] + a0 / outside
-            a1, a2 = now[MEAN + 1, x] + a1 / outside, now[MEAN + 2, x] + a2 / outside
-            moved = a0 - luma
-            clipped = (a0 + a1 - a2, a0 + a2, a0 - a1 - a2)
-            for k in range(3):
-                most = min(weight, (ONE - kept[REACT + k, x]) * most_length)
-                old = clipped[k] + (kept[OLD + k, x] - clipped[k]) * spared
-                mixed = old + (now[COLOR + k, x] - old) * (more / (most + more))
-                out[k, y, x] = min(max(mixed, min(old, now[LOWEST + k, x])), max(old, now[HIGHEST + k, x]))
-        planes[0, y, x], planes[1, y, x] = (
-            drift + (moved - drift) * NEW_SHARE,
-            wobble + (abs(moved) - wobble) * NEW_SHARE,
-        )
-        length[y, x] = min(weight + more, most_length)
-        met = small[FEATURE, np.int64(down[INDEX, y]), np.int64(across[INDEX, x])] * across[LOCK, x] * down[LOCK, y]
-        strength = max(kept[LOCKED, x] - DECAY * more, ZERO)
-        fresh = met > strength
-        planes[2, y, x] = met if fresh else strength
-        planes[3, y, x] = kept[NOW_DEPTH, x] if fresh else kept[LOCKED + 1, x]
-        planes[4, y, x] = kept[NOW_MOTION, x] if fresh else kept[LOCKED + 2, x]
-        planes[5, y, x] = kept[NOW_MOTION + 1, x] if fresh else kept[LOCKED + 3, x]
-        level = ONE - min(max(luminance(out[0, y, x], out[1, y, x], out[2, y, x]), ZERO), BRIGHTEST)
-        for k in range(3):
-            light[k, y, x] = out[k, y, x] / level
+    (gamma, frames, stability, mean_weight), y, first, end = numbers, small.y, small.first, small.end
+    _extent_row(rows[3], kept, gamma, stability, WIDEST_AT * mean_weight)
+    _clip_row(rows, kept, now)
+    most_length, weight, more, spared = frames * mean_weight, kept[WEIGHT], now[NOW_WEIGHT], kept[SPARED]
+    for k in range(3):
+        clipped, old, color, react = rows[k], kept[OLD + k], now[COLOR + k], kept[REACT + k]
+        lowest, highest, out = now[LOWEST + k], now[HIGHEST + k], new[k, y, first:end]
+        for x in range(pixels(weight.shape[0])):
+            most = min(weight[x], (ONE - react[x]) * most_length)
+            was = clipped[x] + (old[x] - clipped[x]) * spared[x]
+            mixed = was + (color[x] - was) * (more[x] / (most + more[x]))
+            mixed = min(max(mixed, min(was, lowest[x])), max(was, highest[x]))
+            out[x] = mixed if weight[x] > ZERO else color[x]
+    red, green, blue, lengths = new[0, y, first:end], new[1, y, first:end], new[2, y, first:end], length[y, first:end]
+    r, g, b = light[0, y, first:end], light[1, y, first:end], light[2, y, first:end]
+    for x in range(pixels(weight.shape[0])):
+        lengths[x] = min(weight[x] + more[x], most_length)
+        level = ONE - min(max(luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
+        r[x], g[x], b[x] = red[x] / level, green[x] / level, blue[x] / level
+
+
+@scalar
+def keep_row(kept, now, small, scratch, planes):
+    """What the history holds besides: how clipping moves it, and locks; after `mix_row`."""
+    (taps, rows), y, first, end = scratch, small.y, small.first, small.end
+    drift, wobble, moved, met, more = kept[DRIFT], kept[WOBBLE], rows[4], rows[VALUES], now[NOW_WEIGHT]
+    new_drift, new_wobble = planes[0, y, first:end], planes[1, y, first:end]
+    gather_row(met, small.surfaces[FEATURE], taps[0])
+    for x in range(pixels(met.shape[0])):
+        new_drift[x] = drift[x] + (moved[x] - drift[x]) * NEW_SHARE
+        new_wobble[x] = wobble[x] + (abs(moved[x]) - wobble[x]) * NEW_SHARE
+    near, row_near, old, fresh = small.across[LOCK, first:end], small.down[LOCK, y], kept[LOCKED], rows[0]
+    strength = planes[2, y, first:end]
+    for x in range(pixels(met.shape[0])):
+        found, left = met[x] * near[x] * row_near, max(old[x] - DECAY * more[x], ZERO)
+        strength[x], fresh[x] = max(found, left), found - left
+    for k in range(3):
+        out, was, now_is = planes[3 + k, y, first:end], kept[LOCKED + 1 + k], kept[NOW_DEPTH + k]
+        for x in range(pixels(met.shape[0])):
+            out[x] = now_is[x] if fresh[x] > ZERO else was[x]

@@ -96,7 +96,7 @@ def upscaled_cpu(
 
     ``luma`` and ``motion`` reach two and one pixels beyond the small picture.
     """
-    from gbufrt.compute.kernel import array, threads
+    from gbufrt.compute.kernel import array, replaced, threads
     from post.upsampling.drivers import sample_rows, samples_each, upscaled_each, upscaled_rows
     from post.upsampling.upscale_samples_kernel import SEEN
 
@@ -104,16 +104,18 @@ def upscaled_cpu(
         torch.empty_like(like, memory_format=torch.contiguous_format) for like in (old, old, length, kept)
     )
     seen = toned.new_empty(toned.shape[0], SEEN, *toned.shape[2:])
-    pictures = light, new, lengths[:, 0], news, toned, planes, farthest[:, 0], old, seen, length[:, 0], kept
-    samples = seen, old, luma[:, 0], motion, lenses
-    numbers = orthographic, gamma, frames, lock, stability, weight
+    size, low = (length.shape[-2], length.shape[-1]), (toned.shape[-2], toned.shape[-1])
+    flat = [x.flatten(2) for x in (toned, planes, farthest, old, seen, length, kept)]
+    flat[2], flat[5] = flat[2][:, 0], flat[5][:, 0]
+    pictures = light, new, lengths[:, 0], news, *flat
+    samples = seen, flat[3], size, luma[:, 0], motion, lenses
+    numbers = orthographic, low, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
         samples_each(seen[:, 0].numel(), *samples)
         upscaled_each(new[:, 0].numel(), *pictures, across, down, lenses, *numbers)
     else:
-        sample_rows(*map(array, samples), threads())
-        given = (*map(array, pictures), array(across), array(down), array(lenses))
-        upscaled_rows(*given, *numbers, threads())
+        sample_rows(*replaced(samples, array), threads())
+        upscaled_rows(*replaced((*pictures, across, down, lenses), array), *numbers, threads())
     return light, new, lengths, news
 
 

@@ -9,40 +9,50 @@ import math
 
 import numpy as np
 
+from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import scalar
 from post.upsampling import constants
-from post.upsampling.upscale_history_kernel import ELLIPSE, EXPECTED, SHEAR, remapped
+from post.upsampling.remap_kernel import FOUR, SHARES, remapped_row, taps_row
+from post.upsampling.upscale_history_kernel import ELLIPSE, EXPECTED, SHEAR
 
-ZERO, HALF, ONE, FOUR, TINY = (np.float32(x) for x in (0, 0.5, 1, 4, 1e-12))
+ZERO, HALF, ONE, FOUR_TIMES, TINY = (np.float32(x) for x in (0, 0.5, 1, 4, 1e-12))
 ACROSS, FLAT = np.float32(1 - constants.ALONG), np.float32(constants.FLAT)
 FASTEST = np.float32(constants.FASTEST)
 TENSOR, SEEN = 3, 7
+AT, SHARE, VALUES, READS = 0, 2, 2 + SHARES, 2 + SHARES + FOUR
+"""Rows of scratch: where samples were, and for reads."""
+SCRATCH = READS + FOUR
 
 
 @scalar
-def samples_row(out, sums, old, light, motion, lens, y, first):
+def samples_row(out, sums, scratch, old, size, light, motion, lens, y, first):
     """What the history shows where samples lie, how otherwise their neighbours move, and ellipses along edges.
 
-    ``sums`` is room for two columns more than ``out`` has. ``light`` and ``motion``, pixels of the small picture, reach
-    two and one pixels beyond the picture. Of ``lens`` see `post.upsampling.upscale_op`.
+    ``sums`` is room for two columns more than ``out`` has, ``scratch`` are taps and rows. ``old`` is flat, of ``size``.
+    ``light`` and ``motion``, pixels of the small picture, reach two and one pixels beyond the picture. Of ``lens`` see
+    `post.upsampling.upscale_op`.
     """
-    width = out.shape[1]
+    (taps, rows), (height, width) = scratch, size
     _tensor_row(sums, light, y, first)
     xx, xy, yy = sums[0], sums[1], sums[2]
     one, two, three = out[ELLIPSE], out[ELLIPSE + 1], out[ELLIPSE + 2]
-    for x in range(width):
+    for x in range(pixels(out.shape[1])):
         a, b, c = xx[x] + xx[x + 1] + xx[x + 2], xy[x] + xy[x + 1] + xy[x + 2], yy[x] + yy[x + 1] + yy[x + 2]
-        larger = HALF * (a + c + math.sqrt((a - c) * (a - c) + FOUR * b * b + TINY))
+        larger = HALF * (a + c + math.sqrt((a - c) * (a - c) + FOUR_TIMES * b * b + TINY))
         share = ACROSS / (a + c + FLAT)
         one[x], two[x], three[x] = ONE - share * (larger - a), share * b, ONE - share * (larger - c)
     _shear_row(out[SHEAR], motion, lens, y, first)
-    _, large_height, large_width = old.shape
-    for x in range(width):
-        at_x = np.float32(first + x) + HALF + lens[24] + motion[0, y + 1, first + x + 1]
-        at_y = np.float32(y) + HALF + lens[25] + motion[1, y + 1, first + x + 1]
-        at_x = min(max(at_x * lens[22], -ONE), np.float32(large_width + 1))
-        at_y = min(max(at_y * lens[23], -ONE), np.float32(large_height + 1))
-        out[EXPECTED, x], out[EXPECTED + 1, x], out[EXPECTED + 2, x] = remapped(old, at_x, at_y)
+    at_x, at_y, end = rows[AT], rows[AT + 1], first + out.shape[1] + 1
+    motion_x, motion_y = motion[0, y + 1, first + 1 : end], motion[1, y + 1, first + 1 : end]
+    right, bottom = np.float32(width + 1), np.float32(height + 1)
+    for x in range(pixels(out.shape[1])):
+        at_x[x] = (np.float32(np.int32(first + x)) + HALF + lens[24] + motion_x[x]) * lens[22]
+        at_y[x] = (np.float32(y) + HALF + lens[25] + motion_y[x]) * lens[23]
+        at_x[x], at_y[x] = min(max(at_x[x], -ONE), right), min(max(at_y[x], -ONE), bottom)
+    shares, values, reads = rows[SHARE : SHARE + SHARES], rows[VALUES : VALUES + FOUR], rows[READS : READS + FOUR]
+    taps_row(taps, shares, at_x, at_y, height, width)
+    for k in range(3):
+        remapped_row(out[EXPECTED + k], old[k], taps, shares, values, reads)
 
 
 @scalar

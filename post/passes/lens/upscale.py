@@ -15,12 +15,12 @@ from gbufrt.history import check_history
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
 from gbufrt.numeric import check_between, check_kind
+from post.display.sharpen import sharpened
 from post.history.reproject import history_for, motion_of
 from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import light_around, same_light, thin_features
 from post.upsampling.motion import farthest_around, moving_surfaces
 from post.upsampling.samples import Samples
-from post.upsampling.sharpen import sharpened
 from post.upsampling.upscale_op import upscaled
 from post.upsampling.upscale_reference import Large, Small, Tunables, begun, light_of
 
@@ -49,10 +49,11 @@ def upscale(
     Every sample counts for the pixels of the large picture by how near it lies to them; along an edge it counts farther
     than across it. What a history shows at a pixel and not where the samples lie is added to them, so that they do not
     blur it. The history is read where the surface in front was, with steps and slopes inside its pixels so that edges
-    stay sharp, and clipped in YCoCg to mean and variance of the samples around; its weight falls where neighbours move
-    otherwise. Thin features, which the samples often miss, are locked: they are not clipped until light changes. The
-    box is wider where clipping moves history to and fro, which would flicker. All colours are weighted by
-    1 / (1 + luminance), that of dim pictures as if it were exposed.
+    stay sharp, and clipped in YCoCg to mean and variance of the samples around, the less the more frames it holds; its
+    weight falls by what clipping changes, and where neighbours move otherwise. Thin features, which the samples often
+    miss, are locked: they are not clipped until light changes. The box is wider where clipping moves history to and
+    fro, which would flicker. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it were
+    exposed.
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 
@@ -64,9 +65,10 @@ def upscale(
             not tell of, such as reflections and animated textures; 1 for none.
         ratio: sides of the result over those of the frame, 1 to 4.
         frames: longest history.
-        gamma: standard deviations to which the history is clipped.
+        gamma: standard deviations to which the history is clipped, half as many for one that is new and three times
+            as many for one of 12 frames.
         lock: share of the clipping that thin features are spared; 0 locks nothing.
-        stability: standard deviations that the box is wider by where clipping alternates.
+        stability: standard deviations that are added to ``gamma`` where clipping alternates.
         sharpness: 0 to 1 of the sharpening after all, which the history does not see.
 
     Returns:

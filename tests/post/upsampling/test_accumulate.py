@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from post.upsampling.accumulate import ellipses, near, same_light, shear
+from post.upsampling.accumulate import Gathered, clipped, ellipses, mean_weight, near, same_light, shear
 from post.upsampling.samples import Samples
 
 SMALL, LARGE = (30, 40), (60, 80)
@@ -54,3 +54,30 @@ def test_shear_is_how_otherwise_neighbours_move():
     motion[:, :, :, 4:] = torch.tensor([3.0, -4.0]).view(1, 2, 1, 1)
     assert shear(motion)[0, 0, 2].tolist() == [0, 0, 0, 5, 5, 0, 0, 0]
     assert float(shear(motion * 0 + 7).max()) == 0.0
+
+
+def of_gray(value: float, spread: float) -> Gathered:
+    """Surroundings of one luma, which spreads, and no colour."""
+    plane = torch.zeros(1, 3, 2, 3)
+    luma = torch.tensor([1.0, 0.0, 0.0]).view(1, 3, 1, 1)
+    gray = plane + value
+    return Gathered(gray, gray, plane[:, :1] + 1, plane + value * luma, plane + spread * luma, gray, gray)
+
+
+@pytest.mark.parametrize("ratio", [1, 2])
+def test_histories_of_more_frames_are_clipped_less_and_lose_weight_as_they_are(ratio: int):
+    at = Samples.of((2, 3), (2 * ratio, 3 * ratio), None, torch.zeros(1, 1, 2, 3))
+    old, one = torch.full((1, 3, 2, 3), 0.9), torch.ones(1, 1, 2, 3)
+    found = {
+        frames: clipped(old, of_gray(0.5, 0.1), one, one * frames * mean_weight(at), at) for frames in (0, 4, 12, 99)
+    }
+    kept = {frames: float(color.mean()) for frames, (color, _, _) in found.items()}
+    assert kept[0] == pytest.approx(0.55)
+    assert kept[0] < kept[4] < kept[12] == pytest.approx(0.8) == kept[99]
+    for frames, (_, moved, left) in found.items():
+        assert float(moved.mean()) == pytest.approx(kept[frames] - 0.9, abs=1e-6)
+        assert float(left.mean()) == pytest.approx(frames * mean_weight(at) / (1 - 12 * float(moved.mean())))
+    color, moved, left = clipped(old, of_gray(0.9, 0.1), one, one, at)
+    torch.testing.assert_close(color, old)
+    assert float(moved.abs().max()) < 1e-6
+    assert float(left.min()) == pytest.approx(1.0), "what is not clipped keeps its weight"

@@ -17,7 +17,7 @@ from gbufrt import Camera, Frame
 from gbufrt.noise.noise import halton_jitter
 from gbufrt.sampling import pixel_centers
 from post import Upscale, reactive_mask, upscale
-from post.upsampling.sharpen import sharpened
+from post.display.sharpen import sharpened
 
 SMALL, LARGE = (30, 40), (60, 80)
 STEP = 0.04  # world units a frame
