@@ -3,9 +3,9 @@
 A marching loop (a voxel traversal, a screen-space ray) is written once as plain scalar Python over flat arrays, marked
 `scalar`, in a file that holds nothing else; see `gbufrt.compute.bodies`. `gbufrt.compute.each` runs the body over many
 independent items, on the device of their arrays. Where threads need scratch memory, a hand-written `driver`
-distributes the items, on the CPU. A `torch.library.custom_op` with a fake wraps them, and `gbufrt.compute.dispatch`
-says which form runs. Each has a torch reference: the definition, the oracle of the tests, and the form that runs where
-there is no kernel.
+distributes the items, on the CPU. `gbufrt.compute.operators` registers what calls them, with a fake, and
+`gbufrt.compute.dispatch` says which form runs. Each has a torch reference: the definition, the oracle of the tests, and
+the form that runs where there is no kernel.
 
 `gbufrt.compute.cache` keeps the machine code, so a second process compiles nothing; its key covers all code and
 constants that a driver reaches, see `gbufrt.compute.fingerprint`. Asking numba for its thread count inside a kernel

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.display.constants import AGX_INSET, BINS, STRIP
 from post.display.reference import (
     Operator,
@@ -17,7 +18,7 @@ from post.display.reference import (
 )
 
 
-@torch.library.custom_op("gbufrt::agx", mutates_args=())
+@operator("gbufrt::agx")
 def agx_cpu(color: Tensor, exposure: Tensor, contrast: float, saturation: float) -> Tensor:
     """``(B, 3, H, W)``. See `tone_curve`; ``exposure`` is ``(B,)``."""
     from gbufrt.compute.kernel import array, threads
@@ -68,7 +69,7 @@ def tone_curve(
     return agx_cpu(color, exposure.flatten().expand(color.shape[0]), float(contrast), float(saturation))
 
 
-@torch.library.custom_op("gbufrt::encoded", mutates_args=())
+@operator("gbufrt::encoded")
 def encoded_cpu(image: Tensor) -> Tensor:
     """See `encoded`."""
     from gbufrt.compute.kernel import array, threads
@@ -101,7 +102,7 @@ def encoded(image: Tensor, *, compiled: bool | None = None) -> Tensor:
     return encode_reference(image) if form is Form.REFERENCE else encoded_cpu(image)
 
 
-@torch.library.custom_op("gbufrt::vignette", mutates_args=())
+@operator("gbufrt::vignette")
 def vignette_cpu(image: Tensor, strength: float, inner: float, outer: float) -> Tensor:
     """See `darkened`."""
     from gbufrt.compute.kernel import array, threads
@@ -139,7 +140,7 @@ def darkened(image: Tensor, strength: float, inner: float, outer: float, *, comp
     return vignette_cpu(image, *map(float, given[1:]))
 
 
-@torch.library.custom_op("gbufrt::histogram", mutates_args=())
+@operator("gbufrt::histogram")
 def histogram_cpu(color: Tensor) -> Tensor:
     """See `histogram`."""
     from gbufrt.compute.kernel import array, threads

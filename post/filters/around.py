@@ -7,6 +7,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.filters.constants import (
     COARSE_POWER,
     DEPTH,
@@ -23,7 +24,7 @@ from post.filters.constants import (
 from post.filters.edges import Surface, edge_weight, offsets, padded, windows
 
 
-@torch.library.custom_op("gbufrt::pooled", mutates_args=())
+@operator("gbufrt::pooled")
 def pooled_cpu(value: Tensor, mask: Tensor, size: int) -> Tensor:
     """See `pooled`."""
     from gbufrt.compute.kernel import array, threads
@@ -39,7 +40,7 @@ def _(value, mask, size):
     return torch.empty_like(value, memory_format=torch.contiguous_format)
 
 
-@torch.library.custom_op("gbufrt::least_around", mutates_args=())
+@operator("gbufrt::least_around")
 def least_cpu(value: Tensor, size: int) -> Tensor:
     """See `least`."""
     from gbufrt.compute.kernel import array, threads
@@ -55,7 +56,7 @@ def _(value, size):
     return torch.empty_like(value, memory_format=torch.contiguous_format)
 
 
-@torch.library.custom_op("gbufrt::alike", mutates_args=())
+@operator("gbufrt::alike")
 def alike_cpu(guide: Tensor, plane: Tensor, perspective: bool) -> Tensor:
     """See `alike`; ``guide`` and ``plane`` are those of `Surface`."""
     from gbufrt.compute.kernel import array, threads
@@ -71,7 +72,7 @@ def _(guide, plane, perspective):
     return guide.new_empty(guide.shape[0], 9, *guide.shape[2:], dtype=torch.bool)
 
 
-@torch.library.custom_op("gbufrt::kindred", mutates_args=())
+@operator("gbufrt::kindred")
 def kindred_op(value: Tensor, mask: Tensor, where: Tensor, guide: Tensor, plane: Tensor, radius: int) -> Tensor:
     """See `kindred`; ``guide`` and ``plane`` are those of `Surface`."""
     from post.filters.pixel_drivers import kindred_each

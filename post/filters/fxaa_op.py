@@ -6,10 +6,11 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.filters.fxaa_reference import stairs_reference
 
 
-@torch.library.custom_op("gbufrt::smooth_stairs", mutates_args=())
+@operator("gbufrt::smooth_stairs")
 def stairs_cpu(image: Tensor, subpixel: float, edge_threshold: float, dark_threshold: float) -> Tensor:
     """``(B, 3, H, W)``. See `smooth_stairs`."""
     from gbufrt.compute.kernel import array, threads

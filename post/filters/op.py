@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
@@ -13,7 +14,7 @@ from post.filters.fits import fits_cuda, squarings
 from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
 
 
-@torch.library.custom_op("gbufrt::moments", mutates_args=())
+@operator("gbufrt::moments")
 def moments_cpu(
     light: Tensor, guide: Tensor, plane: Tensor, radius: int, perspective: bool, depth_sensitivity: float
 ) -> Tensor:
@@ -36,7 +37,7 @@ def _(light, guide, plane, radius, perspective, depth_sensitivity):
     return light.new_empty(light.shape[0], 2, *light.shape[2:])
 
 
-@torch.library.custom_op("gbufrt::wavelet", mutates_args=())
+@operator("gbufrt::wavelet")
 def wavelet_cpu(
     values: Tensor,
     guide: Tensor,
@@ -68,7 +69,7 @@ def _(values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_
     return torch.empty_like(values, memory_format=torch.contiguous_format)
 
 
-@torch.library.custom_op("gbufrt::joint_bilateral", mutates_args=())
+@operator("gbufrt::joint_bilateral")
 def bilateral_cpu(
     values: Tensor,
     guide: Tensor,
@@ -101,7 +102,7 @@ def _(values, guide, plane, width, tolerance, radius, perspective, depth_sensiti
     return values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
 
 
-@torch.library.custom_op("gbufrt::bilateral_limits", mutates_args=())
+@operator("gbufrt::bilateral_limits")
 def limits_cpu(
     light: Tensor, variance: Tensor, sigma: float, sensitivity: float, phi_color: float
 ) -> tuple[Tensor, Tensor]:

@@ -100,4 +100,4 @@ def guarded_albedo(frame: Frame) -> Tensor:
     albedo = frame.gbuffer.albedo
     if albedo is None:
         return torch.ones_like(frame.gbuffer.depth)
-    return torch.where(frame.gbuffer.hit, albedo.clamp_min(MIN_ALBEDO), 1.0)
+    return albedo.clamp_min(MIN_ALBEDO).masked_fill_(~frame.gbuffer.hit, 1.0)

@@ -3,11 +3,11 @@ reference."""
 
 from __future__ import annotations
 
-import torch
 from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.demands.pictures import check_pictures
 from post.filters.constants import ROUGHNESS
 from post.filters.edges import Surface, surface_reference
@@ -47,7 +47,7 @@ def surface(
     return Surface(guide, plane, not camera.orthographic)
 
 
-@torch.library.custom_op("gbufrt::surface", mutates_args=())
+@operator("gbufrt::surface")
 def surface_cpu(
     depth: Tensor, normal: Tensor, hit: Tensor, roughness: Tensor, lens: Tensor, pose: Tensor, parallel: bool
 ) -> tuple[Tensor, Tensor]:

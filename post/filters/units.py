@@ -7,11 +7,12 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.directions import length
 from post.filters.constants import SHORTEST
 
 
-@torch.library.custom_op("gbufrt::unit_vectors", mutates_args=())
+@operator("gbufrt::unit_vectors")
 def unit_cpu(vector: Tensor, fallback: Tensor) -> Tensor:
     """See `unit_vectors`."""
     from gbufrt.compute.kernel import array, threads

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.filters.edges import Surface
 from post.filters.fits import fits_cuda
 from post.history.antilag import blend_reference, sample_reference
@@ -27,7 +28,7 @@ class Sample(NamedTuple):
     form: Form
 
 
-@torch.library.custom_op("gbufrt::sample_of_frame", mutates_args=())
+@operator("gbufrt::sample_of_frame")
 def sample_cpu(
     signal: Tensor, state: Tensor, guide: Tensor, plane: Tensor, perspective: bool, lead: int, firefly: float,
     follows: bool,
@@ -52,7 +53,7 @@ def _(signal, state, guide, plane, perspective, lead, firefly, follows):
     return signal.new_empty(signal.shape), noise, torch.empty_like(noise, dtype=torch.int32)
 
 
-@torch.library.custom_op("gbufrt::blend_sample", mutates_args=())
+@operator("gbufrt::blend_sample")
 def blend_cpu(
     sample: Tensor, noise: Tensor, bits: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float
 ) -> Tensor:
@@ -78,7 +79,7 @@ def _(sample, noise, bits, state, longest, lead, clamp):
     return state.new_empty(state.shape)
 
 
-@torch.library.custom_op("gbufrt::anti_alias", mutates_args=())
+@operator("gbufrt::anti_alias")
 def anti_alias_cpu(
     color: Tensor,
     weights: Tensor,

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.history.reproject import check_alike, correspondence_reference, find_taps, motion_of
 
 SAME_PLANE = 0.3  # pixel footprints: a sharp history counts a step in a wall as another surface
@@ -30,7 +31,7 @@ class Reading(NamedTuple):
     """``(B, 1, H, W)`` bool: whether that is of what lies as deep, whichever way it faces."""
 
 
-@torch.library.custom_op("gbufrt::read_history", mutates_args=())
+@operator("gbufrt::read_history")
 def read_history_cpu(
     image: Tensor, now: list[Tensor], before: list[Tensor], lenses: Tensor, poses: Tensor, parallel: bool,
     plane: float, normal: float, search: int, sharp: bool,

@@ -85,9 +85,9 @@ def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tenso
     """Motion of the virtual image, which lies as far behind the surface as the reflected hit lies in front of it."""
     camera = gbuffer.camera
     points = gbuffer.points_view()
-    image = points - camera.to_eye(points) * distance
-    was = before.camera.project(before.camera.to_view(camera.to_world(image)))
-    return was - camera.pixel_centers(dtype=points.dtype)
+    points = points - camera.to_eye(points) * distance  # one name: each of these ends with the next
+    points = before.camera.to_view(camera.to_world(points))
+    return before.camera.project(points) - camera.pixel_centers(dtype=points.dtype)
 
 
 def image_kept(gbuffer: GBuffer, before: GBuffer) -> Tensor:

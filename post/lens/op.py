@@ -11,6 +11,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from post.lens.constants import EDGE, FINEST, MOST_CHANNELS, MOST_LAYERS
 from post.lens.reference import bright_level, layers_reference, signed
@@ -32,7 +33,7 @@ class Tables(NamedTuple):
     """``(L, 2, 5)``: see `post.lens.spread_kernel.Ramp`; for a layer, and for what lies clearly behind it."""
 
 
-@torch.library.custom_op("gbufrt::spread_layers", mutates_args=())
+@operator("gbufrt::spread_layers")
 def layers_cpu(color: Tensor, coc: Tensor, radii: list[float]) -> Tensor:
     """``(B, C, H, W)``. See `spread_layers`."""
     from gbufrt.compute.kernel import array, threads
@@ -69,7 +70,7 @@ def spread_layers(color: Tensor, coc: Tensor, radii: list[float], *, compiled: b
     return layers_cpu(color, coc, radii)
 
 
-@torch.library.custom_op("gbufrt::reconstruct_blur", mutates_args=())
+@operator("gbufrt::reconstruct_blur")
 def reconstruct_cpu(
     color: Tensor, depth: Tensor, path: Tensor, dominant: Tensor, noise: Tensor, opening: float, samples: int,
     softness: float,
@@ -153,7 +154,7 @@ def reconstruct(
     return reconstruct_cpu(*planes, opening, samples, float(softness))
 
 
-@torch.library.custom_op("gbufrt::blur_alike", mutates_args=())
+@operator("gbufrt::blur_alike")
 def similar_cpu(color: Tensor, path: Tensor, noise: Tensor, opening: float, samples: int) -> Tensor:
     """``(B, C, H, W)``. See `blur_alike`."""
     from post.lens.drivers import similar_each

@@ -6,10 +6,11 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.march.reference import march_rays_reference
 
 
-@torch.library.custom_op("gbufrt::march_rays", mutates_args=())
+@operator("gbufrt::march_rays")
 def march_rays_cpu(
     planes: Tensor,
     pyramid: Tensor,

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.margin.reference import LEAST, padded, width
 from post.margin.view import PaddedView
 
@@ -65,7 +66,7 @@ def scene(
     )
 
 
-@torch.library.custom_op("gbufrt::padded", mutates_args=())
+@operator("gbufrt::padded")
 def padded_cpu(
     depth: Tensor,
     normal: Tensor,

@@ -11,12 +11,13 @@ from torch import Tensor
 
 from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from gbufrt.specular import directional_albedo_table
 from post.shading.composite_reference import specular_reference, sum_reference
 
 
-@torch.library.custom_op("gbufrt::sum_light", mutates_args=())
+@operator("gbufrt::sum_light")
 def sum_cpu(light: list[Tensor], physical: bool, of_gi: float, of_reflection: float) -> Tensor:
     """``(B, 3, H, W)``. See `sum_light`; ``light`` in the order of its arguments, without planes where absent."""
     from gbufrt.compute.kernel import array, threads
@@ -77,7 +78,7 @@ def sum_light(
     return sum_cpu([none if t is None else t for t in given], physical, *map(float, intensities[1:]))
 
 
-@torch.library.custom_op("gbufrt::specular_albedo", mutates_args=())
+@operator("gbufrt::specular_albedo")
 def specular_cpu(
     normal: Tensor, hit: Tensor, roughness: Tensor, lens: Tensor, pose: Tensor, table: Tensor, parallel: bool
 ) -> Tensor:

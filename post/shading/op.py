@@ -7,6 +7,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.fireflies import mean_light
@@ -15,7 +16,7 @@ from post.shading.reference import Method, Picture, border_width, reflect_refere
 OPEN = (0.0, 0.0, 0.0, 1.0)  # nothing but the sky lies around
 
 
-@torch.library.custom_op("gbufrt::reflect", mutates_args=())
+@operator("gbufrt::reflect")
 def reflect_cpu(
     planes: Tensor,
     pyramid: Tensor,

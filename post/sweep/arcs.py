@@ -8,7 +8,8 @@ side and then to the other. The other side is the mirror image: tangent, n and t
 from __future__ import annotations
 
 import math
-from functools import cache
+from collections.abc import Iterable
+from functools import cache, reduce
 
 import torch
 from torch import Tensor
@@ -122,11 +123,16 @@ def mean_of_scales(found: list[tuple[Tensor, Tensor]], hit: Tensor, normal: Tens
     """Mean of several visibilities, and of their bent normals weighted by visibility."""
     if len(found) == 1:
         return found[0]
-    visibility = torch.stack([share for share, _ in found]).mean(0)
-    bent = torch.stack([share * direction for share, direction in found]).mean(0)
+    visibility = sum_of(share for share, _ in found) / len(found)
+    bent = sum_of(share * direction for share, direction in found) / len(found)
     length2 = (bent * bent).sum(1, keepdim=True)
     bent = torch.where(length2 > VANISHED, bent * length2.clamp_min(VANISHED).rsqrt(), normal)
-    return visibility, torch.where(hit, bent, 0.0)
+    return visibility, bent.masked_fill_(~hit, 0.0)
+
+
+def sum_of(terms: Iterable[Tensor]) -> Tensor:
+    """Their sum, without a stack of all of them in memory."""
+    return reduce(torch.add, terms)
 
 
 def mean_directions(sin_n: Tensor, groups: int) -> tuple[Tensor, Tensor]:

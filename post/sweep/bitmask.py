@@ -102,4 +102,5 @@ def bitmask_ao(
     pixels = Receiving(camera, depth, normal, hit if where is None else hit & where)
     sizes: dict[str, Any] = {"directions": directions, "steps": steps, "soft": soft, "compiled": compiled}
     every = sweep(around, pixels, noise, radii, sky, **sizes)
+    del around, noise, solid, thickness  # a quarter of what is in memory here at once
     return arcs.mean_of_scales([(found[:, :1], found[:, 1:]) for found in every], hit, normal)

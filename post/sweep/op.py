@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from post.margin.view import PaddedView
 from post.sweep import arcs
@@ -19,7 +20,7 @@ from post.sweep.slices import receivers
 from post.sweep.turns import table
 
 
-@torch.library.custom_op("gbufrt::sweep", mutates_args=())
+@operator("gbufrt::sweep")
 def sweep_cpu(
     picture: Tensor,
     rays: Tensor,
@@ -189,7 +190,7 @@ def _by_kernel(
     return found.movedim(2, 1)
 
 
-@torch.library.custom_op("gbufrt::bodies", mutates_args=())
+@operator("gbufrt::bodies")
 def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor, pixel: Tensor) -> Tensor:
     """See `bodies`."""
     from gbufrt.compute.kernel import array, threads

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from post.filters.constants import ROUGHNESS
 from post.filters.edges import Surface
@@ -47,7 +47,7 @@ def upsample(
     return upsample_cpu(low, geometry.guide, geometry.plane, empty, stride, *offset, geometry.perspective)
 
 
-@torch.library.custom_op("gbufrt::upsample", mutates_args=())
+@operator("gbufrt::upsample")
 def upsample_cpu(
     low: Tensor, guide: Tensor, plane: Tensor, clear: Tensor, stride: int, row: int, column: int, perspective: bool
 ) -> Tensor:

@@ -8,6 +8,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from gbufrt.luminance import luminance
 from post.history.constants import WINDOW
@@ -86,7 +87,7 @@ def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]
     return torch.cat([part.float() for part in parts], dim=1)
 
 
-@torch.library.custom_op("gbufrt::upscale", mutates_args=())
+@operator("gbufrt::upscale")
 def upscaled_cpu(
     toned: Tensor, luma: Tensor, motion: Tensor, planes: Tensor, farthest: Tensor, old: Tensor, length: Tensor,
     kept: Tensor, across: Tensor, down: Tensor, lenses: Tensor, orthographic: bool, gamma: float,

@@ -17,10 +17,11 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from tracer.traversal import reference
 
 
-@torch.library.custom_op("tracer::surface", mutates_args=())
+@operator("tracer::surface")
 def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask: int) -> tuple[Tensor, Tensor]:
     """The nearest place where the medium along a ray changes.
 
@@ -39,7 +40,7 @@ def surface(rays: Sequence[Tensor], grids: Sequence[Tensor], left: Tensor, mask:
     return drivers.surface(rays, grids, left, mask)
 
 
-@torch.library.custom_op("tracer::transmit", mutates_args=())
+@operator("tracer::transmit")
 def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tensor:
     """``(N, 3)`` float32: the share of light that is transmitted; 0 behind anything opaque."""
     if _form(rays, grids) is Form.REFERENCE:
@@ -49,7 +50,7 @@ def transmit(rays: Sequence[Tensor], grids: Sequence[Tensor], mask: int) -> Tens
     return drivers.transmit(rays, grids, mask)
 
 
-@torch.library.custom_op("tracer::runs", mutates_args=())
+@operator("tracer::runs")
 def runs(rays: Sequence[Tensor], grids: Sequence[Tensor], starts: Tensor) -> Tensor:
     """Length of a ray inside the solid whose surface it hit.
 

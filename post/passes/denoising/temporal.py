@@ -97,14 +97,14 @@ def temporal(
     check_sizes(gbuffer.camera, depth=gbuffer.depth, signal=signal, **sized)
     check_lead(lead, signal)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
-    rough = gbuffer.roughness if rare else None
-    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
     before, noise, past = 0.0, None, None if history is None else history.gbuffer
     if history is not None and past is not None:
         history = history.take()
         state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names, lenient, rare)
     del history  # what was read of it is in the state: both need not be in memory with what comes out
+    rough = gbuffer.roughness if rare else None
+    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)
     if excess:
         first = signal.shape[1] + lead  # of the moments
         noise = None if state is None else typical_variance(state[:, first : first + 2], state[:, -1:])

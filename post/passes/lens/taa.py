@@ -58,11 +58,12 @@ def taa(
             "start with state=None after a change of size"
         )
     color = finite(color)  # the history would keep a bad pixel for ever
-    depth, motion = torch.where(gbuffer.hit, gbuffer.depth, gbuffer.camera.far * 2), torch.zeros_like(color[:, :2])
-    before, age = None, torch.zeros_like(gbuffer.depth)
+    depth = torch.where(gbuffer.hit, gbuffer.depth, gbuffer.camera.far * 2)
     if history is not None and history.gbuffer is not None:
         before, age = history.signals["toned"], history.length
         motion = motion_of(gbuffer, history.gbuffer.camera)[0]
+    else:
+        before, age, motion = None, torch.zeros_like(gbuffer.depth), torch.zeros_like(color[:, :2])
     resolved = anti_alias(color, gbuffer.camera.jitter, depth, motion, before, age, blend=blend, gamma=gamma)
     result, toned, length = resolved
     return result, History(length=length, signals={"toned": toned}, gbuffer=gbuffer.geometry())

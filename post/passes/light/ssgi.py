@@ -112,7 +112,7 @@ def ssgi(
         found = torch.cat([found[:, :1], bent, found[:, 4:]], dim=1)
     visibility, bent, gathered = found.split([1, 3, 3], dim=1)
     return (
-        torch.where(hit, albedo * gathered, 0.0),
+        (albedo * gathered).masked_fill_(~hit, 0.0),
         torch.where(hit, visibility, 1.0),
         torch.where(hit, bent, 0.0),
     )

@@ -130,8 +130,9 @@ def ssr(
     shifts = _shifts(index, samples, method, noise)
     options = {"bounces": bounces, "steps": steps, "distance": far, "roughness_cutoff": roughness_cutoff}
     found = reflect(picture, hierarchy, camera, noise, shifts, reuse=reuse, method=method, **options)
+    del given, picture, hierarchy, noise, light, solid, around, above, sky  # half of what is in memory here at once
     reflection = without_lone_fireflies(found[:, :3], roughness)
-    return reflection, found[:, 3:4], found[:, 4:].clone()  # the distance is kept, and a view would keep the rest
+    return reflection, found[:, 3:4].clone(), found[:, 4:].clone()  # views that are kept would keep the rest
 
 
 def _shifts(index: int | Tensor, samples: int, method: Method, noise: Tensor) -> Tensor:
