@@ -94,8 +94,12 @@ class Source:
                     f"{a} and {b} have one frame number, but are no passes of one frame: each has depth and more; run "
                     "them apart, such as left and right eyes"
                 )
-        if numbers != sorted(numbers):
-            raise ValueError("frame numbers in the files' names must count up; give the files in order")
+        for before, after in pairwise(source.shots):
+            if after.number < before.number:
+                raise ValueError(
+                    f"frame numbers in the files' names must count up, but {after} comes after {before}; give the "
+                    "files in order, and those of other shots or programs apart"
+                )
         first = source.shots[0]
         if profile == "auto":
             found = detect(first.files)

@@ -51,7 +51,8 @@ def render(
     some. The first frame has no history: the passes run over it several times, as if it stood still (see --warmup).
 
     Args:
-        world: Built-in world (builtin, terrain, ...), .vox, .schem, .schematic or .mca file, or Minecraft save folder.
+        world: Built-in world (builtin, terrain, ...), .vox or .mca file, Minecraft save folder, .schem,
+            .schematic, .litematic or .nbt file.
         out: Folder to write to; made where it is missing.
         view: Named view or camera path of the world; by default its first, by night the first above water.
         eye: In place of --view: where the camera is, as X,Y,Z in world units (voxels), y up. A negative number needs an

@@ -39,8 +39,8 @@ class PassOptions:
     """Stage to leave out, such as gi or gi.accumulate; may be repeated, or name several with commas."""
 
     set: Without = ()
-    """Tunable to change, as NAME=VALUE (ao.estimate.radius=2.0, or gtao.radius=2.0 for short); may be repeated. `gbufrt
-    passes` lists the names."""
+    """Tunable to change, as NAME=VALUE (ao.estimate.radius=2.0, or gtao.radius=2.0 for short); may be repeated.
+    `gbufrt passes` lists the names."""
 
     status: str | None = None
     """blindness or darkness: sight ends after 5 or 15 world units, and exposure pulses in darkness. [default: none]"""
