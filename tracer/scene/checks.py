@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 from gbufrt import Frame, GBuffer
@@ -48,3 +49,11 @@ def check_open(scene: Any) -> None:
     """Raise TypeError unless it is a scene, or a stream of a world, which has a sky too."""
     if not hasattr(scene, "haze"):
         check_is_scene(scene)
+
+
+def keeps_its_light(scene: Any, what: str) -> bool:
+    """Whether a scene's sky knows no day; warns that it knows nothing of ``what`` then."""
+    if scene.sky.dayless:
+        told = f"the world keeps its own light: the Nether and the End have no day, and know no {what}"
+        warnings.warn(told, stacklevel=3)  # where the scene is given
+    return scene.sky.dayless

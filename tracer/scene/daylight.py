@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -12,9 +13,9 @@ import torch
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
 from gbufrt.atmosphere.sky import from_ground
 from gbufrt.numeric import check_numbers
-from tracer.scene.checks import check_open
+from tracer.scene.checks import check_open, keeps_its_light
 from tracer.scene.material import RGB
-from tracer.scene.scene import Plain, Sky, Sun
+from tracer.scene.scene import Plain, Sky, Sun, View
 
 MONTH = 29.53  # days from one full moon to the next
 MOON = 1 / 300  # a full moon's light over the sun's: an eye that has adapted to the night takes it for as much
@@ -22,6 +23,7 @@ TINGE = (0.80, 0.93, 1.20)  # of moonlight, which such an eye sees bluer than it
 GLOW = (0.00022, 0.00030, 0.00046)  # radiance of a sky without sun and moon, for a sun of irradiance 1
 DISC = 0.27  # degrees: the radius of sun and moon
 SIZE = (256, 512)  # of the sky's picture
+NIGHT = 0.13  # sine of the sun's elevation, 7.5 degrees, below which nothing is seen under water
 LOWEST = -0.31  # sine of 18 degrees: further down the sun lights no part of the sky
 
 
@@ -75,6 +77,8 @@ class Lit(Protocol):
     @property
     def sky(self) -> Sky: ...
     @property
+    def views(self) -> Mapping[str, View]: ...
+    @property
     def device(self) -> torch.device | str: ...
 
 
@@ -92,7 +96,8 @@ def at_hour(
     """A scene under the sky of an hour: blue by day, red where the sun is low, and moonlit by night.
 
     The scene's own sun says how much light noon has; the atmosphere does the rest. Nothing but sun and sky changes, so
-    that lamps light the night. Sun and moon are the size that they are, and cast sharp shadows.
+    that lamps light the night; by night views that need the day come last. Sun and moon are the size that they are,
+    and cast sharp shadows.
 
     Args:
         scene: any scene or stream; one without a sun gets the default one. For each of several hours, the one that
@@ -103,11 +108,14 @@ def at_hour(
         atmosphere: what they shine through; Earth's by default.
 
     Returns:
-        A scene or stream like it, under that sky.
+        A scene or stream like it, under that sky. One without a day, as the Nether, comes back as it is.
 
     Raises:
         TypeError: it is no scene, or hour or day is no number.
         ValueError: another hour, or a day that is not finite.
+
+    Warns:
+        UserWarning: the scene has no day.
     """
     check_open(scene)
     check_numbers(hour=hour, day=day)
@@ -115,6 +123,8 @@ def at_hour(
         raise ValueError(f"hour must lie in 0..24, got {hour}")
     if not math.isfinite(day):
         raise ValueError(f"day must be finite, got {day}")
+    if keeps_its_light(scene, "hours"):
+        return scene
     path, air = path or SunPath(), atmosphere or Atmosphere()
     noon = scene.sun or Sun()
     brightness = sum(noon.irradiance) / max(_transmitted(air, path.sun(12.0)).sum(), 1e-3)
@@ -133,7 +143,9 @@ def at_hour(
     device = scene.device
     axes = [path.turned(axis, inverse=True) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     stars = (_about_z(hour) @ torch.tensor(axes).T).to(device)
-    return replace(scene, sun=sun, sky=Sky(plain=plain, picture=sky.to(device), stars=stars))
+    views, dark = scene.views, path.sun(hour)[1] < NIGHT
+    views = dict(sorted(views.items(), key=lambda named: dark and named[1].by_day))
+    return replace(scene, sun=sun, sky=Sky(plain=plain, picture=sky.to(device), stars=stars), views=views)
 
 
 def _glow(radiance: torch.Tensor, plain: Plain | None) -> torch.Tensor:

@@ -100,6 +100,7 @@ class Sky:
         plain: what `tracer.at_hour` lights there; grey land by default.
         picture: in place of all these, a lat-long picture ``(1, 3, h, w)``, oriented as `gbufrt.environment` says.
         stars: ``(3, 3)`` rotation from world space to the sphere of the fixed stars; the camera sees them then.
+        dayless: it knows no hours and no rain, as those of the Nether and the End.
     """
 
     zenith: tuple[float, float, float] = (0.25, 0.45, 0.95)
@@ -108,6 +109,7 @@ class Sky:
     plain: Plain | None = None
     picture: Tensor | None = None
     stars: Tensor | None = None
+    dayless: bool = False
 
     def __post_init__(self) -> None:
         for name in ("zenith", "horizon", "ground"):
@@ -151,6 +153,8 @@ class View:
     target: Callable[[float], Sequence[float]]
     fov_y: float = 60.0
     description: str = ""
+    by_day: bool = False
+    """Where by night nothing is seen, as under water."""
 
     def camera(self, time: float = 0.0, *, size: tuple[int, int], near: float = 0.05, far: float = 1000.0) -> Camera:
         """The camera at ``time`` seconds; ``size`` is ``(H, W)``."""

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt.environment import environment_directions, environment_solid_angles
 from tracer.lights.sky import sky_radiance
-from tracer.scene.checks import check_open
+from tracer.scene.checks import check_open, keeps_its_light
 from tracer.scene.scene import Haze, Scene, Sky, Sun
 from tracer.scene.weather import Rain
 
@@ -51,17 +51,20 @@ def raining(scene: S, level: float) -> S:
         level: how hard it rains, 0 to 1; 0 leaves the scene as it is.
 
     Returns:
-        A scene or stream like it, in that rain.
+        A scene or stream like it, in that rain. One without a day, as the Nether, comes back as it is.
 
     Raises:
         TypeError: it is no scene, or level is no number.
         ValueError: another level.
 
+    Warns:
+        UserWarning: the scene has no day.
+
     Source: Moon and Spencer 1942 for the overcast sky (CIE S 011).
     """
     check_open(scene)
     rain = Rain(level=level)
-    if level == 0.0:
+    if level == 0.0 or keeps_its_light(scene, "rain"):
         return scene
     cloudy = 1 - (1 - level) ** 2
     directions = environment_directions(SIZE, device=scene.device)

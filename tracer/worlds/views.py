@@ -13,9 +13,9 @@ Point = tuple[float, float, float]
 TAU = 2.0 * math.pi
 
 
-def still(eye: Point, target: Point, *, fov_y: float, description: str) -> View:
+def still(eye: Point, target: Point, *, fov_y: float, description: str, by_day: bool = False) -> View:
     """A view that never moves."""
-    return View(eye=lambda _: eye, target=lambda _: target, fov_y=fov_y, description=description)
+    return View(eye=lambda _: eye, target=lambda _: target, fov_y=fov_y, description=description, by_day=by_day)
 
 
 def loop(points: Sequence[Point], seconds: float) -> Callable[[float], Point]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +11,6 @@ from cyclopts import Parameter
 from gbufrt.commands.arguments.values import Numbers, Whole, at_least, finite, whole_numbers
 
 FOG_UNITS = 100  # world units over which --fog takes its share
-DAYLIGHT = 5.5  # hours from noon; later or earlier water is black
 
 
 @Parameter(name="*")
@@ -110,12 +108,6 @@ class DayOptions:
     waves: float | None = None
     """Height of waves on water over its mean, world units, 0 to 0.45, such as 0.1. [default: still water; 0.08 on the
     open sea]"""
-
-    def first(self, views: Iterable[str]) -> str:
-        """The view that is taken where none is named: the first, but by night none under water, where all is black."""
-        names = list(views)
-        dark = self.hour is not None and abs(self.hour - 12) > DAYLIGHT
-        return next((name for name in names if not (dark and name == "underwater")), names[0])
 
     def parsed(self) -> dict[str, Any] | None:
         """Arguments of `tracer.at_hour`, ``path`` as two numbers; None where the world keeps its own sun.

@@ -113,13 +113,13 @@ class Job:
             scene = WORLDS.get(self.world, builtin)(seed=self.seed)
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
-        scene = under(scene, self.day, self.world)
+        scene = under(scene, self.day)
         if (fog := self.fog.parsed()) is not None:
             from tracer.scene.fog import Fog
 
             base = self.eye[1] if self.eye is not None else 0.0
             if self.eye is None and scene.views:
-                view = scene.views.get(self.view or self.day.first(scene.views))
+                view = scene.views.get(self.view or next(iter(scene.views)))
                 base = base if view is None else float(view.eye(self.time)[1])
             scene = replace(scene, fog=Fog(extinction=fog["extinction"], falloff=fog["falloff"], base=base))
         if scene.empty:
@@ -151,7 +151,7 @@ class Job:
         if self.eye is not None and self.target is not None:
             eye, target = self.eye, self.target
             return View(eye=lambda _: eye, target=lambda _: target, fov_y=View.fov_y if self.fov is None else self.fov)
-        view = scene.views[self.view or self.day.first(scene.views)]
+        view = scene.views[self.view or next(iter(scene.views))]
         return view if self.fov is None else replace(view, fov_y=self.fov)
 
     def trace(

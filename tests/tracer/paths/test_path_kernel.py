@@ -118,7 +118,9 @@ def test_sums_are_those_of_the_reference_in_its_parts(monkeypatch: pytest.Monkey
     sequence = Sequence.of(3, integrators.OCCLUSION_DIMS, (33, 41), seed=1, device=at.pixels.device)
     monkeypatch.setattr("tracer.paths.receivers.WIDE", 5)
     want = summed(partial(integrators.occlusion, scene, at, radius=7.0), at, at.vertices, sequence)
-    for key, value in path_ops.occlusion(scene, at, sequence, 7.0).items():
+    found = path_ops.occlusion(scene, at, sequence, 7.0)
+    assert found.keys() == want.keys()
+    for key, value in found.items():
         same(value, want[key])
 
 

@@ -16,7 +16,7 @@ from gbufrt import Camera
 from tracer.scene.cells import world_of_cells
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene
+from tracer.scene.scene import Scene, View
 from tracer.worlds.regions.landscape import landscape
 
 
@@ -102,3 +102,11 @@ def test_hours_that_no_day_has_are_refused(hour: float):
 def test_days_must_be_finite():
     with pytest.raises(ValueError, match="day must be finite"):
         at_hour(scene(), 12, day=math.inf)
+
+
+def test_views_that_need_the_day_come_last_by_night():
+    """Under water the picture would be black, and the first view is the default."""
+    still = View(eye=lambda _: (0, 1, 0), target=lambda _: (1, 1, 0))
+    base = replace(scene(), views={"sea": replace(still, by_day=True), "land": still})
+    first = {hour: next(iter(at_hour(base, hour).views)) for hour in (7.0, 12.0, 17.0, 18.5, 24.0)}
+    assert first == {7.0: "sea", 12.0: "sea", 17.0: "sea", 18.5: "land", 24.0: "land"}

@@ -64,6 +64,7 @@ def view_within(world: World, instances: tuple[Instance, ...], level: float) -> 
         _point(eye + 10.0 * way),
         fov_y=FOV_Y,
         description="in the sea, among what reaches up into the light",
+        by_day=True,
     )
 
 

@@ -22,7 +22,7 @@ from tracer.worlds.regions.outlooks import SUN, best_view, panorama, views_over
 MEADOW = Plain((0.17, 0.21, 0.10))  # where the border is not known
 SEA = MEADOW._replace(water=1.0)
 SKY = Sky(zenith=(0.13, 0.32, 0.82), horizon=(0.62, 0.76, 0.96), ground=(0.52, 0.60, 0.68), plain=MEADOW)
-EMBERS = Sky(zenith=(0.045, 0.009, 0.0055), horizon=(0.08, 0.015, 0.009), ground=(0.045, 0.009, 0.0055))
+EMBERS = Sky(zenith=(0.045, 0.009, 0.0055), horizon=(0.08, 0.015, 0.009), ground=(0.045, 0.009, 0.0055), dayless=True)
 SMOKE = Haze(begin=40.0, end=192.0)
 DISTANCE = Haze(begin=0.4 * LAND * BRICK, end=(LAND - 1.0) * BRICK)  # which hides where mirrored land ends
 NIGHT, GLOW = (0.0018, 0.0011, 0.0025), (0.05, 0.044, 0.056)  # of the End: what is round it, and light from overhead
@@ -61,7 +61,7 @@ def landscape(world: World, instances: tuple[Instance, ...] = (), *, bare: bool 
         points = np.array([[end[i, 0], end[j, 1], end[k, 2]] for end in ends for i, j, k in np.ndindex(2, 2, 2)])
         return Scene(world=world, instances=instances, sun=SUN, sky=SKY, views=framing_views(points))
     if _topped(ground, world.materials, "end_stone") > ENDLESS:
-        sky = Sky(picture=night())
+        sky = Sky(picture=night(), dayless=True)
         return Scene(world=world, instances=instances, sun=None, sky=sky, views=views_over(ground))
     sky = replace(SKY, plain=_plain(ground, world.materials))
     found = Scene(world=world, instances=instances, sun=SUN, sky=sky)
@@ -77,11 +77,6 @@ def landscape(world: World, instances: tuple[Instance, ...] = (), *, bare: bool 
         wider = in_open_land(world, instances, span, ground.top)
         return replace(found, world=wider, haze=DISTANCE, views=views_over(ground.going_on(), widest=ROOMY))
     return replace(found, views=views_over(ground))
-
-
-def is_dayless(sky: Sky) -> bool:
-    """Whether it is a sky under which hours and weather make no sense: the Nether's or the End's."""
-    return sky is EMBERS or (sky.picture is not None and torch.equal(sky.picture.cpu(), night()))
 
 
 def _topped(ground: HeightMap, materials: MaterialTable, name: str) -> float:

@@ -149,7 +149,8 @@ def stream(
     if extent.topped("bedrock") > ROOFED and (inside := _inside(found, extent)) is not None:
         return replace(found, views=inside, sun=None, sky=EMBERS, haze=SMOKE)
     flown = replace(found, views={"flight": _flight(extent, reach_of(window))})
-    return replace(flown, sun=None, sky=Sky(picture=night())) if extent.topped("end_stone") > ENDLESS else flown
+    end = Sky(picture=night(), dayless=True)
+    return replace(flown, sun=None, sky=end) if extent.topped("end_stone") > ENDLESS else flown
 
 
 def _inside(world: Stream, extent: Extent) -> Mapping[str, View] | None:
