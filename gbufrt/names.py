@@ -123,3 +123,15 @@ def arguments(doc: str) -> dict[str, str]:
 
 def _key(full: str) -> str:
     return full.rpartition(".")[2]
+
+
+def several(argument: str, names: str | Iterable[str], example: tuple[str, ...]) -> tuple[str, ...]:
+    """One name or several as a tuple.
+
+    Raises:
+        ValueError: there is no name: names the argument, and shows the example.
+    """
+    found = (names,) if isinstance(names, str) else tuple(names) if isinstance(names, Iterable) else ()
+    if not found or not all(isinstance(name, str) and name for name in found):
+        raise ValueError(f"{argument} must be a name or several such as {example}, got {names!r}")
+    return found

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
+from gbufrt.names import several
 from gbufrt.numeric import check_counts
 from post.filters.units import unit_vectors
 
@@ -31,9 +32,7 @@ def signal_names(signal: str | Iterable[str]) -> tuple[str, ...]:
     Raises:
         ValueError: there is no name.
     """
-    names = (signal,) if isinstance(signal, str) else tuple(signal) if isinstance(signal, Iterable) else ()
-    if not names or not all(isinstance(name, str) and name for name in names):
-        raise ValueError(f"signal must be a name or several such as ('ao', 'bent_normal'), got {signal!r}")
+    names = several("signal", signal, ("ao", "bent_normal"))
     return ("reflection", "reflection_confidence") if names == ("reflection",) else names
 
 

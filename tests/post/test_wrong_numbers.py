@@ -154,7 +154,6 @@ def test_no_number_of_a_pass_may_be_none():
         (lambda: post.AerialPerspective(sun=NONE)(LIGHT), r"sun of the air must be three numbers .*, got None"),
         (lambda: post.AerialPerspective(atmosphere=NUMBER)(LIGHT), r"atmosphere must be a gbufrt\.Atmosphere, got int"),
         (lambda: post.SSGI(bounces=NAN)(LIGHT), "bounces must be a whole number, got nan"),
-        (lambda: post.EstimateMissing(channels=NUMBER), "channels must be a name or several such as .*, got 3"),
     ],
 )
 def test_what_is_no_number_is_named(call: Callable[[], Any], message: str):

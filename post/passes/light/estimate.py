@@ -15,6 +15,7 @@ from gbufrt.compute.resident import resident
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
+from gbufrt.names import several
 from gbufrt.numeric import check_between, check_counts
 from gbufrt.sampling import inside, pixel_centers, sample, shifted
 from post.sweep.chords import thickness_from_depth
@@ -205,9 +206,7 @@ class EstimateMissing(Pass):
         self, *, search_radius: int = 2, roughness_scale: float = 4.0, channels: str | Sequence[str] = ESTIMATES
     ) -> None:
         super().__init__()
-        if not isinstance(channels, (str, Sequence)):
-            raise TypeError(f"channels must be a name or several such as ('thickness',), got {channels!r}")
-        self.channels = (channels,) if isinstance(channels, str) else tuple(channels)
+        self.channels = several("channels", channels, ESTIMATES)
         if unknown := [name for name in self.channels if name not in ESTIMATES]:
             raise ValueError(f"channels must be some of {', '.join(ESTIMATES)}, got {', '.join(map(repr, unknown))}")
         self.search_radius, self.roughness_scale = search_radius, roughness_scale

@@ -136,6 +136,9 @@ def test_bad_input():
         normals_from_depth(depth, camera, method="best")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="radius"):
         motion_from_depth(depth, camera, depth, camera, radius=-1)
+    for wrong in (3, (), [None]):
+        with pytest.raises(ValueError, match=r"^channels must be a name or several such as \('motion', .*, got"):
+            EstimateMissing(channels=wrong)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match=r"channels must be some of motion, .*, got 'depth'"):
         EstimateMissing(channels="depth")
     with pytest.raises(ValueError, match="dark must be less than bright"):
