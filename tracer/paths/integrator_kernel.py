@@ -184,25 +184,52 @@ def lobes(paths, tables, camera, picture, surfaces, begin, end, each, setting, o
     Where ``out`` has room for it, also a sample for a cache: where, facing where, its radiance, and 1 if there is one.
     """
     bounces, keys, values, follows = setting
-    _trace_even(paths, tables, surfaces, begin, end, each, np.inf)
-    u, count, rest, cache = paths.u, (end - begin) * each, bounces - 1, (keys, values)
+    count, rest, cache = (end - begin) * each, bounces - 1, (keys, values)
     first, remembers, sight = 3 + MORE * bounces, len(out) > COLUMNS, (camera, picture, 0.0)
+    for lobe in range(2):  # one body for both: a GPU's compiler copies paths to wherever they are called
+        if lobe == 0:
+            _trace_even(paths, tables, surfaces, begin, end, each, np.inf)
+        else:
+            _trace_specular(paths, tables, surfaces, begin, end, each, first, out)
+        passes, onward = (2, 3) if lobe == 0 else (first + 2, first + 3 + DIMS)  # numbers of the path
+        for j in range(count):
+            i = begin + j // each
+            at, direction, weight = surface_of(surfaces, i), triple(paths.directions, j, 0), paths.weights[j, 0]
+            sees = False, False
+            factor = scaled(WHITE, (1 - at.metallic) * at.opacity)
+            if lobe == 1:
+                if not weight > 0:
+                    continue
+                sees = _sharp(tables, at)
+                factor = scaled(fresnel(f0_of(at), paths.weights[j, 1]), weight)
+            isect = reached(tables, hit_of(paths, j), at, direction, paths.u[passes, j])
+            if remembers:
+                light, sample, point, normal, sent = remembered(
+                    paths, tables, cache, isect, direction, sight, j, onward, rest, sees, follows[i]
+                )
+                if sample and lobe == 0:
+                    _add(out, COLUMNS, i, point)
+                    _add(out, COLUMNS + 3, i, normal)
+                    _add(out, COLUMNS + 6, i, sent)
+                    out[COLUMNS + 9, i] += 1
+            else:
+                light = arriving_at_once(paths, tables, isect, direction, sight, j, onward, rest, sees)
+            _add(out, 3 * lobe, i, times(factor, light))
+            if lobe == 1:
+                out[7, i] += 1
+                if isect.t < np.inf:
+                    out[6, i] += isect.t
+                    out[8, i] += 1
+    finish(paths.waiting, tables, out)
+
+
+@scalar
+def _trace_specular(paths, tables, surfaces, begin, end, each, first, out):
+    """Send the first rays of specular paths, whose numbers begin with the ``first``, and those to lights."""
+    u, count = paths.u, (end - begin) * each
     for j in range(count):
         i = begin + j // each
-        at, direction = surface_of(surfaces, i), triple(paths.directions, j, 0)
-        isect = reached(tables, hit_of(paths, j), at, direction, u[2, j])
-        if remembers:
-            light, sample, point, normal, sent = remembered(
-                paths, tables, cache, isect, direction, sight, j, 3, rest, (False, False), follows[i]
-            )
-            if sample:
-                _add(out, COLUMNS, i, point)
-                _add(out, COLUMNS + 3, i, normal)
-                _add(out, COLUMNS + 6, i, sent)
-                out[COLUMNS + 9, i] += 1
-        else:
-            light = arriving_at_once(paths, tables, isect, direction, sight, j, 3, rest, (False, False))
-        _add(out, 0, i, scaled(light, (1 - at.metallic) * at.opacity))
+        at = surface_of(surfaces, i)
         sharp_sun, sharp_lamp = _sharp(tables, at)
         mirrors, place = (not sharp_sun, not sharp_lamp), (i, 3, -1)
         send_to_lights(paths.waiting, tables, at, u, j, first + 3, NOTHING, mirrors, WHITE, place, out)
@@ -211,23 +238,6 @@ def lobes(paths, tables, camera, picture, surfaces, begin, end, each, setting, o
         put_ray(paths, j, at.point, direction, np.inf if weight > 0 else -1.0)  # none into the surface itself
         paths.weights[j, 0], paths.weights[j, 1] = weight, cosine
     trace(paths, count, tables.transforms, tables.grids)
-    for j in range(count):
-        i, weight, cosine = begin + j // each, paths.weights[j, 0], paths.weights[j, 1]
-        if not weight > 0:
-            continue
-        at, direction, onward = surface_of(surfaces, i), triple(paths.directions, j, 0), first + 3 + DIMS
-        isect = reached(tables, hit_of(paths, j), at, direction, u[first + 2, j])
-        sharp = _sharp(tables, at)
-        if remembers:
-            sent = remembered(paths, tables, cache, isect, direction, sight, j, onward, rest, sharp, follows[i])[0]
-        else:
-            sent = arriving_at_once(paths, tables, isect, direction, sight, j, onward, rest, sharp)
-        _add(out, 3, i, times(scaled(fresnel(f0_of(at), cosine), weight), sent))
-        out[7, i] += 1
-        if isect.t < np.inf:
-            out[6, i] += isect.t
-            out[8, i] += 1
-    finish(paths.waiting, tables, out)
 
 
 @scalar

@@ -172,12 +172,12 @@ def arriving_at_once(paths, tables, isect, direction, sight, i, first, bounces, 
 
 @scalar
 def remembered(paths, tables, cache, isect, direction, sight, i, first, bounces, sees_lights, follows):
-    """See `tracer.paths.cached.remembered`; the light, and whether there is a sample, where, facing where, of what."""
+    """See `tracer.paths.memory.remembered`; the light, and whether there is a sample, where, facing where, of what."""
     (keys, values), u, found = cache, paths.u, paths.found
     at = isect.surface
     if isect.t == np.inf:
-        light = arriving_at_once(paths, tables, isect, direction, sight, i, first, bounces, sees_lights)
-        return light, False, NOTHING, NOTHING, NOTHING
+        light = sun(tables.lit, direction) if sees_lights[0] and shines(tables.lit) else NOTHING
+        return times(isect.weight, added(light, sky(tables.lit, direction))), False, NOTHING, NOTHING, NOTHING
     sharp_sun, sharp_lamp = at.roughness * at.roughness < tables.lit.sky[DISC, 0], at.roughness < LAMP_ROUGHNESS
     even = diffuse_share(at)
     found[0, i], found[1, i], found[2, i] = at.emission if sees_lights[1] else NOTHING
