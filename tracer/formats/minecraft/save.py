@@ -107,7 +107,7 @@ def read_minecraft(
     regions = [Region.of(file) for file in region_files(path)]
     there = [place for region in regions for place in region.sectors]
     if not there:
-        raise ValueError(f"{path} holds no chunks")
+        raise ValueError(f"{path} holds no chunks, as the game leaves some regions; give another, or the save's folder")
     everything = path.is_file() and chosen == Selection()
     low, high = ((-FURTHEST,) * 2, (FURTHEST,) * 2) if everything else chosen.chunk_range(_middle(path, there))
     builder, damaged, found = Builder(None if pack is None else Pack(pack)), list[str](), 0
@@ -124,13 +124,16 @@ def read_minecraft(
     if not found:
         (x0, z0), (x1, z1) = (np.min(there, axis=0) * WIDTH, (np.max(there, axis=0) + 1) * WIDTH)
         raise ValueError(f"{path} has no chunks in that part; its chunks lie in x {x0}..{x1} and z {z0}..{z1}")
-    return _finished(path, builder, damaged, found)
+    return _finished(path, builder, damaged, found, len(there) - found)
 
 
-def _finished(path: Path, builder: Builder, damaged: list[str], found: int) -> Blocks:
+def _finished(path: Path, builder: Builder, damaged: list[str], found: int, others: int) -> Blocks:
     told = "; ".join(damaged[:NAMED]) + (f"; and {len(damaged) - NAMED} more" if len(damaged) > NAMED else "")
     if len(damaged) == found:
-        raise ValueError(f"{path}: no chunk can be read: {told}")
+        count = "1 other chunk lies" if others == 1 else f"{others} other chunks lie"
+        elsewhere = f"{count} elsewhere: choose another part (around, on the command line --around X,Z)"
+        remedy = elsewhere if others else "give another region, or restore it from a backup"
+        raise ValueError(f"{path}: no chunk can be read: {told}; {remedy}")
     try:
         blocks = builder.build()
     except ValueError as error:
