@@ -27,7 +27,14 @@ Pose = Callable[[float], Tensor]
 
 MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY = 1, 2, 4
 MASK_ALL = MASK_PRIMARY | MASK_SHADOW | MASK_SECONDARY
+MASK_BITS = 31  # beside the sign, so that ~MASK_SHADOW is all others
 WIDEST = 89.0  # degrees: a sun of half the sky is a sky
+
+
+def check_mask(mask: Any) -> None:
+    """Raise TypeError unless it is a whole number, and ValueError where it has too many bits."""
+    check_counts(mask=mask)
+    check_between(-(2**MASK_BITS), 2**MASK_BITS - 1, mask=mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,7 +60,7 @@ class Instance:
         if not callable(self.pose):
             raise TypeError(f"pose must be a function of the time in seconds, got {type(self.pose).__name__}")
         check_each(0, above=True, unit="world units a voxel", scale=self.scale)
-        check_counts(mask=self.mask)
+        check_mask(self.mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

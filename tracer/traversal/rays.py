@@ -12,7 +12,7 @@ from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.poses import inverse
-from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
+from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene, check_mask
 from tracer.traversal import op as ops
 from tracer.traversal.hits import Hits
 
@@ -57,6 +57,7 @@ def trace(
     Raises:
         ValueError: shapes do not fit each other or the scene.
     """
+    check_mask(mask)
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
     left = rays.origins.new_zeros(0, 5, dtype=torch.int32)
     if beyond is not None:
@@ -113,6 +114,7 @@ def transmission(
     Raises:
         ValueError: shapes do not fit each other or the scene.
     """
+    check_mask(mask)
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
     passed = ops.transmit(list(rays), scene.grids.tensors, mask)
     return passed.reshape(*shape, 3)
