@@ -14,7 +14,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
 from gbufrt.names import unknown
-from gbufrt.numeric import check_between, check_counts, check_destination, check_each, check_kind, check_three
+from gbufrt.numeric import check_between, check_bits, check_destination, check_each, check_kind, check_three
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
@@ -27,14 +27,7 @@ Pose = Callable[[float], Tensor]
 
 MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY = 1, 2, 4
 MASK_ALL = MASK_PRIMARY | MASK_SHADOW | MASK_SECONDARY
-MASK_BITS = 31  # beside the sign, so that ~MASK_SHADOW is all others
 WIDEST = 89.0  # degrees: a sun of half the sky is a sky
-
-
-def check_mask(mask: Any) -> None:
-    """Raise TypeError unless it is a whole number, and ValueError where it has too many bits."""
-    check_counts(mask=mask)
-    check_between(-(2**MASK_BITS), 2**MASK_BITS - 1, mask=mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,7 +53,7 @@ class Instance:
         if not callable(self.pose):
             raise TypeError(f"pose must be a function of the time in seconds, got {type(self.pose).__name__}")
         check_each(0, above=True, unit="world units a voxel", scale=self.scale)
-        check_mask(self.mask)
+        check_bits(mask=self.mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -192,6 +185,12 @@ class Scene:
 
     def __post_init__(self) -> None:
         check_kind(World, "world", self.world, "; tracer.load(name) gives a scene")
+        check_kind(Sky, "sky", self.sky)
+        for name, kind in (("sun", Sun), ("haze", Haze), ("rain", Rain), ("waves", Waves), ("fog", Fog)):
+            if (given := getattr(self, name)) is not None:
+                check_kind(kind, name, given)
+        for instance in self.instances:
+            check_kind(Instance, "instances", instance)
         if not isinstance(self.views, Views):
             object.__setattr__(self, "views", Views(self.views))
 

@@ -18,10 +18,10 @@ import torch
 from torch import Tensor
 
 from gbufrt.names import unknown
-from gbufrt.numeric import check_counts, check_kind
+from gbufrt.numeric import check_bits, check_counts, check_kind
 from gbufrt.tree import map_tensors
 from tracer.scene.checks import check_is_scene
-from tracer.scene.scene import MASK_ALL, Scene, check_mask
+from tracer.scene.scene import MASK_ALL, Scene
 from tracer.traversal.hits import Hits, Place
 from tracer.traversal.payloads import accepted, changed, check_programs, described, flat_rows, taken, with_rows
 from tracer.traversal.rays import trace
@@ -72,7 +72,7 @@ class RayType:
             told = f"got {described(wrong[0])}"
             raise TypeError(f'groups must be hit groups by instance, as in {{"*": tracer.HitGroup(...)}}, {told}')
         check_programs(miss=self.miss)
-        check_mask(self.mask)
+        check_bits(mask=self.mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,6 +12,7 @@ from uuid import UUID
 
 import numpy as np
 
+from gbufrt.numeric import check_counts, check_wholes
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.joined import joined_chunk
 from tracer.formats.minecraft.nbt import Tags, part, read_nbt
@@ -44,6 +45,7 @@ class Selection:
         chunks: how many chunks along each side are taken, with ``around`` or round the player.
 
     Raises:
+        TypeError: there are other numbers, or none.
         ValueError: a side of the box is not positive, a number is out of range, or both ways are used.
     """
 
@@ -52,6 +54,9 @@ class Selection:
     chunks: int | None = None
 
     def __post_init__(self) -> None:
+        check_wholes(6, "x0, y0, z0, x1, y1, z1", box=self.box)
+        check_wholes(2, "x, z", around=self.around)
+        check_counts(chunks=CHUNKS if self.chunks is None else self.chunks)
         if self.box is not None and (self.around is not None or self.chunks is not None):
             raise ValueError("box and around or chunks exclude each other; give one of them")
         if self.box is not None and not all(a < b for a, b in zip(self.box[:3], self.box[3:], strict=True)):
