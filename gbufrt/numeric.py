@@ -66,6 +66,23 @@ def check_counts(**values: Any) -> None:
             raise TypeError(f"{name} must be a whole number, got {_told(value)}")
 
 
+def check_bits(**masks: Any) -> None:
+    """Raise TypeError where a mask, by its argument's name, is no whole number, and ValueError where it is too long.
+
+    One bit is the sign, so that ``~1`` is all bits but the first.
+    """
+    check_counts(**masks)
+    check_between(-(2**31), 2**31 - 1, **masks)
+
+
+def check_wholes(count: int, example: str, **values: Any) -> None:
+    """Raise TypeError where a value, by its argument's name, is neither None nor ``count`` whole numbers."""
+    for name, value in values.items():
+        numbers = value if isinstance(value, (tuple, list)) else ()
+        if value is not None and not (len(numbers) == count and all(hasattr(n, "__index__") for n in numbers)):
+            raise TypeError(f"{name} must be {count} whole numbers, {example}, got {value!r}")
+
+
 def check_kind(kind: type, name: str, value: Any, remedy: str = "") -> None:
     """Raise TypeError, with a remedy, unless what the argument ``name`` holds is of a class of ours."""
     if not isinstance(value, kind):

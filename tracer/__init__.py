@@ -25,8 +25,8 @@ from tracer.scene.scene import (
 )
 from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
-from tracer.traversal.hits import Hits
-from tracer.traversal.programs import HitGroup, Launch, Place, RayType, dispatch
+from tracer.traversal.hits import Hits, Place
+from tracer.traversal.programs import HitGroup, Launch, RayType, dispatch
 from tracer.traversal.rays import trace, transmission
 from tracer.truth.fog import fog_truth
 from tracer.truth.one_path import one_path

@@ -130,7 +130,7 @@ def tight_metals(g: GBuffer) -> Tensor:
 
 def _first_hits(g: GBuffer, origins: Tensor, directions: Tensor) -> Hits:
     normal = g.normal if g.normal_geo is None else g.normal_geo
-    hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=known_thickness(g, None))
+    hierarchy = depth_hierarchy(g.depth, normal, g.camera, hit=g.hit, thickness=known_thickness(g))
     return march_rays(hierarchy, origins, directions, g.camera, steps=STEPS, distance=g.camera.far)
 
 

@@ -12,6 +12,7 @@ The smallest over rows and columns counts.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import torch
@@ -22,6 +23,7 @@ from gbufrt import GBuffer
 from gbufrt.camera import Camera
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
+from gbufrt.numeric import check_between
 
 # Fitted to ray-traced AO in six views of the built-in world at 240x135, by the radius and scales of samples/fit_ao.py,
 # and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, and at most 0.0007
@@ -137,13 +139,22 @@ def thickness_from_depth(
     return torch.where(hit, solid.clamp_max(camera.far), 0.0)
 
 
-def known_thickness(gbuffer: GBuffer, assumed: float | None) -> Tensor | float:
-    """The measured thickness of a G-buffer, else the assumed one, else an estimate; see `thickness_from_depth`."""
-    if gbuffer.thickness is not None:
-        return gbuffer.thickness
-    if assumed is not None:
-        return assumed
-    g = gbuffer
+def known_thickness(gbuffer: GBuffer, **assumed: float | None) -> Tensor | float:
+    """The measured thickness of a G-buffer, else the assumed one, else an estimate; see `thickness_from_depth`.
+
+    Args:
+        gbuffer: what the camera saw.
+        assumed: one number or None, by the name that it is given by.
+
+    Raises:
+        TypeError: it is no number.
+        ValueError: it is negative or NaN, whether it is used or not.
+    """
+    g, told = gbuffer, {name: number for name, number in assumed.items() if number is not None}
+    check_between(0, math.inf, **told)
+    for known in (g.thickness, *told.values()):
+        if known is not None:
+            return known
     return thickness_from_depth(g.depth, g.normal, g.camera, hit=g.hit, object_id=g.object_id)
 
 

@@ -5,13 +5,15 @@ Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code 
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
 from gbufrt import Camera, Frame
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.noise.noise import GOLDEN
-from gbufrt.numeric import check_counts, check_numbers
+from gbufrt.numeric import check_between, check_counts, check_numbers
 from post.margin import reference as margin
 from post.sweep.constants import BIAS, FIRST, MIN_FACING
 from post.sweep.layout import Receivers, Receiving, Slice
@@ -58,6 +60,8 @@ def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
 
 def slices_of(frame: Frame, directions: int, fresh: int) -> int:
     """``directions``, times ``fresh`` where no frame comes before: a single picture has no others to average with."""
+    check_between(1, math.inf, fresh=fresh)
+    check_counts(fresh=fresh)
     alone = frame.previous is None or (frame.cut is not None and bool(frame.cut.any()))
     return directions * fresh if alone else directions
 

@@ -60,6 +60,8 @@ KIND: Any = GTAO
         (lambda: Pipeline(ao=KIND), r"stage 'ao' must be a Pass.*, got the class GTAO; write GTAO\(\)"),
         (lambda: Temporal()(G), r"frame must be a gbufrt\.Frame, got GBuffer"),
         (lambda: read_gbuffer("a.exr", camera=WORD), r"camera must be a gbufrt\.Camera, got str"),
+        (lambda: read_gbuffer("a.exr", fov=WORD), "fov must be a number or a 0-dim tensor, got 'x'"),
+        (lambda: read_gbuffer("a.exr", fov=45.0, index=WORD), "index must be a whole number, got 'x'"),
         (lambda: read_gbuffer(NUMBER), "path must be a path, or those of one frame, got int"),
         (lambda: me1(units_per_metre=WORD), "units_per_metre must be a number or a 0-dim tensor, got 'x'"),
         (lambda: motion_blur(WORD, G.depth, NONE), r"color must be a torch\.Tensor, got str"),

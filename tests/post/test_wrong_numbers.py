@@ -161,6 +161,28 @@ def test_what_is_no_number_is_named(call: Callable[[], Any], message: str):
         call()
 
 
+def test_an_assumed_thickness_is_named_also_where_the_frame_knows_it_better():
+    measured = LIGHT.replace(gbuffer=LIGHT.gbuffer.replace(thickness=ONE, roughness=ONE))
+    passes: list[tuple[str, Callable[..., Any]]] = [("thickness", post.GTAO), ("thickness", post.SSGI)]
+    passes += [("assumed_thickness", post.SSR), ("assumed_thickness", post.MarchGI)]
+    for frame in (LIGHT.replace(gbuffer=LIGHT.gbuffer.replace(roughness=ONE)), measured):
+        for name, kind in passes:
+            for bad in (-1.0, torch.nan):
+                with pytest.raises(ValueError, match=f"^{name} must be at least 0, got {bad:g}$"):
+                    kind(**{name: bad})(frame)
+        with pytest.raises(ValueError, match=r"^thickness must be at least 0, got -1$"):
+            post.GTAO(method="horizon", thickness=-1.0)(frame)
+
+
+@pytest.mark.parametrize("kind", [post.GTAO, post.SSGI])
+def test_a_factor_on_directions_is_named(kind: Callable[..., Any]):
+    for bad in (-1, 0):
+        with pytest.raises(ValueError, match=f"^fresh must be at least 1, got {bad}$"):
+            kind(fresh=bad)(LIGHT)
+    with pytest.raises(TypeError, match=r"^fresh must be a whole number, got 1\.5$"):
+        kind(fresh=1.5)(LIGHT)
+
+
 def test_what_is_out_of_range_or_nan_is_named():
     for bad in (-1.0, torch.nan):
         with pytest.raises(ValueError, match=r"^bounce_loss must be at least 0"):

@@ -19,6 +19,7 @@ CAMERA: Any = Camera.look_at((2.0, 5.0, 9.0), (2.0, 0.0, 2.0), size=(3, 4))
 G: Any = tracer.gbuffer(SCENE, CAMERA)
 NAME: Any = "village"
 NONE: Any = None
+AT = torch.zeros(1, 3)
 PROGRAM: Any = len
 WRONG: Any = {"a": tracer.HitGroup()}
 OF_GBUFFERS: dict[str, Any] = {
@@ -96,6 +97,18 @@ def test_what_takes_a_frame_tells_how_one_is_made(name: str):
             lambda: tracer.Material(name="a", emission=torch.tensor(5.0)),  # pyright: ignore
             "^emission of material 'a' must be three numbers",
         ),
+        *(
+            (lambda name=name: tracer.Scene(world=PLAIN, **{name: NAME}), rf"^{name} must be a tracer\.\w+, got str$")
+            for name in ("sun", "sky", "haze", "rain", "waves", "fog")
+        ),
+        (lambda: tracer.Scene(world=PLAIN, instances=(NAME,)), r"^instances must be a tracer\.Instance, got str$"),
+        (lambda: tracer.trace(SCENE, AT, AT, t_min=NAME), "^t_min must be a number or a 0-dim tensor, got 'village'$"),
+        (lambda: tracer.trace(SCENE, AT, AT, t_max=NONE), "^t_max must be a number or a 0-dim tensor, got NoneType$"),
+        (lambda: tracer.trace(SCENE, AT, AT, poses=NAME), r"^poses must be a torch\.Tensor, got str; scene\.poses"),
+        (lambda: tracer.load(".", box=NAME), "^box must be 6 whole numbers, x0, y0, z0, x1, y1, z1, got 'village'$"),
+        (lambda: tracer.load(".", around=(1, 2.5)), r"^around must be 2 whole numbers, x, z, got \(1, 2\.5\)$"),  # pyright: ignore
+        (lambda: tracer.load(".", chunks=NAME), "^chunks must be a whole number, got 'village'$"),
+        (lambda: tracer.stream(".", window=NAME), "^window must be a whole number, got 'village'$"),
         (lambda: tracer.Material(name="a", roughness=NAME), "^roughness must be a number or a 0-dim tensor"),
     ],
 )

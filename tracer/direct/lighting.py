@@ -88,7 +88,7 @@ def light(
         shown = diffuse * _arriving(scene, gbuffer, diffuse, sky_light, poses, **given)
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_behind(scene, directions)
-    if scene.sky.stars is not None:
+    if scene.sky.stars is not None and not camera.orthographic:  # which sees one point of the sky in all pixels
         night = stars(directions, scene.sky.stars, 1 / camera.intrinsics[0, 1, 1])
         sky = sky + torch.where(directions[:, 1:2] > 0, night, 0.0)  # none below the horizon, where land may be hazy
     if scene.sun is not None:

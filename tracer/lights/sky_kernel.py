@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from gbufrt.compute.kernel import scalar
-from gbufrt.compute.search import lower_bound
+from gbufrt.compute.search import upper_bound
 from tracer.lights.lit import DISC, GLOW, GROUND, HORIZON, IRRADIANCE, NOTHING, TOWARD, ZENITH
 from tracer.lights.sky import GRADIENT, HAZE
-from tracer.lights.sky_table import CELLS
+from tracer.lights.sky_table import BELOW_ONE, CELLS
 from tracer.sampling.scatter_kernel import along, combined, cross, disc, dot, scaled, tangent_frame
 from tracer.traversal.kernel import triple
 
@@ -69,8 +69,8 @@ def _pictured(picture, direction):
 @scalar
 def sky_sample(lit, a, b):
     """A direction to the sky, and its density."""
-    place = a * lit.sky_upto[-1]
-    cell = min(lower_bound(lit.sky_upto, place), len(lit.sky_upto) - 1)
+    place = a * (lit.sky_upto[-1] * BELOW_ONE)
+    cell = min(upper_bound(lit.sky_upto, place), len(lit.sky_upto) - 1)
     before = np.float64(lit.sky_upto[cell - 1]) if cell > 0 else 0.0
     within = min(max((place - before) / max(lit.sky_upto[cell] - before, 1e-12), 0.0), 1.0)
     row, column = cell // CELLS[1], cell % CELLS[1]

@@ -14,6 +14,7 @@ from tracer.lights.sky import environment
 from tracer.scene.scene import Scene, Sky, Sun
 
 CELLS = (32, 64)  # of a lat-long picture; within each, all directions are equally likely
+BELOW_ONE = 1 - 2.0**-23  # so that rounding draws no cell behind the last that sends light
 _known: WeakKeyDictionary[Sky, tuple[Sun | None, torch.device, SkyTable | None]] = WeakKeyDictionary()
 
 
@@ -53,8 +54,8 @@ class SkyTable:
 
         Source: Pharr, Jakob and Humphreys, "Physically Based Rendering", 4th ed., 12.5 (image infinite lights).
         """
-        place = u[0] * self.upto[-1]
-        cell = torch.searchsorted(self.upto, place).clamp_max(len(self.upto) - 1)
+        place = u[0] * (self.upto[-1] * BELOW_ONE)
+        cell = torch.searchsorted(self.upto, place, right=True)  # past cells that send none
         before = torch.where(cell > 0, self.upto[cell - 1], 0.0)
         within = ((place - before) / (self.upto[cell] - before).clamp_min(1e-12)).clamp(0.0, 1.0)
         row, column = cell // CELLS[1], cell % CELLS[1]

@@ -14,7 +14,7 @@ from torch import Tensor
 from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
 from gbufrt.names import unknown
-from gbufrt.numeric import check_between, check_counts, check_destination, check_each, check_kind, check_three
+from gbufrt.numeric import check_between, check_bits, check_destination, check_each, check_kind, check_three
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
@@ -53,7 +53,7 @@ class Instance:
         if not callable(self.pose):
             raise TypeError(f"pose must be a function of the time in seconds, got {type(self.pose).__name__}")
         check_each(0, above=True, unit="world units a voxel", scale=self.scale)
-        check_counts(mask=self.mask)
+        check_bits(mask=self.mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -185,6 +185,12 @@ class Scene:
 
     def __post_init__(self) -> None:
         check_kind(World, "world", self.world, "; tracer.load(name) gives a scene")
+        check_kind(Sky, "sky", self.sky)
+        for name, kind in (("sun", Sun), ("haze", Haze), ("rain", Rain), ("waves", Waves), ("fog", Fog)):
+            if (given := getattr(self, name)) is not None:
+                check_kind(kind, name, given)
+        for instance in self.instances:
+            check_kind(Instance, "instances", instance)
         if not isinstance(self.views, Views):
             object.__setattr__(self, "views", Views(self.views))
 

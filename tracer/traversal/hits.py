@@ -79,3 +79,30 @@ class Hits:
         axis = self.face.long() // 2
         first, second = torch.where(axis == 0, 1, 0), torch.where(axis == 2, 1, 2)
         return inner.gather(-1, torch.stack([first, second], dim=-1))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Place:
+    """Where rays are when a program runs, a row for each.
+
+    Args:
+        origins: ``(N, 3)`` world space.
+        directions: ``(N, 3)``, of the length that they were sent with.
+        hits: what they hit; in a miss program None.
+    """
+
+    origins: Tensor
+    directions: Tensor
+    hits: Hits | None = None
+
+    @property
+    def found(self) -> Hits:
+        """The hits; in a miss program there are none to ask for."""
+        if self.hits is None:
+            raise ValueError("a miss program has no hits: its rays have origins and directions alone")
+        return self.hits
+
+    @property
+    def points(self) -> Tensor:
+        """``(N, 3)`` world space, of the hits."""
+        return self.origins + self.directions * self.found.t[:, None]

@@ -15,6 +15,13 @@ from gbufrt.tree import map_tensors
 P = TypeVar("P")
 
 
+def check_programs(**programs: Any) -> None:
+    """Raise TypeError unless programs, by the names of their arguments, are functions or None."""
+    for name, program in programs.items():
+        if program is not None and not callable(program):
+            raise TypeError(f"{name} must be a function (launch, place, payload), got {described(program)}")
+
+
 def changed(program: Callable[..., Any], launch: Any, place: Any, payload: Any, at: Tensor) -> Any:
     """The payload after a program has run for the rows ``at``."""
     if not bool(at.any()):

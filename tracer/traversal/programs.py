@@ -18,44 +18,18 @@ import torch
 from torch import Tensor
 
 from gbufrt.names import unknown
+from gbufrt.numeric import check_bits, check_counts, check_kind
 from gbufrt.tree import map_tensors
 from tracer.scene.checks import check_is_scene
 from tracer.scene.scene import MASK_ALL, Scene
-from tracer.traversal.hits import Hits
-from tracer.traversal.payloads import accepted, changed, described, flat_rows, taken, with_rows
+from tracer.traversal.hits import Hits, Place
+from tracer.traversal.payloads import accepted, changed, check_programs, described, flat_rows, taken, with_rows
 from tracer.traversal.rays import trace
 
 P = TypeVar("P")
 EVERY = "*"  # instances without a hit group of their own; the name of the world is `WORLD`
 WORLD = "world"
 MOST_IGNORED = 64  # hits that a ray passes by at most
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Place:
-    """Where rays are when a program runs, a row for each.
-
-    Args:
-        origins: ``(N, 3)`` world space.
-        directions: ``(N, 3)``, of the length that they were sent with.
-        hits: what they hit; in a miss program None.
-    """
-
-    origins: Tensor
-    directions: Tensor
-    hits: Hits | None = None
-
-    @property
-    def found(self) -> Hits:
-        """The hits; in a miss program there are none to ask for."""
-        if self.hits is None:
-            raise ValueError("a miss program has no hits: its rays have origins and directions alone")
-        return self.hits
-
-    @property
-    def points(self) -> Tensor:
-        """``(N, 3)`` world space, of the hits."""
-        return self.origins + self.directions * self.found.t[:, None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +44,9 @@ class HitGroup:
 
     closest_hit: Callable[[Launch, Place, Any], Any] | None = None
     any_hit: Callable[[Launch, Place, Any], Tensor] | None = None
+
+    def __post_init__(self) -> None:
+        check_programs(closest_hit=self.closest_hit, any_hit=self.any_hit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +65,14 @@ class RayType:
     miss: Callable[[Launch, Place, Any], Any] | None = None
     mask: int = MASK_ALL
     first_hit: bool = False
+
+    def __post_init__(self) -> None:
+        groups = self.groups.values() if isinstance(self.groups, Mapping) else [self.groups]
+        if wrong := [group for group in groups if not isinstance(group, HitGroup)]:
+            told = f"got {described(wrong[0])}"
+            raise TypeError(f'groups must be hit groups by instance, as in {{"*": tracer.HitGroup(...)}}, {told}')
+        check_programs(miss=self.miss)
+        check_bits(mask=self.mask)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,6 +126,8 @@ class Launch:
             raise ValueError(unknown("ray type", kind, "the dispatch", self.rays))
         if self.depth >= self.deepest:
             raise ValueError(f"rays of type {kind!r} recurse deeper than {self.deepest}: give dispatch a larger depth")
+        check_kind(Tensor, "origins", origins)
+        check_kind(Tensor, "directions", directions)
         shape = origins.shape[:-1]
         flat = flat_rows(payload, shape, f"the payload of rays {kind!r}")
         place = Place(origins=origins.reshape(-1, 3), directions=directions.reshape(-1, 3))
@@ -244,6 +231,7 @@ def dispatch(
         raise TypeError(f"generation must be a function that takes a Launch, got {described(generation)}")
     if not isinstance(rays, Mapping) or not all(isinstance(kind, RayType) for kind in rays.values()):
         raise TypeError(f'rays must be ray types by name, as in {{"shadow": tracer.RayType()}}, got {rays!r}')
+    check_counts(depth=depth)
     if depth < 1:
         raise ValueError(f"depth must be at least 1, got {depth}")
     return generation(Launch(scene=scene, poses=poses, rays=rays, deepest=depth))

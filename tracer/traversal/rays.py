@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import number
-from gbufrt.numeric import check_kind
+from gbufrt.numeric import check_bits, check_kind, check_numbers
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.poses import inverse
@@ -57,6 +57,7 @@ def trace(
     Raises:
         ValueError: shapes do not fit each other or the scene.
     """
+    check_bits(mask=mask)
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
     left = rays.origins.new_zeros(0, 5, dtype=torch.int32)
     if beyond is not None:
@@ -113,6 +114,7 @@ def transmission(
     Raises:
         ValueError: shapes do not fit each other or the scene.
     """
+    check_bits(mask=mask)
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
     passed = ops.transmit(list(rays), scene.grids.tensors, mask)
     return passed.reshape(*shape, 3)
@@ -166,6 +168,9 @@ def _rays(
     """Rays as flat float32 rows, with the transforms into every grid; and the shape they had."""
     check_kind(Tensor, "origins", origins)
     check_kind(Tensor, "directions", directions)
+    check_numbers(**{n: end for n, end in (("t_min", t_min), ("t_max", t_max)) if not isinstance(end, Tensor)})
+    if poses is not None:
+        check_kind(Tensor, "poses", poses, "; scene.poses([time]) gives them")
     if origins.shape != directions.shape or origins.ndim < 1 or origins.shape[-1] != 3:
         raise ValueError(
             f"origins and directions must both be (...,3), got {tuple(origins.shape)} and {tuple(directions.shape)}"

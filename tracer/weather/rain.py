@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, Protocol, TypeVar
 
@@ -12,7 +13,7 @@ from torch import Tensor
 from gbufrt.environment import environment_directions, environment_solid_angles
 from tracer.lights.sky import sky_radiance
 from tracer.scene.checks import check_open, keeps_its_light
-from tracer.scene.scene import Haze, Scene, Sky, Sun
+from tracer.scene.scene import Haze, Scene, Sky, Sun, View
 from tracer.scene.weather import Rain
 
 SIZE = (64, 128)  # pixels of the sky's picture
@@ -20,10 +21,11 @@ DULL = 0.4  # light on the ground in hardest rain, over that of a clear sky
 TINGE = (0.94, 1.00, 1.08)  # of cloud
 SOIL = 0.2  # what the ground sends back up
 NEAR, FAR = 4.0, 170.0  # world units: where the haze of the hardest rain begins, and where nothing else is seen
+SIGHT = 112.0  # and how far off what the first view looks to may lie; where that is farther, haze is so much thinner
 
 
 class Open(Protocol):
-    """A dataclass with sun, sky, haze and rain: a `Scene`, or a `tracer.worlds.regions.stream.Stream`."""
+    """A dataclass with sun, sky, haze, rain and views: a `Scene`, or a `tracer.worlds.regions.stream.Stream`."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
@@ -33,6 +35,8 @@ class Open(Protocol):
     def sky(self) -> Sky: ...
     @property
     def haze(self) -> Haze | None: ...
+    @property
+    def views(self) -> Mapping[str, View]: ...
     @property
     def device(self) -> torch.device | str: ...
 
@@ -44,6 +48,7 @@ def raining(scene: S, level: float) -> S:
     """A scene in the rain: grey sky, haze, and all that is under the open sky wet.
 
     Clouds take the sun first and let through part of the light of sun and sky together, so that a night stays dark.
+    Haze is thinner in a scene whose first view stands far off, as before large models of small voxels.
     `at_hour` goes before, as it makes a clear sky. Other numbers of `Rain` are set by ``replace(scene, rain=...)``.
 
     Args:
@@ -71,7 +76,8 @@ def raining(scene: S, level: float) -> S:
     clear = sky_radiance(_as_scene(scene), directions)
     grey = overcast(directions, _on_ground(scene.sun, clear, directions))
     sun = scene.sun and replace(scene.sun, irradiance=_scaled(scene.sun.irradiance, (1 - cloudy) ** 1.5))
-    haze = Haze(begin=NEAR / level, end=FAR / level).and_also(scene.haze)
+    thin = max(1.0, _sight(scene.views) / SIGHT) / level
+    haze = Haze(begin=NEAR * thin, end=FAR * thin).and_also(scene.haze)
     sky = Sky(plain=scene.sky.plain, picture=torch.lerp(clear, grey, cloudy))
     return replace(scene, sun=sun, sky=sky, haze=haze, rain=rain)
 
@@ -100,6 +106,11 @@ def _on_ground(sun: Sun | None, sky: Tensor, directions: Tensor) -> Tensor:
         height = sun.direction[1] / math.hypot(*sun.direction)
         total = total + max(height, 0.0) * sum(sun.irradiance) / 3
     return DULL * total
+
+
+def _sight(views: Mapping[str, View]) -> float:
+    """How far off what the first view looks to lies; 0 without views."""
+    return max((math.dist(view.eye(0.0), view.target(0.0)) for view in [*views.values()][:1]), default=0.0)
 
 
 def _as_scene(scene: Any) -> Scene:

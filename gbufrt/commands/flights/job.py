@@ -90,10 +90,11 @@ class Job:
             raise ValueError(f"--fov must be 0.1 to 170 degrees, got {self.fov:g}")
         if self.part.window is not None:
             at_least("--window", self.part.window, *WINDOW)
-        check_part(self.world, self.part.parsed())
+        part = self.part.parsed()
+        check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
+        check_part(self.world, part)
         self.day.parsed()
         self.fog.parsed()
-        check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
 
     def load(self) -> Scene | Stream:
         """The world, or with a window what reads it as the camera flies.

@@ -72,8 +72,9 @@ def _blocks(path: Path) -> str:
 
     regions = [Region.of(file) for file in region_files(path)]
     places = [place for region in regions for place in region.sectors]
+    kind = "Minecraft save" if path.is_dir() else "Minecraft region"
     if not places:
-        return "Minecraft, without chunks"
+        return f"{kind}, empty: no chunk was ever saved in {_count(len(regions), 'file')}; there is nothing to render"
     (x0, z0), (x1, z1) = (tuple(end(axis) for axis in zip(*places, strict=True)) for end in (min, max))
     first = next(region for region in regions if region.sectors)
     place = next(iter(first.sectors))
@@ -81,7 +82,6 @@ def _blocks(path: Path) -> str:
         version = version_of(first.chunk(place)) or "from before 1.9"
     except ValueError as error:
         version = f"not known, because chunk {place[0]},{place[1]} cannot be read ({error})"
-    kind = "Minecraft save" if path.is_dir() else "Minecraft region"
     return (
         f"{kind}, data version {version}, {_count(len(places), 'chunk')} in {_count(len(regions), 'file')}, in x "
         f"{x0 * WIDTH}..{(x1 + 1) * WIDTH} and z {z0 * WIDTH}..{(z1 + 1) * WIDTH}"

@@ -26,6 +26,7 @@ from gbufrt.files.gbuffers.sky import COUNTED, sky_lacks
 from gbufrt.files.gbuffers.surfaces import hit_of
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
+from gbufrt.numeric import check_counts, check_numbers
 
 MOST_AWAY = 0.5  # share of normals that may face away, as back faces' do; more are a wrong sign, left to be seen
 INSTEAD = {"albedo": 0.0, "roughness": 1.0, "metallic": 0.0}
@@ -81,11 +82,13 @@ def read_gbuffer(
         raise ValueError("read_gbuffer takes either camera or fov; pass one of them")
     if previous_camera is not None and fov is not None:
         raise ValueError("previous_camera needs a camera with a pose; leave fov out")
+    check_numbers(fov=0.0 if fov is None else fov)
     if fov is not None and not 0 < fov < 180:
         raise ValueError(f"fov must lie between 0 and 180 degrees, got {fov}")
+    check_counts(index=index)
     if not isinstance(path, (str, Path, Iterable)):
         raise TypeError(f"path must be a path, or those of one frame, got {type(path).__name__}")
-    files = [Path(path)] if isinstance(path, str | Path) else list(path)
+    files = [Path(file) for file in ([path] if isinstance(path, str | Path) else path)]
     path = files[0]
     layers = Layers(path, shot_parts(files))
     if not isinstance(profile, Profile):
@@ -96,11 +99,8 @@ def read_gbuffer(
     if layers.views:
         warnings.warn(f"{path} holds the views {', '.join(layers.views)}; took {layers.views[0]}", stacklevel=2)
     if len(named.others) > 1:
-        warnings.warn(
-            f"{path} has depth in the layers {', '.join(named.others)}; took {named.layer}, set layer = in the profile "
-            "for another",
-            stacklevel=2,
-        )
+        there = f"{path} has depth in the layers {', '.join(named.others)}"
+        warnings.warn(f"{there}; took {named.layer}, set layer = in the profile for another", stacklevel=2)
     return _frame(named, camera, previous_camera, fov or 0.0, index, whole)
 
 

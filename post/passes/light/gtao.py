@@ -233,7 +233,7 @@ class GTAO(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g = frame.gbuffer
-        solid = None if self.method == "horizon" else known_thickness(g, self.thickness)
+        solid = self.thickness if self.method == "horizon" else known_thickness(g, thickness=self.thickness)
         tunables = {**self.tunables(), "thickness": solid}
         tunables["directions"] = slices.slices_of(frame, self.directions, tunables.pop("fresh"))
         ao, bent_normal = gtao(g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)

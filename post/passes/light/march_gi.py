@@ -161,6 +161,6 @@ class MarchGI(Pass):
         albedo = frame.read("albedo") if g.metallic is None else frame.read("albedo") * (1 - g.metallic)
         assumed = tunables.pop("assumed_thickness")
         known = {"hit": g.hit, "bent_normal": frame.bent_normal, "normal_geo": g.normal_geo, "index": frame.index}
-        known |= {"thickness": known_thickness(g, assumed)}
+        known |= {"thickness": known_thickness(g, assumed_thickness=assumed)}
         gi, sky_visibility = march_gi(g.depth, g.normal, g.camera, light, albedo, **known, **tunables)
         return frame.replace(gi=gi, sky_visibility=sky_visibility)

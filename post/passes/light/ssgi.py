@@ -164,7 +164,7 @@ class SSGI(Pass):
     def forward(self, frame: Frame) -> Frame:
         g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
         sweep |= {"directions": slices.slices_of(frame, self.directions, self.fresh), "index": frame.index}
-        sweep |= {"hit": g.hit, "thickness": known_thickness(g, self.thickness)}
+        sweep |= {"hit": g.hit, "thickness": known_thickness(g, thickness=self.thickness)}
         once = {"distance": self.distance, "thickness": sweep["thickness"], "steps": self.steps}
         light = sent_light(_lit_from_above(frame), **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)

@@ -198,7 +198,7 @@ class SSR(Pass):
         assumed, roughness = tunables.pop("assumed_thickness"), frame.read("roughness")
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
         known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
-        known |= {"thickness": known_thickness(g, assumed), "index": frame.index}
+        known |= {"thickness": known_thickness(g, assumed_thickness=assumed), "index": frame.index}
         known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
         known |= {"metallic": g.metallic}
         found = ssr(g.depth, g.normal, g.camera, outgoing_light(frame), roughness, **known, **tunables)

@@ -145,6 +145,8 @@ def test_worlds_whose_tags_are_of_a_wrong_kind(tmp_path: Path, capfd) -> None:
         nbtlib.File({name: kinds[type(value)](value) for name, value in tags.items()}).save(tmp_path / "a.schem")
         assert message in told(capfd, tmp_path / "a.schem", code=2)
     region = tmp_path / "r.0.0.mca"
+    region.write_bytes(b"")  # as the game leaves some behind
+    assert "region, empty: no chunk was ever saved in 1 file; there is nothing to render" in told(capfd, region)
     region.write_bytes(b"\0\0\2\1".ljust(8192, b"\0") + b"\0\0\0\2\5x")
     assert "data version not known, because chunk 0,0 cannot be read (compression must" in told(capfd, region)
 

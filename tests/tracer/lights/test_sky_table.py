@@ -54,6 +54,20 @@ def test_samples_measure_the_sky_with_little_noise(table: SkyTable) -> None:
     assert (way @ torch.nn.functional.normalize(torch.tensor([0.4, 0.5, -0.7]), dim=0)).mean() > 0.1
 
 
+def test_no_sample_comes_from_where_the_sky_is_black() -> None:
+    picture = torch.zeros(1, 3, 32, 64)
+    picture[..., 10:12, 5:40] = torch.linspace(0.1, 1.0, 35)  # with black before, between and behind
+    picture[..., 10, 20] = 0.0
+    scene = replace(SCENE, sun=None, sky=Sky(picture=picture))
+    found = SkyTable.of(scene)
+    assert found is not None
+    ends = torch.tensor([0.0, 1.0])
+    steps = found.upto / found.upto[-1]
+    u = torch.cat([ends, steps.nextafter(torch.tensor(0.0)), steps, steps.nextafter(torch.tensor(2.0))])
+    _, density = found.sample(torch.stack([u.clamp(0, 1 - 2.0**-24), torch.full_like(u, 0.5)]))
+    assert float(density.min()) > 0
+
+
 def test_a_black_sky_is_no_light() -> None:
     black = Sky(zenith=(0.0, 0.0, 0.0), horizon=(0.0, 0.0, 0.0), ground=(0.0, 0.0, 0.0))
     assert SkyTable.of(replace(SCENE, sun=None, sky=black)) is None

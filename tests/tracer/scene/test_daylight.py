@@ -76,6 +76,11 @@ def test_a_new_moon_leaves_the_stars():
     assert dark is not None
     assert bool((clear >= dark).all())
     assert 0.0003 < float((clear > dark + 1e-4).float().mean()) < 0.02, "points, not a glow"
+    flat = Camera.look_at((0, 400, 0), (30, 480, 90), size=(6, 8), orthographic_height=0.05)
+    even, bare = (tracer.render(found, flat, light_samples=1).radiance for found in (new, starless))
+    assert even is not None
+    assert bare is not None
+    assert torch.equal(even, bare), "one star would fill the picture"
 
 
 def test_the_sun_is_never_overhead_and_what_is_drawn_on_the_sky_turns_with_it():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,8 +11,9 @@ import torch
 import voxels
 from torch import Tensor
 
-from tracer.scene.scene import Instance, Scene
-from tracer.traversal.programs import MOST_IGNORED, HitGroup, Launch, Place, RayType, dispatch
+from tracer.scene.scene import MASK_SHADOW, Instance, Scene
+from tracer.traversal.hits import Place
+from tracer.traversal.programs import MOST_IGNORED, HitGroup, Launch, RayType, dispatch
 from tracer.traversal.rays import trace
 
 FRONT, BACK = 0x40, 0x80
@@ -175,6 +177,38 @@ def test_wrong_programs_are_told_by_name():
         dispatch(scene(), lambda ray: ray.trace("shade", at, at, Mark(at)), {"shadow": RayType()})
     with pytest.raises(ValueError, match="depth must be at least 1"):
         dispatch(scene(), lambda ray: ray, {}, depth=0)
+
+
+WRONG: Any = "village"
+AT = torch.zeros(1, 3)
+TENSOR: Any = AT
+
+
+@pytest.mark.parametrize(
+    ("make", "kind", "words"),
+    [
+        (lambda: HitGroup(closest_hit=WRONG), TypeError, r"closest_hit must be a function \(launch, .*, got a str"),
+        (lambda: HitGroup(any_hit=TENSOR), TypeError, r"any_hit must be a function .*, got \(1, 3\) float32"),
+        (lambda: RayType(miss=WRONG), TypeError, "miss must be a function"),
+        (lambda: RayType(groups=WRONG), TypeError, "groups must be hit groups by instance, .*, got a str"),
+        (lambda: RayType(groups={"*": WRONG}), TypeError, "groups must be hit groups by instance, .*, got a str"),
+        (lambda: RayType(mask=WRONG), TypeError, "mask must be a whole number, got 'village'"),
+        (lambda: RayType(mask=1 << 40), ValueError, "mask must lie in "),
+        (lambda: trace(scene(), AT, AT, mask=WRONG), TypeError, "mask must be a whole number, got 'village'"),
+        (lambda: sent(mask=WRONG), TypeError, "mask must be a whole number, got 'village'"),
+        (lambda: sent(origins=WRONG), TypeError, r"origins must be a torch\.Tensor, got str"),
+        (lambda: sent(depth=WRONG), TypeError, "depth must be a whole number, got 'village'"),
+    ],
+)
+def test_what_is_no_program_and_no_mask_is_told(make: Callable[[], Any], kind: type[Exception], words: str):
+    assert RayType(mask=~MASK_SHADOW).mask == -3
+    with pytest.raises(kind, match=f"^{words}"):
+        make()
+
+
+def sent(origins: Any = AT, depth: int = 2, **how: Any) -> Any:
+    send = lambda launch: launch.trace("plain", origins, AT, Mark(AT), **how)
+    return dispatch(Scene(world=voxels.random_world(0)), send, {"plain": RayType()}, depth=depth)
 
 
 def test_rays_that_ignore_without_end_are_told():

@@ -59,6 +59,20 @@ def test_a_wet_night_is_dark_and_haze_that_is_there_stays():
     assert (near.begin, near.end) == (1.0, 20.0)
 
 
+def test_what_a_view_looks_to_from_afar_does_not_drown_in_haze():
+    def ends(far: float) -> tuple[float, float]:
+        view = tracer.View(eye=lambda _: (0.0, 0.0, 0.0), target=lambda _: (0.6 * far, 0.0, 0.8 * far))
+        haze = tracer.raining(replace(scene(), views={"front": view}), 0.6).haze
+        assert haze
+        return haze.begin, haze.end
+
+    alone = tracer.raining(scene(), 0.6).haze
+    assert alone
+    assert ends(20.0) == ends(100.0) == (alone.begin, alone.end)
+    assert ends(1000.0) == pytest.approx((ends(500.0)[0] * 2, ends(500.0)[1] * 2))
+    assert ends(500.0)[1] > 2.5 * 500.0
+
+
 @pytest.mark.parametrize("level", [-0.5, 2.0, math.nan])
 def test_bad_levels_get_one_line(level: float):
     with pytest.raises(ValueError, match=r"level of rain must lie in 0\.\.1"):

@@ -63,6 +63,9 @@ def test_over_end_stone_there_is_no_sun_but_a_flight(tmp_path: Path) -> None:
     assert flown.sun is None
     assert flown.sky.picture is not None
     assert float(flown.sky.picture.max()) < 0.1
+    haze = flown.around((64.0, 60.0, 64.0)).haze
+    assert haze
+    assert haze.begin == pytest.approx(0.8 * haze.end), "a small window is not to be all haze"
     granite = stream(_save(tmp_path / "other", lambda *at: np.minimum(_end(*at), 1)), window=6)
     assert (granite.sun, granite.sky.picture) == (SUN, None)
 

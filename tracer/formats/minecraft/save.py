@@ -12,6 +12,7 @@ from uuid import UUID
 
 import numpy as np
 
+from gbufrt.numeric import check_counts, check_wholes
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.joined import joined_chunk
 from tracer.formats.minecraft.nbt import Tags, part, read_nbt
@@ -44,6 +45,7 @@ class Selection:
         chunks: how many chunks along each side are taken, with ``around`` or round the player.
 
     Raises:
+        TypeError: there are other numbers, or none.
         ValueError: a side of the box is not positive, a number is out of range, or both ways are used.
     """
 
@@ -52,6 +54,9 @@ class Selection:
     chunks: int | None = None
 
     def __post_init__(self) -> None:
+        check_wholes(6, "x0, y0, z0, x1, y1, z1", box=self.box)
+        check_wholes(2, "x, z", around=self.around)
+        check_counts(chunks=CHUNKS if self.chunks is None else self.chunks)
         if self.box is not None and (self.around is not None or self.chunks is not None):
             raise ValueError("box and around or chunks exclude each other; give one of them")
         if self.box is not None and not all(a < b for a, b in zip(self.box[:3], self.box[3:], strict=True)):
@@ -107,7 +112,7 @@ def read_minecraft(
     regions = [Region.of(file) for file in region_files(path)]
     there = [place for region in regions for place in region.sectors]
     if not there:
-        raise ValueError(f"{path} holds no chunks")
+        raise ValueError(f"{path} holds no chunks, as the game leaves some regions; give another, or the save's folder")
     everything = path.is_file() and chosen == Selection()
     low, high = ((-FURTHEST,) * 2, (FURTHEST,) * 2) if everything else chosen.chunk_range(_middle(path, there))
     builder, damaged, found = Builder(None if pack is None else Pack(pack)), list[str](), 0
@@ -124,13 +129,16 @@ def read_minecraft(
     if not found:
         (x0, z0), (x1, z1) = (np.min(there, axis=0) * WIDTH, (np.max(there, axis=0) + 1) * WIDTH)
         raise ValueError(f"{path} has no chunks in that part; its chunks lie in x {x0}..{x1} and z {z0}..{z1}")
-    return _finished(path, builder, damaged, found)
+    return _finished(path, builder, damaged, found, len(there) - found)
 
 
-def _finished(path: Path, builder: Builder, damaged: list[str], found: int) -> Blocks:
+def _finished(path: Path, builder: Builder, damaged: list[str], found: int, others: int) -> Blocks:
     told = "; ".join(damaged[:NAMED]) + (f"; and {len(damaged) - NAMED} more" if len(damaged) > NAMED else "")
     if len(damaged) == found:
-        raise ValueError(f"{path}: no chunk can be read: {told}")
+        count = "1 other chunk lies" if others == 1 else f"{others} other chunks lie"
+        elsewhere = f"{count} elsewhere: choose another part (around, on the command line --around X,Z)"
+        remedy = elsewhere if others else "give another region, or restore it from a backup"
+        raise ValueError(f"{path}: no chunk can be read: {told}; {remedy}")
     try:
         blocks = builder.build()
     except ValueError as error:

@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from gbufrt.numeric import check_counts
 from tracer.formats.minecraft.build import Blocks, instance_of
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
@@ -66,6 +67,7 @@ class Window:
         device: torch.device | str = "cpu",
         pack: str | PathLike[str] | None = None,
     ) -> None:
+        check_counts(window=chunks)
         if not LEAST <= chunks <= MOST:
             raise ValueError(f"window must lie in {LEAST}..{MOST} chunks, got {chunks}")
         self.chunks, self.device = chunks, device

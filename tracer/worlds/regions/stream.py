@@ -26,6 +26,7 @@ from tracer.worlds.regions.outlooks import best_view, panorama
 from tracer.worlds.views import Point, loop
 
 CLEAR = 0.5  # of the window's reach: where haze begins
+CLEAR_END = 0.8  # likewise in the End, whose land ends in the same night anyway
 SPEED = 10.0  # blocks a second
 KNOT = 48.0  # blocks between two points of the flight's curve
 MOST_KNOTS = 1024
@@ -53,6 +54,7 @@ class Stream:
         rain: as of a `Scene`.
         waves: likewise.
         fog: as of a `Scene`.
+        clear: share of the window's reach from which on haze is seen.
         device: where the voxels lie.
         pack: a resource pack with textures, if any.
     """
@@ -67,6 +69,7 @@ class Stream:
     rain: Rain | None = None
     waves: Waves | None = None
     fog: Fog | None = None
+    clear: float = CLEAR
     device: Any = "cpu"
     pack: str | PathLike[str] | None = None
 
@@ -93,7 +96,7 @@ class Stream:
     @cached_property
     def _scene(self) -> Callable[[Blocks], Scene]:
         reach = reach_of(self.window)
-        haze = Haze(begin=CLEAR * reach, end=reach).and_also(self.haze)
+        haze = Haze(begin=self.clear * reach, end=reach).and_also(self.haze)
 
         def scene(blocks: Blocks) -> Scene:
             return Scene(
@@ -150,7 +153,7 @@ def stream(
         return replace(found, views=inside, sun=None, sky=EMBERS, haze=SMOKE)
     flown = replace(found, views={"flight": _flight(extent, reach_of(window))})
     end = Sky(picture=night(), dayless=True)
-    return replace(flown, sun=None, sky=end) if extent.topped("end_stone") > ENDLESS else flown
+    return replace(flown, sun=None, sky=end, clear=CLEAR_END) if extent.topped("end_stone") > ENDLESS else flown
 
 
 def _inside(world: Stream, extent: Extent) -> Mapping[str, View] | None:

@@ -13,8 +13,8 @@ from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.ablation.subjects import Outcome
 
 if TYPE_CHECKING:
+    from tracer.traversal.hits import Place as Met
     from tracer.traversal.programs import Launch
-    from tracer.traversal.programs import Place as Met
 
 SIZE = (270, 480)
 TURNS = 5

@@ -17,6 +17,8 @@ WRONG = (
     ("render --fps 0 --out out", "--fps must be"),
     ("render nowhere --out out", "no world 'nowhere'; there are builtin, valley, terrain"),
     ("render vally --out out", "no world 'vally' (did you mean valley?); there are"),
+    ("render vally --bare --out out", "no world 'vally' (did you mean valley?); there are"),
+    ("render vally --box 0,0,0,1,1,1 --pack x.zip --out out", "no world 'vally' (did you mean valley?); there are"),
     ("render save.zip --out out", "save.zip is packed; unpack it and give the save's folder"),
     ("render some/save --out out", "some/save cannot be read as a world; there are"),
     ("render file.exr --out out", "file.exr is no world: `gbufrt post file.exr` reads G-buffers"),

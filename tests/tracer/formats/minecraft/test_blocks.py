@@ -7,6 +7,7 @@ import pytest
 import torch
 from blocks import cubes_of, shape_and_glow
 
+from post import display_encode, tone_map
 from tracer.formats.minecraft.build import Builder
 from tracer.formats.minecraft.colors import color, known, linear, material, table, tint_of
 from tracer.formats.minecraft.legacy import legacy_state
@@ -68,6 +69,15 @@ def test_layers_and_light():
     for lamp in ("torch_head", "glowstone", "lava", "sea_lantern", "lantern_glass"):
         assert max(material(lamp, "").emission) > 1, lamp
     assert material("lit_redstone_lamp", "").emission != material("redstone_lamp", "").emission
+
+
+@pytest.mark.parametrize(("lamp", "green", "blue"), [("lava", 0.85, 0.6), ("glowstone", 0.93, 0.7)])
+def test_lamps_have_a_colour_in_pictures_by_day(lamp: str, green: float, blue: float):
+    """They were cream: film fades to white what is bright."""
+    light = torch.tensor(material(lamp, "").emission).view(1, 3, 1, 1)
+    r, g, b = display_encode(tone_map(light, exposure=1.55)).flatten().tolist()
+    assert g < green * r
+    assert b < blue * r
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from writers.region import (
 import tracer
 from tracer.formats.minecraft.compression import MAX_BYTES
 from tracer.formats.minecraft.nbt import parse_nbt
-from tracer.formats.minecraft.save import read_minecraft
+from tracer.formats.minecraft.save import Selection, read_minecraft
 from tracer.formats.minecraft.sections import sections
 
 
@@ -79,8 +79,10 @@ def test_a_damaged_chunk_is_left_out_and_named(tmp_path: Path, message: str):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 40 * MAX_BYTES / 1024
     assert time.process_time() - begin < 8
     alone = write_region(tmp_path / "alone/r.0.0.mca", {(5, 0): damaged_chunks()[message]})
-    with pytest.raises(ValueError, match="no chunk can be read"):
+    with pytest.raises(ValueError, match=r"no chunk can be read: .*; give another region, or restore it from a back"):
         read_minecraft(alone)
+    with pytest.raises(ValueError, match=r"no chunk can be read: .*; 1 other chunk lies elsewhere: choose another"):
+        read_minecraft(path, Selection(box=(80, 0, 0, 96, 16, 16)))
 
 
 def sections_that_break_rules() -> dict[str, Compound]:
