@@ -12,6 +12,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from gbufrt.camera import Camera
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer, to_function
 from gbufrt.numeric import check_kind
@@ -115,6 +116,10 @@ class PipelineState:
             g = previous.gbuffer
             previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
         return replace(self, stages=stages, previous=previous)
+
+
+# Plain values of tensors, so that `torch.load` reads states and frames without being told to trust the file.
+torch.serialization.add_safe_globals([PipelineState, History, Frame, GBuffer, Camera])
 
 
 def check_history(gbuffer: Any, history: Any, *signals: str) -> None:

@@ -33,21 +33,30 @@ def threads() -> int:
     """How many threads a driver may use: torch's own number, but no more than numba has.
 
     numba is limited to it as well, so that it wakes no thread that has no work.
+
+    Raises:
+        RuntimeError: kernels ran before this process was forked. GNU's OpenMP would end it without an exception, for
+            which a pool waits for ever.
     """
     import numba
     import torch
 
-    _start()
+    if _started_in() != os.getpid() and numba.threading_layer() == "omp":  # pyright: ignore
+        raise RuntimeError(
+            "kernels ran before this process was forked, and OpenMP's threads do not outlive a fork: start processes "
+            "by spawn or forkserver, as multiprocessing.get_context('spawn') and "
+            "DataLoader(multiprocessing_context='spawn') do, or fork before the first frame"
+        )
     count = max(1, min(torch.get_num_threads(), numba.config.NUMBA_NUM_THREADS))  # pyright: ignore
     numba.set_num_threads(count)
     return count
 
 
 @cache
-def _start() -> None:
-    """Start numba's threads, once, as the first kernel would, but keep torch's number of threads.
+def _started_in() -> int:
+    """Start numba's threads, once, as the first kernel would, but keep torch's number of threads: in which process.
 
-    numba's OpenMP layer sets that number as well.
+    numba's OpenMP layer sets that number as well. A forked process knows the answer of the one it comes from.
     """
     import numba
     import torch
@@ -55,3 +64,4 @@ def _start() -> None:
     count = torch.get_num_threads()
     numba.get_num_threads()
     torch.set_num_threads(count)
+    return os.getpid()

@@ -204,7 +204,7 @@ def test_state_resets_by_batch_element_and_cut():
 def test_state_is_a_plain_value(tmp_path):
     _, state = build()(small())
     torch.save(state, tmp_path / "state.pt")
-    back = torch.load(tmp_path / "state.pt", weights_only=False)
+    back = torch.load(tmp_path / "state.pt")
     frame, _ = build()(small(1), back.to(torch.float64).to(torch.float32).detach())
     assert frame.read("count").unique().tolist() == [2.0]
 

@@ -29,3 +29,36 @@ def test_threads_that_wait_soon_sleep(package: str):
 def test_a_choice_of_the_user_stays():
     assert spins("import post", GOMP_SPINCOUNT="1234") == {"1234"}
     assert spins("import post", OMP_WAIT_POLICY="ACTIVE").isdisjoint({"0", str(SPINS)})
+
+
+FORKED = """
+import os, sys, torch
+from gbufrt.camera import Camera
+from post import gtao
+
+def frame():
+    camera = Camera.look_at([0, 0, 0], [0, 0, 1], size=(4, 4))
+    torch.set_num_threads(1)  # as in workers of a DataLoader
+    return gtao(torch.ones(1, 1, 4, 4), torch.tensor([0.0, 0, -1]).view(1, 3, 1, 1).expand(1, 3, 4, 4), camera)
+
+if sys.argv[1] == "after":
+    frame()
+child = os.fork()
+if child == 0:
+    try:
+        frame()
+    except RuntimeError as error:
+        print(error, flush=True)
+        os._exit(3)
+    os._exit(0)
+print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_a_process_forked_after_kernels_ran_is_told_so_and_one_forked_before_runs_them():
+    def told(when: str) -> str:
+        return subprocess.run([sys.executable, "-c", FORKED, when], capture_output=True, text=True, check=True).stdout
+
+    assert told("before").split() == ["0"]
+    assert re.fullmatch(r"kernels ran before this process was forked.*spawn.*\n3\n", told("after"))
