@@ -10,12 +10,13 @@ from cyclopts import Parameter
 
 from gbufrt.commands.arguments.checks import check_cluster, check_files, check_folder, check_options
 from gbufrt.commands.arguments.options import ClusterOptions, FileOptions, PassOptions
-from gbufrt.commands.arguments.values import MOST_FRAMES, Flag, Whole, at_least, parse_names, parse_point, parse_size
+from gbufrt.commands.arguments.values import MOST_FRAMES, Flag, Whole, at_least, parse_names, parse_size
 from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
 from gbufrt.commands.flights.flight import Flight, shoot, stem
 from gbufrt.commands.flights.job import Job
 from gbufrt.commands.flights.sampling import sampling_of
 from gbufrt.commands.flights.shots import LEAD_IN, Shot, cut
+from gbufrt.commands.flights.standpoint import Standpoint
 
 if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
@@ -30,7 +31,8 @@ def render(
     eye: str | None = None,
     target: str | None = None,
     fov: float | None = None,
-    frames: Whole = 1,
+    camera: Path | None = None,
+    frames: Whole | None = None,
     size: str = "960x540",
     time: float = 0.0,
     fps: float = 24.0,
@@ -59,7 +61,8 @@ def render(
             equals sign: --eye=-12,30,8.
         target: Where it looks to, likewise.
         fov: Vertical field of view, degrees. [default: the view's, or 60]
-        frames: How many frames.
+        camera: In place of all of these: a file of cameras in TOML, one or one a frame, as for `gbufrt post`.
+        frames: How many frames. [default: one, or as many as the file of cameras has]
         size: Width x height in pixels.
         time: Seconds into the scene at the first frame.
         fps: Frames a second of the scene's time.
@@ -70,12 +73,11 @@ def render(
             histories; with fewer, seams show. [default: 64]
     """
     options, files, spread = options or PassOptions(), files or FileOptions(), spread or ClusterOptions()
+    standpoint = Standpoint.of(view, eye, target, fov, camera)
+    frames = standpoint.frames if frames is None else frames
     job = Job(
         world=world,
-        view=view,
-        eye=parse_point("--eye", eye),
-        target=parse_point("--target", target),
-        fov=fov,
+        standpoint=standpoint,
         size=parse_size(size),
         frames=frames,
         time=time,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -11,8 +12,8 @@ if TYPE_CHECKING:
     from tracer.worlds.regions.stream import Stream
 
 
-def tell_inside(scene: Scene | Stream, eye: tuple[float, float, float]) -> None:
-    """Warn where an eye, in world units, is in a block that light does not pass."""
+def tell_inside(scene: Scene | Stream, eye: Sequence[float], option: str) -> None:
+    """Warn where an eye, in world units and from an option, is in a block that light does not pass."""
     import torch
 
     there = scene.around(eye)
@@ -20,4 +21,4 @@ def tell_inside(scene: Scene | Stream, eye: tuple[float, float, float]) -> None:
     which = int(there.world.at(cell))
     if which and float(there.materials.opacity[which]) >= 1.0:
         name = there.materials.names[which]
-        warnings.warn(f"--eye is inside a block of {name}: what is seen are the backs of blocks", stacklevel=2)
+        warnings.warn(f"{option} is inside a block of {name}: what is seen are the backs of blocks", stacklevel=2)

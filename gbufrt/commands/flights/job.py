@@ -10,8 +10,7 @@ from gbufrt.commands.arguments.checks import WINDOW, check_part, check_world
 from gbufrt.commands.arguments.values import MOST_COUNT, MOST_FRAMES, at_least
 from gbufrt.commands.arguments.world import DayOptions, FogOptions, PartOptions
 from gbufrt.commands.flights.day import under
-from gbufrt.commands.flights.inside import tell_inside
-from gbufrt.names import unknown
+from gbufrt.commands.flights.standpoint import Standpoint
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from gbufrt.commands.flights.sampling import Sampling
     from gbufrt.frame import Frame
     from tracer.cache.irradiance import IrradianceCache
-    from tracer.scene.scene import Scene, View
+    from tracer.scene.scene import Scene
     from tracer.worlds.regions.stream import Stream
 
 BOUNCES = 4  # of sampled light, as `tracer.path_trace` has by default
@@ -56,16 +55,13 @@ class Job:
     """What is to be traced."""
 
     world: str
-    view: str | None
+    standpoint: Standpoint
     size: tuple[int, int]
     frames: int
     time: float
     fps: float
     samples: int | None
     seed: int | None
-    eye: tuple[float, float, float] | None = None
-    target: tuple[float, float, float] | None = None
-    fov: float | None = None
     part: PartOptions = field(default_factory=PartOptions)
     day: DayOptions = field(default_factory=DayOptions)
     fog: FogOptions = field(default_factory=FogOptions)
@@ -82,16 +78,12 @@ class Job:
         at_least("--fps", self.fps, 1e-3)
         if self.samples is not None:
             at_least("--light-samples", self.samples, 1, MOST_COUNT)
-        if (self.eye is None) != (self.target is None) or (self.eye is not None and self.view is not None):
-            raise ValueError("--eye and --target go together, in place of --view; give both of them or a view")
-        if self.eye is not None and self.eye == self.target:
-            raise ValueError(f"--target must not be where --eye is, got {self.target} for both")
-        if self.fov is not None and not 0.1 <= self.fov <= 170:
-            raise ValueError(f"--fov must be 0.1 to 170 degrees, got {self.fov:g}")
+        self.standpoint.check(self.frames)
         if self.part.window is not None:
             at_least("--window", self.part.window, *WINDOW)
         part = self.part.parsed()
-        check_world(self.world, () if self.view is None else (self.view,), seed=self.seed)
+        view = self.standpoint.view
+        check_world(self.world, () if view is None else (view,), seed=self.seed)
         check_part(self.world, part)
         self.day.parsed()
         self.fog.parsed()
@@ -115,45 +107,25 @@ class Job:
         else:
             raise ValueError(f"--seed is for built-in worlds ({', '.join(WORLDS)}); leave it out for {self.world}")
         scene = under(scene, self.day)
+        if scene.empty:
+            raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
+        self.standpoint.check_in(scene, self.world)
         if (fog := self.fog.parsed()) is not None:
             from tracer.scene.fog import Fog
 
-            base = self.eye[1] if self.eye is not None else 0.0
-            if self.eye is None and scene.views:
-                view = scene.views.get(self.view or next(iter(scene.views)))
-                base = base if view is None else float(view.eye(self.time)[1])
+            base = float(self.standpoint.eye_at(scene, 0, self.time)[1])
             scene = replace(scene, fog=Fog(extinction=fog["extinction"], falloff=fog["falloff"], base=base))
-        if scene.empty:
-            raise ValueError(f"world {self.world!r} is empty: it holds no voxels; give one that does")
-        if not scene.views and self.eye is None:
-            raise ValueError(f"world {self.world!r} has no views to look from")
-        if self.view is not None and self.view not in scene.views:
-            raise ValueError(unknown("view", self.view, f"world {self.world!r}", scene.views))
-        if self.eye is not None:
-            tell_inside(scene, self.eye)
         return scene
 
     def notes(self) -> dict[str, Any]:
         """What a frame depends on, as JSON values."""
-        keys = ("world", "view", "time", "fps", "samples", "seed")
-        camera = {key: value for key in ("eye", "target", "fov") if (value := getattr(self, key)) is not None}
-        camera = {key: list(value) if isinstance(value, tuple) else value for key, value in camera.items()}
+        keys = ("world", "time", "fps", "samples", "seed")
         part = {
             key: value
             for key, value in (asdict(self.part) | asdict(self.day) | asdict(self.fog)).items()
             if value is not None
         }
-        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **camera, **part}
-
-    def seen_from(self, scene: Scene | Stream) -> View:
-        """Where the camera is and looks to: a view of the scene, or `eye` and `target`."""
-        from tracer.scene.scene import View
-
-        if self.eye is not None and self.target is not None:
-            eye, target = self.eye, self.target
-            return View(eye=lambda _: eye, target=lambda _: target, fov_y=View.fov_y if self.fov is None else self.fov)
-        view = scene.views[self.view or next(iter(scene.views))]
-        return view if self.fov is None else replace(view, fov_y=self.fov)
+        return {"size": list(self.size), **{key: getattr(self, key) for key in keys}, **self.standpoint.notes(), **part}
 
     def trace(
         self,
@@ -175,22 +147,25 @@ class Job:
             still: number of a frame that stands as if it were this one, with noise of its own.
             left: what the frames before have left; where the sampling says so, this one adds its light.
         """
+        import torch
+
         from gbufrt.noise.noise import halton_jitter
         from tracer.frames import render as trace_frame
         from tracer.frames import unlit
         from tracer.paths.sampled import sampled, sampled_with_cache
         from tracer.truth.one_path import one_path
 
-        view, number = self.seen_from(scene), index if still is None else still
-        before, size = index - (still is None), sampling.rendered(self.size)
+        number, size = index if still is None else still, sampling.rendered(self.size)
+        cut = self.standpoint.cuts_at(index)
+        before = index if cut or still is not None else index - 1
 
         def camera(at: int, turn: int) -> Any:
-            posed = view.camera(self.time + at / self.fps, size=size)
+            posed = self.standpoint.camera(scene, at, self.time + at / self.fps, size=size, of=self.size)
             jitter = halton_jitter(turn, length=sampling.jitter) if sampling.jitter else None
             return posed.with_jitter(jitter).to(device)
 
         more = {} if self.samples is None else {"light_samples": self.samples}
-        there = scene.around(view.eye(self.time + index / self.fps))
+        there = scene.around(self.standpoint.eye_at(scene, index, self.time + index / self.fps))
         frame = trace_frame(
             there,
             camera(index, number),
@@ -200,12 +175,13 @@ class Job:
             index=number,
             **({"light_samples": 0} if sampling.paths else more),  # paths bring it
         )
+        frame = frame.replace(cut=torch.ones(1, dtype=torch.bool, device=device)) if cut else frame
         if sampling.paths is None:
             return frame
         if sampling.paths == "denoise":
             return one_path(there, frame, bounces=BOUNCES)
         last = None
-        if still is None and index > 0:
+        if before == index - 1 and index > 0:
             last = None if left is None else left.seen(there, before)
             if last is None:  # traced again, so that no frame needs another's files
                 last = unlit(there, camera(before, before), time=self.time + before / self.fps, index=before)

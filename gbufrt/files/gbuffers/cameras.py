@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,11 @@ class Cameras:
     path: Path
     tables: Mapping[int | None, Mapping[str, Any]]
 
+    @cached_property
+    def numbers(self) -> list[int]:
+        """Of the frames, rising; none where one camera holds for all."""
+        return sorted(number for number in self.tables if number is not None)
+
     def at(self, number: int, size: tuple[int, int], pixel_aspect: float = 1.0) -> Camera:
         """The camera of a frame, for a picture of ``(H, W)``.
 
@@ -37,8 +43,7 @@ class Cameras:
         """
         table = self.tables.get(None, self.tables.get(number))
         if table is None:
-            numbers = sorted(n for n in self.tables if n is not None)
-            raise ValueError(f"{self.path} has no frame {number}; it has {numbers[0]} to {numbers[-1]}")
+            raise ValueError(f"{self.path} has no frame {number}; it has {self.numbers[0]} to {self.numbers[-1]}")
         where = f"{self.path}" if None in self.tables else f"{self.path}, frame {number}"
         return _camera(where, {"pixel_aspect": pixel_aspect, **table}, size)
 
