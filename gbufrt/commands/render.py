@@ -136,7 +136,8 @@ def _in_one_go(flight: Flight, missing: list[int], runner: Runner, out: Path, de
     from gbufrt.commands.session import bare
 
     anew, shot = set(missing), Shot(begin=0, wanted=tuple(missing))
-    with progress("render", len(missing) + runner.runs(len(shot.frames))) as doing:
+    cuts = sum(map(flight.job.standpoint.cuts_at, shot.frames))
+    with progress("render", len(missing) + runner.runs(len(shot.frames), cuts)) as doing:
         known = lambda index: bare(_read(out, index)).to(device)
         for index, frame in flight.make(shot, runner, device=device, doing=doing, known=known, ready=ready):
             if index in anew:

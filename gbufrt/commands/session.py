@@ -72,9 +72,9 @@ class Runner:
         self.last = int(frame.index), frame.gbuffer.camera
         return result
 
-    def runs(self, frames: int) -> int:
-        """How many runs of the pipeline consecutive frames take."""
-        return frames + self.warmup
+    def runs(self, frames: int, cuts: int = 0) -> int:
+        """How many runs of the pipeline consecutive frames take, with as many ``cuts`` among them."""
+        return frames + self.warmup * (1 + cuts)
 
 
 def bare(frame: Frame) -> Frame:

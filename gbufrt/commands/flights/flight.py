@@ -67,7 +67,8 @@ class Flight:
         wanted, left = frozenset(shot.wanted), Left()
         for index in shot.frames:
             passes = f"passes of frame {index}"
-            if index == shot.begin and (self.sampling.paths or self.recipe.fog):  # a warm-up over one keeps its noise
+            begins = index == shot.begin or self.job.standpoint.cuts_at(index)
+            if begins and (self.sampling.paths or self.recipe.fog):  # a warm-up over one keeps its noise
                 runner.settle(self._stills(index, runner.warmup, device, left, ready), doing(passes))
             if known is not None and index not in wanted and not self.sampling.cached:
                 yield index, runner(left.keep(known(index)), doing(f"reading frame {index} again"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -68,7 +69,9 @@ class Standpoint:
                 if getattr(self, name) is not None:
                     raise ValueError(f"--camera says where the camera is and what it sees; leave --{name} out")
             for index in range(frames):
-                self.cameras.at(self._number(self.cameras, index), (2, 2))
+                if turns := self._turn(self.cameras, index):
+                    number = self._number(self.cameras, index)
+                    warnings.warn(f"{self.cameras.path}, frame {number}: {turns}: taken for a cut", stacklevel=2)
         if (self.eye is None) != (self.target is None) or (self.eye is not None and self.view is not None):
             raise ValueError("--eye and --target go together, in place of --view; give both of them or a view")
         if self.eye is not None and self.eye == self.target:
@@ -116,8 +119,10 @@ class Standpoint:
         return self.camera(scene, index, time, size=(2, 2)).position[0].tolist()
 
     def cuts_at(self, index: int) -> bool:
-        """Whether a frame begins another shot."""
-        return self.cameras is not None and index > 0 and self.cameras.cuts_at(self._number(self.cameras, index))
+        """Whether a frame begins another shot: the file says so, or the camera turns too far."""
+        if self.cameras is None or index == 0:
+            return False
+        return self.cameras.cuts_at(self._number(self.cameras, index)) or bool(self._turn(self.cameras, index))
 
     def notes(self) -> dict[str, Any]:
         """What a frame depends on, as JSON values."""
@@ -133,6 +138,16 @@ class Standpoint:
             return View(eye=lambda _: eye, target=lambda _: target, fov_y=View.fov_y if self.fov is None else self.fov)
         view = scene.views[self.view or next(iter(scene.views))]
         return view if self.fov is None else replace(view, fov_y=self.fov)
+
+    def _turn(self, cameras: Cameras, index: int) -> str:
+        """See `turn_between`; empty where the file says that there is a cut."""
+        from gbufrt.files.gbuffers.cuts import turn_between
+
+        number = self._number(cameras, index)
+        camera = cameras.at(number, (2, 2))
+        if index == 0 or cameras.cuts_at(number):
+            return ""
+        return turn_between(cameras.at(self._number(cameras, index - 1), (2, 2)), camera)
 
     @staticmethod
     def _number(cameras: Cameras, index: int) -> int:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import torch
 
+from gbufrt.camera import Camera
 from gbufrt.directions import length
 from gbufrt.frame import Frame
 from gbufrt.validation.motion import found_again
@@ -15,13 +16,18 @@ MOVED = 0.1  # of the picture's width, which still surfaces move by then: else t
 TURNED = 45.0  # degrees of turn in one frame, above which it does: whip pans stay below 30
 
 
+def turn_between(before: Camera, camera: Camera) -> str:
+    """How far a camera turns, where it is too far for one frame of a shot; empty where it is not."""
+    along = (camera.forward * before.forward).sum(1).clamp(-1, 1)
+    turned = float(along.acos().rad2deg().max())
+    return f"the camera turns by {turned:.0f} degrees in one frame" if turned > TURNED else ""
+
+
 def cut_between(before: Frame, frame: Frame) -> str:
     """Why a frame begins another shot than the one before it; empty where it does not."""
     g, b = frame.gbuffer, before.gbuffer
-    along = (g.camera.forward * b.camera.forward).sum(1).clamp(-1, 1)
-    turned = float(along.acos().rad2deg().max())
-    if turned > TURNED:
-        return f"the camera turns by {turned:.0f} degrees in one frame"
+    if turns := turn_between(b.camera, g.camera):
+        return turns
     if g.camera.size != b.camera.size or not bool(g.hit.any()):
         return ""
     motion, motion_z = g.camera.static_motion(b.camera, g.depth, g.hit)

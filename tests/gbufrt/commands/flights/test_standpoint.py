@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
 import torch
-from command_line import SMALL, fake_load, install, run
+from command_line import SMALL, fake_load, fake_me1, install, run
 
+from gbufrt import Frame
+from gbufrt.commands.arguments.options import FileOptions
+from gbufrt.commands.flights.flight import Flight
+from gbufrt.commands.flights.job import Job
+from gbufrt.commands.flights.sampling import Sampling
+from gbufrt.commands.flights.shots import Shot
 from gbufrt.commands.flights.standpoint import Standpoint
+from gbufrt.commands.progress import Tick
+from gbufrt.commands.recipe import Recipe
+from gbufrt.commands.session import Runner
 from gbufrt.files.exr import read_exr
 
 FLIGHT = """
@@ -54,6 +64,41 @@ def test_some_of_the_frames_are_enough_and_no_others_can_be_made(capsys: pytest.
     assert run("render", "--camera", "nowhere.toml", *SMALL, "--out", "b") == 2
     assert "nowhere.toml does not exist" in capsys.readouterr().err
     assert not Path("b").exists()
+
+
+def test_a_great_turn_is_a_cut_and_told(capsys: pytest.CaptureFixture[str]):
+    Path("turn.toml").write_text(FLIGHT.replace("cut = true", "rotation = [180.0, 90.0, 0.0]"))
+    assert run("render", "--camera", "turn.toml", *SMALL, "--out", "a") == 0
+    assert "frame 9: the camera turns by 90 degrees" in " ".join(capsys.readouterr().err.split())
+    cuts = [read_exr(path).cut for path in sorted(Path("a").glob("*.exr"))]
+    assert [cut is not None and bool(cut) for cut in cuts] == [False, False, True]
+
+
+class Counting(Runner):
+    """Counts stills that histories begin with."""
+
+    begun: list[int]
+
+    def settle(self, stills: Iterable[Frame], tick: Tick = lambda: None) -> None:
+        self.begun = [*getattr(self, "begun", ()), len(list(stills))]
+
+
+def test_each_shot_begins_with_stills_of_other_noise():
+    point = Standpoint.of(None, None, None, None, Path("flight.toml"))
+    given = {"size": (16, 24), "frames": 3, "time": 0.0, "fps": 24.0, "samples": None, "seed": None}
+    job = Job(world="builtin", standpoint=point, **given)
+    recipe, runner = Recipe(fog=True), Counting(fake_me1(), 2)
+    flight = Flight(
+        job=job,
+        scene=fake_load("builtin"),
+        recipe=recipe,
+        sampling=Sampling(),
+        notes={},
+        debug=False,
+        files=FileOptions(),
+    )
+    assert len(list(flight.make(Shot(begin=0, wanted=(0, 1, 2)), runner, device=torch.device("cpu")))) == 3
+    assert runner.begun == [2, 2], "before the first frame, and before the cut"
 
 
 @pytest.mark.parametrize("option", ["--view=front", "--eye=1,2,3", "--target=1,2,3", "--fov=40"])
