@@ -11,47 +11,53 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.approximations import LOG2_E
 from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters import constants
 from post.filters.constants import B3
 from post.filters.kernel import guide_row
-from post.filters.weight_kernel import edge_weight, near_of, there_row, weigh_further
+from post.filters.weight_kernel import ROOT, edge_weight, near_of, there_row, weigh_further
 
 ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-HALF_LOG2_E = LOG2_E / np.float32(2)
+HALF_ROOT, SLANT = ROOT / np.float32(2), np.float32(math.sqrt(ROOT))
 LEAST, NOISELESS, THIRD = np.float32(1e-6), np.float32(1e-12), np.float32(1 / 3)
 FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
 NARROWEST, MIN_CONTRAST = np.float32(constants.NARROWEST), np.float32(constants.MIN_CONTRAST)
 MIN_MEAN = np.float32(constants.MIN_MEAN)
 
-Own = namedtuple("Own", "light scale limit")
-"""What a pixel holds against its taps: its light, a factor on the difference, and what a square pixel away costs."""
+Own = namedtuple("Own", "level scale limit")
+"""What a pixel holds against its taps, in roots of exponents: a factor on light, its own light times that, and what a
+square pixel away costs."""
+
+
+@scalar
+def own_of(limits, taps):
+    """The pixels of a row of `Own` that taps serve."""
+    return Own(limits[0, taps.first : taps.end], limits[1, taps.first : taps.end], limits[2, taps.first : taps.end])
 
 
 @contracted
 @inlined
-def wavelet_exponent(own, other, dx, dy):
-    """What light and distance do to one tap of `reference.wavelet_reference`, as an exponent of 2."""
-    return -(abs(other - own.light) * own.scale + own.limit * (dx * dx + dy * dy))
+def wavelet_unlike(own, other, dx, dy):
+    """What light and distance do to one tap of `reference.wavelet_reference`, as `weight_between` takes it."""
+    return abs(other * own.scale - own.level) + own.limit * (dx * dx + dy * dy)
 
 
 @contracted
 @inlined
 def wavelet_weight(i, here, near, own, j, there, other, dx, dy, edge):
     """One tap of `reference.wavelet_reference`, without its share."""
-    one = Own(own.light[i], own.scale[i], own.limit[i])
-    return edge_weight(i, here, near, j, there, dx, dy, edge, wavelet_exponent(one, other[j], dx, dy))
+    one = Own(own.level[i], own.scale[i], own.limit[i])
+    return edge_weight(i, here, near, j, there, dx, dy, edge, wavelet_unlike(one, other[j], dx, dy))
 
 
 @contracted
 @scalar
-def wavelet_weights(weights, guide, near, light, scale, limit, y, taps, shares, edge):
+def wavelet_weights(weights, guide, near, light, limits, y, taps, shares, edge):
     """The weights of taps of `reference.wavelet_reference` for a row of pixels; ``shares`` are the B-spline's."""
     here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
     size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
     one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
-    own = Own(light[y, taps.first : taps.end], scale[taps.first : taps.end], limit[taps.first : taps.end])
+    own = own_of(limits, taps)
     other = light[taps.y, taps.first + taps.dx : taps.end + taps.dx + (taps.count - 1) * taps.step]
     dx, dy = np.float32(taps.dx), np.float32(taps.dy)
     if taps.count == 1:
@@ -70,39 +76,10 @@ def wavelet_weights(weights, guide, near, light, scale, limit, y, taps, shares, 
 
 @contracted
 @inlined
-def bilateral_exponent(own, other, dx, dy):
-    """What light and distance do to one tap of `reference.bilateral_reference`, as an exponent of 2."""
-    away = (other - own.light) * own.scale
-    return own.limit * (dx * dx + dy * dy) - LOG2_E * max(away * away - ONE, ZERO)
-
-
-@contracted
-@inlined
-def bilateral_weight(i, here, near, own, j, there, other, dx, dy, edge):
-    """One tap of `reference.bilateral_reference`."""
-    one = Own(own.light[i], own.scale[i], own.limit[i])
-    return edge_weight(i, here, near, j, there, dx, dy, edge, bilateral_exponent(one, other[j], dx, dy))
-
-
-@scalar
-def bilateral_weights(weights, guide, near, light, scale, falloff, y, taps, edge):
-    """The weights of taps of `reference.bilateral_reference` for a row of pixels."""
-    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
-    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
-    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
-    own = Own(light[y, taps.first : taps.end], scale[taps.first : taps.end], falloff[taps.first : taps.end])
-    other = light[taps.y, taps.first + taps.dx : taps.end + taps.dx + (taps.count - 1) * taps.step]
-    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
-    if taps.count == 1:
-        for i in range(size):
-            one[i] = bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
-    else:
-        for i in range(size):
-            j, k = i + step, i + step + step
-            one[i] = bilateral_weight(i, here, near, own, i, there, other, dx, dy, edge)
-            two[i] = bilateral_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
-            three[i] = bilateral_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
-    weigh_further(weights, guide, y, taps, edge)
+def bilateral_unlike(own, other, dx, dy):
+    """What light and distance do to one tap of `reference.bilateral_reference`, as `weight_between` takes it."""
+    away = other * own.scale - own.level
+    return max(away * away, ROOT) + (own.limit * (dx * dx + dy * dy) - ROOT)
 
 
 @contracted
@@ -167,18 +144,19 @@ def deviation_of(blurred):
 
 @inlined
 def wavelet_own(light, noise, reach, phi_color):
-    """What differences from a pixel cost in exponents of 2: a unit of luminance, from its noise, and a square pixel."""
-    return Own(light, LOG2_E / (phi_color * noise + FLOOR * abs(light)), LOG2_E * reach)
+    """What differences from a pixel cost: a unit of luminance, from its noise, and a square pixel."""
+    scale = ROOT / (phi_color * noise + FLOOR * abs(light))
+    return Own(light * scale, scale, ROOT * reach)
 
 
 @scalar
 def wavelet_limits(limits, light, reach, y, phi_color):
-    """`wavelet_own` of a row, whose noise ``limits`` holds."""
+    """`wavelet_own` of a row, whose noise ``limits`` holds first."""
     here, wide, phi = light[y], reach[y], np.float32(phi_color)
-    noise, square = limits[0], limits[1]
+    level, scale, square = limits[0], limits[1], limits[2]
     for x in range(here.shape[0]):
-        own = wavelet_own(here[x], noise[x], wide[x], phi)
-        noise[x], square[x] = own.scale, own.limit
+        own = wavelet_own(here[x], level[x], wide[x], phi)
+        level[x], scale[x], square[x] = own.level, own.scale, own.limit
 
 
 @scalar
@@ -205,19 +183,10 @@ def center_row(sums, values, y, run):
 
 @inlined
 def bilateral_own(light, share, width, tolerance):
-    """What differences from a pixel cost: one over the tolerance, and the spatial Gaussian as an exponent of 2 for each
-    square pixel; narrower at edges, where few of the four neighbours are on its surface (``share`` of them)."""
-    sigma = width * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share)
-    return Own(light, ONE / tolerance, -HALF_LOG2_E / (sigma * sigma))
-
-
-@scalar
-def bilateral_limits(limits, share, width, tolerance, y):
-    """`bilateral_own` of a row."""
-    scale, falloff, here, limit = limits[0], limits[1], width[y], tolerance[y]
-    for x in range(here.shape[0]):
-        own = bilateral_own(ZERO, share[x], here[x], limit[x])
-        scale[x], falloff[x] = own.scale, own.limit
+    """What differences from a pixel cost: a tolerance, and a square pixel by the spatial Gaussian, which is narrower at
+    edges, where few of the four neighbours are on its surface (``share`` of them)."""
+    sigma, scale = width * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share), SLANT / tolerance
+    return Own(light * scale, scale, HALF_ROOT / (sigma * sigma))
 
 
 @scalar

@@ -10,8 +10,6 @@ from post.filters.around_kernel import alike_row, least_row, pooled_row
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.denoise_kernel import (
     add_moments,
-    bilateral_limits,
-    bilateral_weights,
     center_row,
     finish_moments,
     finish_row,
@@ -23,6 +21,7 @@ from post.filters.denoise_kernel import (
 )
 from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
 from post.filters.kernel import edge_of, hit_run, surface_row, unit_row
+from post.filters.room_kernel import LENGTH, ROWS, add_taps, fill, finish, kind_of, limit, parts_of, taps_at_once
 from post.filters.weight_kernel import (
     GROUP,
     PARTS,
@@ -65,7 +64,7 @@ def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivit
             b, y = row // height, row % height
             edge = edge_with(guide[b], perspective, squares, COARSE_POWER)
             near_row(near, plane[b], y, 0, width, depth_sensitivity)
-            run = hit_run(guide[b, HIT], y, 0)
+            run = hit_run(guide[b, HIT], y, 0, width)
             sums[:] = 0
             while run[1] > run[0]:
                 for dy in range(-radius, radius + 1):
@@ -76,7 +75,7 @@ def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivit
                                 continue
                             surface_weights(weights, guide[b], near, y, taps, edge)
                             add_moments(sums, weights, light[b], y, taps)
-                run = hit_run(guide[b, HIT], y, run[1])
+                run = hit_run(guide[b, HIT], y, run[1], width)
             finish_moments(out[b], sums[0], sums[1], sums[2], light[b], y)
 
 
@@ -95,7 +94,7 @@ def wavelet_rows(
             light, variance = values[b, channels - 1], values[b, channels]
             edge = edge_with(guide[b], perspective, squares, phi_normal)
             near_row(near, plane[b], y, 0, width, phi_depth)
-            run = hit_run(guide[b, HIT], y, 0)
+            run = hit_run(guide[b, HIT], y, 0, width)
             noise_row(limits[0], limits[1], variance, y)
             wavelet_limits(limits, light, reach[b], y, phi_color)
             sums[:] = 0
@@ -109,11 +108,10 @@ def wavelet_rows(
                             taps = part_of(part, y, run, place, step, count, (height, width))
                             if taps.end == taps.first:
                                 continue
-                            given = guide[b], near, light, limits[0], limits[1]
-                            wavelet_weights(weights, *given, y, taps, shares, edge)
+                            wavelet_weights(weights, guide[b], near, light, limits, y, taps, shares, edge)
                             add_values(sums, weights, values[b], taps, channels)
                             add_spread(sums[planes], weights, variance, taps)
-                run = hit_run(guide[b, HIT], y, run[1])
+                run = hit_run(guide[b, HIT], y, run[1], width)
             for c in range(channels):
                 finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
             sums[channels] *= sums[channels]
@@ -133,45 +131,39 @@ def limits_rows(width, tolerance, light, variance, sigma, sensitivity, phi_color
 
 @driver
 def bilateral_rows(
-    out, values, guide, plane, width, tolerance, radius, perspective, depth_sensitivity, normal_power, squares, threads
-):
+    out, values, flat, guide, plane, width, tolerance, radius, depth_sensitivity, normal_power,
+    perspective, further, rough, squares, channels, threads,
+):  # fmt: skip
+    """``flat`` are the values again, in one dimension."""
     batch, planes, height, size = values.shape
-    channels, side = planes - 1, 2 * radius + 1
     for thread in prange(threads):
-        weights, near = np.empty((GROUP, size), np.float32), np.empty((3, size), np.float32)
-        limits = np.empty((2, size), np.float32)
-        sums = np.empty((planes, size), np.float32)
+        room = np.empty((ROWS + len(channels)) * LENGTH, np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            edge = edge_with(guide[b], perspective, squares, normal_power)
-            near_row(near, plane[b], y, 0, size, depth_sensitivity)
-            sums[0] = 0
-            run = hit_run(guide[b, HIT], y, 0)
+            place, light, picture = b * planes * height * size, values[b, planes - 1], (height, size)
+            kind = kind_of(guide[b], perspective, further, rough, squares, normal_power)
+            for c in range(len(channels)):
+                out[b, c, y] = values[b, c, y]
+            run = hit_run(guide[b, HIT], y, 0, LENGTH)
             while run[1] > run[0]:
-                for place in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-                    for part in range(PARTS):
-                        taps = part_of(part, y, run, place, 1, 1, (height, size))
-                        if taps.end == taps.first:
-                            continue
-                        surface_weights(weights, guide[b], near, y, taps, edge)
-                        add_values(sums, weights, values[b], taps, 0)
-                run = hit_run(guide[b, HIT], y, run[1])
-            bilateral_limits(limits, sums[0], width[b], tolerance[b], y)
-            sums[:] = 0
-            run = hit_run(guide[b, HIT], y, 0)
-            while run[1] > run[0]:
+                fill(room, guide[b], plane[b], y, run, depth_sensitivity)
+                for near in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+                    for part in range(parts_of(1)):
+                        taps = part_of(part, y, run, near, 1, 1, picture)
+                        if taps.end > taps.first:
+                            add_taps(room, guide[b], light, flat, place, run, taps, kind, ())
+                limit(room, light, width[b], tolerance[b], y, run, len(channels))
                 for dy in range(-radius, radius + 1):
-                    for i in range(0, side, GROUP):
-                        for part in range(PARTS):
-                            taps = part_of(part, y, run, (i - radius, dy), 1, min(side - i, GROUP), (height, size))
-                            if taps.end == taps.first:
-                                continue
-                            light = values[b, channels]
-                            bilateral_weights(weights, guide[b], near, light, limits[0], limits[1], y, taps, edge)
-                            add_values(sums, weights, values[b], taps, channels)
-                run = hit_run(guide[b, HIT], y, run[1])
-            for c in range(channels):
-                finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
+                    dx = -radius
+                    while dx <= radius:
+                        count = taps_at_once(radius + 1 - dx)
+                        for part in range(parts_of(count)):
+                            taps = part_of(part, y, run, (dx, dy), 1, count, picture)
+                            if taps.end > taps.first:
+                                add_taps(room, guide[b], light, flat, place, run, taps, kind, channels)
+                        dx += count
+                finish(out[b], room, values[b], guide[b, HIT], y, run)
+                run = hit_run(guide[b, HIT], y, run[1], LENGTH)
 
 
 @driver

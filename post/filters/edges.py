@@ -1,4 +1,5 @@
-"""Edge weights of filters: whether two pixels show the same surface, by plane distance and normal."""
+"""Edge weights of filters: whether two pixels show the same surface, by plane distance and normal; and what kernels of
+them are made for."""
 
 from __future__ import annotations
 
@@ -10,9 +11,10 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.compute.resident import resident
-from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS, ROUGHNESS_SCALE
+from post.filters.constants import DEPTH, HIT, MOST_PLANES, NX, NY, NZ, ROUGHNESS, ROUGHNESS_SCALE
 
 GAUSSIAN = (1 / 4, 1 / 2, 1 / 4)
+SQUARINGS = (11, 7, 5, 4, 3)  # of the cosine between normals: powers that filters have: 2048, 128, 32, 16 and 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,3 +129,22 @@ def blurred(variance: Tensor) -> Tensor:
     total = windows(padded(torch.ones_like(variance[:1]), 1), 1)
     norm = sum(w * t for w, t in zip(weights, total, strict=True))
     return sum((w * p for w, p in zip(weights, planes, strict=True)), torch.zeros_like(variance)) / norm
+
+
+def fits_cuda(values: Tensor) -> bool:
+    """Whether a thread of a GPU has room for the sums of so many channels."""
+    return values.shape[1] <= MOST_PLANES
+
+
+def squarings(power: float) -> tuple[int, ...]:
+    """As many numbers as a kernel squares a cosine before it raises it to what is left of ``power``.
+
+    Kernels are compiled for each length: few, so that few powers are compiled for.
+    """
+    return (0,) * next((count for count in SQUARINGS if power >= 2**count), 0)
+
+
+def kinds_of(perspective: bool, power: float, guide: Tensor) -> tuple[tuple[int, ...], ...]:
+    """Whether a camera is perspective, squarings leave something of a power, and a guide has roughness: as lengths."""
+    left = power != 2 ** len(squarings(power))
+    return (0,) * perspective, (0,) * left, (0,) * (guide.shape[1] > ROUGHNESS)

@@ -117,13 +117,14 @@ def edge_exponent(i, here, plane, j, there, dx, dy, edge):
 
 
 @scalar
-def hit_run(hit, y, begin):
+def hit_run(hit, y, begin, longest):
     """The first pixel of a row from ``begin`` on that was hit, and the end of its run, after which `GAP` pixels were
-    not hit, or all that are left. Both are the same where nothing more was hit."""
+    not hit, or all that are left, or which is the ``longest``. Both are the same where nothing more was hit."""
     first, width = begin, hit.shape[1]
     while first < width and hit[y, first] == ZERO:
         first += 1
     end = x = first
+    width = min(width, first + longest)
     while x < width and x - end < GAP:
         if hit[y, x] != ZERO:
             end = x + 1

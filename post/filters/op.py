@@ -9,8 +9,7 @@ from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.operators import operator
 from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER
-from post.filters.edges import Surface
-from post.filters.fits import fits_cuda, squarings
+from post.filters.edges import Surface, fits_cuda, kinds_of, squarings
 from post.filters.reference import bilateral_reference, limits_reference, moments_reference, wavelet_reference
 
 
@@ -88,12 +87,15 @@ def bilateral_cpu(
     from post.filters.pixel_drivers import bilateral_each
 
     out = values.new_empty(values.shape[0], values.shape[1] - 1, *values.shape[2:])
-    pictures = (out, values, guide, plane, width[:, 0], tolerance[:, 0])
-    options = (radius, perspective, depth_sensitivity, normal_power, squarings(normal_power))
+    squares, channels = squarings(normal_power), counted(values.shape[1] - 1)
+    surroundings, options = (guide, plane, width[:, 0], tolerance[:, 0]), (depth_sensitivity, normal_power)
     if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
-        bilateral_each(width.numel(), *pictures, *options, counted(values.shape[1] - 1))
+        pictures = (out, values, *surroundings)
+        bilateral_each(width.numel(), *pictures, radius, perspective, *options, squares, channels)
     else:
-        bilateral_rows(*map(array, pictures), *options, threads())
+        numbers, kinds = array(values), kinds_of(perspective, normal_power, guide)
+        pictures = (array(out), numbers, numbers.reshape(-1), *map(array, surroundings))
+        bilateral_rows(*pictures, radius, *options, *kinds, squares, channels, threads())
     return out
 
 

@@ -13,13 +13,13 @@ from post.filters.around_kernel import kindred_pixel
 from post.filters.constants import B3, COARSE_POWER, DEPTH, HIT, MOST_PLANES, NX, NY, NZ, ROUGHNESS
 from post.filters.denoise_kernel import (
     LEAST,
-    bilateral_exponent,
     bilateral_own,
+    bilateral_unlike,
     deviation_of,
     limits_of,
     moments_of,
-    wavelet_exponent,
     wavelet_own,
+    wavelet_unlike,
 )
 from post.filters.fxaa_kernel import edge_row, luma_of, smooth
 from post.filters.kernel import Guide, surface_row, unit_row
@@ -64,9 +64,9 @@ def _within(y, x, size):
 
 
 @inlined
-def _weight(here, near, there, dx, dy, edge, exponent):
+def _weight(here, near, there, dx, dy, edge, unlike):
     """The edge weight of a tap with all of its factors."""
-    weight = weight_between(here, near, there, np.float32(dx), np.float32(dy), edge, exponent)
+    weight = weight_between(here, near, there, np.float32(dx), np.float32(dy), edge, unlike)
     if edge.rest != ZERO:
         weight *= power_between(here, there, edge)
     if edge.roughness != ZERO:
@@ -135,8 +135,8 @@ def wavelet_pixel(
             dx, dy = i * step, j * step
             if (i != 0 or j != 0) and _within(y + dy, x + dx, size):
                 row, column, away = np.uint64(y + dy), np.uint64(x + dx), (np.float32(dx), np.float32(dy))
-                exponent = wavelet_exponent(own, light[row, column], *away)
-                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, exponent)
+                unlike = wavelet_unlike(own, light[row, column], *away)
+                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, unlike)
                 weight *= _spline(j) * _spline(i)
                 for c in range(channels):
                     sums[c] += weight * values[b, c, row, column]
@@ -181,8 +181,8 @@ def bilateral_pixel(
         for dx in range(-radius, radius + 1):
             if _within(y + dy, x + dx, size):
                 row, column = np.uint64(y + dy), np.uint64(x + dx)
-                exponent = bilateral_exponent(own, light[row, column], np.float32(dx), np.float32(dy))
-                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, exponent)
+                unlike = bilateral_unlike(own, light[row, column], np.float32(dx), np.float32(dy))
+                weight = _weight(here, near, _guide_of(seen, row, column), dx, dy, edge, unlike)
                 for c in range(channels):
                     sums[c] += weight * values[b, c, row, column]
                 total += weight

@@ -1,8 +1,9 @@
 """Edge weights of the filters' taps, compiled: a row of pixels at a time, and three taps where all lie in the picture.
 
 What a pixel brings to its taps is prepared once a row. The cosine between normals is raised to its power by squaring
-it, as often as the length of a tuple says, which the compiler knows; the other factors are added up as exponents of 2.
-Three taps share what they read of their pixel. Names and steps are those of `post.filters.edges.edge_weight`.
+it, as often as the length of a tuple says, which the compiler knows. The other factors are exponentials: their
+exponents are added up, and the root of their product, a polynomial, is squared together with the cosine. Three taps
+share what they read of their pixel. Names and steps are those of `post.filters.edges.edge_weight`.
 """
 
 from __future__ import annotations
@@ -11,22 +12,31 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.approximations import LOG2_E, exp2, falling_exp2, log2
+from gbufrt.compute.approximations import exp2, falling_exp2, log2
 from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters.constants import ROUGHNESS
 from post.filters.kernel import ROUGHNESS_FALLOFF, Guide, guide_row
 
-ZERO, ONE, TWO, TINY = np.float32(0), np.float32(1), np.float32(2), np.float32(1e-30)
+ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
+SHARED = 5  # squarings of an exponential's root
+ROOT = np.float32(0.5**SHARED)  # of exponents: what is added up in place of them
+# exp(-32 y) as the 32nd power of a cubic: within 8e-7 of it, by weighted least squares towards its least maximum
+R1, R2, R3 = np.float32(0.9999927948), np.float32(0.4994732849), np.float32(0.1575436950)
+FARTHEST = np.float32(1.2)  # exponents end here, at a weight of 4e-20
+LEAST_LOG = np.float32(
+    -62
+)  # of a cosine's power, to base 2: no product of these is so small that it takes processors longer
 GROUP = 3  # taps at a time
 PARTS = 1 + 2 * GROUP  # of a row: where all taps of a group lie in the picture, and for each what is left and right
 
-Edge = namedtuple("Edge", "perspective squares rest roughness")
-"""How geometry counts: squarings of the cosine (their number is the length), its power beyond these, and roughness."""
+Edge = namedtuple("Edge", "perspective squares rest least roughness")
+"""How geometry counts: squarings of the cosine (their number is the length), its power beyond these, the least cosine,
+and roughness."""
 Taps = namedtuple("Taps", "y first end dx dy step count number")
-"""One or three taps: their row, which pixels of the centre's row they serve, the first's place, pixels between them,
+"""One tap or several: their row, which pixels of the centre's row they serve, the first's place, pixels between them,
 and the first's number in its group."""
 Near = namedtuple("Near", "along x y")
-"""A row of `edges.Surface.plane`, in exponents of 2 for a pixel footprint of distance."""
+"""A row of `edges.Surface.plane`, in roots of exponents for a pixel footprint of distance."""
 
 
 @scalar
@@ -36,13 +46,13 @@ def edge_with(guide, perspective, squares, normal_power):
     for _ in range(len(squares)):
         squared *= TWO
     roughness = ROUGHNESS_FALLOFF if guide.shape[0] > ROUGHNESS else ZERO
-    return Edge(perspective, squares, np.float32(normal_power) - squared, roughness)
+    return Edge(perspective, squares, np.float32(normal_power) - squared, exp2(LEAST_LOG / squared), roughness)
 
 
 @inlined
 def near_of_plane(along, slope_x, slope_y, scale, depth_sensitivity):
     """`Near` of one pixel of the planes."""
-    footprint = LOG2_E * depth_sensitivity * scale
+    footprint = ROOT * depth_sensitivity * scale
     return Near(footprint * along, footprint * slope_x, footprint * slope_y)
 
 
@@ -86,7 +96,7 @@ def part_of(part, y, span, place, step, count, size):
         begin, stop = max(high, -here), min(end, width - here)
     if number >= count or not 0 <= row < height or begin >= stop:
         return Taps(y, first, first, 0, 0, 0, 1, 0)
-    return Taps(row, begin, stop, here, dy, step, GROUP if part == 0 else 1, number)
+    return Taps(row, begin, stop, here, dy, step, count if part == 0 else 1, number)
 
 
 @scalar
@@ -114,22 +124,42 @@ def _cosine(here, there):
 
 @contracted
 @inlined
-def weight_between(here, near, there, dx, dy, edge, exponent):
-    """`edges.edge_weight` of a pixel and its tap, given as numbers, times 2 to the power ``exponent``, but for the
-    factors of `power_between` and `gloss_between`."""
+def weight_of(cosine, unlike, edge):
+    """A cosine to its power, as far as squarings make it, times the exponential of -``unlike`` / `ROOT`."""
+    cosine, unlike = max(cosine, edge.least), min(unlike, FARTHEST)
+    for _ in range(len(edge.squares) - SHARED):
+        cosine = cosine * cosine
+    root = ONE - unlike * (R1 - unlike * (R2 - unlike * R3))
+    for _ in range(SHARED - len(edge.squares)):
+        root = root * root
+    weight = cosine * root
+    for _ in range(min(len(edge.squares), SHARED)):
+        weight = weight * weight
+    return weight
+
+
+@contracted
+@inlined
+def weight_between(here, near, there, dx, dy, edge, unlike):
+    """`edges.edge_weight` of a pixel and its tap, given as numbers, times the exponential of -``unlike`` / `ROOT`, but
+    for the factors of `power_between` and `gloss_between`."""
     factor = there.depth if edge.perspective else ONE
     distance = near.along * (there.depth - here.depth) + (near.x * dx + near.y * dy) * factor
-    cosine = max(_cosine(here, there), TINY)
-    for _ in range(len(edge.squares)):
-        cosine = cosine * cosine
-    return there.hit * cosine * falling_exp2(exponent - abs(distance))
+    return there.hit * weight_of(_cosine(here, there), unlike + abs(distance), edge)
+
+
+@contracted
+@inlined
+def power_of(cosine, edge):
+    """The power of a cosine that squarings do not make."""
+    return exp2(edge.rest * log2(min(max(cosine, edge.least), ONE)))
 
 
 @contracted
 @inlined
 def power_between(here, there, edge):
-    """The power of the cosine that squarings do not make."""
-    return exp2(edge.rest * log2(min(max(_cosine(here, there), TINY), ONE)))
+    """`power_of` the cosine between a pixel and its tap."""
+    return power_of(_cosine(here, there), edge)
 
 
 @contracted
@@ -141,10 +171,10 @@ def gloss_between(here, there, edge):
 
 @contracted
 @inlined
-def edge_weight(i, here, near, j, there, dx, dy, edge, exponent):
+def edge_weight(i, here, near, j, there, dx, dy, edge, unlike):
     """`weight_between` of pixel i and its tap j, in rows."""
     own = Near(near.along[i], near.x[i], near.y[i])
-    return weight_between(guide_at(here, i), own, guide_at(there, j), dx, dy, edge, exponent)
+    return weight_between(guide_at(here, i), own, guide_at(there, j), dx, dy, edge, unlike)
 
 
 @contracted

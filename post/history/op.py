@@ -9,8 +9,7 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.operators import operator
-from post.filters.edges import Surface
-from post.filters.fits import fits_cuda
+from post.filters.edges import Surface, fits_cuda
 from post.history.antilag import blend_reference, sample_reference
 from post.history.constants import WINDOW
 from post.history.taa_reference import anti_alias_reference, longest
