@@ -20,9 +20,10 @@ from post.filters.kernel import ROUGHNESS_FALLOFF, Guide, guide_row
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 SHARED = 5  # squarings of an exponential's root
 ROOT = np.float32(0.5**SHARED)  # of exponents: what is added up in place of them
-# exp(-32 y) as the 32nd power of a cubic: within 8e-7 of it, by weighted least squares towards its least maximum
-R1, R2, R3 = np.float32(0.9999927948), np.float32(0.4994732849), np.float32(0.1575436950)
-FARTHEST = np.float32(1.2)  # exponents end here, at a weight of 4e-20
+# exp(-32 y) as the 32nd power of a polynomial: within 5e-8, and 1e-6 of itself down to a weight of 0.007, since sums of
+# small weights count where all are small; by weighted least squares towards the least maximum
+R1, R2, R3, R4 = np.float32(0.9999996), np.float32(0.4999737), np.float32(0.16613403), np.float32(0.0379261)
+FARTHEST = np.float32(1.2)  # exponents end here, at a weight of 6e-17
 LEAST_LOG = np.float32(
     -62
 )  # of a cosine's power, to base 2: no product of these is so small that it takes processors longer
@@ -129,7 +130,7 @@ def weight_of(cosine, unlike, edge):
     cosine, unlike = max(cosine, edge.least), min(unlike, FARTHEST)
     for _ in range(len(edge.squares) - SHARED):
         cosine = cosine * cosine
-    root = ONE - unlike * (R1 - unlike * (R2 - unlike * R3))
+    root = ONE - unlike * (R1 - unlike * (R2 - unlike * (R3 - unlike * R4)))
     for _ in range(SHARED - len(edge.squares)):
         root = root * root
     weight = cosine * root
