@@ -32,7 +32,7 @@ class Standpoint:
         eye: in place of a view: where the camera is, in world space.
         target: where it looks to from there.
         fov: vertical, degrees; None for that of the view.
-        cameras: in place of all of these.
+        cameras: in place of all of these; the first frame takes the lowest number.
     """
 
     view: str | None = None
@@ -68,7 +68,7 @@ class Standpoint:
             for name in ("view", "eye", "target", "fov"):
                 if getattr(self, name) is not None:
                     raise ValueError(f"--camera says where the camera is and what it sees; leave --{name} out")
-            for index in range(frames):
+            for index in range(frames if self.cameras.numbers else 0):
                 if turns := self._turn(self.cameras, index):
                     number = self._number(self.cameras, index)
                     warnings.warn(f"{self.cameras.path}, frame {number}: {turns}: taken for a cut", stacklevel=2)
@@ -120,7 +120,7 @@ class Standpoint:
 
     def cuts_at(self, index: int) -> bool:
         """Whether a frame begins another shot: the file says so, or the camera turns too far."""
-        if self.cameras is None or index == 0:
+        if self.cameras is None or not self.cameras.numbers or index == 0:
             return False
         return self.cameras.cuts_at(self._number(self.cameras, index)) or bool(self._turn(self.cameras, index))
 
@@ -151,7 +151,7 @@ class Standpoint:
 
     @staticmethod
     def _number(cameras: Cameras, index: int) -> int:
-        return cameras.numbers[0] + index if cameras.numbers else index
+        return cameras.numbers[0] + index if cameras.numbers else index  # any, where one camera holds for all
 
 
 def _digest(cameras: Cameras) -> str:
