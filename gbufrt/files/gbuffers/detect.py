@@ -15,7 +15,7 @@ from gbufrt.files.header import ATTRIBUTE
 
 BY_HEADER = 0.6  # certainty from an attribute that only this renderer writes
 BY_NAMES = 0.4  # certainty when every channel that the profile names is there
-UNCOUNTED = ("emission", "position", "motion_next")  # channels that speak for no profile
+UNCOUNTED = ("emission", "position", "motion_next")  # channels that speak for no profile; the last as motion does
 DARK = 0.5  # of the certainty of others, where a profile knows none of the file's light
 SOME = 12  # layers that a message names
 PLAIN = 0.5  # of the certainty of others, that of plain names, which any program may write
@@ -105,6 +105,7 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     found = {"depth", *(["direct"] if light.products else [])}
     names_of = {name: names for name, names in profile.channels.items() if name not in UNCOUNTED}
     for channel, names in names_of.items():
+        names += profile.channels.get("motion_next", ()) if channel == "motion" else ()
         keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
         if channel != "depth" and keys:
             found.add(channel)

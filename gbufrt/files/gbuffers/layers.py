@@ -170,9 +170,13 @@ class Layers:
 
 
 def _full(part: Part, name: str, parts: Sequence[Part]) -> str:
-    """A channel's name with that of its part, where it does not carry it; the only part of a file needs none."""
+    """A channel's name with that of its part, where it does not carry it; the only part of a file needs none.
+
+    The name of a part's view is left out: Nuke calls the part with the left eye's depth ``depth_left``.
+    """
     alone = sum(other.of_pass == part.of_pass for other in parts) == 1
-    return name if alone or not part.name or name.startswith(f"{part.name}.") else f"{part.name}.{name}"
+    own = part.name.removesuffix(f"_{part.header.get('view', '')}")
+    return name if alone or not own or name.startswith(f"{own}.") else f"{own}.{name}"
 
 
 def _dotted(name: str, names: Container[str]) -> str:

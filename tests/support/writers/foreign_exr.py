@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -55,11 +55,15 @@ def write(path: Path, layers: Mapping[str, np.ndarray], header: Mapping[str, str
     return path
 
 
-def write_parts(path: Path, parts: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
-    """Parts by name, each of channels by name."""
+def write_parts(path: Path, parts: Mapping[str, Mapping[str, np.ndarray]], views: Sequence[str] = ()) -> Path:
+    """Parts by name, each of channels by name; those whose names end in one of the views are of it."""
     kind = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
     made = [
-        OpenEXR.Part(dict(kind), {n: np.ascontiguousarray(p, np.float32) for n, p in channels.items()}, name)
+        OpenEXR.Part(
+            kind | ({"view": name.rpartition("_")[2]} if name.endswith((*views,)) else {}),
+            {n: np.ascontiguousarray(p, np.float32) for n, p in channels.items()},
+            name,
+        )
         for name, channels in parts.items()
     ]
     OpenEXR.File(made).write(str(path))

@@ -12,6 +12,7 @@ from writers.foreign_exr import CAMERA, SIZE, truth, write, write_parts
 
 from gbufrt.camera import Camera
 from gbufrt.files import read_gbuffer
+from gbufrt.files.gbuffers.detect import detect
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.sequence import expanded, shot_parts, shots_of
 from gbufrt.files.guard import read_parts
@@ -49,6 +50,40 @@ def test_of_two_views_the_first_is_taken_and_told(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="holds the views left, right; took left"):
         frame = read_gbuffer(path, fov=40)
     assert float(frame.gbuffer.depth.max()) == 2
+
+
+def test_stereo_parts_and_layers_of_nuke_are_read(tmp_path: Path) -> None:
+    """Named as in the OpenEXR project's sample frames of a ball: views end the names of parts, or precede letters."""
+    views, uv = ("right", "left"), dict(zip(("u", "v"), (-T["motion"][..., 0], T["motion"][..., 1]), strict=True))
+    depth = np.where(T["hit"], T["planar"], 0)
+    light = dict.fromkeys("RGB", np.full(SIZE, 0.5))
+    parts = {
+        f"{layer}_{view}": {name: pixels * (1 + views.index(view)) for name, pixels in channels.items()}
+        for view in views
+        for layer, channels in (
+            ("rgba", light),
+            ("depth", {"Z": depth}),
+            ("forward", {f"forward.{letter}": pixels for letter, pixels in uv.items()}),
+        )
+    }
+    single = {"Z": depth, "left.Z": 2 * depth, **light, **{f"left.{c}": 2 * pixels for c, pixels in light.items()}}
+    single |= {f"forward.{view}.{c}": pixels for view in views for c, pixels in uv.items()}
+    planes = {name if "." in name else f".{name}": pixels for name, pixels in single.items()}
+    header = {"multiView": [*views]}
+    for path in (
+        write_parts(tmp_path / "parts.exr", parts, views),
+        write(tmp_path / "single.exr", planes, header),  # pyright: ignore[reportArgumentType]
+    ):
+        assert detect(path).name == "nuke"
+        with pytest.warns(UserWarning, match="holds the views right, left; took right"):
+            frame = read_gbuffer(path, camera=CAMERA)
+        g = frame.gbuffer
+        assert g.motion is not None
+        assert frame.composite is not None
+        assert np.array_equal(g.hit[0, 0].numpy(), T["hit"])
+        assert np.allclose(g.depth[0, 0].numpy()[T["hit"]], T["planar"][T["hit"]], rtol=1e-6)
+        assert np.allclose(g.motion[0].numpy().transpose(1, 2, 0)[T["hit"]], T["motion"][T["hit"]], atol=1e-5)
+        assert float(frame.composite.max()) == 0.5
 
 
 def test_files_of_one_pass_each_make_one_frame(tmp_path: Path) -> None:
