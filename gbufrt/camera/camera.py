@@ -155,7 +155,8 @@ class Camera:
             orthographic_height: world units that the picture's height spans; makes the camera orthographic.
 
         Raises:
-            ValueError: the field of view is not in (0, 180), or eye, target and up lie on one line.
+            TypeError: a place or direction is not three numbers.
+            ValueError: the field of view is not in (0, 180), eye is target, or both and up lie on one line.
         """
         check_size(size)
         check_numbers(fov_y=fov_y)
