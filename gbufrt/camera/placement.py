@@ -68,4 +68,6 @@ def _vectors(name: str, value: Any, device: torch.device | None) -> Tensor:
     tensor = tensor[None] if tensor.ndim == 1 else tensor
     if tensor.ndim != 2 or tensor.shape[1] != 3:
         raise ValueError(f"{name}, a position or direction, must be (3,) or (B,3), got {told_shape(tensor)}")
+    if tensor.device.type == "cpu" and not bool(tensor.isfinite().all()):
+        raise ValueError(f"{name} must be finite, got {value!r}")
     return tensor

@@ -72,6 +72,8 @@ class Kernel:
             self._launched = True
             return
         before = len(self.dispatcher.overloads)
+        if np.float32 in map(type, arguments):  # a user's number: of another type, it would be compiled for
+            arguments = tuple(float(x) if type(x) is np.float32 else x for x in arguments)
         self.dispatcher(*arguments)
         if len(self.dispatcher.overloads) > before:
             self._target.check(self._parts[0])
