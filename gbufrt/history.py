@@ -47,6 +47,7 @@ class History:
 
     def reset(self, mask: Tensor) -> History:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""
+        _check_mask(mask)
         return replace(self, length=torch.where(mask[:, None, None, None], 0.0, self.length))
 
 
@@ -110,12 +111,19 @@ class PipelineState:
 
     def reset(self, mask: Tensor) -> PipelineState:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""
+        _check_mask(mask)
         stages = {name: None if state is None else state.reset(mask) for name, state in self.stages.items()}
         previous = self.previous
         if previous is not None:
             g = previous.gbuffer
             previous = previous.replace(gbuffer=g.replace(hit=g.hit & ~mask[:, None, None, None]))
         return replace(self, stages=stages, previous=previous)
+
+
+def _check_mask(mask: Any) -> None:
+    if not isinstance(mask, Tensor) or mask.dtype != torch.bool or mask.ndim != 1:
+        got = f"{tuple(mask.shape)} {mask.dtype}" if isinstance(mask, Tensor) else type(mask).__name__
+        raise TypeError(f"mask must be a (B,) bool tensor, got {got}")
 
 
 # Plain values of tensors, so that `torch.load` reads states and frames without being told to trust the file.

@@ -19,6 +19,7 @@ from torch import Tensor
 from gbufrt.compute.resident import waits
 from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import CHANNELS, GBuffer
+from gbufrt.numeric import check_kind
 from gbufrt.validation.known import as_finite_as, is_known, keep, know, knowing
 from gbufrt.validation.pixels import all_finite, check_finite, pixels
 
@@ -57,6 +58,7 @@ def mended(frame: Frame) -> tuple[Frame, tuple[Mended, ...]]:
     Raises:
         ValueError: another G-buffer channel is not finite: names the channel, how many pixels, and one of them.
     """
+    check_kind(Frame, "frame", frame)
     return _mended(frame, "")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from os import PathLike
 from typing import Any
 
 import torch
@@ -53,6 +54,8 @@ def check_each(low: float, *, above: bool = False, unit: str = "", **values: Any
             raise TypeError(f"{name} must be a number or a tensor, got {_told(value)}")
         if isinstance(value, Tensor) and waits(value):
             continue
+        if isinstance(value, Tensor) and not value.numel():
+            raise ValueError(f"{name} must hold a number at least, got an empty tensor {tuple(value.shape)}")
         least = float(value.detach().min() if isinstance(value, Tensor) else value)
         if not (least > low if above else least >= low):
             wanted = ("be positive" if low == 0 else f"be above {low:g}") if above else f"be at least {low:g}"
@@ -62,7 +65,8 @@ def check_each(low: float, *, above: bool = False, unit: str = "", **values: Any
 def check_counts(**values: Any) -> None:
     """Raise TypeError where a value, by its argument's name, is no whole number."""
     for name, value in values.items():
-        if not hasattr(value, "__index__") or getattr(value, "ndim", 0):
+        broken = isinstance(value, Tensor) and value.is_floating_point()  # every tensor has __index__
+        if not hasattr(value, "__index__") or getattr(value, "ndim", 0) or broken:
             raise TypeError(f"{name} must be a whole number, got {_told(value)}")
 
 
@@ -107,21 +111,37 @@ def check_destination(*args: Any, **kwargs: Any) -> None:
 def check_three(name: str, value: Any, whose: str) -> None:
     """Raise TypeError unless a colour or direction is three numbers."""
     try:
-        fits = len(value) == 3 and not isinstance(value, str)
+        fits = len(value) == 3 and all(hasattr(n, "__float__") and not getattr(n, "ndim", 0) for n in value)
     except TypeError:
         fits = False
     if not fits:
-        raise TypeError(f"{name} of {whose} must be three numbers such as (0.8, 0.7, 0.5), got {value!r}")
+        got = value if isinstance(value, (tuple, list, type(None))) else _told(value)
+        raise TypeError(f"{name} of {whose} must be three numbers such as (0.8, 0.7, 0.5), got {got}")
+
+
+def check_path(name: str, value: Any) -> None:
+    """Raise TypeError unless an argument is a path, or the text of one."""
+    if not isinstance(value, (str, PathLike)):
+        raise TypeError(f"{name} must be a path, got {_told(value)}")
+
+
+def check_function(name: str, value: Any, of: str) -> None:
+    """Raise TypeError unless an argument is a function ``of`` something, in words."""
+    if not callable(value) or isinstance(value, type):
+        raise TypeError(f"{name} must be a function {of}, got {_told(value)}")
 
 
 def check_size(size: Any) -> None:
     """Raise ValueError unless ``size`` is the rows and columns of a picture."""
     if isinstance(size, (tuple, list)) and len(size) == 2 and all(hasattr(n, "__index__") and n >= 1 for n in size):
         return
-    raise ValueError(f"size must be (H, W), whole numbers of at least 1 such as (540, 960), got {size!r}")
+    got = _told(size) if isinstance(size, Tensor) else repr(size)
+    raise ValueError(f"size must be (H, W), whole numbers of at least 1 such as (540, 960), got {got}")
 
 
 def _told(value: Any) -> str:
     if isinstance(value, (str, int, float)):
         return repr(value)
-    return f"one of shape {tuple(value.shape)}" if isinstance(value, Tensor) else type(value).__name__
+    if isinstance(value, Tensor):
+        return f"one of shape {tuple(value.shape)}" if value.ndim else f"one of {value.dtype}"
+    return type(value).__name__

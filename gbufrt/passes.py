@@ -183,6 +183,8 @@ class Branch(TemporalPass, ABC):
                 raise ValueError(f"the pipeline has a stage {own!r} already; choose another name, or use replace()")
             return {key: stage if key == own else stages[key] for key in [*order[:at], own, *order[at:]]}
 
+        if not isinstance(name, str):
+            raise TypeError(f"name of the new stage must be a text such as 'fog', got {type(name).__name__}")
         inner, _, own = name.rpartition(".")
         return self._edited(f"{inner}.{beside}" if inner else beside, insert)
 

@@ -180,7 +180,7 @@ class Pipeline(Branch):
         """
         from gbufrt.compute.cache import reported  # imports the compiler
 
-        given = specimen() if frame is None else frame
+        check_frame(given := specimen() if frame is None else frame)
         if lacking := [name for name in sorted(self.reads) if given.get(name) is None]:
             raise ValueError(f"frame must be one like those to come, because the pipeline reads {', '.join(lacking)}")
         with torch.no_grad(), reported() as seconds:

@@ -21,8 +21,8 @@ from tracer.scene.scene import (
     Scene,
     Sky,
     Sun,
-    View,
 )
+from tracer.scene.view import View
 from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 from tracer.traversal.hits import Hits, Place

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from torch import Tensor
 
 from gbufrt import Camera, Frame, GBuffer
 from gbufrt.compute.resident import sent
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_between, check_counts
 from tracer.direct.fog import foggy
 from tracer.direct.lighting import light
 from tracer.gbuffers import layers
@@ -48,6 +49,7 @@ def render(
         ValueError: no voxels, or times, cameras or counts that do not fit.
     """
     check_counts(index=index, light_samples=light_samples)
+    check_between(0, math.inf, light_samples=light_samples)
     first, second = layers(scene, camera, previous_camera=previous_camera, time=time, previous_time=previous_time)
     times = seconds(time, camera.batch)
     poses = sent(scene.poses(times), camera.position)

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.focus import median_depth
-from gbufrt.numeric import check_numbers
+from gbufrt.numeric import check_each, check_numbers
 from gbufrt.tree import map_tensors
 from tracer.sampling.sequence import disc
 from tracer.scene.checks import check_is_scene, check_seen_by
@@ -88,6 +88,10 @@ def focus_distance(
     check_numbers(rate=rate, region=region)
     if not 0 < rate <= 1 or not 0 < region <= 1:
         raise ValueError(f"rate and region must lie in (0, 1], got rate={rate}, region={region}")
+    if previous is not None:
+        check_each(0, above=True, unit="world units", previous=previous)
+        if isinstance(previous, Tensor) and tuple(previous.shape) not in ((), (1,), (camera.batch,)):
+            raise ValueError(f"previous must be a number or ({camera.batch},), got {tuple(previous.shape)}")
     poses, found = scene.poses([time])[0].to(camera.device), []
     for b in range(camera.batch):
         one = one_of(camera, b)

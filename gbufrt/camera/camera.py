@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gbufrt.camera.matrices import check_matrices, check_pixels, told_shape
+from gbufrt.camera.matrices import check_matrices, check_pixels, matrix_of, told_shape
 from gbufrt.camera.normals import check_depth_map, facing_normals
 from gbufrt.camera.placement import centred_lens, looking_at, spread_of
 from gbufrt.camera.transforms import (
@@ -106,12 +106,7 @@ class Camera:
     ) -> Camera:
         """A camera from matrices with or without a batch dimension. See `Camera` for units and errors."""
         check_numbers(near=near, far=far)
-        for name, matrix in (("intrinsics", intrinsics), ("world_from_view", world_from_view)):
-            if isinstance(matrix, str):
-                raise TypeError(f"{name} must be rows of numbers, got {matrix!r}")
-        k = torch.as_tensor(intrinsics)
-        pose = torch.as_tensor(world_from_view)
-        k, pose = (k[None] if k.ndim == 2 else k), (pose[None] if pose.ndim == 2 else pose)
+        k, pose = matrix_of("intrinsics", intrinsics, 3), matrix_of("world_from_view", world_from_view, 4)
         batch = max(k.shape[0], pose.shape[0])
         check_size(size)
         if not orthographic and not waits(k):
@@ -155,7 +150,8 @@ class Camera:
             orthographic_height: world units that the picture's height spans; makes the camera orthographic.
 
         Raises:
-            ValueError: the field of view is not in (0, 180), or eye, target and up lie on one line.
+            TypeError: a place or direction is not three numbers.
+            ValueError: the field of view is not in (0, 180), eye is target, or both and up lie on one line.
         """
         check_size(size)
         check_numbers(fov_y=fov_y)
@@ -228,7 +224,10 @@ class Camera:
         """The same cameras, sampled at ``jitter`` pixels from the pixel centres (``(2,)``, ``(B, 2)`` or None)."""
         if jitter is None:
             return replace(self, jitter=None)
-        offset = torch.as_tensor(jitter, dtype=self.intrinsics.dtype, device=self.device)
+        try:
+            offset = torch.as_tensor(jitter, dtype=self.intrinsics.dtype, device=self.device)
+        except (TypeError, ValueError, RuntimeError):
+            raise TypeError(f"jitter must be two numbers or a tensor, in pixels, got {jitter!r}") from None
         if offset.shape not in ((2,), (1, 2), (self.batch, 2)):
             raise ValueError(f"jitter must be (2,) or ({self.batch},2) in pixels, got {told_shape(offset)}")
         return replace(self, jitter=offset.expand(self.batch, 2))
@@ -333,6 +332,9 @@ class Camera:
             previous minus current view z (zero for the sky). What lay nearer to the camera before than its near plane,
             or behind it, was at no pixel: its motion leads off that picture, twice as far as the longer side.
         """
+        if not isinstance(previous, Camera):
+            raise TypeError(f"previous must be a gbufrt.Camera, got {type(previous).__name__}")
+        check_depth_map(depth, self.size)
         px = self.pixel_centers(dtype=depth.dtype)
         points = self.unproject(depth, px)
         before = previous.to_view(self.to_world(points))

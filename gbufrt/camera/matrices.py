@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import math
 from itertools import chain
+from typing import Any
 
+import torch
 from torch import Tensor
 
 RIGID = 1e-4  # how far axes may be off unit length and right angles: float32 and rounded digits
@@ -81,6 +83,23 @@ def _check_rigid(pose: list[list[float]]) -> None:
 
 def _dot(a: list[float], b: list[float]) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def matrix_of(name: str, rows: Any, side: int) -> Tensor:
+    """``(B, side, side)`` of rows of numbers, with or without a batch.
+
+    Raises:
+        TypeError: they are no numbers.
+        ValueError: they are of another shape.
+    """
+    try:
+        matrix = torch.as_tensor(rows)
+    except (TypeError, ValueError, RuntimeError):
+        raise TypeError(f"{name} must be rows of numbers, got {rows!r}") from None
+    matrix = matrix[None] if matrix.ndim == 2 else matrix
+    if matrix.ndim != 3 or matrix.shape[1:] != (side, side) or not len(matrix):
+        raise ValueError(f"{name} must be ({side},{side}) or (B,{side},{side}), got {told_shape(matrix)}")
+    return matrix
 
 
 def told_shape(tensor: Tensor) -> str:

@@ -24,6 +24,10 @@ def looking_at(eye: Any, target: Any, up: Any) -> Tensor:
     right = torch.linalg.cross(forward, up)
     parallel = right.norm(dim=-1) < PARALLEL * forward.norm(dim=-1).clamp_min(PARALLEL)
     if parallel.device.type != "meta" and bool(parallel.any()):
+        if bool((forward == 0).all(dim=-1).any()):
+            raise ValueError(
+                "eye and target must be two places, so that the camera looks somewhere; got the same twice"
+            )
         raise ValueError("eye, target and up must not lie on one line; choose another up or target")
     forward = forward / forward.norm(dim=-1, keepdim=True)
     right = right / right.norm(dim=-1, keepdim=True)
@@ -57,10 +61,13 @@ def spread_of(fov_y: float) -> float:
 
 
 def _vectors(name: str, value: Any, device: torch.device | None) -> Tensor:
-    if isinstance(value, str):
-        raise TypeError(f"{name} must be three numbers or a tensor, got {value!r}")
-    tensor = torch.as_tensor(value, dtype=torch.float64, device=device)
+    try:
+        tensor = torch.as_tensor(value, dtype=torch.float64, device=device)
+    except (TypeError, ValueError, RuntimeError):
+        raise TypeError(f"{name} must be three numbers or a tensor, got {value!r}") from None
     tensor = tensor[None] if tensor.ndim == 1 else tensor
     if tensor.ndim != 2 or tensor.shape[1] != 3:
         raise ValueError(f"{name}, a position or direction, must be (3,) or (B,3), got {told_shape(tensor)}")
+    if tensor.device.type == "cpu" and not bool(tensor.isfinite().all()):
+        raise ValueError(f"{name} must be finite, got {value!r}")
     return tensor

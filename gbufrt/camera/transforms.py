@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
 from gbufrt.directions import length
 
 
+def check_vectors(vectors: Any) -> None:
+    """Raise TypeError unless points or directions are a tensor of floats, and ValueError unless ``(B, 3, ...)``."""
+    if not isinstance(vectors, Tensor) or not vectors.is_floating_point():
+        got = vectors.dtype if isinstance(vectors, Tensor) else type(vectors).__name__
+        raise TypeError(f"points and directions must be a tensor of float32 or float64, got {got}")
+    if vectors.ndim < 2 or vectors.shape[1] != 3:
+        raise ValueError(f"points and directions must be (B,3,...), got {tuple(vectors.shape)}")
+
+
 def rotate(matrix: Tensor, vectors: Tensor) -> Tensor:
     """Directions ``(B, 3, ...)`` turned by the rotation in ``(B, 3 or 4, 3 or 4)``."""
+    check_vectors(vectors)
     rotation = matrix[:, :3, :3].to(vectors.dtype)
     return torch.einsum("bij,bj...->bi...", rotation, vectors)
 
 
 def transform(matrix: Tensor, points: Tensor) -> Tensor:
     """Points ``(B, 3, ...)`` moved by a rigid ``(B, 4, 4)``."""
+    check_vectors(points)
     offset = matrix[:, :3, 3].to(points.dtype).reshape(-1, 3, *(1,) * (points.ndim - 2))
     return rotate(matrix, points) + offset
 
@@ -49,6 +62,7 @@ def unprojected(depth: Tensor, px: Tensor, intrinsics: Tensor, *, orthographic: 
 
 def projected(points: Tensor, intrinsics: Tensor, *, orthographic: bool) -> Tensor:
     """``(B, 2, ...)``: px, without jitter, of view-space points ``(B, 3, ...)``."""
+    check_vectors(points)
     ones = (1,) * (points.ndim - 2)
     k = intrinsics.to(points.dtype)
     z = 1.0 if orthographic else points[:, 2].clamp_min(1e-9)

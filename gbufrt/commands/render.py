@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from gbufrt.commands.session import Runner
     from gbufrt.frame import Frame
 
+SEED = (
+    "Seed of the built-in worlds: another one, another world. Noise comes from the frame's number; passes have seeds "
+    "of their own, as --set ao.estimate.seed=1."
+)
+
 
 def render(
     world: str = "builtin",
@@ -37,7 +42,7 @@ def render(
     time: float = 0.0,
     fps: float = 24.0,
     light_samples: Whole | None = None,
-    seed: Annotated[Whole | None, Parameter(help="Seed of the built-in worlds: another one, another world.")] = None,
+    seed: Annotated[Whole | None, Parameter(help=SEED)] = None,
     resume: Flag = False,
     lead_in: Whole | None = None,
     part: PartOptions | None = None,

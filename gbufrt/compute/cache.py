@@ -27,6 +27,8 @@ import numba
 from numba.core import event
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 
+from gbufrt.compute.notice import Notice
+
 DAMAGED = (OSError, EOFError, pickle.UnpicklingError)
 COMPILING = "compiling kernels (once on this machine)"
 
@@ -42,6 +44,7 @@ Watcher = Callable[[Compilation], None]
 
 _drivers: WeakSet[Any] = WeakSet()
 _watchers: list[Watcher] = []
+notice = Notice(quiet=lambda: bool(_watchers))
 
 
 def kept(dispatcher: Any) -> Any:
@@ -184,18 +187,20 @@ class _Listener(event.Listener):
     """Tells the watchers when drivers are compiled, but not the functions that drivers call."""
 
     def __init__(self) -> None:
-        self.begun: dict[Any, float] = {}
+        self.begun: dict[Any, tuple[float, Callable[[], None]]] = {}
 
     def on_start(self, event: Any) -> None:
         dispatcher = event.data["dispatcher"]
         if dispatcher in _drivers:
-            self.begun[dispatcher] = time.perf_counter()
+            self.begun[dispatcher] = time.perf_counter(), notice.begin()
             tell(Compilation(_name(dispatcher)))
 
     def on_end(self, event: Any) -> None:
         dispatcher = event.data["dispatcher"]
         if dispatcher in _drivers:
-            tell(Compilation(_name(dispatcher), time.perf_counter() - self.begun.pop(dispatcher)))
+            begun, end = self.begun.pop(dispatcher)
+            end()
+            tell(Compilation(_name(dispatcher), time.perf_counter() - begun))
 
 
 def _name(dispatcher: Any) -> str:

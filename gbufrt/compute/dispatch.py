@@ -37,7 +37,7 @@ def form_of(*inputs: Tensor | float | None, compiled: bool | None = None, cuda: 
     Raises:
         ValueError: a kernel is requested, but there is none for these tensors.
     """
-    given = [t for t in inputs if t is not None and not isinstance(t, int | float)]
+    given = [t for t in inputs if isinstance(t, Tensor)]
     kernel = _kernel_form(given, cuda)
     if compiled:
         if kernel is Form.REFERENCE:

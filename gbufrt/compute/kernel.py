@@ -15,6 +15,7 @@ switches the cache off, so it is an argument.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from functools import cached_property
 from typing import Any
 
@@ -23,7 +24,7 @@ import numpy as np
 from torch import Tensor
 
 from gbufrt.compute.bodies import WIDTH, Lanes, allocating, contracted, in_lanes, inlined, scalar, specialized
-from gbufrt.compute.cache import kept, missing
+from gbufrt.compute.cache import kept, missing, notice
 from gbufrt.compute.parts import DriverCompiler, HelperCompiler
 from gbufrt.compute.target import Target
 from gbufrt.compute.threads import threads
@@ -59,16 +60,20 @@ class Kernel:
 
     def __init__(self, loop: Callable[..., Any], target: Target, *, item: Callable[..., Any] | None = None) -> None:
         self._parts: Any = loop, item
-        self._target = target
+        self._target, self._launched = target, False
         body = loop if item is None else item
         self.name = f"{body.__module__}.{body.__qualname__}"
 
     def __call__(self, *arguments: Any, grid: tuple[Any, ...] | None = None) -> None:
         """Run the driver; ``grid`` is the blocks, threads and stream of a CUDA kernel."""
         if grid is not None:
-            self.dispatcher[grid](*arguments)
+            with nullcontext() if self._launched else notice.compiling():  # which numba-cuda does not report
+                self.dispatcher[grid](*arguments)
+            self._launched = True
             return
         before = len(self.dispatcher.overloads)
+        if np.float32 in map(type, arguments):  # a user's number: of another type, it would be compiled for
+            arguments = tuple(float(x) if type(x) is np.float32 else x for x in arguments)
         self.dispatcher(*arguments)
         if len(self.dispatcher.overloads) > before:
             self._target.check(self._parts[0])

@@ -27,6 +27,10 @@ SHARES = ("visibility", "specular", "chosen", "distance", "reactive")
 """Those of one component, which are no light."""
 
 
+NEEDED = ("depth", "normal", "light", "signal", "color")
+"""Those that no function takes as absent."""
+
+
 def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> None:
     """Raise unless pictures, by the names of channels and signals, have their form at the size of a camera.
 
@@ -40,6 +44,7 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
         ValueError: wrong shape or device, or a negative number.
     """
     check_camera(camera)
+    _check_there(pictures)
     if isinstance(thickness, Tensor) and thickness.ndim > 0:
         pictures["thickness"] = thickness
     elif thickness is not None:
@@ -48,6 +53,12 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
         if picture is not None:
             check_tensor(name, picture, ROWS[name], batch=camera.batch, size=camera.size, device=camera.device)
     check_one_kind(**pictures)
+
+
+def _check_there(pictures: dict[str, Any]) -> None:
+    for name in NEEDED:
+        if name in pictures and pictures[name] is None:
+            raise TypeError(f"{name} must be a torch.Tensor, got None: this function cannot do without")
 
 
 def check_camera(camera: Any, name: str = "camera", remedy: str = "") -> None:
@@ -66,6 +77,7 @@ def check_sizes(camera: Any, **pictures: Any) -> None:
         ValueError: wrong size, batch or device: kernels would read beside the picture.
     """
     check_camera(camera)
+    _check_there(pictures)
     for name, picture in pictures.items():
         if picture is None:
             continue

@@ -7,9 +7,11 @@ from torch import Tensor
 
 from gbufrt import Camera
 from gbufrt.camera.normals import check_depth_map
+from gbufrt.channels import check_tensor
 from gbufrt.compute.resident import number
 from gbufrt.demands.pictures import check_camera, check_pictures
 from gbufrt.focus import median_depth
+from gbufrt.gbuffer import CHANNELS
 from gbufrt.numeric import check_each, check_numbers
 
 TINY = 1e-6
@@ -78,11 +80,11 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
     check_numbers(region=region)
     check_camera(camera)
     check_depth_map(depth, camera.size)  # of any number: one camera serves them, as only its far counts
-    if hit is not None and hit.shape != depth.shape:
-        raise ValueError(f"hit must be {tuple(depth.shape)} like depth, got {tuple(hit.shape)}")
+    if hit is not None:
+        check_tensor("hit", hit, CHANNELS["hit"], batch=len(depth), size=camera.size, device=depth.device)
     if not 0 < region <= 1:
         raise ValueError(f"region must lie in (0, 1], got {region}")
-    rows, columns = (max(1, round(n * region)) for n in depth.shape[-2:])
+    rows, columns = (max(1, round(n * float(region))) for n in depth.shape[-2:])
     top, left = (depth.shape[-2] - rows) // 2, (depth.shape[-1] - columns) // 2
     known = torch.isfinite(depth) if hit is None else hit & torch.isfinite(depth)
     middle = torch.where(known, depth, torch.nan)

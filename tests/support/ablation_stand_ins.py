@@ -16,7 +16,8 @@ from gbufrt.commands.arguments.checks import WORLD
 from post import TAA, Composite, DepthOfField, MotionBlur
 from tracer.sampling.progressive import Truth
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene, View
+from tracer.scene.scene import Scene
+from tracer.scene.view import View
 from tracer.scene.world import World
 
 calls: Counter[str] = Counter()

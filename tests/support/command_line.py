@@ -18,7 +18,8 @@ from gbufrt.commands.cli import main
 from gbufrt.files.exr import read_exr
 from gbufrt.noise.noise import blue_noise
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene, View
+from tracer.scene.scene import Scene
+from tracer.scene.view import View
 from tracer.scene.world import World
 
 SMALL = ("--size", "24x16")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import torch
 
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene, Sun, View
+from tracer.scene.scene import Scene, Sun
+from tracer.scene.view import View
 from tracer.scene.world import World
 
 TABLE = MaterialTable.of(

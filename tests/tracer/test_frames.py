@@ -12,7 +12,8 @@ from voxels import GLASS, LAMP, STONE
 
 from gbufrt import Camera
 from tracer.frames import render
-from tracer.scene.scene import Instance, Scene, View
+from tracer.scene.scene import Instance, Scene
+from tracer.scene.view import View
 from tracer.scene.world import World
 from tracer.truth.path_tracer import path_trace
 

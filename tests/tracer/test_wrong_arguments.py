@@ -194,7 +194,10 @@ def test_texts_in_place_of_numbers_of_truth_are_named(function: Callable[..., An
         (lambda: tracer.Sky(picture=NAME), r"^picture must be a torch\.Tensor, got str"),
         (lambda: tracer.Haze(begin=NAME, end=1.0), "^begin must be a number"),
         (lambda: tracer.Instance(model=NAME, pose=lambda _: torch.eye(4)), r"^model must be a tracer\.World, got str$"),
-        (lambda: tracer.Instance(model=PLAIN, pose=NAME), "^pose must be a function of the time in seconds, got str$"),
+        (
+            lambda: tracer.Instance(model=PLAIN, pose=NAME),
+            "^pose must be a function of the time in seconds that returns a .4,4. tensor, got 'village'$",
+        ),
     ],
 )
 def test_what_is_no_light_air_model_time_or_camera_is_named(call: Callable[[], Any], message: str):

@@ -11,6 +11,7 @@ from torch import Tensor
 from gbufrt import GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.noise.noise import blue_noise
+from gbufrt.numeric import check_kind
 from tracer.direct.reference import Direct
 from tracer.lights.emitters import lamps_of
 from tracer.lights.haze import sky_behind
@@ -169,8 +170,11 @@ def batched(poses: Tensor | None, batch: int, count: int) -> Tensor:
     """``(B, I, 4, 4)`` poses of ``count`` instances for every picture.
 
     Raises:
+        TypeError: they are no tensor.
         ValueError: they are of another shape, or absent where there are instances.
     """
+    if poses is not None:
+        check_kind(Tensor, "poses", poses, "; scene.poses(times) gives them")
     if poses is None and count == 0:
         poses = torch.zeros(count, 4, 4)
     if poses is None or poses.shape[-3:] != (count, 4, 4) or (poses.ndim == 4 and poses.shape[0] not in (1, batch)):

@@ -11,6 +11,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.channels import check_like
 from gbufrt.noise.noise import SLICES
 from gbufrt.numeric import check_counts
 from tracer.cache.irradiance import IrradianceCache
@@ -23,7 +24,7 @@ from tracer.paths.op import lit, lobes
 from tracer.paths.receivers import Receivers, Sums, placed, receivers_of
 from tracer.sampling.progressive import Values
 from tracer.sampling.sequence import Sequence
-from tracer.scene.checks import check_shown
+from tracer.scene.checks import check_mask, check_shown
 from tracer.scene.poses import between, known_still
 from tracer.scene.scene import Scene
 
@@ -121,6 +122,8 @@ def sample(
     ``follows`` ``(B, 1, H, W)`` do not read it. For ``lights`` see `receivers_of`."""
     check_shown(scene, gbuffer)
     check_counts(index=index, seed=seed)
+    if chosen is not None:
+        check_mask("chosen", chosen, gbuffer.hit)
     size = gbuffer.camera.size
     asked = gbuffer if chosen is None else gbuffer.replace(hit=gbuffer.hit & chosen)
     receivers = receivers_of(scene, asked, poses, lights)
@@ -197,6 +200,8 @@ def one_a_stratum(hit: Tensor, *, index: int = 0, seed: int = 0) -> Tensor:
     Returns:
         ``(B, 1, H, W)`` bool.
     """
+    check_mask("hit", hit)
+    check_counts(index=index, seed=seed)
     row, column = divmod((4 * index + seed) % STRATUM**2, STRATUM)  # neighbours in time lie apart
     height, width = hit.shape[-2:]
     chosen = torch.zeros_like(hit)
@@ -218,6 +223,8 @@ def brightest_a_stratum(hit: Tensor, luminance: Tensor) -> Tensor:
 
     Source: Schied, Peters and Dachsbacher 2018 (A-SVGF), 4.1.
     """
+    check_mask("hit", hit)
+    check_like("luminance", luminance, "hit", hit, (1,))
     height, width = hit.shape[-2:]
     margin = (0, -width % STRATUM, 0, -height % STRATUM)
     bright = F.pad(torch.where(hit, luminance.clamp_min(0.0) + 1, 0.0), margin)

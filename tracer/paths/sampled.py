@@ -10,6 +10,7 @@ from torch import Tensor
 from gbufrt import Frame
 from gbufrt.compute.resident import sent
 from gbufrt.luminance import luminance
+from gbufrt.numeric import check_counts, check_kind
 from tracer.cache.irradiance import IrradianceCache
 from tracer.direct.lighting import ray_origins
 from tracer.lights.samples import Lights
@@ -39,7 +40,7 @@ def sampled(scene: Scene, frame: Frame, *, before: Frame | None = None, seed: in
     Raises:
         ValueError: see `sample_light`.
     """
-    check_frame_of(scene, frame=frame, before=before)
+    check_frame_of(scene, frame, before)
     return _sampled(scene, frame, before, None, {"seed": seed, "bounces": bounces})[0]
 
 
@@ -75,7 +76,10 @@ def sampled_with_cache(
 
     Source: Ward, Rubinstein and Clear 1988, for caches of irradiance; Binder, Fricke and Keller 2019, for hashed cells.
     """
-    check_frame_of(scene, frame=frame, before=before)
+    check_frame_of(scene, frame, before)
+    check_counts(seed=seed)
+    if cache is not None:
+        check_kind(IrradianceCache, "cache", cache, "; this function returned the one for this frame")
     cache = IrradianceCache.empty(device=frame.gbuffer.camera.device) if cache is None else cache
     frame, samples = _sampled(scene, frame, before, cache, {"seed": seed, "bounces": bounces})
     cache = cache.update(*samples.split(3, dim=1))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from gbufrt.numeric import check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_function, check_numbers
 
 GROUPS = 16  # of consecutive samples; the spread of their means gives the error
 FEWEST = 4  # groups needed before the error may end the sampling
@@ -64,6 +64,8 @@ def converge(estimate: Estimate, *, samples: int, noise: float, pixels: int, pro
     """
     check_counts(samples=samples)
     check_numbers(noise=noise)
+    if progress is not None:
+        check_function("progress", progress, "of the samples done and their number")
     if samples < 1:
         raise ValueError(f"samples must be at least 1, got {samples}")
     if not noise >= 0:

@@ -39,7 +39,7 @@ class Sequence:
         The last one is kept: all layers of a film's frames have the same.
         """
         check_counts(samples=samples, seed=seed)
-        return _sequence(samples, dims, size, seed, device)
+        return _sequence(int(samples), int(dims), size, int(seed), device)
 
     def part(self, numbers: range) -> Sequence:
         """Some of the points."""

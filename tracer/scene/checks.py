@@ -5,10 +5,14 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
+import torch
+from torch import Tensor
+
 from gbufrt import Frame, GBuffer
 from gbufrt.demands.pictures import check_camera
 from gbufrt.numeric import check_kind
-from tracer.scene.scene import Scene, View
+from tracer.scene.scene import Scene
+from tracer.scene.view import View
 
 
 def check_is_scene(scene: Any) -> None:
@@ -37,12 +41,29 @@ def check_shown(scene: Any, gbuffer: Any) -> None:
     check_kind(GBuffer, "gbuffer", gbuffer, frame or "; tracer.gbuffer(scene, camera) gives one")
 
 
-def check_frame_of(scene: Any, **frames: Any) -> None:
-    """Raise TypeError unless they are a scene and frames, or None, by the names of their arguments."""
+def check_frame_of(scene: Any, frame: Any, before: Any = None) -> None:
+    """Raise TypeError unless they are a scene, a frame, and the frame before or None."""
     check_is_scene(scene)
-    for name, frame in frames.items():
-        if frame is not None:
-            check_kind(Frame, name, frame, "; tracer.render(scene, camera) gives one")
+    remedy = "; tracer.render(scene, camera) gives one"
+    check_kind(Frame, "frame", frame, remedy)
+    if before is not None:
+        check_kind(Frame, "before", before, remedy)
+
+
+def check_mask(name: str, mask: Any, like: Tensor | None = None) -> None:
+    """Raise unless a mask is ``(B, 1, H, W)`` of bool, and of the size of another one.
+
+    Raises:
+        TypeError: no tensor, or of other numbers.
+        ValueError: another shape.
+    """
+    check_kind(Tensor, name, mask)
+    if mask.dtype != torch.bool:
+        raise TypeError(f"{name} must be bool, got {str(mask.dtype).removeprefix('torch.')}; compare it: {name} > 0")
+    fits = mask.ndim == 4 and mask.shape[1] == 1 if like is None else mask.shape == like.shape
+    if not fits:
+        wanted = "(B,1,H,W)" if like is None else tuple(like.shape)
+        raise ValueError(f"{name} must be {wanted}, got {tuple(mask.shape)}")
 
 
 def check_open(scene: Any) -> None:

@@ -12,10 +12,11 @@ import torch
 
 from gbufrt.atmosphere import Atmosphere, sky_picture, sun_transmittance
 from gbufrt.atmosphere.sky import from_ground
-from gbufrt.numeric import check_numbers
+from gbufrt.numeric import check_kind, check_numbers
 from tracer.scene.checks import check_open, keeps_its_light
 from tracer.scene.material import RGB
-from tracer.scene.scene import Plain, Sky, Sun, View
+from tracer.scene.scene import Plain, Sky, Sun
+from tracer.scene.view import View
 
 MONTH = 29.53  # days from one full moon to the next
 MOON = 1 / 300  # a full moon's light over the sun's: an eye that has adapted to the night takes it for as much
@@ -119,6 +120,9 @@ def at_hour(
     """
     check_open(scene)
     check_numbers(hour=hour, day=day)
+    for name, kind, given in (("path", SunPath, path), ("atmosphere", Atmosphere, atmosphere)):
+        if given is not None:
+            check_kind(kind, name, given)
     if not 0.0 <= hour <= 24.0:
         raise ValueError(f"hour must lie in 0..24, got {hour}")
     if not math.isfinite(day):

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from tracer.scene.cells import Cells, Ids, blocks_of_world, cells_of_world, world_of_cells
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Instance, Scene, Sky, Sun, View
+from tracer.scene.scene import Instance, Scene, Sky, Sun
+from tracer.scene.view import View
 from tracer.scene.world import World
 
 Vector = NDArray[np.float64]

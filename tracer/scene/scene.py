@@ -11,19 +11,29 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from gbufrt.camera import Camera
 from gbufrt.compute.resident import resident
-from gbufrt.names import unknown
-from gbufrt.numeric import check_between, check_bits, check_destination, check_each, check_kind, check_three
+from gbufrt.numeric import (
+    check_between,
+    check_bits,
+    check_destination,
+    check_each,
+    check_function,
+    check_kind,
+    check_numbers,
+    check_three,
+)
 from gbufrt.tree import map_tensors
 from tracer.scene.fog import Fog
 from tracer.scene.grids import Grids, join
 from tracer.scene.material import MaterialTable
+from tracer.scene.poses import checked, posed
+from tracer.scene.times import moments
+from tracer.scene.view import View, Views
 from tracer.scene.weather import Rain, Waves
 from tracer.scene.world import World
 
 Pose = Callable[[float], Tensor]
-"""Time in seconds to a ``(4, 4)`` rigid transform from the model's voxel coordinates to world space."""
+"""See `Instance`."""
 
 MASK_PRIMARY, MASK_SHADOW, MASK_SECONDARY = 1, 2, 4
 MASK_ALL = MASK_PRIMARY | MASK_SHADOW | MASK_SECONDARY
@@ -36,7 +46,9 @@ class Instance:
 
     Args:
         model: its voxels, in its own coordinates and with its own materials.
-        pose: where it is at a time.
+        pose: where it is: a function of the time in seconds, a float, that returns a ``(4, 4)`` tensor of floats on the
+            CPU, the rigid transform (rotation and position, world units; the last row is 0, 0, 0, 1) from the model's
+            voxel coordinates, times ``scale``, to world space. It may be asked for any time, in any order.
         scale: world units a voxel of the model.
         mask: which rays can hit it, a sum of MASK_PRIMARY (camera), MASK_SHADOW and MASK_SECONDARY (bounces).
         name: for people.
@@ -50,8 +62,8 @@ class Instance:
 
     def __post_init__(self) -> None:
         check_kind(World, "model", self.model)
-        if not callable(self.pose):
-            raise TypeError(f"pose must be a function of the time in seconds, got {type(self.pose).__name__}")
+        check_function("pose", self.pose, "of the time in seconds that returns a (4,4) tensor")
+        check_numbers(scale=self.scale)
         check_each(0, above=True, unit="world units a voxel", scale=self.scale)
         check_bits(mask=self.mask)
 
@@ -117,6 +129,12 @@ class Sky:
         for name, kind in (("picture", Tensor), ("stars", Tensor), ("plain", Plain)):
             if (given := getattr(self, name)) is not None:
                 check_kind(kind, name, given)
+        for name in ("zenith", "horizon", "ground"):
+            if not all(0 <= light < math.inf for light in getattr(self, name)):
+                raise ValueError(f"{name} of the sky must be finite and not negative, got {getattr(self, name)}")
+        if self.plain is not None:
+            check_three("albedo", self.plain.albedo, "the plain")
+            check_between(0, 1, water=self.plain.water)
         if self.stars is not None and self.stars.shape != (3, 3):
             raise ValueError(f"stars must be (3,3), a rotation, got {tuple(self.stars.shape)}")
         if self.picture is not None and (self.picture.ndim != 4 or self.picture.shape[:2] != (1, 3)):
@@ -146,29 +164,6 @@ class Haze:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class View:
-    """A named viewpoint or camera path: ``camera(time)`` gives eye and target in world space."""
-
-    eye: Callable[[float], Sequence[float]]
-    target: Callable[[float], Sequence[float]]
-    fov_y: float = 60.0
-    description: str = ""
-    by_day: bool = False
-    """Where by night nothing is seen, as under water."""
-
-    def camera(self, time: float = 0.0, *, size: tuple[int, int], near: float = 0.05, far: float = 1000.0) -> Camera:
-        """The camera at ``time`` seconds; ``size`` is ``(H, W)``."""
-        return Camera.look_at(self.eye(time), self.target(time), size=size, fov_y=self.fov_y, near=near, far=far)
-
-
-class Views(dict[str, View]):
-    """Views by name. Of a name that is not there `[]` tells those that are."""
-
-    def __missing__(self, name: str) -> View:
-        raise KeyError(unknown("view", name, "the scene", self))
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
     """Everything that `tracer.render` needs except the camera."""
 
@@ -189,8 +184,12 @@ class Scene:
         for name, kind in (("sun", Sun), ("haze", Haze), ("rain", Rain), ("waves", Waves), ("fog", Fog)):
             if (given := getattr(self, name)) is not None:
                 check_kind(kind, name, given)
+        if not isinstance(self.instances, Sequence) or isinstance(self.instances, str):
+            raise TypeError(f"instances must be a tuple of tracer.Instance, got {type(self.instances).__name__}")
         for instance in self.instances:
             check_kind(Instance, "instances", instance)
+        if not isinstance(self.views, Mapping) or not all(isinstance(v, View) for v in self.views.values()):
+            raise TypeError(f"views must be a mapping of names to tracer.View, got {type(self.views).__name__}")
         if not isinstance(self.views, Views):
             object.__setattr__(self, "views", Views(self.views))
 
@@ -200,10 +199,11 @@ class Scene:
         return self
 
     def poses(self, times: Sequence[float]) -> Tensor:
-        """``(B, I, 4, 4)``: world from model of every instance at every time."""
+        """``(B, I, 4, 4)``: world from model of every instance at every time, in seconds."""
+        times = moments(times, "times")
         if not self.instances:
             return torch.zeros(len(times), 0, 4, 4)
-        return torch.stack([torch.stack([i.pose(t).float() for i in self.instances]) for t in times])
+        return checked(torch.stack([torch.stack([posed(i.pose(t), i.name) for i in self.instances]) for t in times]))
 
     @cached_property
     def grids(self) -> Grids:

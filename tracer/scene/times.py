@@ -36,8 +36,9 @@ def moments(time: Any, name: str = "time") -> list[float]:
         if any(isinstance(t, str) for t in given):
             raise TypeError
         times = [float(t) for t in given]
-    except TypeError:
-        raise TypeError(f"{name} must be seconds, one number or one for each camera, got {time!r}") from None
+    except (TypeError, ValueError, RuntimeError):  # of torch's tensors of several numbers
+        got = f"one of shape {tuple(time.shape)}" if isinstance(time, Tensor) else repr(time)
+        raise TypeError(f"{name} must be seconds, one number or one for each camera, got {got}") from None
     if not times or not all(math.isfinite(t) for t in times):
         raise ValueError(f"{name} must be finite, in seconds, got {time}")
     return times

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from gbufrt.compute.resident import resident_on
+from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import BRICK, Grid
 from tracer.scene.material import MaterialTable
@@ -83,7 +84,7 @@ class World:
         try:
             x, y, z = map(operator.index, origin)
         except (TypeError, ValueError):
-            raise TypeError(f"origin must be three integers, got {origin}") from None
+            raise TypeError(f"origin must be three integers such as (0, 0, 0), got {type(origin).__name__}") from None
         _check_ids("voxels", voxels, len(materials), "the material table")
         cells = [(n + BRICK - 1) // BRICK for n in voxels.shape]
         padded = torch.zeros([n * BRICK for n in cells], dtype=torch.int16, device=voxels.device)
@@ -135,6 +136,9 @@ class World:
         Returns:
             ``(...)`` int16; 0 outside the grid.
         """
+        check_kind(Tensor, "cells", cells)
+        if cells.ndim < 1 or cells.shape[-1] != 3:
+            raise ValueError(f"cells must be (...,3) voxel coordinates, got {tuple(cells.shape)}")
         local = cells.long() - resident_on(cells.device, self.origin, torch.int64)
         limit = resident_on(cells.device, tuple(n * BRICK for n in self.index.shape), torch.int64)
         within = ((local >= 0) & (local < limit)).all(dim=-1)

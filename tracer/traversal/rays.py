@@ -8,12 +8,13 @@ import torch
 from torch import Tensor
 
 from gbufrt.compute.resident import number
-from gbufrt.numeric import check_bits, check_kind, check_numbers
+from gbufrt.numeric import check_bits
 from gbufrt.tree import map_tensors
 from tracer.scene.grids import HIGH, LOW, ORIGIN
 from tracer.scene.poses import inverse
 from tracer.scene.scene import MASK_PRIMARY, MASK_SHADOW, Scene
 from tracer.traversal import op as ops
+from tracer.traversal.checks import check_beyond, check_ends, check_rays
 from tracer.traversal.hits import Hits
 
 FARTHEST = 1e20  # where every ray ends, so that one without a direction hits nothing
@@ -55,12 +56,14 @@ def trace(
         `Hits` of the shape of the rays.
 
     Raises:
-        ValueError: shapes do not fit each other or the scene.
+        TypeError: an argument is of another kind.
+        ValueError: shapes or devices do not fit each other or the scene.
     """
     check_bits(mask=mask)
     shape, rays = _rays(scene, origins, directions, poses, t_min, t_max)
     left = rays.origins.new_zeros(0, 5, dtype=torch.int32)
     if beyond is not None:
+        check_beyond(beyond, shape)
         passes = beyond.hit
         if not ignoring:
             passes = passes & (scene.materials.opacity[beyond.material.long()] < 1)
@@ -166,16 +169,9 @@ def _rays(
     t_max: Tensor | float,
 ) -> tuple[tuple[int, ...], _Rays]:
     """Rays as flat float32 rows, with the transforms into every grid; and the shape they had."""
-    check_kind(Tensor, "origins", origins)
-    check_kind(Tensor, "directions", directions)
-    check_numbers(**{n: end for n, end in (("t_min", t_min), ("t_max", t_max)) if not isinstance(end, Tensor)})
-    if poses is not None:
-        check_kind(Tensor, "poses", poses, "; scene.poses([time]) gives them")
-    if origins.shape != directions.shape or origins.ndim < 1 or origins.shape[-1] != 3:
-        raise ValueError(
-            f"origins and directions must both be (...,3), got {tuple(origins.shape)} and {tuple(directions.shape)}"
-        )
+    check_rays(scene, origins, directions, poses)
     shape = tuple(origins.shape[:-1])
+    check_ends(shape, t_min=t_min, t_max=t_max)
     transforms = grid_from_world(scene, poses, origins.device)
     if transforms.shape[0] > 1 and (not shape or shape[0] != transforms.shape[0]):
         raise ValueError(
@@ -203,7 +199,7 @@ def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) ->
         if count:
             raise ValueError(f"poses must be given for a scene with {count} instances: scene.poses([time])")
     poses = poses[None] if poses.ndim == 3 else poses
-    if poses.ndim != 4 or poses.shape[1:] != (count, 4, 4):
+    if poses.ndim != 4 or poses.shape[1:] != (count, 4, 4) or not len(poses):
         raise ValueError(f"poses must be ({count},4,4) or (B,{count},4,4), got {tuple(poses.shape)}")
     matrices = torch.eye(4, dtype=torch.float64, device=device).repeat(poses.shape[0], count + 1, 1, 1)
     matrices[:, 1:] = scene.world_from_model(poses.to(device=device, dtype=torch.float64))

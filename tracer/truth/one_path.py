@@ -26,7 +26,7 @@ def one_path(scene: Scene, frame: Frame, *, bounces: int = 4) -> Frame:
     Raises:
         ValueError: see `tracer.path_trace`.
     """
-    check_frame_of(scene, frame=frame)
+    check_frame_of(scene, frame)
     camera = frame.gbuffer.camera
     light = path_trace(
         scene, camera, time=float(frame.time), bounces=bounces, samples=1, antialias=False, seed=int(frame.index)

@@ -47,7 +47,8 @@ def submerged(scene: Scene, frame: Frame, *, poses: Tensor) -> Frame:
         changed["environment"] = torch.where(wet, _water(medium, around), picture)
     shows = _surface(scene, g) & wet
     through, mirror = _beyond(scene, medium, g, points, directions, shows, poses)
-    mirror = mirror * medium.clear((points - g.camera.position[..., None, None]).norm(dim=1))
+    away = (points - g.camera.position[..., None, None]).norm(dim=1)
+    mirror = mirror * medium.clear(g.depth[:, 0] if g.camera.orthographic else away)
     changed["radiance"] = radiance + mirror
     changed["behind"] = behind.replace(radiance=torch.where(shows, through, behind.read("radiance")))
     assert g.emission is not None
@@ -79,7 +80,7 @@ def _beyond(
         here, mask = (b, slice(None), *rows), shows[b, 0][rows]
         way, normal, at, out = directions[here].T, g.normal[here].T, points[here].T, flat[here].T * LIFT
         far, focal = torch.where(mask, g.camera.far, 0.0), g.camera.intrinsics[b, 1, 1]
-        given = {"far": far, "focal": focal, "poses": poses[b : b + 1]}
+        given = {"far": far, "focal": focal, "parallel": g.camera.orthographic, "poses": poses[b : b + 1]}
         share = torch.where(mask, reflectance(-(way * normal).sum(dim=1)), 0.0)
         sky = _along(scene, None, at - out, refracted(way, normal), **given)
         floor = _along(scene, medium.at(b), at + out, mirrored(way, normal), **given)
@@ -89,9 +90,20 @@ def _beyond(
 
 
 def _along(
-    scene: Scene, medium: Medium | None, origins: Tensor, ways: Tensor, *, far: Tensor, focal: Tensor, poses: Tensor
+    scene: Scene,
+    medium: Medium | None,
+    origins: Tensor,
+    ways: Tensor,
+    *,
+    far: Tensor,
+    focal: Tensor,
+    parallel: bool,
+    poses: Tensor,
 ) -> Tensor:
-    """``(N, 3)`` radiance along rays in the air, or in water: of surfaces in the light of the sun and the open sky."""
+    """``(N, 3)`` radiance along rays in the air, or in water: of surfaces in the light of the sun and the open sky.
+
+    ``focal`` is in pixels at depth 1, or of ``parallel`` rays in pixels a world unit, at any distance.
+    """
     hits = trace(scene, origins[None], ways[None], poses=poses, mask=MASK_PRIMARY, t_max=far[None])
     if medium is not None:
         within, given = torch.ones_like(hits.hit), {"poses": poses, "t_max": far[None]}
@@ -99,7 +111,8 @@ def _along(
         hits = hits.without(leaves(scene, hits))
     hits = hits.at((0,))
     points = origins + ways * torch.where(hits.hit, hits.t, 0.0)[:, None]
-    seen = look(scene, hits, ways, focal / hits.t.clamp_min(1e-3), poses=poses[0])
+    spanned = focal.expand_as(hits.t) if parallel else focal / hits.t.clamp_min(1e-3)
+    seen = look(scene, hits, ways, spanned, poses=poses[0])
     arriving = sky_irradiance(scene, seen.normal.T[None, :, None])[0, :, 0].T
     if medium is not None:
         arriving = arriving * medium.lit(points[None, :, 1])[0].T
@@ -112,17 +125,17 @@ def _along(
     diffuse = seen.albedo * (1 - seen.metallic[:, None]) * scene.materials.opacity[hits.material.long()][:, None]
     light = seen.emission + diffuse * arriving / math.pi
     if medium is None:
-        return torch.where(hits.hit[:, None], light, _sky(scene, ways, 1 / focal))
+        return torch.where(hits.hit[:, None], light, _sky(scene, ways, None if parallel else 1 / focal))
     whole = torch.where(hits.hit, hits.t, torch.inf)[None]
     scattered = medium.scattered(ways[None, :, 1], whole, origins[None, :, 1])[0].T
     return torch.where(hits.hit[:, None], light * medium.clear(whole)[0].T, 0.0) + scattered
 
 
-def _sky(scene: Scene, ways: Tensor, pixel: Tensor) -> Tensor:
-    """``(N, 3)`` radiance of the sky as cameras see it, with sun and stars."""
+def _sky(scene: Scene, ways: Tensor, pixel: Tensor | None) -> Tensor:
+    """``(N, 3)`` radiance of the sky as cameras see it, with sun, and stars where a pixel spans an angle."""
     rows = ways.T[None]
     sky = sky_behind(scene, rows)
-    if scene.sky.stars is not None:
+    if scene.sky.stars is not None and pixel is not None:
         sky = sky + torch.where(rows[:, 1:2] > 0, stars(rows, scene.sky.stars, pixel), 0.0)
     if scene.sun is not None:
         sky = sky + sun_radiance(scene.sun, rows)

@@ -13,7 +13,8 @@ from torch import Tensor
 from gbufrt.environment import environment_directions, environment_solid_angles
 from tracer.lights.sky import sky_radiance
 from tracer.scene.checks import check_open, keeps_its_light
-from tracer.scene.scene import Haze, Scene, Sky, Sun, View
+from tracer.scene.scene import Haze, Scene, Sky, Sun
+from tracer.scene.view import View
 from tracer.scene.weather import Rain
 
 SIZE = (64, 128)  # pixels of the sky's picture

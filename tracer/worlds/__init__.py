@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from gbufrt.names import no_world
+from gbufrt.numeric import check_path
 from tracer.formats.minecraft.save import Selection, read_minecraft
 from tracer.formats.minecraft.schematic import load_schematic
 from tracer.formats.vox.scene_graph import load_vox_scene
@@ -67,12 +68,14 @@ def load(
         The scene, with its sky, and views to look from.
 
     Raises:
-        TypeError: neither a text nor a path.
+        TypeError: neither a text nor a path, here or for ``pack``.
         ValueError: neither a name nor a path of such a file, a file is broken, or a part was asked of another world.
         FileNotFoundError: there is no such file.
     """
     if not isinstance(name_or_path, (str, PathLike)):
         raise TypeError(f"name_or_path must be a name or a path, got {type(name_or_path).__name__}")
+    if pack is not None:
+        check_path("pack", pack)
     name = fspath(name_or_path)
     part: dict[str, Any] = {"box": box, "around": around, "chunks": chunks, "bare": bare or None}
     path, builtins = Path(name), {"builtin": builtin, **WORLDS}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracer.scene.scene import Scene, View
+from tracer.scene.scene import Scene
+from tracer.scene.view import View
 from tracer.worlds.canvas import Canvas
 from tracer.worlds.fields import fractal_noise
 from tracer.worlds.views import still

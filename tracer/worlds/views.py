@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from tracer.scene.scene import View
+from tracer.scene.view import View
 
 Point = tuple[float, float, float]
 TAU = 2.0 * math.pi

@@ -10,7 +10,8 @@ from gbufrt.commands.benchmark.process import MEGA, timed
 from gbufrt.gbuffer import GBuffer
 
 if TYPE_CHECKING:
-    from tracer.scene.scene import Scene, View
+    from tracer.scene.scene import Scene
+    from tracer.scene.view import View
 
 Size = tuple[int, int]
 """``(H, W)``."""
@@ -85,7 +86,7 @@ def occlusion_rate(scene: Scene, gbuffer: GBuffer, repeats: int) -> float:
 
 def grazing(scene: Scene) -> View:
     """From above the hills in a corner of the world to the far corner: rays meet them at a grazing angle."""
-    from tracer.scene.scene import View
+    from tracer.scene.view import View
 
     x, y, z = scene.world.bounds()[1]
     eye, target = (x / 16, 0.75 * y, z - z / 16), (0.8 * x, 0.5 * y, 0.2 * z)

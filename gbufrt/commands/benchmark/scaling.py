@@ -195,7 +195,8 @@ def lamps_over_a_floor(count: int) -> Scene:
         ValueError: there is no room for so many.
     """
     from tracer.scene.material import Material, MaterialTable
-    from tracer.scene.scene import Scene, View
+    from tracer.scene.scene import Scene
+    from tracer.scene.view import View
     from tracer.scene.world import World
 
     pitch = FLOOR // APART

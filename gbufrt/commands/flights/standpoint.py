@@ -17,7 +17,8 @@ from gbufrt.names import unknown
 if TYPE_CHECKING:
     from gbufrt.camera import Camera
     from gbufrt.files.gbuffers.cameras import Cameras
-    from tracer.scene.scene import Scene, View
+    from tracer.scene.scene import Scene
+    from tracer.scene.view import View
     from tracer.worlds.regions.stream import Stream
 
 Point = tuple[float, float, float]
@@ -131,7 +132,7 @@ class Standpoint:
         return {"view": self.view, **{name: value for name, value in known.items() if value is not None}}
 
     def _view(self, scene: Scene | Stream) -> View:
-        from tracer.scene.scene import View
+        from tracer.scene.view import View
 
         if self.eye is not None and self.target is not None:
             eye, target = self.eye, self.target

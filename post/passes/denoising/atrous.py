@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.demands.pictures import check_sizes
 from gbufrt.mending import finite
-from gbufrt.numeric import check_between, check_counts
+from gbufrt.numeric import check_between, check_counts, check_kind
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import spatial_moments, wavelet
 from post.filters.regression import fitted, with_places
@@ -78,6 +78,8 @@ def atrous(
     check_counts(iterations=iterations)
     check_between(1, 8, iterations=iterations)
     check_between(0, math.inf, phi_color=phi_color, growth=growth, phi_normal=phi_normal, phi_depth=phi_depth)
+    check_kind(Tensor, "normal", normal)
+    check_kind(Tensor, "hit", hit)
     check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence)
     check_lead(lead, signal)
     signal, variance = finite(signal), None if variance is None else finite(variance)

@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.demands.pictures import check_sizes
 from gbufrt.mending import finite
-from gbufrt.numeric import check_between, check_counts, check_numbers
+from gbufrt.numeric import check_between, check_counts, check_kind, check_numbers
 from gbufrt.specular import BROAD_ROUGHNESS
 from post.filters.op import bilateral_limits, joint_bilateral, spatial_moments
 from post.filters.signals import check_lead, guides, signal_names, stack, unstack, wants_albedo
@@ -80,6 +80,8 @@ def bilateral(
         raise ValueError(f"radius must be at least 1 and sigma positive, got radius={radius}, sigma={sigma}")
     powers = {"normal_power": normal_power, "variance_sensitivity": variance_sensitivity, "phi_color": phi_color}
     check_between(0, math.inf, depth_sensitivity=depth_sensitivity, **powers)
+    check_kind(Tensor, "normal", normal)
+    check_kind(Tensor, "hit", hit)
     check_sizes(camera, depth=depth, signal=signal, variance=variance, confidence=confidence, distance=distance)
     check_lead(lead, signal)
     signal, variance = finite(signal), None if variance is None else finite(variance)

@@ -12,7 +12,7 @@ from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.history import check_history
 from gbufrt.mending import finite
-from gbufrt.numeric import check_between, check_numbers
+from gbufrt.numeric import check_between, check_kind, check_numbers
 from post.display.constants import DARKEST
 from post.display.op import histogram
 
@@ -75,6 +75,8 @@ def exposure(
     check_between(0, math.inf, speed_up=speed_up, speed_down=speed_down)
     found = _typical(histogram(finite(color)), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
+        check_kind(Tensor, "previous", previous, "; this function returned it, second, for the frame before")
+        check_numbers(elapsed=0.0 if isinstance(elapsed, Tensor) else elapsed)
         before = torch.where(previous.isnan(), found, previous).to(found)
         seconds = number(elapsed, found)
         rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)

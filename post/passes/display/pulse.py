@@ -7,7 +7,7 @@ import math
 from torch import Tensor
 
 from gbufrt import Frame, Pass
-from gbufrt.numeric import check_between, check_numbers
+from gbufrt.numeric import check_between, check_kind, check_numbers
 
 
 def pulse(exposure: Tensor, time: float | Tensor, *, strength: float = 0.0, period: float = 4.0) -> Tensor:
@@ -28,7 +28,10 @@ def pulse(exposure: Tensor, time: float | Tensor, *, strength: float = 0.0, peri
     Source: the effect Darkness of Minecraft, whose period is 80 ticks of a twentieth of a second, its strength 0.45.
     """
     check_between(0, 1, strength=strength)
-    check_numbers(period=period)
+    check_kind(Tensor, "exposure", exposure)
+    check_numbers(period=period, time=time)
+    if not isinstance(time, Tensor) and not math.isfinite(time):
+        raise ValueError(f"time must be finite, in seconds, got {time}")
     if not period > 0:
         raise ValueError(f"period must be positive, in seconds, got {period}")
     turn = 2 * math.pi / period * time

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from gbufrt import Camera, Frame, History, TemporalPass
 from gbufrt.compute.resident import waits
-from gbufrt.demands.pictures import check_beside
+from gbufrt.demands.pictures import check_beside, check_camera
 from gbufrt.mending import finite
 from gbufrt.numeric import check_numbers
 from post.lens.constants import TINY
@@ -55,6 +55,7 @@ def depth_of_field(
     Source: after the layered compositing of Kraus and Strengert 2007, with exact discs and coverage that adds
     up rather than multiplies; see `circle_of_confusion` for the lens.
     """
+    check_camera(camera)
     check_beside(color, depth=depth)
     _check(max_radius_px, layer_step)
     color, depth = finite(color), finite(depth, nan=camera.far)  # discs would spread one bad pixel

@@ -13,7 +13,7 @@ from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import tangent_frame
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import PLASTIC, blue_noise
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_counts, check_kind
 from gbufrt.sampling import sample
 from post.march.attached import attach_hits
 from post.march.rays import depth_hierarchy, march_rays
@@ -80,6 +80,7 @@ def march_gi(
     check_counts(rays=rays, index=index, seed=seed)
     if rays < 1:
         raise ValueError(f"rays must be at least 1, got {rays}")
+    check_kind(Tensor, "albedo", albedo)
     given = {"depth": depth, "normal": normal, "light": light, "albedo": albedo, "hit": hit, "thickness": thickness}
     check_pictures(camera, **given, bent_normal=bent_normal, normal_geo=normal_geo)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit

@@ -13,7 +13,7 @@ from gbufrt.camera import Camera
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_counts, check_kind
 from post.filters.surfaces import surface
 from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light, starts
@@ -85,6 +85,7 @@ def ssgi(
 
     Source: Therrien et al. 2023, "Screen Space Indirect Lighting with Visibility Bitmask".
     """
+    check_kind(Tensor, "albedo", albedo)
     given = {"depth": depth, "normal": normal, "hit": hit, "light": light, "albedo": albedo, "thickness": thickness}
     slices.check_sweep(camera, directions, steps, distance, **given)
     check_counts(resolution=resolution, index=index)

@@ -14,7 +14,8 @@ from gbufrt import GBuffer
 from post import gtao
 from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene, View
+from tracer.scene.scene import Scene
+from tracer.scene.view import View
 from tracer.scene.world import World
 
 

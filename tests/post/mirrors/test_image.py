@@ -16,7 +16,8 @@ from gbufrt.directions import length
 from post.mirrors.image import mirror_image
 from tracer.gbuffers import gbuffer
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import MASK_SECONDARY, Instance, Scene, View
+from tracer.scene.scene import MASK_SECONDARY, Instance, Scene
+from tracer.scene.view import View
 from tracer.scene.world import World
 from tracer.traversal.rays import trace
 

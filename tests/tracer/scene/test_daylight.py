@@ -16,7 +16,8 @@ from gbufrt import Camera
 from tracer.scene.cells import world_of_cells
 from tracer.scene.daylight import SunPath, at_hour
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Scene, View
+from tracer.scene.scene import Scene
+from tracer.scene.view import View
 from tracer.worlds.regions.landscape import landscape
 
 

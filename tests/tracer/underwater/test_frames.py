@@ -18,6 +18,9 @@ from tracer.frames import render
 from tracer.gbuffers import layers
 from tracer.scene.material import Material, MaterialTable
 from tracer.scene.scene import Haze, Sun
+from tracer.texture import Look, look
+from tracer.traversal.hits import Hits
+from tracer.underwater import frames
 
 BLACK, BLUE, GREEN, WALL = 1, 2, 3, 4
 TABLE = MaterialTable.of(
@@ -141,3 +144,35 @@ def test_waves_ripple_the_window_and_keep_its_light():
 def test_passes_run_on_it():
     frame = Composite()(render(pool(), UP))
     assert torch.isfinite(frame.read("composite")).all()
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_detail_beyond_the_surface_is_that_of_the_camera(monkeypatch: pytest.MonkeyPatch, orthographic: bool):
+    """Parallel rays span as many pixels a world unit far off as near by."""
+    camera = Camera.look_at(
+        EYE, (32.0, 24.0, 30.5), size=(24, 32), fov_y=80.0, orthographic_height=8.0 if orthographic else None
+    )
+    spans = list[tuple[Tensor, Tensor]]()
+
+    def seen(scene: Scene, hits: Hits, ways: Tensor, pixels_per_unit: Tensor, *, poses: Tensor) -> Look:
+        spans.append((pixels_per_unit[hits.hit], hits.t[hits.hit]))
+        return look(scene, hits, ways, pixels_per_unit, poses=poses)
+
+    monkeypatch.setattr(frames, "look", seen)
+    render(pool(), camera)
+    spanned, distance = (torch.cat(parts) for parts in zip(*spans, strict=True))
+    focal = camera.intrinsics[0, 1, 1]
+    assert len(distance)
+    assert (distance - 1).abs().min() > 0.5
+    assert torch.equal(spanned, focal.expand_as(distance) if orthographic else focal / distance)
+
+
+def test_parallel_rays_lose_what_their_own_way_loses():
+    """The mirror overhead is as clear at the picture's border as in its middle: all rays are as long."""
+    overhead = Camera.look_at(EYE, (32.0, 24.0, 32.0), up=(0.0, 0.0, 1.0), size=(24, 32), orthographic_height=24.0)
+    frame = render(pool(), overhead)
+    emission = frame.gbuffer.emission
+    assert emission is not None
+    found = emission[0][:, window(frame)[0, 0]]
+    assert found.shape[1] == 24 * 32
+    assert torch.allclose(found, found[:, :1].expand_as(found), rtol=1e-4)

@@ -18,7 +18,8 @@ from writers.pack import textures, write_pack
 import tracer
 from gbufrt import Frame
 from gbufrt.gbuffer import CHANNELS
-from tracer.scene.scene import Haze, Scene, Sky, View
+from tracer.scene.scene import Haze, Scene, Sky
+from tracer.scene.view import View
 from tracer.worlds.regions.stream import Stream, stream
 
 DOWN = View(

@@ -10,7 +10,8 @@ import torch
 from numpy.typing import NDArray
 
 from tracer.scene.grids import BRICK
-from tracer.scene.scene import Instance, View
+from tracer.scene.scene import Instance
+from tracer.scene.view import View
 from tracer.scene.world import World
 from tracer.worlds.regions.height_map import HeightMap, heights_of
 from tracer.worlds.regions.outlooks import SUN

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracer.scene.placement import framing_views
-from tracer.scene.scene import Sun, View
+from tracer.scene.scene import Sun
+from tracer.scene.view import View
 from tracer.worlds.regions.height_map import HeightMap
 from tracer.worlds.views import loop, round_trip, still
 

@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 import torch
 
+from gbufrt.numeric import check_destination, check_path, check_three
 from tracer.formats.minecraft.build import Blocks
 from tracer.formats.minecraft.extent import Extent
 from tracer.formats.minecraft.save import Box, Selection
 from tracer.formats.minecraft.window import Window, reach_of
 from tracer.scene.fog import Fog
-from tracer.scene.scene import Haze, Scene, Sky, Sun, View
+from tracer.scene.scene import Haze, Scene, Sky, Sun
+from tracer.scene.view import View
 from tracer.scene.weather import Rain, Waves
 from tracer.worlds.regions.height_map import caverns_of
 from tracer.worlds.regions.landscape import EMBERS, ENDLESS, ROOFED, SKY, SMOKE, SUN, night
@@ -77,7 +79,14 @@ class Stream:
         """The scene round a place, in the world's own coordinates: the same one as before where no chunk came or went.
 
         A scene given out before is no longer right when another one has been.
+
+        Raises:
+            TypeError: the place is not three numbers.
+            ValueError: they are not finite.
         """
+        check_three("eye", eye, "a camera")
+        if not all(map(math.isfinite, eye)):
+            raise ValueError(f"eye must be finite, in world units, got {tuple(map(float, eye))}")
         return self._scene(self._chunks.at(eye[0], eye[2]))
 
     @property
@@ -87,6 +96,7 @@ class Stream:
 
     def to(self, device: torch.device | str) -> Stream:
         """The same with its voxels on another device."""
+        check_destination(device)
         return replace(self, device=device)
 
     @cached_property
@@ -139,10 +149,13 @@ def stream(
         stead, from within; there, and over land of end stone, the sky is that of `landscape`.
 
     Raises:
+        TypeError: a path, or a number, is none.
         ValueError: the window is out of range, the path holds no chunks, or none in that part, or ``chunks`` is given
             without ``around``.
         FileNotFoundError: there is no such file or folder.
     """
+    for name, given in {"path": path, **({} if pack is None else {"pack": pack})}.items():
+        check_path(name, given)
     if chunks is not None and around is None:
         raise ValueError("chunks needs around where there is a window; leave it out to fly over all that is there")
     path, part = Path(path), Selection(box=box, around=around, chunks=chunks)

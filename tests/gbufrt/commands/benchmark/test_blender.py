@@ -14,7 +14,7 @@ from gbufrt.commands.ablation.place import Place
 from gbufrt.commands.benchmark import blender
 from gbufrt.commands.benchmark.blender import Job, compare_blender, in_blender
 from gbufrt.commands.cli import main
-from tracer.scene.scene import View
+from tracer.scene.view import View
 from tracer.worlds import terrain
 
 SIZE, LARGE = (24, 40), (48, 80)
