@@ -25,7 +25,7 @@ from weakref import WeakSet
 
 import numba
 from numba.core import event
-from numba.core.caching import FunctionCache, IndexDataCacheFile
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 
 from gbufrt.compute.notice import Notice
 
@@ -143,8 +143,22 @@ class _Files(IndexDataCacheFile):
         return str(self._index_name).removesuffix(".nbi")
 
 
+class _Loaded(CompileResultCacheImpl):
+    """Reads compiled forms, but keeps no intermediate code, which is there to be linked into compiled callers.
+
+    No driver has any, and of `me1` it is some 30 MB. numba needs that code while it loads, so it stays in the files.
+    """
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        result = super().rebuild(target_context, payload)
+        result.library._shared_module = None
+        return result
+
+
 class _Cache(FunctionCache):
     """numba's cache of a function, over `_Files`."""
+
+    _impl_class = _Loaded
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)

@@ -39,10 +39,10 @@ print([compilation.seconds is None for compilation in told])
 ONCE, NEVER = "[True, False]\n", "[]\n"
 
 
-def run(folder: Path, *dtypes: str, **environment: str) -> subprocess.Popen[str]:
-    """A process that runs the kernel of ``folder``, and prints whether it compiled it."""
+def run(folder: Path, *dtypes: str, then: str = "", **environment: str) -> subprocess.Popen[str]:
+    """A process that runs the kernel of ``folder``, and prints whether it compiled it, then runs ``then``."""
     env = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"PYTHONPATH": f"{ROOT}:{folder}"}
-    command = [sys.executable, "-c", RUN, *dtypes]
+    command = [sys.executable, "-c", RUN + then, *dtypes]
     return subprocess.Popen(
         command, env=env | environment, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
@@ -69,6 +69,14 @@ def test_a_second_process_compiles_nothing(folder: Path):
     (folder / "squares.py").write_text(KERNEL.format(extra="ANOTHER = 1"))
     assert told(run(folder, "float32")) == (ONCE, "")
     assert not kept.exists(), "what was compiled from a source that is no more is left behind"
+
+
+def test_a_loaded_form_runs_without_its_intermediate_code(folder: Path):
+    """Only what is compiled in this process, and may be kept on disk, has it."""
+    then = "import squares; print([form.library._shared_module is None for form in squares.squares.overloads.values()])"
+    for kept in (False, True):
+        process = run(folder, "float32", then=then)
+        assert told(process)[0].endswith(f"[{kept}]\n")
 
 
 def test_processes_that_start_at_once_share_a_cold_cache(folder: Path):

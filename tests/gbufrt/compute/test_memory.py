@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -27,7 +29,10 @@ def resident() -> int:
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
 
 
-@pytest.mark.skipif(sys.platform != "linux" or memory._trim() is None, reason="glibc's allocator")
+glibcs = pytest.mark.skipif(memory._glibc() is None, reason="glibc's allocator")
+
+
+@glibcs
 def test_holes_between_blocks_are_given_back_for_large_pictures() -> None:
     del [torch.ones(4 * MEGA)][:]  # a block of this size, once freed, is kept, as are smaller ones from then on
     blocks = [torch.ones(MEGA) for _ in range(64)]
@@ -38,6 +43,33 @@ def test_holes_between_blocks_are_given_back_for_large_pictures() -> None:
     memory.return_freed(torch.empty(1, 1, 1080, 1920))
     assert before - resident() > 64 * MEGA, "of 128"
     assert all(bool((block == 1).all()) for block in kept)
+
+
+HALF = """
+from pathlib import Path
+import torch
+from gbufrt.compute.memory import return_freed
+
+def resident():
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+del [torch.ones(4 << 20)][:]
+return_freed(torch.empty(1, 1, 1080, 1920))
+blocks = [torch.ones(4 << 20) for _ in range(16)]
+before = resident()
+kept = blocks[::2]
+del blocks
+print((before - resident()) >> 20)
+"""
+
+
+@glibcs
+@pytest.mark.parametrize(("large_pages", "least", "most"), [("1", 120, 136), ("0", 0, 24)])
+def test_with_large_pages_blocks_leave_no_holes(large_pages: str, least: int, most: int) -> None:
+    """Of 16 blocks of 16 MB, every second one is freed."""
+    environment = os.environ | {"THP_MEM_ALLOC_ENABLE": large_pages}
+    run = subprocess.run([sys.executable, "-c", HALF], env=environment, capture_output=True, text=True, check=True)
+    assert least <= int(run.stdout) <= most
 
 
 def test_a_pipeline_does_so_once_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
