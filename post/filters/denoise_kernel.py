@@ -1,38 +1,36 @@
-"""The compiled denoisers: how a wavelet, a joint bilateral kernel and moments weigh their taps, a row at a time.
+"""Wavelets and moments over a row of pixels, compiled: five or three taps at a time, weighed and summed at once.
 
-Names and steps are those of the torch reference in `post.filters.reference`, the definition; what they share is in
-`post.filters.weight_kernel`.
+Names and steps are those of `post.filters.reference`; see `post.filters.weight_kernel.room_weight`.
 """
 
 from __future__ import annotations
-
-import math
-from collections import namedtuple
 
 import numpy as np
 
 from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters import constants
 from post.filters.constants import B3
-from post.filters.kernel import guide_row
-from post.filters.weight_kernel import ROOT, edge_weight, near_of, there_row, weigh_further
+from post.filters.weight_kernel import (
+    LEAST,
+    LEVEL,
+    LIMIT,
+    NEXT,
+    ONE,
+    ROOT,
+    SCALE,
+    SPREAD,
+    SUMS,
+    TOTAL,
+    TWO,
+    ZERO,
+    Own,
+    room_weight,
+    there_row,
+)  # fmt: skip
 
-ZERO, ONE, QUARTER = np.float32(0), np.float32(1), np.float32(0.25)
-HALF_ROOT, SLANT = ROOT / np.float32(2), np.float32(math.sqrt(ROOT))
-LEAST, NOISELESS, THIRD = np.float32(1e-6), np.float32(1e-12), np.float32(1 / 3)
-FLOOR, AT_EDGES = np.float32(constants.FLOOR), np.float32(constants.AT_EDGES)
-NARROWEST, MIN_CONTRAST = np.float32(constants.NARROWEST), np.float32(constants.MIN_CONTRAST)
-MIN_MEAN = np.float32(constants.MIN_MEAN)
-
-Own = namedtuple("Own", "level scale limit")
-"""What a pixel holds against its taps, in roots of exponents: a factor on light, its own light times that, and what a
-square pixel away costs."""
-
-
-@scalar
-def own_of(limits, taps):
-    """The pixels of a row of `Own` that taps serve."""
-    return Own(limits[0, taps.first : taps.end], limits[1, taps.first : taps.end], limits[2, taps.first : taps.end])
+FLOOR, MIDDLE = np.float32(constants.FLOOR), np.float32(B3[2] * B3[2])
+FIRST, SECOND, THIRD, FOURTH = (np.uint64(k) for k in (1, 2, 3, 4))
+MEAN, SQUARE = SUMS, SUMS + NEXT
 
 
 @contracted
@@ -40,62 +38,6 @@ def own_of(limits, taps):
 def wavelet_unlike(own, other, dx, dy):
     """What light and distance do to one tap of `reference.wavelet_reference`, as `weight_between` takes it."""
     return abs(other * own.scale - own.level) + own.limit * (dx * dx + dy * dy)
-
-
-@contracted
-@inlined
-def wavelet_weight(i, here, near, own, j, there, other, dx, dy, edge):
-    """One tap of `reference.wavelet_reference`, without its share."""
-    one = Own(own.level[i], own.scale[i], own.limit[i])
-    return edge_weight(i, here, near, j, there, dx, dy, edge, wavelet_unlike(one, other[j], dx, dy))
-
-
-@contracted
-@scalar
-def wavelet_weights(weights, guide, near, light, limits, y, taps, shares, edge):
-    """The weights of taps of `reference.wavelet_reference` for a row of pixels; ``shares`` are the B-spline's."""
-    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
-    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
-    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
-    own = own_of(limits, taps)
-    other = light[taps.y, taps.first + taps.dx : taps.end + taps.dx + (taps.count - 1) * taps.step]
-    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
-    if taps.count == 1:
-        share = shares[taps.number]
-        for i in range(size):
-            one[i] = share * wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
-    else:
-        a, b, c = shares
-        for i in range(size):
-            j, k = i + step, i + step + step
-            one[i] = a * wavelet_weight(i, here, near, own, i, there, other, dx, dy, edge)
-            two[i] = b * wavelet_weight(i, here, near, own, j, there, other, dx + gap, dy, edge)
-            three[i] = c * wavelet_weight(i, here, near, own, k, there, other, dx + gap + gap, dy, edge)
-    weigh_further(weights, guide, y, taps, edge)
-
-
-@contracted
-@inlined
-def bilateral_unlike(own, other, dx, dy):
-    """What light and distance do to one tap of `reference.bilateral_reference`, as `weight_between` takes it."""
-    away = other * own.scale - own.level
-    return max(away * away, ROOT) + (own.limit * (dx * dx + dy * dy) - ROOT)
-
-
-@contracted
-@scalar
-def add_moments(sums, weights, light, y, taps):
-    """Add taps to the sums of `reference.moments_reference`; they are about the centre's value."""
-    first, end = taps.first, taps.end
-    total, mean, square, here = sums[0, first:end], sums[1, first:end], sums[2, first:end], light[y, first:end]
-    for k in range(taps.count):
-        shift = taps.dx + k * taps.step
-        row, there = weights[k, : end - first], light[taps.y, first + shift : end + shift]
-        for i in range(row.shape[0]):
-            away, weight = there[i] - here[i], row[i]
-            total[i] += weight
-            mean[i] += weight * away
-            square[i] += weight * away * away
 
 
 @inlined
@@ -107,41 +49,6 @@ def moments_of(total, mean, square, light):
     return average + light, variance * (count / max(count - ONE, ONE))
 
 
-@scalar
-def finish_moments(out, total, mean, square, light, y):
-    """`moments_of` a row."""
-    means, variances, here = out[0, y], out[1, y], light[y]
-    for x in range(here.shape[0]):
-        means[x], variances[x] = moments_of(total[x], mean[x], square[x], here[x])
-
-
-@scalar
-def noise_row(noise, column, variance, y):
-    """A row of the 3x3 means' standard deviation: `edges.blurred` variance, its root, over the root of nine."""
-    height, width = variance.shape
-    above, here, below = variance[max(y - 1, 0)], variance[y], variance[min(y + 1, height - 1)]
-    upper, lower = QUARTER if y > 0 else ZERO, QUARTER if y + 1 < height else ZERO
-    norm = ONE / (upper + lower + QUARTER + QUARTER)
-    for x in range(width):
-        column[x] = (upper * above[x] + (QUARTER + QUARTER) * here[x] + lower * below[x]) * norm
-    last = width - 1
-    left, right, middle = column[: max(last - 1, 0)], column[2:], column[1 : max(last, 1)]
-    inner = noise[1 : max(last, 1)]
-    for i in range(inner.shape[0]):
-        inner[i] = QUARTER * (left[i] + right[i]) + (QUARTER + QUARTER) * middle[i]
-    for x in (0, last):
-        beside = column[min(x + 1, last)] if x == 0 else column[x - 1]
-        noise[x] = (column[x] + column[x] + beside) / (ONE + ONE + ONE) if width > 1 else column[x]
-    for x in range(width):
-        noise[x] = deviation_of(noise[x])
-
-
-@inlined
-def deviation_of(blurred):
-    """The standard deviation of a 3x3 mean, from the blurred variance there."""
-    return math.sqrt(max(blurred, ZERO) + NOISELESS) * THIRD
-
-
 @inlined
 def wavelet_own(light, noise, reach, phi_color):
     """What differences from a pixel cost: a unit of luminance, from its noise, and a square pixel."""
@@ -150,66 +57,184 @@ def wavelet_own(light, noise, reach, phi_color):
 
 
 @scalar
-def wavelet_limits(limits, light, reach, y, phi_color):
-    """`wavelet_own` of a row, whose noise ``limits`` holds first."""
-    here, wide, phi = light[y], reach[y], np.float32(phi_color)
-    level, scale, square = limits[0], limits[1], limits[2]
-    for x in range(here.shape[0]):
-        own = wavelet_own(here[x], level[x], wide[x], phi)
-        level[x], scale[x], square[x] = own.level, own.scale, own.limit
-
-
-@scalar
-def spline_shares(i, j):
-    """The B-spline's shares of the taps (i, j), (i + 1, j) and (i + 2, j)."""
-    down, last = B3[j + 2], len(B3) - 1
-    return np.float32(down * B3[i + 2]), np.float32(down * B3[i + 3]), np.float32(down * B3[min(i + 4, last)])
-
-
-@scalar
-def center_row(sums, values, y, run):
-    """Begin the sums of a run of a row with the wavelet's middle tap."""
-    share, channels = np.float32(B3[2] * B3[2]), values.shape[0] - 1
+def begin_wavelet(room, values, noise, reach, y, run, phi_color, planes):
+    """`wavelet_own` of the pixels of a run, and their sums with the middle tap alone."""
     first, end = run
-    for c in range(channels):
-        total, here = sums[c, first:end], values[c, y, first:end]
-        for i in range(total.shape[0]):
-            total[i] = share * here[i]
-    spread, here = sums[channels + 1, first:end], values[channels, y, first:end]
-    sums[channels, first:end] = share
-    for i in range(spread.shape[0]):
-        spread[i] = share * share * here[i]
+    light, wide, phi = values[len(planes) - 1, y, first:end], reach[y, first:end], np.float32(phi_color)
+    deviation, variance = noise[first:end], values[len(planes), y, first:end]
+    for i in range(np.uint64(end - first)):
+        own = wavelet_own(light[i], deviation[i], wide[i], phi)
+        room[i + LEVEL], room[i + SCALE], room[i + LIMIT] = own.level, own.scale, own.limit
+        room[i + TOTAL], room[i + SPREAD] = MIDDLE, MIDDLE * MIDDLE * variance[i]
+    for k in range(len(planes)):
+        row, here = np.uint64(k) * NEXT + SUMS, values[k, y, first:end]
+        for i in range(np.uint64(end - first)):
+            room[i + row] = MIDDLE * here[i]
 
 
+@contracted
 @inlined
-def bilateral_own(light, share, width, tolerance):
-    """What differences from a pixel cost: a tolerance, and a square pixel by the spatial Gaussian, which is narrower at
-    edges, where few of the four neighbours are on its surface (``share`` of them)."""
-    sigma, scale = width * (AT_EDGES + (ONE - AT_EDGES) * QUARTER * share), SLANT / tolerance
-    return Own(light * scale, scale, HALF_ROOT / (sigma * sigma))
+def _wavelet_weight(i, j, room, there, light, dx, dy, kind):
+    own = Own(room[i + LEVEL], room[i + SCALE], room[i + LIMIT])
+    return room_weight(i, room, j, there, dx, dy, kind, wavelet_unlike(own, light, dx, dy))
+
+
+@contracted
+@scalar
+def _add_wavelet(room, there, values, base, size, count, step, dx, dy, shares, kind, planes, middle):
+    """Five taps of a row; without the middle one where ``middle`` is empty."""
+    gap, step, light = np.float32(step), np.uint64(step), np.uint64(len(planes) - 1) * size + base
+    for i in range(count):
+        j, m = i + step, i + step + step + step
+        k, n = j + step, m + step
+        a = shares[0] * _wavelet_weight(i, i, room, there, values[light + i], dx, dy, kind)
+        b = shares[1] * _wavelet_weight(i, j, room, there, values[light + j], dx + gap, dy, kind)
+        d = shares[1] * _wavelet_weight(i, m, room, there, values[light + m], -dx - gap, dy, kind)
+        e = shares[0] * _wavelet_weight(i, n, room, there, values[light + n], -dx, dy, kind)
+        c = ZERO
+        if len(middle) > 0:
+            c = shares[2] * _wavelet_weight(i, k, room, there, values[light + k], ZERO, dy, kind)
+        room[i + TOTAL] += (a + b + c) + (d + e)
+        for p in range(len(planes)):
+            at = base + np.uint64(p) * size
+            total = a * values[at + i] + b * values[at + j] + d * values[at + m] + e * values[at + n]
+            if len(middle) > 0:
+                total += c * values[at + k]
+            room[SUMS + np.uint64(p) * NEXT + i] += total
+        at = light + size
+        spread = a * a * values[at + i] + b * b * values[at + j] + d * d * values[at + m] + e * e * values[at + n]
+        if len(middle) > 0:
+            spread += c * c * values[at + k]
+        room[i + SPREAD] += spread
+
+
+@contracted
+@scalar
+def _add_tap(room, there, values, base, size, count, dx, dy, share, kind, planes):
+    light = np.uint64(len(planes) - 1) * size + base
+    for i in range(count):
+        weight = share * _wavelet_weight(i, i, room, there, values[light + i], dx, dy, kind)
+        room[i + TOTAL] += weight
+        room[i + SPREAD] += weight * weight * values[light + size + i]
+        for k in range(len(planes)):
+            room[SUMS + np.uint64(k) * NEXT + i] += weight * values[base + np.uint64(k) * size + i]
 
 
 @scalar
-def limits_row(width, tolerance, column, light, variance, y, sigma, sensitivity, phi_color):
-    """A row of `reference.limits_reference`."""
-    wide, limit, here, spread = width[y], tolerance[y], light[y], variance[y]
-    noise_row(limit, column, variance, y)
-    for x in range(here.shape[0]):
-        wide[x], limit[x] = limits_of(here[x], spread[x], limit[x], sigma, sensitivity, phi_color)
-
-
-@inlined
-def limits_of(light, variance, deviation, sigma, sensitivity, phi_color):
-    """Width and tolerance of one pixel; ``deviation`` is that of the 3x3 mean."""
-    size = abs(light)
-    noise = math.sqrt(max(variance, NOISELESS)) / max(size, MIN_MEAN)
-    width = sigma * (NARROWEST + (ONE - NARROWEST) * min(sensitivity * noise, ONE))
-    return width, phi_color * deviation + MIN_CONTRAST * size
+def add_wavelet(room, guide, values, place, run, taps, down, kind, planes):
+    """Add taps of row ``down`` of the B-spline to the sums of a run; ``values`` are those of all pictures, and
+    ``place`` is the first's in them."""
+    size = np.uint64(guide.shape[1] * guide.shape[2])
+    there, begin, part = there_row(guide, taps), taps.first + taps.dx, room[taps.first - run[0] :]
+    base, count = np.uint64(place + taps.y * guide.shape[2] + begin), np.uint64(taps.end - taps.first)
+    dx, dy, share = np.float32(taps.dx), np.float32(taps.dy), B3[down]
+    if taps.count == 1:
+        across = np.float32(share * B3[taps.number])
+        if taps.dx != 0 or taps.dy != 0:
+            _add_tap(part, there, values, base, size, count, dx, dy, across, kind, planes)
+        return
+    shares = np.float32(share * B3[0]), np.float32(share * B3[1]), np.float32(share * B3[2])
+    if taps.dy == 0:
+        _add_wavelet(part, there, values, base, size, count, taps.step, dx, dy, shares, kind, planes, ())
+    else:
+        _add_wavelet(part, there, values, base, size, count, taps.step, dx, dy, shares, kind, planes, (0,))
 
 
 @scalar
-def finish_row(out, sums, total, before, hit, y):
-    """Means of a row from their sums; pixels that hit nothing are as before."""
-    new, old, known = out[y], before[y], hit[y]
-    for x in range(total.shape[0]):
-        new[x] = sums[x] / max(total[x], LEAST) if known[x] != ZERO else old[x]
+def finish_wavelet(out, room, before, hit, y, run, planes):
+    """Means of a run from its sums, and their variance; pixels that hit nothing are as before."""
+    first, end = run
+    known = hit[y, first:end]
+    for k in range(len(planes)):
+        new, old, row = out[k, y, first:end], before[k, y, first:end], np.uint64(k) * NEXT + SUMS
+        for i in range(np.uint64(end - first)):
+            mean = room[i + row] / max(room[i + TOTAL], LEAST)
+            new[i] = mean if known[i] != ZERO else old[i]
+    new, old = out[len(planes), y, first:end], before[len(planes), y, first:end]
+    for i in range(np.uint64(end - first)):
+        total = room[i + TOTAL]
+        left = room[i + SPREAD] / max(total * total, LEAST)
+        new[i] = left if known[i] != ZERO else old[i]
+
+
+@scalar
+def begin_moments(room, light, y, run):
+    """Sums of the moments about the light of the pixels of a run: none so far."""
+    first, end = run
+    here = light[y, first:end]
+    for i in range(np.uint64(end - first)):
+        room[i + LEVEL], room[i + MEAN], room[i + SQUARE] = here[i], ZERO, ZERO
+
+
+@contracted
+@inlined
+def _moment(i, j, room, there, light, dx, dy, kind):
+    """A weight, and that times the first and second power of a tap's light about the pixel's."""
+    weight = room_weight(i, room, j, there, dx, dy, kind, ZERO)
+    away = light[j] - room[i + LEVEL]
+    return weight, weight * away, weight * away * away
+
+
+@contracted
+@scalar
+def _add_five_moments(room, there, light, count, dx, dy, kind):
+    for i in range(count):
+        a = _moment(i, i, room, there, light, dx, dy, kind)
+        b = _moment(i, i + FIRST, room, there, light, dx + ONE, dy, kind)
+        c = _moment(i, i + SECOND, room, there, light, dx + TWO, dy, kind)
+        d = _moment(i, i + THIRD, room, there, light, dx + TWO + ONE, dy, kind)
+        e = _moment(i, i + FOURTH, room, there, light, dx + TWO + TWO, dy, kind)
+        room[i + TOTAL] += (a[0] + b[0]) + c[0] + (d[0] + e[0])
+        room[i + MEAN] += (a[1] + b[1]) + c[1] + (d[1] + e[1])
+        room[i + SQUARE] += (a[2] + b[2]) + c[2] + (d[2] + e[2])
+
+
+@contracted
+@scalar
+def _add_three_moments(room, there, light, count, dx, dy, kind):
+    for i in range(count):
+        a = _moment(i, i, room, there, light, dx, dy, kind)
+        b = _moment(i, i + FIRST, room, there, light, dx + ONE, dy, kind)
+        c = _moment(i, i + SECOND, room, there, light, dx + TWO, dy, kind)
+        room[i + TOTAL] += a[0] + b[0] + c[0]
+        room[i + MEAN] += a[1] + b[1] + c[1]
+        room[i + SQUARE] += a[2] + b[2] + c[2]
+
+
+@contracted
+@scalar
+def _add_moment(room, there, light, count, dx, dy, kind):
+    for i in range(count):
+        a = _moment(i, i, room, there, light, dx, dy, kind)
+        room[i + TOTAL] += a[0]
+        room[i + MEAN] += a[1]
+        room[i + SQUARE] += a[2]
+
+
+@scalar
+def add_moments(room, guide, light, run, taps, kind):
+    """Add taps to the sums of a run."""
+    there, begin, part = there_row(guide, taps), taps.first + taps.dx, room[taps.first - run[0] :]
+    row, count = light[taps.y, begin : taps.end + taps.dx + taps.count - 1], np.uint64(taps.end - taps.first)
+    if taps.count == 1:
+        _add_moment(part, there, row, count, np.float32(taps.dx), np.float32(taps.dy), kind)
+    elif taps.count == 3:
+        _add_three_moments(part, there, row, count, np.float32(taps.dx), np.float32(taps.dy), kind)
+    else:
+        _add_five_moments(part, there, row, count, np.float32(taps.dx), np.float32(taps.dy), kind)
+
+
+@scalar
+def moments_at_once(left):
+    """How many taps of a row to add together, of those that are left."""
+    return 5 if left >= 5 else (3 if left >= 3 else 1)
+
+
+@scalar
+def finish_moments(out, room, y, run):
+    """`moments_of` the pixels of a run."""
+    first, end = run
+    means, variances = out[0, y, first:end], out[1, y, first:end]
+    for i in range(np.uint64(end - first)):
+        found = moments_of(room[i + TOTAL], room[i + MEAN], room[i + SQUARE], room[i + LEVEL])
+        means[i], variances[i] = found

@@ -7,31 +7,20 @@ from numba import prange
 
 from gbufrt.compute.kernel import driver
 from post.filters.around_kernel import alike_row, least_row, pooled_row
+from post.filters.bilateral_kernel import add_taps, finish, limit, limits_row, noise_row, taps_at_once, unlit
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.denoise_kernel import (
     add_moments,
-    center_row,
+    add_wavelet,
+    begin_moments,
+    begin_wavelet,
     finish_moments,
-    finish_row,
-    limits_row,
-    noise_row,
-    spline_shares,
-    wavelet_limits,
-    wavelet_weights,
+    finish_wavelet,
+    moments_at_once,
 )
 from post.filters.fxaa_kernel import edge_row, luma_row, smooth_row
-from post.filters.kernel import edge_of, hit_run, surface_row, unit_row
-from post.filters.room_kernel import LENGTH, ROWS, add_taps, fill, finish, kind_of, limit, parts_of, taps_at_once
-from post.filters.weight_kernel import (
-    GROUP,
-    PARTS,
-    add_spread,
-    add_values,
-    edge_with,
-    near_row,
-    part_of,
-    surface_weights,
-)
+from post.filters.kernel import edge_of, hit_run, part_of, parts_of, surface_row, unit_row
+from post.filters.weight_kernel import LENGTH, ROWS, fill, kind_of
 
 
 @driver
@@ -54,68 +43,62 @@ def unit_rows(out, vector, fallback, threads):
 
 
 @driver
-def moments_rows(out, light, guide, plane, radius, perspective, depth_sensitivity, squares, threads):
+def moments_rows(out, light, guide, plane, radius, depth_sensitivity, perspective, further, rough, squares, threads):
     batch, height, width = light.shape
-    side = 2 * radius + 1
     for thread in prange(threads):
-        weights, near = np.empty((GROUP, width), np.float32), np.empty((3, width), np.float32)
-        sums = np.empty((3, width), np.float32)
+        room = np.empty((ROWS + 2) * LENGTH, np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            edge = edge_with(guide[b], perspective, squares, COARSE_POWER)
-            near_row(near, plane[b], y, 0, width, depth_sensitivity)
-            run = hit_run(guide[b, HIT], y, 0, width)
-            sums[:] = 0
+            kind = kind_of(guide[b], perspective, further, rough, squares, COARSE_POWER)
+            run = hit_run(guide[b, HIT], y, 0, LENGTH)
+            if run[1] - run[0] < width:
+                out[b, 0, y], out[b, 1, y] = light[b, y], 0
             while run[1] > run[0]:
+                fill(room, guide[b], plane[b], y, run, depth_sensitivity)
+                begin_moments(room, light[b], y, run)
                 for dy in range(-radius, radius + 1):
-                    for i in range(0, side, GROUP):
-                        for part in range(PARTS):
-                            taps = part_of(part, y, run, (i - radius, dy), 1, min(side - i, GROUP), (height, width))
-                            if taps.end == taps.first:
-                                continue
-                            surface_weights(weights, guide[b], near, y, taps, edge)
-                            add_moments(sums, weights, light[b], y, taps)
-                run = hit_run(guide[b, HIT], y, run[1], width)
-            finish_moments(out[b], sums[0], sums[1], sums[2], light[b], y)
+                    dx = -radius
+                    while dx <= radius:
+                        count = moments_at_once(radius + 1 - dx)
+                        for part in range(parts_of(count)):
+                            taps = part_of(part, y, run, (dx, dy), 1, count, (height, width))
+                            if taps.end > taps.first:
+                                add_moments(room, guide[b], light[b], run, taps, kind)
+                        dx += count
+                finish_moments(out[b], room, y, run)
+                run = hit_run(guide[b, HIT], y, run[1], LENGTH)
 
 
 @driver
 def wavelet_rows(
-    out, values, guide, plane, reach, step, perspective, phi_color, phi_depth, phi_normal, squares, threads
-):
+    out, values, flat, guide, plane, reach, step, phi_color, phi_depth, phi_normal, perspective, further, rough,
+    squares, channels, threads,
+):  # fmt: skip
+    """``flat`` are the values again, in one dimension."""
     batch, planes, height, width = values.shape
-    channels = planes - 1
     for thread in prange(threads):
-        weights, near = np.empty((GROUP, width), np.float32), np.empty((3, width), np.float32)
-        limits = np.empty((3, width), np.float32)
-        sums = np.empty((planes + 1, width), np.float32)
+        room = np.empty((ROWS + planes - 1) * LENGTH, np.float32)
+        noise = np.empty((2, width), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            light, variance = values[b, channels - 1], values[b, channels]
-            edge = edge_with(guide[b], perspective, squares, phi_normal)
-            near_row(near, plane[b], y, 0, width, phi_depth)
-            run = hit_run(guide[b, HIT], y, 0, width)
-            noise_row(limits[0], limits[1], variance, y)
-            wavelet_limits(limits, light, reach[b], y, phi_color)
-            sums[:] = 0
+            place, picture = b * planes * height * width, (height, width)
+            kind = kind_of(guide[b], perspective, further, rough, squares, phi_normal)
+            run = hit_run(guide[b, HIT], y, 0, LENGTH)
+            if run[1] - run[0] < width:
+                for c in range(planes):
+                    out[b, c, y] = values[b, c, y]
+            if run[1] > run[0]:
+                noise_row(noise[0], noise[1], values[b, planes - 1], y)
             while run[1] > run[0]:
-                center_row(sums, values[b], y, run)
-                for j in range(-2, 3):
-                    for i in (-2, 1):
-                        count, place = 3 if i < 0 and j != 0 else 2, (i * step, j * step)
-                        shares = spline_shares(i, j)
-                        for part in range(PARTS):
-                            taps = part_of(part, y, run, place, step, count, (height, width))
-                            if taps.end == taps.first:
-                                continue
-                            wavelet_weights(weights, guide[b], near, light, limits, y, taps, shares, edge)
-                            add_values(sums, weights, values[b], taps, channels)
-                            add_spread(sums[planes], weights, variance, taps)
-                run = hit_run(guide[b, HIT], y, run[1], width)
-            for c in range(channels):
-                finish_row(out[b, c], sums[c], sums[channels], values[b, c], guide[b, HIT], y)
-            sums[channels] *= sums[channels]
-            finish_row(out[b, channels], sums[planes], sums[channels], variance, guide[b, HIT], y)
+                fill(room, guide[b], plane[b], y, run, phi_depth)
+                begin_wavelet(room, values[b], noise[0], reach[b], y, run, phi_color, channels)
+                for j in range(5):
+                    for part in range(parts_of(5)):
+                        taps = part_of(part, y, run, (-2 * step, (j - 2) * step), step, 5, picture)
+                        if taps.end > taps.first:
+                            add_wavelet(room, guide[b], flat, place, run, taps, j, kind, channels)
+                finish_wavelet(out[b], room, values[b], guide[b, HIT], y, run, channels)
+                run = hit_run(guide[b, HIT], y, run[1], LENGTH)
 
 
 @driver
@@ -147,6 +130,7 @@ def bilateral_rows(
             run = hit_run(guide[b, HIT], y, 0, LENGTH)
             while run[1] > run[0]:
                 fill(room, guide[b], plane[b], y, run, depth_sensitivity)
+                unlit(room, run)
                 for near in ((-1, 0), (1, 0), (0, -1), (0, 1)):
                     for part in range(parts_of(1)):
                         taps = part_of(part, y, run, near, 1, 1, picture)

@@ -35,6 +35,10 @@ Edge = namedtuple("Edge", "perspective sensitivity power away roughness")
 Tap = namedtuple("Tap", "y first end dx dy")
 """Where a tap's row lies, and which pixels of the centre's row it serves: ``dx``, ``dy`` are pixels."""
 
+Taps = namedtuple("Taps", "y first end dx dy step count number")
+"""One tap or several: their row, which pixels of the centre's row they serve, the first's place, pixels between them,
+and the first's number in its group."""
+
 
 @inlined
 def _copy(row, given):
@@ -89,6 +93,43 @@ def tap_at(y, first, end, dx, dy, size):
 
 
 @scalar
+def parts_of(count):
+    """Parts of a row for a group of so many taps: where all of them lie in the picture, and for each what is left and
+    right of that."""
+    return 1 + 2 * count
+
+
+@scalar
+def part_of(part, y, span, place, step, count, size):
+    """The taps of a group that a part of a row has: see `parts_of`; empty where there is nothing.
+
+    Args:
+        part: below `parts_of`.
+        y: the centre's row.
+        span: first pixel of the row that counts, and the one after the last.
+        place: (dx, dy) of the first tap, pixels.
+        step: pixels from tap to tap.
+        count: of taps in the group.
+        size: (height, width).
+    """
+    (first, end), (dx, dy), (height, width) = span, place, size
+    low, high = max(first, -dx), min(end, width - dx - (count - 1) * step)
+    if count == 1 or low >= high:
+        low, high = end, end
+    row, number = y + dy, (part - 1) // 2
+    here = dx + number * step
+    if part == 0:
+        number, here, begin, stop = 0, dx, low, high
+    elif part % 2 == 1:
+        begin, stop = max(first, -here), min(low, end, width - here)
+    else:
+        begin, stop = max(high, -here), min(end, width - here)
+    if number >= count or not 0 <= row < height or begin >= stop:
+        return Taps(y, first, first, 0, 0, 0, 1, 0)
+    return Taps(row, begin, stop, here, dy, step, count if part == 0 else 1, number)
+
+
+@scalar
 def guide_row(guide, y, first, end):
     """Pixels ``first`` to ``end`` of a row of the guide."""
     rough = ROUGHNESS if guide.shape[0] > ROUGHNESS else HIT
@@ -125,6 +166,11 @@ def hit_run(hit, y, begin, longest):
         first += 1
     end = x = first
     width = min(width, first + longest)
+    row, known = hit[y, first:width], 0
+    for i in range(row.shape[0]):
+        known += 1 if row[i] != ZERO else 0
+    if known == row.shape[0]:
+        return first, width
     while x < width and x - end < GAP:
         if hit[y, x] != ZERO:
             end = x + 1

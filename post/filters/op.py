@@ -23,11 +23,12 @@ def moments_cpu(
     from post.filters.pixel_drivers import moments_each
 
     out = light.new_empty(light.shape[0], 2, *light.shape[2:])
-    pictures, options = (out, light[:, 0], guide, plane), (radius, perspective, depth_sensitivity)
+    pictures, squares = (out, light[:, 0], guide, plane), squarings(COARSE_POWER)
     if form_of(light, cuda=True) is Form.CUDA:
-        moments_each(light.numel(), *pictures, *options, squarings(COARSE_POWER))
+        moments_each(light.numel(), *pictures, radius, perspective, depth_sensitivity, squares)
     else:
-        moments_rows(*map(array, pictures), *options, squarings(COARSE_POWER), threads())
+        kinds = kinds_of(perspective, COARSE_POWER, guide)
+        moments_rows(*map(array, pictures), radius, depth_sensitivity, *kinds, squares, threads())
     return out
 
 
@@ -55,11 +56,14 @@ def wavelet_cpu(
     from post.filters.pixel_drivers import wavelet_each
 
     out = torch.empty_like(values, memory_format=torch.contiguous_format)
-    pictures, options = (out, values, guide, plane, reach[:, 0]), (step, perspective, phi_color, phi_depth, phi_normal)
+    surroundings, phi = (guide, plane, reach[:, 0]), (phi_color, phi_depth, phi_normal)
+    squares, channels = squarings(phi_normal), counted(values.shape[1] - 1)
     if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
-        wavelet_each(reach.numel(), *pictures, *options, squarings(phi_normal), counted(values.shape[1] - 1))
+        wavelet_each(reach.numel(), out, values, *surroundings, step, perspective, *phi, squares, channels)
     else:
-        wavelet_rows(*map(array, pictures), *options, squarings(phi_normal), threads())
+        numbers, kinds = array(values), kinds_of(perspective, phi_normal, guide)
+        pictures = (array(out), numbers, numbers.reshape(-1), *map(array, surroundings))
+        wavelet_rows(*pictures, step, *phi, *kinds, squares, channels, threads())
     return out
 
 
@@ -143,12 +147,9 @@ def moments(
     Returns:
         ``(B, 2, H, W)``: mean and unbiased variance; a pixel alone on its surface has variance zero.
     """
-    if (
-        form_of(light, geometry.guide, geometry.plane, depth_sensitivity, compiled=compiled, cuda=True)
-        is Form.REFERENCE
-    ):
-        return moments_reference(light, geometry, radius, depth_sensitivity)
     planes = (light, geometry.guide, geometry.plane)
+    if form_of(*planes, depth_sensitivity, compiled=compiled, cuda=True) is Form.REFERENCE:
+        return moments_reference(light, geometry, radius, depth_sensitivity)
     return moments_cpu(*planes, radius, geometry.perspective, float(depth_sensitivity))
 
 

@@ -10,20 +10,21 @@ import numpy as np
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import inlined, scalar
 from post.filters.around_kernel import kindred_pixel
+from post.filters.bilateral_kernel import bilateral_own, bilateral_unlike, deviation_of, limits_of
 from post.filters.constants import B3, COARSE_POWER, DEPTH, HIT, MOST_PLANES, NX, NY, NZ, ROUGHNESS
-from post.filters.denoise_kernel import (
-    LEAST,
-    bilateral_own,
-    bilateral_unlike,
-    deviation_of,
-    limits_of,
-    moments_of,
-    wavelet_own,
-    wavelet_unlike,
-)
+from post.filters.denoise_kernel import moments_of, wavelet_own, wavelet_unlike
 from post.filters.fxaa_kernel import edge_row, luma_of, smooth
 from post.filters.kernel import Guide, surface_row, unit_row
-from post.filters.weight_kernel import ONE, ZERO, edge_with, gloss_between, near_of_plane, power_between, weight_between
+from post.filters.weight_kernel import (
+    LEAST,
+    ONE,
+    ZERO,
+    edge_with,
+    gloss_between,
+    near_of_plane,
+    power_between,
+    weight_between,
+)
 
 cuda: Any = numba.cuda
 MIDDLE, BESIDE, LAST = np.float32(B3[2]), np.float32(B3[1]), np.float32(B3[0])

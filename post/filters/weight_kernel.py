@@ -1,9 +1,12 @@
-"""Edge weights of the filters' taps, compiled: a row of pixels at a time, and three taps where all lie in the picture.
+"""Edge weights of the filters' taps, compiled.
 
-What a pixel brings to its taps is prepared once a row. The cosine between normals is raised to its power by squaring
-it, as often as the length of a tuple says, which the compiler knows. The other factors are exponentials: their
-exponents are added up, and the root of their product, a polynomial, is squared together with the cosine. Three taps
-share what they read of their pixel. Names and steps are those of `post.filters.edges.edge_weight`.
+The cosine between normals is raised to its power by squaring it, as often as the length of a tuple says, which the
+compiler knows. The other factors are exponentials: their exponents are added up, and the root of their product, a
+polynomial, is squared together with the cosine. Names and steps are those of `post.filters.edges.edge_weight`.
+
+Filters weigh a row of pixels at a time. What these bring to their taps, and their sums, lie in one array, ``room``, its
+rows a constant apart. A compiler then knows that they do not overlap and makes vector instructions of loops that read
+and write many of them, without a copy of the weights in between.
 """
 
 from __future__ import annotations
@@ -14,9 +17,11 @@ import numpy as np
 
 from gbufrt.compute.approximations import exp2, falling_exp2, log2
 from gbufrt.compute.kernel import contracted, inlined, scalar
-from post.filters.constants import ROUGHNESS
+from post.filters import constants
+from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
 from post.filters.kernel import ROUGHNESS_FALLOFF, Guide, guide_row
 
+LEAST = np.float32(1e-6)
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 SHARED = 5  # squarings of an exponential's root
 ROOT = np.float32(0.5**SHARED)  # of exponents: what is added up in place of them
@@ -24,18 +29,17 @@ ROOT = np.float32(0.5**SHARED)  # of exponents: what is added up in place of the
 # small weights count where all are small; by weighted least squares towards the least maximum
 R1, R2, R3, R4 = np.float32(0.9999996), np.float32(0.4999737), np.float32(0.16613403), np.float32(0.0379261)
 FARTHEST = np.float32(1.2)  # exponents end here, at a weight of 6e-17
+GLOSS_FALLOFF = ROOT / np.float32(constants.ROUGHNESS_SCALE)
 LEAST_LOG = np.float32(
     -62
 )  # of a cosine's power, to base 2: no product of these is so small that it takes processors longer
-GROUP = 3  # taps at a time
-PARTS = 1 + 2 * GROUP  # of a row: where all taps of a group lie in the picture, and for each what is left and right
 
 Edge = namedtuple("Edge", "perspective squares rest least roughness")
 """How geometry counts: squarings of the cosine (their number is the length), its power beyond these, the least cosine,
 and roughness."""
-Taps = namedtuple("Taps", "y first end dx dy step count number")
-"""One tap or several: their row, which pixels of the centre's row they serve, the first's place, pixels between them,
-and the first's number in its group."""
+Own = namedtuple("Own", "level scale limit")
+"""What a pixel holds against its taps, in roots of exponents: a factor on light, its own light times that, and what a
+square pixel away costs."""
 Near = namedtuple("Near", "along x y")
 """A row of `edges.Surface.plane`, in roots of exponents for a pixel footprint of distance."""
 
@@ -68,42 +72,6 @@ def near_row(near, plane, y, first, end, depth_sensitivity):
     for x in range(along.shape[0]):
         one = near_of_plane(along[x], slope_x[x], slope_y[x], scale[x], sensitivity)
         out_along[x], out_x[x], out_y[x] = one.along, one.x, one.y
-
-
-@scalar
-def part_of(part, y, span, place, step, count, size):
-    """The taps of a group that a part of a row has: see `PARTS`; empty where there is nothing.
-
-    Args:
-        part: below `PARTS`.
-        y: the centre's row.
-        span: first pixel of the row that counts, and the one after the last.
-        place: (dx, dy) of the first tap, pixels.
-        step: pixels from tap to tap.
-        count: of taps in the group.
-        size: (height, width).
-    """
-    (first, end), (dx, dy), (height, width) = span, place, size
-    low, high = max(first, -dx), min(end, width - dx - (count - 1) * step)
-    if count < GROUP or low >= high:
-        low, high = end, end
-    row, number = y + dy, (part - 1) // 2
-    here = dx + number * step
-    if part == 0:
-        number, here, begin, stop = 0, dx, low, high
-    elif part % 2 == 1:
-        begin, stop = max(first, -here), min(low, end, width - here)
-    else:
-        begin, stop = max(high, -here), min(end, width - here)
-    if number >= count or not 0 <= row < height or begin >= stop:
-        return Taps(y, first, first, 0, 0, 0, 1, 0)
-    return Taps(row, begin, stop, here, dy, step, count if part == 0 else 1, number)
-
-
-@scalar
-def near_of(near, taps):
-    """The pixels of a prepared row that taps serve."""
-    return Near(near[0, taps.first : taps.end], near[1, taps.first : taps.end], near[2, taps.first : taps.end])
 
 
 @scalar
@@ -178,70 +146,57 @@ def edge_weight(i, here, near, j, there, dx, dy, edge, unlike):
     return weight_between(guide_at(here, i), own, guide_at(there, j), dx, dy, edge, unlike)
 
 
+LENGTH = 1936  # pixels: the longest part of a row; rows of room must not lie a multiple of 4 KB apart
+TO_X, TO_Y, TO_Z, ALONG, ACROSS, DOWN, AWAY, GLOSS, LEVEL, SCALE, LIMIT, TOTAL, SPREAD, SUMS = (
+    np.uint64(k * LENGTH) for k in range(14)
+)
+ROWS = 13  # of room, before the sums of channels
+NEXT = np.uint64(LENGTH)
+Kind = namedtuple("Kind", "perspective further rough squares rest least")
+"""How geometry counts, see `Edge`. Whether a camera is perspective, cosines have a power that squarings
+do not make, and roughness tells surfaces apart, are lengths of tuples: the compiler knows them."""
+
+
+@scalar
+def kind_of(guide, perspective, further, rough, squares, normal_power):
+    """The constants of a weight."""
+    edge = edge_with(guide, True, squares, normal_power)
+    return Kind(perspective, further, rough, squares, edge.rest, edge.least)
+
+
 @contracted
 @scalar
-def weigh_further(weights, guide, y, taps, edge):
-    """Multiply weights by what few filters need: `power_between` and `gloss_between`."""
-    here, every = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps)
-    for k in range(taps.count):
-        row, shift = weights[k, : taps.end - taps.first], np.uint64(k * taps.step)
-        if edge.rest != ZERO:
-            for i in range(np.uint64(row.shape[0])):
-                row[i] *= power_between(guide_at(here, i), guide_at(every, i + shift), edge)
-        if edge.roughness != ZERO:
-            for i in range(np.uint64(row.shape[0])):
-                row[i] *= gloss_between(guide_at(here, i), guide_at(every, i + shift), edge)
+def fill(room, guide, plane, y, run, depth_sensitivity):
+    """What the pixels of a run of a row bring to their taps, but for their light; none counted so far."""
+    first, end = run
+    depth, nx = guide[DEPTH, y, first:end], guide[NX, y, first:end]
+    ny, nz = guide[NY, y, first:end], guide[NZ, y, first:end]
+    along, slope_x = plane[0, y, first:end], plane[1, y, first:end]
+    slope_y, scale = plane[2, y, first:end], plane[3, y, first:end]
+    rough = guide[ROUGHNESS if guide.shape[0] > ROUGHNESS else HIT, y, first:end]
+    sensitivity = np.float32(depth_sensitivity)
+    for i in range(np.uint64(end - first)):
+        near = near_of_plane(along[i], slope_x[i], slope_y[i], scale[i], sensitivity)
+        room[i + TO_X], room[i + TO_Y], room[i + TO_Z] = nx[i], ny[i], nz[i]
+        room[i + ALONG], room[i + ACROSS], room[i + DOWN] = near.along, near.x, near.y
+        room[i + AWAY], room[i + GLOSS] = near.along * depth[i], rough[i]
+        room[i + TOTAL] = ZERO
 
 
-@scalar
-def surface_weights(weights, guide, near, y, taps, edge):
-    """The weights of taps by surface alone, for a row of pixels."""
-    here, there, near = guide_row(guide, y, taps.first, taps.end), there_row(guide, taps), near_of(near, taps)
-    size, step, gap = np.uint64(taps.end - taps.first), np.uint64(taps.step), np.float32(taps.step)
-    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
-    dx, dy = np.float32(taps.dx), np.float32(taps.dy)
-    if taps.count == 1:
-        for i in range(size):
-            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
+@contracted
+@inlined
+def room_weight(i, room, j, there, dx, dy, kind, unlike):
+    """`edges.edge_weight` of pixel i and its tap, j in rows, times the exponential of -``unlike`` / `ROOT`."""
+    depth, away = there.depth[j], room[i + AWAY]
+    if len(kind.perspective) > 0:
+        distance = depth * (room[i + ALONG] + room[i + DOWN] * dy + room[i + ACROSS] * dx) - away
     else:
-        for i in range(size):
-            one[i] = edge_weight(i, here, near, i, there, dx, dy, edge, ZERO)
-            two[i] = edge_weight(i, here, near, i + step, there, dx + gap, dy, edge, ZERO)
-            three[i] = edge_weight(i, here, near, i + step + step, there, dx + gap + gap, dy, edge, ZERO)
-    weigh_further(weights, guide, y, taps, edge)
-
-
-@contracted
-@scalar
-def add_values(sums, weights, values, taps, channels):
-    """Add weighted values to the sums of a row, and weights to the sum after them."""
-    first, end, step = taps.first, taps.end, np.uint64(taps.step)
-    size, reach = end - first, end + taps.dx + (taps.count - 1) * taps.step
-    one, two, three = weights[0, :size], weights[1, :size], weights[2, :size]
-    weight = sums[channels, first:end]
-    if taps.count == 1:
-        for c in range(channels):
-            total, there = sums[c, first:end], values[c, taps.y, first + taps.dx : reach]
-            for i in range(size):
-                total[i] += one[i] * there[i]
-        for i in range(size):
-            weight[i] += one[i]
-        return
-    for c in range(channels):
-        total, there = sums[c, first:end], values[c, taps.y, first + taps.dx : reach]
-        for i in range(np.uint64(size)):
-            total[i] += one[i] * there[i] + two[i] * there[i + step] + three[i] * there[i + step + step]
-    for i in range(size):
-        weight[i] += one[i] + two[i] + three[i]
-
-
-@contracted
-@scalar
-def add_spread(spread, weights, variance, taps):
-    """Add the taps' variance, weighted as that of a mean."""
-    total = spread[taps.first : taps.end]
-    for k in range(taps.count):
-        shift = taps.dx + k * taps.step
-        row, there = weights[k, : total.shape[0]], variance[taps.y, taps.first + shift : taps.end + shift]
-        for i in range(row.shape[0]):
-            total[i] += row[i] * row[i] * there[i]
+        distance = depth * room[i + ALONG] + (room[i + DOWN] * dy - away + room[i + ACROSS] * dx)
+    unlike += abs(distance)
+    if len(kind.rough) > 0:
+        unlike += abs(room[i + GLOSS] - there.roughness[j]) * GLOSS_FALLOFF
+    cosine = room[i + TO_X] * there.nx[j] + room[i + TO_Y] * there.ny[j] + room[i + TO_Z] * there.nz[j]
+    weight = there.hit[j] * weight_of(cosine, unlike, kind)
+    if len(kind.further) > 0:
+        weight *= power_of(cosine, kind)
+    return weight
