@@ -23,6 +23,7 @@ from post.mirrors.image import METAL
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
+from post.passes.denoising.turning import frames_lit
 
 MIRRORS = 0.1  # specular albedo above which the reflected image is back-projected
 TOLERANCE = 10.0  # share by which wavelets are told more variance than there is: their fits keep gradients
@@ -96,6 +97,9 @@ def denoise(
     )
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
+    longest = None if before is None else frames_lasting(gbuffer, before)
+    if history is not None and history.gbuffer is not None:
+        longest = _shorter(longest, frames_lit(noisy, shown, history.gbuffer), gbuffer)
     mean, history = temporal(
         noisy,
         shown,
@@ -107,7 +111,7 @@ def denoise(
         sharp=True,
         distance=_image_distance(gbuffer, reflected),
         excess=True,
-        longest=None if before is None else frames_lasting(gbuffer, before),
+        longest=longest,
         lenient=gbuffer.hit if mirrors is None else gbuffer.hit & ~mirrors,  # images in curved ones lie at any depth
     )
     variance, length = history.signals["variance"], history.length
@@ -135,6 +139,14 @@ def denoise(
     if facing is not None:
         history = replace(history, signals={**history.signals, FACING: facing})
     return torch.where(gbuffer.hit, clean, light), history
+
+
+def _shorter(longest: Tensor | None, lit: Tensor | None, g: GBuffer) -> Tensor | None:
+    """The fewer frames of the two; metals show no diffuse light, whose frames ``lit`` tells."""
+    if lit is None:
+        return longest
+    lit = lit if g.metallic is None else torch.where(g.metallic > METAL, torch.inf, lit)
+    return lit if longest is None else torch.minimum(longest, lit)
 
 
 def _lonely(same: Tensor, shiny: Tensor | None) -> Tensor:
