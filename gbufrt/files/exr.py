@@ -68,6 +68,7 @@ def write_exr(
     Raises:
         ValueError: the path does not end in .exr, the frame holds several elements and ``element`` does not say which,
             an integer signal does not fit 32 bits, or an argument is none of its values.
+        OSError: the file cannot be written, as on a full disk; nothing is left of it.
     """
     check_ending(path, ".exr", "gbufrt.files.png.write_png writes pictures, such as frame.image")
     check_frame(frame)
@@ -104,7 +105,10 @@ def write_exr(
             header |= {ATTRIBUTE: json.dumps(head), "software": "gbufrt", **standard_matrices(frame.gbuffer.camera)}
         written.append(OpenEXR.Part(header, channels, name))
     with atomic(path) as temporary, silence():
-        OpenEXR.File(written).write(str(temporary))
+        try:
+            OpenEXR.File(written).write(str(temporary))
+        except RuntimeError as error:  # of OpenEXR; a full disk, as a rule
+            raise OSError(f"{path} cannot be written, is the disk full? {error}") from error
 
 
 def read_exr(path: str | Path) -> Frame:

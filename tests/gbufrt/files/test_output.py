@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import platform
+import resource
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import smooth
 
 from gbufrt.files import output
+from gbufrt.files.exr import write_exr
 from gbufrt.files.output import atomic
 
 WRITER = """
@@ -58,3 +61,14 @@ def test_an_error_leaves_what_was_there(tmp_path: Path):
     with pytest.raises(KeyboardInterrupt):
         stopped()
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a.txt", "before")]
+
+
+def test_an_exr_file_that_finds_no_room_is_one_error_and_leaves_nothing(tmp_path: Path):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, hard))  # bytes of a file, fewer than the frame needs
+    try:
+        with pytest.raises(OSError, match="cannot be written, is the disk full"):
+            write_exr(tmp_path / "a.exr", smooth.corner((64, 64)))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [*tmp_path.iterdir()] == []
