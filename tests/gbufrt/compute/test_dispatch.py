@@ -33,14 +33,11 @@ def test_a_wish_is_followed_or_refused() -> None:
 
 @pytest.mark.parametrize("compiles", [True, False])
 def test_the_cuda_form_runs_where_there_is_one(compiles: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    class OnCuda:
-        device, dtype, requires_grad = torch.device("cuda", 0), torch.float32, False
-
-        def is_floating_point(self) -> bool:
-            return True
+    class OnCuda(torch.Tensor):
+        device = torch.device("cuda", 0)
 
     monkeypatch.setattr(dispatch, "_cuda_compiles", lambda: compiles)
-    plane = OnCuda()
-    assert form_of(plane, cuda=True) is (Form.CUDA if compiles else Form.REFERENCE)  # pyright: ignore[reportArgumentType]
-    assert form_of(plane) is Form.REFERENCE  # pyright: ignore[reportArgumentType]
-    assert form_of(plane, torch.zeros(1), cuda=True) is Form.REFERENCE  # pyright: ignore[reportArgumentType]
+    plane = torch.zeros(1).as_subclass(OnCuda)
+    assert form_of(plane, cuda=True) is (Form.CUDA if compiles else Form.REFERENCE)
+    assert form_of(plane) is Form.REFERENCE
+    assert form_of(plane, torch.zeros(1), cuda=True) is Form.REFERENCE
