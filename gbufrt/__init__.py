@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from gbufrt.compute.memory import ask_for_large_pages
 from gbufrt.compute.threads import wait_briefly
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 wait_briefly()  # before anything here loads torch
+ask_for_large_pages()
 
 _HOMES = {
     "camera": ("Camera",),

@@ -1,4 +1,4 @@
-"""How memory that is freed goes back to the system."""
+"""Pages of memory: large ones, and how what is freed goes back to the system. Does not import torch."""
 
 from __future__ import annotations
 
@@ -6,14 +6,26 @@ import ctypes
 import os
 import sys
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from torch import Tensor
+if TYPE_CHECKING:
+    from torch import Tensor
 
 LARGE = 8_000_000  # bytes of a plane: a little less than one of 1920x1080
 OWN = 1.5  # planes; blocks of more are mapped on their own
 M_MMAP_THRESHOLD = -3  # glibc's malloc.h
 HIGHEST = 32 << 20  # bytes; glibc maps blocks of more on their own by itself
+LARGE_PAGES = "THP_MEM_ALLOC_ENABLE"  # torch's own switch
+
+
+def ask_for_large_pages() -> None:
+    """Let torch ask the system for large pages for its large tensors, unless the environment says otherwise.
+
+    torch reads this with its first tensor, which may be there where torch was imported before gbufrt: nothing is done
+    then (set ``THP_MEM_ALLOC_ENABLE=1`` there). Processes that this one starts inherit it.
+    """
+    if "torch" not in sys.modules:
+        os.environ.setdefault(LARGE_PAGES, "1")
 
 
 def return_freed(plane: Tensor) -> None:
@@ -30,7 +42,7 @@ def return_freed(plane: Tensor) -> None:
         plane: ``(B, 1, H, W)``, such as a frame's depth.
     """
     if plane.device.type == "cpu" and plane.nbytes >= LARGE and (libc := _glibc()) is not None:
-        if os.environ.get("THP_MEM_ALLOC_ENABLE", "0") not in ("", "0"):  # torch's; without them it takes a tenth more
+        if os.environ.get(LARGE_PAGES, "0") not in ("", "0"):  # without them it takes a tenth more time
             libc.mallopt(M_MMAP_THRESHOLD, int(min(OWN * plane.nbytes, HIGHEST)))
         libc.malloc_trim(0)
 

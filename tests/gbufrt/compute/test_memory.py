@@ -1,4 +1,4 @@
-"""Memory that is freed goes back to the system, for large pictures alone."""
+"""Large pages are asked for; memory that is freed goes back to the system, for large pictures alone."""
 
 from __future__ import annotations
 
@@ -78,3 +78,30 @@ def test_a_pipeline_does_so_once_a_frame(monkeypatch: pytest.MonkeyPatch) -> Non
     frame = boxes.frame(boxes.camera((4, 6)))
     Pipeline(a=Pipeline(one=Same(), two=Same()), b=Same(), c=Pipeline(one=Same()))(frame)
     assert [plane.shape for plane in given] == [frame.gbuffer.depth.shape]
+
+
+ADVISED = """
+from pathlib import Path
+import {imports}
+import torch
+kept = torch.ones(16 << 20)
+print(any(line.startswith("VmFlags") and " hg" in line for line in Path("/proc/self/smaps").read_text().splitlines()))
+"""
+
+
+@pytest.mark.skipif(not Path("/sys/kernel/mm/transparent_hugepage").exists(), reason="a system without large pages")
+@pytest.mark.parametrize(
+    ("imports", "given", "advised"),
+    [
+        ("post", {}, "True\n"),
+        ("gbufrt.commands.cli", {}, "True\n"),
+        ("post", {memory.LARGE_PAGES: "0"}, "False\n"),
+        ("torch, post", {}, "False\n"),
+    ],
+)
+def test_large_pages_are_asked_for_unless_told_otherwise(imports: str, given: dict[str, str], advised: str) -> None:
+    """No import makes a tensor, with which torch would have decided."""
+    environment = {name: value for name, value in os.environ.items() if name != memory.LARGE_PAGES} | given
+    code = ADVISED.format(imports=imports)
+    run = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert run.stdout == advised
