@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import platform
 import subprocess
 import sys
@@ -78,10 +79,16 @@ def import_seconds() -> float:
 
 def in_own_process(run: Callable[..., Any], *arguments: Any) -> Any:
     """What a function of a module returns, run in a fresh process."""
-    import signal
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    quiet = (signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the child without a traceback
-    with ProcessPoolExecutor(1, get_context("spawn"), initializer=signal.signal, initargs=quiet) as pool:
+    with ProcessPoolExecutor(1, get_context("spawn"), initializer=_be_quiet) as pool:
         return pool.submit(run, *arguments).result()
+
+
+def _be_quiet() -> None:
+    """Ctrl-C ends the child without a traceback; that kernels compile is for the parent to tell."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    logging.getLogger("gbufrt").setLevel(logging.ERROR)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import subprocess
 import sys
 
@@ -30,3 +31,8 @@ def test_seconds_of_an_import_are_those_beyond_torch(monkeypatch: pytest.MonkeyP
     )
     assert process.import_seconds() == 0.4
     assert process.IMPORT.index("import time, torch") < process.IMPORT.index("begun") < process.IMPORT.index("gbufrt")
+
+
+def test_a_process_of_its_own_leaves_it_to_the_parent_to_tell_what_compiles():
+    level = process.in_own_process(eval, "__import__('logging').getLogger('gbufrt').level")
+    assert level == logging.ERROR
