@@ -26,7 +26,6 @@ ROWS = {
 SHARES = ("visibility", "specular", "chosen", "distance", "reactive")
 """Those of one component, which are no light."""
 
-
 NEEDED = ("depth", "normal", "light", "signal", "color")
 """Those that no function takes as absent."""
 
@@ -56,6 +55,7 @@ def check_pictures(camera: Any, *, thickness: Any = None, **pictures: Any) -> No
 
 
 def _check_there(pictures: dict[str, Any]) -> None:
+    """Raise TypeError where one of `NEEDED` is None, which `check_pictures` and `check_sizes` pass over in others."""
     for name in NEEDED:
         if name in pictures and pictures[name] is None:
             raise TypeError(f"{name} must be a torch.Tensor, got None: this function cannot do without")

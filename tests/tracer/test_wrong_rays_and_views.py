@@ -86,11 +86,11 @@ KINDS: list[tuple[Callable[[], Any], str]] = [
 VALUES: list[tuple[Callable[[], Any], str]] = [
     (
         lambda: tracer.trace(SCENE, AT, WAY, t_max=torch.rand(3, 2)),
-        r"t_max must be a number, or \(2,3\) for rays \(2,3,3\), got \(3,2\)$",
+        r"t_max must be a number, or \(2, 3\) for rays \(2, 3, 3\), got \(3, 2\)$",
     ),
-    (lambda: tracer.trace(SCENE, AT, WAY, t_min=torch.rand(0)), r"t_min must be a number, or \(2,3\) .*, got \(0\)$"),
-    (lambda: tracer.trace(SCENE, AT, WAY, t_max=torch.rand(1, 2, 3)), r"t_max must be a number, or \(2,3\)"),
-    (lambda: tracer.trace(SCENE, AT[:1], WAY[:1], beyond=HITS), r"beyond must be the hits of these rays, \(1,3\), got"),
+    (lambda: tracer.trace(SCENE, AT, WAY, t_min=torch.rand(0)), r"t_min must be a number, or \(2, 3\) .*, got \(0,\)$"),
+    (lambda: tracer.trace(SCENE, AT, WAY, t_max=torch.rand(1, 2, 3)), r"t_max must be a number, or \(2, 3\)"),
+    (lambda: tracer.trace(SCENE, AT[:1], WAY[:1], beyond=HITS), r"beyond must be the hits of these rays, \(1, 3\)"),
     (lambda: tracer.trace(SCENE, AT.to("meta"), WAY), "origins is on meta but scene is on cpu; move one with"),
     (lambda: tracer.trace(MOVING, AT, WAY, poses=torch.zeros(0, 1, 4, 4)), r"poses must be \(1,4,4\) or \(B,1,4,4\)"),
     (lambda: Camera.look_at((0, 0, 0), (0, 0, 0), size=(3, 4)), "eye and target must be two places"),

@@ -49,8 +49,8 @@ def check_ends(shape: tuple[int, ...], **ends: Any) -> None:
             continue
         trailing = shape[len(shape) - end.ndim :] if end.ndim <= len(shape) else None
         if trailing is None or any(n not in (1, wanted) for n, wanted in zip(end.shape, trailing, strict=True)):
-            got = tuple(end.shape)
-            raise ValueError(f"{name} must be a number, or {told(shape)} for rays {told((*shape, 3))}, got {told(got)}")
+            wanted = f"{name} must be a number, or {shape} for rays {(*shape, 3)}"
+            raise ValueError(f"{wanted}, got {tuple(end.shape)}")
 
 
 def check_beyond(beyond: Any, shape: tuple[int, ...]) -> None:
@@ -62,10 +62,4 @@ def check_beyond(beyond: Any, shape: tuple[int, ...]) -> None:
     """
     check_kind(Hits, "beyond", beyond, "; tracer.trace gave them for these rays")
     if tuple(beyond.t.shape) != shape:
-        got = told(tuple(beyond.t.shape))
-        raise ValueError(f"beyond must be the hits of these rays, {told(shape)}, got those of {got}")
-
-
-def told(shape: tuple[int, ...]) -> str:
-    """A shape as messages have it."""
-    return f"({','.join(map(str, shape))})"
+        raise ValueError(f"beyond must be the hits of these rays, {shape}, got those of {tuple(beyond.t.shape)}")

@@ -5,13 +5,12 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from gbufrt import Camera, GBuffer
+from gbufrt import GBuffer
 from gbufrt.compute.resident import waits
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, sample
 from post.filters.around import pooled
-from post.history.reproject import motion_of
 
 MOVES = 0.05  # pixels besides the motion of a still world, from which on a surface moves by itself
 TURNS = 0.002  # radians a frame, from which on a surface turns
@@ -36,10 +35,12 @@ def frames_lit(light: Tensor, g: GBuffer, before: GBuffer) -> Tensor | None:
     Returns:
         ``(B, 1, H, W)``, at least 1, infinite where surfaces do not turn; None where nothing moves by itself.
     """
-    own = g.hit & (length(motion_of(g, before.camera)[0] - _still(g, before.camera)) > MOVES)
+    if g.motion is None:
+        return None
+    own = g.hit & (length(g.motion - g.camera.static_motion(before.camera, g.depth, g.hit)[0]) > MOVES)
     if not (waits(own) or bool(own.any())):
         return None
-    turn, whole = turned(g, before, own)
+    turn, whole = turned(g, before, g.motion, own)
     shine = luminance(light)
     mean, square = pooled(torch.cat([shine, shine * shine], dim=1), g.hit.to(shine), NOISE).split(1, dim=1)
     noise = torch.where(mean > 0, (square - mean * mean) / (mean * mean).clamp_min(1e-12), torch.inf)
@@ -47,12 +48,13 @@ def frames_lit(light: Tensor, g: GBuffer, before: GBuffer) -> Tensor | None:
     return torch.where(turn > TURNS, frames, torch.inf)
 
 
-def turned(g: GBuffer, before: GBuffer, own: Tensor) -> tuple[Tensor, Tensor]:
+def turned(g: GBuffer, before: GBuffer, motion: Tensor, own: Tensor) -> tuple[Tensor, Tensor]:
     """How far surfaces have turned by themselves since the frame before.
 
     Args:
         g: of this frame.
         before: of the frame before.
+        motion: ``(B, 2, H, W)`` pixels, previous minus current.
         own: ``(B, 1, H, W)`` bool: surfaces that move by themselves.
 
     Returns:
@@ -60,7 +62,7 @@ def turned(g: GBuffer, before: GBuffer, own: Tensor) -> tuple[Tensor, Tensor]:
         surface.
     """
     here, there = (x.normal if x.normal_geo is None else x.normal_geo for x in (g, before))
-    px = g.camera.pixel_centers(dtype=g.depth.dtype) + motion_of(g, before.camera)[0].to(g.depth)
+    px = g.camera.pixel_centers(dtype=g.depth.dtype) + motion.to(g.depth)
     if before.camera.jitter is not None:
         px = px - before.camera.jitter.to(px)[:, :, None, None]
     was, column, row = sample(there, px), *px.floor().long().unbind(1)
@@ -72,7 +74,3 @@ def turned(g: GBuffer, before: GBuffer, own: Tensor) -> tuple[Tensor, Tensor]:
     around = length(pooled(turn, counted, AROUND))
     turn = torch.where(inside, torch.minimum(length(turn), around), around)
     return torch.where(own, turn, 0.0), pooled(counted, torch.ones_like(counted), AROUND)
-
-
-def _still(g: GBuffer, before: Camera) -> Tensor:
-    return g.camera.static_motion(before, g.depth, g.hit)[0]

@@ -66,7 +66,8 @@ def test_the_history_of_a_turning_ball_is_no_worse_than_none(angle: float):
 @pytest.mark.parametrize("angle", [0.02, 0.2])
 def test_the_angle_is_found(angle: float, jitter: tuple[float, float]):
     g = ball(angle, jitter)
-    turn, inside = turned(g, ball(angle), g.hit)
+    assert g.motion is not None
+    turn, inside = turned(g, ball(angle), g.motion, g.hit)
     middle = (g.normal[:, 2:] > 0.8) & (g.normal[:, 1:2].abs() < 0.1)  # at the poles normals turn less
     assert middle.sum() > 50
     assert torch.allclose(turn[middle], torch.tensor(angle), rtol=0.15)
@@ -81,6 +82,7 @@ def test_what_moves_without_turning_keeps_its_frames():
         normal=torch.where(g.hit, SUN.expand_as(g.normal), 0.0),
     )
     assert frames_lit(light, g, g) is None
+    assert frames_lit(light, ball(0.2).replace(motion=None, motion_z=None), g) is None
     frames = frames_lit(light, moving, moving)
     assert frames is not None
     assert frames.isinf().all()
