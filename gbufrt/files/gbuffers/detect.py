@@ -55,8 +55,8 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
         there = [base or "".join(names) for base, names in layers.groups().items()]
         some = ", ".join(there[:SOME]) + (", ..." if len(there) > SOME else "")
         raise ValueError(
-            f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; write a profile and "
-            "pass its path with --from"
+            f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; render depth or "
+            "positions too, or write a profile that names them and pass its path with --from"
         )
     return best
 

@@ -89,7 +89,8 @@ def test_plain_names_are_found_in_any_case(spelled: Callable[[str], str], tmp_pa
 def test_without_depth_no_profile_fits(tmp_path: Path) -> None:
     layers = {f"{name}.RGB": RGB for name in "abcdefghijklmn"}
     with pytest.raises(
-        ValueError, match=r"fits no profile \(blender, .*\): none finds its depth among a, b, .*, l, \.\.\.; write a"
+        ValueError,
+        match=r"fits no profile \(blender, .*\): none finds its depth among a, .*, l, \.\.\.; render depth or",
     ):
         detect(foreign_exr.write(tmp_path / "a.exr", layers, BLENDER))
 
