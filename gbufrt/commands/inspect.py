@@ -29,8 +29,8 @@ def inspect(
     Args:
         files: EXR files of any program, also as patterns or folders, and worlds. Frames that count on test each other's
             motion; EXR files that share a frame number are passes of one frame.
-        source: What wrote the EXR files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, arnold, renderman,
-            generic, or a profile of your own in TOML.
+        source: What wrote the EXR files: auto, blender, mitsuba, pbrt, falcor, unreal, nuke, houdini, arnold,
+            renderman, generic, or a profile of your own in TOML.
         camera: The cameras, in TOML. [default: those that the files carry]
         fov: In place of --camera: vertical field of view in degrees of a camera that stands still.
         out: Folder for a contact sheet of each EXR file: every layer as the file has it, then as gbufrt reads it.

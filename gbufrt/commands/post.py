@@ -50,8 +50,8 @@ def post(
     Args:
         files: EXR files in order, such as shot.####.exr or shot.%04d.exr, or folders of them.
         out: Folder to write to; made where it is missing.
-        source: What wrote the files: auto, blender, mitsuba, falcor, unreal, nuke, houdini, arnold, renderman,
-            generic, or a profile of your own in TOML. [default: gbufrt, or auto where it was another]
+        source: What wrote the files: auto, blender, mitsuba, pbrt, falcor, unreal, nuke, houdini, arnold,
+            renderman, generic, or a profile of your own in TOML. [default: gbufrt, or auto where it was another]
         camera: Of other renderers: the cameras, in TOML. [default: those that the files carry]
         fov: Of other renderers, in place of --camera: vertical field of view in degrees of a camera that stands still.
         environment: Of other renderers: the sky that mirrors show where they show nothing on screen, as an EXR with a

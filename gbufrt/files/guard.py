@@ -25,6 +25,7 @@ import OpenEXR
 MAX_GB = 4.0  # that a file may decode to, unless GBUFRT_MAX_GB says otherwise
 MAX_RATIO = 1100  # deflate compresses by at most 1032 to 1
 SLACK = 1 << 20  # bytes that even the smallest file may decode to
+DEEP = "holds deep pixels, which gbufrt does not read; flatten it first"
 MAGIC = b"\x76\x2f\x31\x01"
 
 _fds = threading.Lock()
@@ -108,6 +109,8 @@ def _open(path: Path, *, header_only: bool) -> list[Any]:
         with silence():
             return OpenEXR.File(str(path), separate_channels=True, header_only=header_only, num_threads=threads).parts
     except Exception as error:  # the bindings raise whatever the damage makes them stumble over
+        if "deepImageState" in str(error):  # a standard attribute, the only one that they do not know
+            raise ValueError(f"{path} {DEEP}") from error
         what = f"its {'header' if header_only else 'pixel data'} cannot be read"
         raise ValueError(f"{path} is damaged or cut short: {what}; write or copy it again") from error
 
@@ -141,7 +144,7 @@ def _check_limits(path: Path, parts: list[Part]) -> None:
         if height < 1 or width < 1:
             raise ValueError(f"{path} is damaged: part {part.name!r} has a data window of {width}x{height} pixels")
         if part.header.get("type") in (OpenEXR.deepscanline, OpenEXR.deeptile):
-            raise ValueError(f"{path} holds deep pixels, which gbufrt does not read; flatten it first")
+            raise ValueError(f"{path} {DEEP}")
         decoded += height * width * 4 * len(part.names)
         filled += _window_pixels(path, part) * 4 * len(part.names)
     size = path.stat().st_size

@@ -2,9 +2,10 @@
 
 ``worldToCamera`` and ``worldToNDC`` are OpenEXR's standard attributes, which Arnold, Karma, RenderMan and others write:
 rows times matrix, x right, y up, and the whole picture from (0, 0) at its upper left to (1, 1). Some writers look along
--z, and some span -1 to 1; both are told from the matrices. Unreal's Movie Render Queue writes position, angles
+-z, and some span -1 to 1; both are told from the matrices. pbrt's go before columns, look along +z in worlds of either
+hand, and count from the lower left by the picture's shorter side. Unreal's Movie Render Queue writes position, angles
 and field of view as text, under ``unreal/camera``, or under the camera's name where a shot has several. Sources:
-OpenEXR's list of standard attributes; Unreal's FRotationMatrix.
+OpenEXR's list of standard attributes; pbrt-v4's cameras.cpp and image.cpp; Unreal's FRotationMatrix.
 """
 
 from __future__ import annotations
@@ -34,10 +35,12 @@ class _Found:
     Args:
         pose: 4x4, world from view in the file's world; columns are right, down, and forward or back.
         project: 3x4, view to parts of the picture's width and height from its upper left, homogeneous.
+        handed: of the file's world, where the camera tells it.
     """
 
     pose: np.ndarray
     project: np.ndarray
+    handed: str = ""
 
 
 def carried_camera(header: Mapping[str, Any], profile: Profile, size: tuple[int, int]) -> Camera | None:
@@ -46,12 +49,13 @@ def carried_camera(header: Mapping[str, Any], profile: Profile, size: tuple[int,
     None also stands for one that cannot be: a singular matrix, or a pose that scales.
     """
     try:
-        found = _standard(header) or _unreal(header, size)
+        found = _standard(header, size) or _unreal(header, size)
     except (TypeError, ValueError, np.linalg.LinAlgError):
         return None
     if found is None:
         return None
-    axes = _axes(replace(profile, up=_upright(found.pose)) if profile.up == AUTO else profile)
+    up = _upright(found.pose) if profile.up == AUTO else profile.up
+    axes = _axes(replace(profile, up=up, handed=found.handed or profile.handed))
     turn, project = axes @ found.pose[:3, :3], found.project
     if np.linalg.det(turn) < 0:  # a left-handed view space looks along +z, a right-handed one along -z
         turn, project = turn * (1, 1, -1), project * (1, 1, -1, 1)
@@ -67,12 +71,18 @@ def carried_camera(header: Mapping[str, Any], profile: Profile, size: tuple[int,
     return Camera.from_intrinsics(torch.from_numpy(k).float(), torch.from_numpy(pose).float(), size=size)
 
 
-def _standard(header: Mapping[str, Any]) -> _Found | None:
+def _standard(header: Mapping[str, Any], size: tuple[int, int]) -> _Found | None:
     matrices = [header.get(name) for name in ("worldToCamera", "worldToNDC")]
     if any(matrix is None for matrix in matrices):
         return None
     camera, ndc = (np.asarray(matrix, np.float64).reshape(4, 4).T for matrix in matrices)
     down = np.diag([1.0, -1.0, 1.0, 1.0])
+    if camera[3, :3].any():  # where the camera stands, in matrices that go before columns
+        camera, project = camera.T, (ndc.T @ np.linalg.inv(camera.T) @ down)[[0, 1, 3]]
+        project[1] = project[2] - project[1]
+        shares = np.array([[min(size) / size[1]], [min(size) / size[0]]])
+        project[:2] = project[2] / 2 + (project[:2] - project[2] / 2) * shares
+        return _Found(np.linalg.inv(camera) @ down, project, "left" if np.linalg.det(camera) > 0 else "right")
     project = (ndc @ np.linalg.inv(camera) @ down)[[0, 1, 3]]
     centre = project[:2, 2] / project[2, 2]
     if np.abs(centre).max() < np.abs(centre - 0.5).max():  # -1 to 1, y up

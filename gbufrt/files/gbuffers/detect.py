@@ -31,7 +31,7 @@ class Detection:
     marked: bool = field(default=False, compare=False)
     """Whether the header tells it."""
     found: frozenset[str] = field(default=frozenset(), compare=False)
-    """The channels that it finds, and ``direct`` where it finds direct light."""
+    """Channels that it finds, ``direct`` light, a ``picture``, and ``own depth`` where that follows from no others."""
 
 
 def detect(path: str | Path | Sequence[Path]) -> Detection:
@@ -55,8 +55,8 @@ def detect(path: str | Path | Sequence[Path]) -> Detection:
         there = [base or "".join(names) for base, names in layers.groups().items()]
         some = ", ".join(there[:SOME]) + (", ..." if len(there) > SOME else "")
         raise ValueError(
-            f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; write a profile and "
-            "pass its path with --from"
+            f"{path} fits no profile ({', '.join(SHIPPED)}): none finds its depth among {some}; render depth or "
+            "positions too, or write a profile that names them and pass its path with --from"
         )
     return best
 
@@ -102,7 +102,7 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
         f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
     ]
     light = Named(layers, profile).light()
-    found = {"depth", *(["direct"] if light.products else [])}
+    found = {"depth"}
     names_of = {name: names for name, names in profile.channels.items() if name not in UNCOUNTED}
     for channel, names in names_of.items():
         names += profile.channels.get("motion_next", ()) if channel == "motion" else ()
@@ -110,7 +110,9 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
         if channel != "depth" and keys:
             found.add(channel)
             reasons.append(f"{channel} is {', '.join(keys)}")
-    share = min(1.0, len(found - {"direct"}) / len(names_of.keys() - {*profile.seldom}))
+    share = min(1.0, len(found) / len(names_of.keys() - {*profile.seldom}))
+    more = {"direct": light.products, "picture": light.products or light.finished, "own depth": len(depth) == 1}
+    found |= {kind for kind, there in more.items() if there}
     if marks:
         return Detection(
             name, round(BY_HEADER + BY_NAMES * share, 2), tuple(reasons), marked=True, found=frozenset(found)

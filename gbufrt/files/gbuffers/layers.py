@@ -172,10 +172,12 @@ class Layers:
 def _full(part: Part, name: str, parts: Sequence[Part]) -> str:
     """A channel's name with that of its part, where it does not carry it; the only part of a file needs none.
 
-    The name of a part's view is left out: Nuke calls the part with the left eye's depth ``depth_left``.
+    The name of a part's view is left out: Nuke calls the part with the left eye's depth ``depth_left`` or, as later
+    versions do with a single view too, ``depth.left``.
     """
     alone = sum(other.of_pass == part.of_pass for other in parts) == 1
-    own = part.name.removesuffix(f"_{part.header.get('view', '')}")
+    view = part.header.get("view", "")
+    own = part.name.removesuffix(f"_{view}").removesuffix(f".{view}")
     return name if alone or not own or name.startswith(f"{own}.") else f"{own}.{name}"
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from gbufrt.names import meant
 
 FOLDER = Path(__file__).parent / "profiles"
-SHIPPED = ("blender", "mitsuba", "falcor", "unreal", "nuke", "houdini", "arnold", "renderman", "generic")
+SHIPPED = ("blender", "mitsuba", "pbrt", "falcor", "unreal", "nuke", "houdini", "arnold", "renderman", "generic")
 AUTO = "auto"  # a setting that is left to the pixels
 CHANNELS = {
     "depth": 1,

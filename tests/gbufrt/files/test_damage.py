@@ -62,3 +62,14 @@ def test_memory_is_bounded_by_what_is_allowed(tmp_path: Path, monkeypatch: pytes
         monkeypatch.setenv("GBUFRT_MAX_GB", text)
         with pytest.raises(ValueError, match=f"GBUFRT_MAX_GB must be a positive number of gigabytes, got '{text}'"):
             read_exr(path)
+
+
+def test_deep_pixels_are_told_whatever_their_header_says_of_them(tmp_path: Path):
+    """Of a standard attribute that the bindings do not read, as deep files of compositing programs have it."""
+    state = b"deepImageState\0deepImageState\0\1\0\0\0\3"
+    path = tmp_path / "a.exr"
+    OpenEXR.File({}, {"Z": np.zeros((4, 4), np.float32)}).write(str(path))
+    data = path.read_bytes()
+    path.write_bytes(data[:8] + state + data[8:])
+    with pytest.raises(ValueError, match="holds deep pixels, which gbufrt does not read; flatten it first"):
+        read_parts(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def write_parts(path: Path, parts: Mapping[str, Mapping[str, np.ndarray]], views
     kind = {"type": OpenEXR.scanlineimage, "compression": OpenEXR.ZIP_COMPRESSION}
     made = [
         OpenEXR.Part(
-            kind | ({"view": name.rpartition("_")[2]} if name.endswith((*views,)) else {}),
+            kind | ({"view": re.split("[_.]", name)[-1]} if name.endswith((*views,)) else {}),
             {n: np.ascontiguousarray(p, np.float32) for n, p in channels.items()},
             name,
         )

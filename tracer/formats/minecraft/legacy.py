@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, lru_cache
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
+from tracer.formats.minecraft.nbt import read_nbt
+
 AIR = "minecraft:air"
+UNKNOWN = "minecraft:legacy_"
+MAX_LEVEL = 1 << 26
 TURNS = ("east", "west", "south", "north")
 COMPASS = ("south", "west", "north", "east")
 WALLS = ("north", "north", "north", "south", "west", "east")
@@ -20,11 +25,30 @@ def legacy_state(number: int, data: int) -> str:
     """The block state of a number and its four bits of data; ``minecraft:legacy_N`` where the number is not known."""
     entry = _tables()["blocks"].get(str(number))
     if entry is None:
-        return f"minecraft:legacy_{number}"
+        return f"{UNKNOWN}{number}"
     names, mask, kind = _entry(entry)
     name = names[min(data & mask, len(names) - 1)]
     properties = _KINDS[kind](data) if kind else ""
     return f"minecraft:{name}[{properties}]" if properties else f"minecraft:{name}"
+
+
+def mod_names(region: Path) -> Mapping[str, str]:
+    """Blocks of mods by the names that `legacy_state` gives their numbers, as Forge lists them in a region's save."""
+    levels = (folder / "level.dat" for folder in region.resolve().parents[:3])
+    level = next((file for file in levels if file.is_file()), None)
+    return {} if level is None else _forge_names(level, level.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _forge_names(level: Path, _changed: int) -> Mapping[str, str]:
+    """Of the list since 1.8, or of that before, where blocks begin with a 1 and items with a 2."""
+    try:
+        forge = read_nbt(level, limit=MAX_LEVEL).get("FML", {})
+        listed = forge["Registries"]["minecraft:blocks"]["ids"] if "Registries" in forge else forge.get("ItemData", ())
+        blocks = [(str(entry["K"]), int(entry["V"])) for entry in listed if not str(entry["K"]).startswith("\x02")]
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return {}  # a damaged list must not hide the world
+    return {f"{UNKNOWN}{number}": name.removeprefix("\x01") for name, number in blocks}
 
 
 def legacy_biome(number: int) -> str:

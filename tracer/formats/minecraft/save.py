@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 from gbufrt.numeric import check_counts, check_wholes
 from tracer.formats.minecraft.build import Blocks, Builder
 from tracer.formats.minecraft.joined import joined_chunk
+from tracer.formats.minecraft.legacy import mod_names
 from tracer.formats.minecraft.nbt import Tags, part, read_nbt
 from tracer.formats.minecraft.pack.archive import PackError
 from tracer.formats.minecraft.pack.pack import Pack
@@ -128,7 +129,8 @@ def read_minecraft(
                     damaged.append(f"chunk {place[0]},{place[1]} of {region.path.name}: {error}")
     if not found:
         (x0, z0), (x1, z1) = (np.min(there, axis=0) * WIDTH, (np.max(there, axis=0) + 1) * WIDTH)
-        raise ValueError(f"{path} has no chunks in that part; its chunks lie in x {x0}..{x1} and z {z0}..{z1}")
+        lie = f"its chunks lie in x {x0}..{x1} and z {z0}..{z1}"
+        raise ValueError(f"{path} has no chunks in that part; {lie}: choose another (around, or --around X,Z)")
     return _finished(path, builder, damaged, found, len(there) - found)
 
 
@@ -227,7 +229,11 @@ def chunk_sections(region: Region, place: Place, box: Box | None) -> list[tuple[
     found = list(sections(chunk))
     if len({section.y for section in found}) < len(found):
         raise ValueError("a section comes twice")
-    for section in joined_chunk(found) if version_of(chunk) < FLATTENED else found:
+    if version_of(chunk) < FLATTENED:
+        names = mod_names(region.path)
+        named = [replace(section, states=tuple(names.get(s, s) for s in section.states)) for section in found]
+        found = joined_chunk(named)
+    for section in found:
         at = (place[0], section.y, place[1])
         keep = None if box is None else _kept(at, box)
         if keep is None or all(part.start < part.stop for part in keep):

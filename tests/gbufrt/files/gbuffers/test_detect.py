@@ -86,10 +86,22 @@ def test_plain_names_are_found_in_any_case(spelled: Callable[[str], str], tmp_pa
         assert keys == [f"{spelled(name)}.{end}" for end in ends]
 
 
+def test_files_of_plain_names_with_depth_and_a_picture_are_no_renderers(tmp_path: Path) -> None:
+    """A file a pass, as small renderers write them; Mitsuba's names would take depth from the positions."""
+    passes = {"depth": PLANE, "position": RGB, "normal": RGB, "albedo": RGB, "color": RGB}
+    files = [
+        foreign_exr.write(tmp_path / f"{name}.exr", {".Y" if name == "depth" else ".RGB": pixels})
+        for name, pixels in passes.items()
+    ]
+    assert (detect(files).name, detect(files).reasons[0]) == ("generic", "depth is depth.Y")
+    assert detect(files[:-1]).name == "generic"
+
+
 def test_without_depth_no_profile_fits(tmp_path: Path) -> None:
     layers = {f"{name}.RGB": RGB for name in "abcdefghijklmn"}
     with pytest.raises(
-        ValueError, match=r"fits no profile \(blender, .*\): none finds its depth among a, b, .*, l, \.\.\.; write a"
+        ValueError,
+        match=r"fits no profile \(blender, .*\): none finds its depth among a, .*, l, \.\.\.; render depth or",
     ):
         detect(foreign_exr.write(tmp_path / "a.exr", layers, BLENDER))
 

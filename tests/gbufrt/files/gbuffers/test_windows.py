@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -84,6 +85,29 @@ def test_stereo_parts_and_layers_of_nuke_are_read(tmp_path: Path) -> None:
         assert np.allclose(g.depth[0, 0].numpy()[T["hit"]], T["planar"][T["hit"]], rtol=1e-6)
         assert np.allclose(g.motion[0].numpy().transpose(1, 2, 0)[T["hit"]], T["motion"][T["hit"]], atol=1e-5)
         assert float(frame.composite.max()) == 0.5
+
+
+NORMAL = dict(zip("XYZ", np.moveaxis(T["normal"], -1, 0), strict=True))
+
+
+@pytest.mark.parametrize(
+    "parts",
+    [
+        {"rgba.main": dict.fromkeys("RGB", 0.5), "depth.main": {"Z": T["planar"]}, "N.main": NORMAL},
+        {"rgba": dict.fromkeys("RGB", 0.5) | {"Z": T["planar"]}, "N": {f"N.{c}": v for c, v in NORMAL.items()}},
+    ],
+    ids=["nuke 13, one view", "gaffer"],
+)
+def test_parts_of_a_layer_each_are_read(parts: dict[str, Any], tmp_path: Path) -> None:
+    """Named as in files of Nuke 13.1, whose only view ends the names of parts, and of Gaffer 0.62."""
+    planes = {
+        part: {name: np.where(T["hit"], value, 0) for name, value in layer.items()} for part, layer in parts.items()
+    }
+    path = write_parts(tmp_path / "parts.exr", planes, ("main",))
+    assert (detect(path).name, detect(path).certainty > 0.3) == ("nuke", True)
+    frame = read_gbuffer(path, camera=CAMERA)
+    assert frame.composite is not None
+    assert np.allclose(frame.gbuffer.depth[0, 0].numpy()[T["hit"]], T["planar"][T["hit"]], rtol=1e-6)
 
 
 def test_files_of_one_pass_each_make_one_frame(tmp_path: Path) -> None:

@@ -61,6 +61,14 @@ def test_families_follow_their_table():
     assert tint_of("water", "swamp") != tint_of("water", "plains")
 
 
+def test_blocks_of_mods_have_the_colour_of_what_their_names_end_in():
+    """As in a world of Twilight Forest, whose wood was grey."""
+    names = ("canopy_leaves", "canopy_log", "canopy_fence", "stripped_canopy_log", "canopy_bark", "ruby_ore")
+    kinds = ("oak_leaves", "oak_log", "oak_planks", "oak_planks", "oak_log", "stone")
+    assert [color(name) for name in names] == [color(kind) for kind in kinds]
+    assert color("marble_stairs") is None
+
+
 def test_layers_and_light():
     assert material("stone", "").opacity == 1
     assert 0.05 < material("oak_leaves", "jungle").albedo[1] < 0.4

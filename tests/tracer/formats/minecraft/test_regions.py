@@ -12,7 +12,7 @@ pytest.importorskip("nbtlib", reason="needs gbufrt[worlds]")
 pytest.importorskip("lz4", reason="needs gbufrt[worlds]")
 
 import torch
-from nbtlib import Compound, Double, File, IntArray, List, String
+from nbtlib import Compound, Double, File, Int, IntArray, List, String
 from writers.region import (
     CUBES,
     STATES,
@@ -166,3 +166,20 @@ def test_a_folder_without_regions_and_parts_of_other_worlds_are_refused(tmp_path
         Selection(box=(0, 0, 0, 4, 4, 4), chunks=3)
     with pytest.raises(ValueError, match=r"chunks must lie in 1\.\.64"):
         Selection(chunks=0)
+
+
+@pytest.mark.parametrize("place", ["region", "DIM7/region"])
+@pytest.mark.parametrize("old", [False, True])
+def test_blocks_of_mods_before_1_13_have_the_names_that_forge_lists(place: str, old: bool, tmp_path: Path):
+    mark = "\x01" if old else ""
+    listed = [{"K": String(f"{mark}twilightforest:twilight_log"), "V": Int(253)}]
+    listed += [{"K": String("\x02twilightforest:ore_meter"), "V": Int(253)}] if old else []
+    ids = List[Compound]([Compound(entry) for entry in listed])
+    forge = {"ItemData": ids} if old else {"Registries": Compound({"minecraft:blocks": Compound({"ids": ids})})}
+    tags = chunk("1.12", 0, 0, [section("1.12", 4, np.zeros(4096, np.int64), ("253:0",))])
+    (tmp_path / place).mkdir(parents=True)
+    file = write_region(tmp_path / place / "r.0.0.mca", {(0, 0): tags})
+    with pytest.warns(UserWarning, match="1 unknown block is drawn grey: legacy_253"):
+        read_minecraft(file)
+    File({"FML": Compound(forge)}).save(str(tmp_path / "level.dat"), gzipped=True)
+    assert read_minecraft(file).unknown == ()
