@@ -16,5 +16,7 @@ POOL = 3  # pixels to each side over which variance is pooled
 
 WINDOW = -4.0  # exp of this times squared pixels: a Blackman-Harris window narrowed until it nears a pixel's area
 BRIGHTEST = 1.0 - 1e-6  # of tone-mapped luminance
-IN_FRONT = 0.98  # share of a pixel's depth below which a neighbour is in front of it, not of its own surface
+IN_FRONT = 0.98  # share of the least depth of a pixel's plane in 3x3, below which a neighbour is another surface
+BODY = 1.1  # of the depth of the nearest pixel in 3x3: what is in front and up to as deep is one body
+GRAZING = 1e-6  # cosine: planes that are seen so edge-on would divide by zero
 SHARP = 4.0  # frames of a TAA history that is read halfway between pixels in one direction each time; 2 in both

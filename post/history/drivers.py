@@ -12,7 +12,7 @@ from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
 from post.history.correspondence_kernel import EXPECTED, Channels, Past, expected_row, lens_at, shift_row
 from post.history.read_kernel import any_wanted, leave_out, read_row
-from post.history.taa_kernel import box_row, fetch_row, light_row, mix_row, nearest_row, resample_row, tone_row
+from post.history.taa_kernel import box_row, fetch_row, front_row, light_row, mix_row, resample_row, tone_row
 
 cuda: Any = numba.cuda
 PIECE = 64  # pixels of a row that are read at a time, or not at all where none of them is wanted
@@ -100,44 +100,48 @@ tone_each = Each(tone_pixel)
 
 
 @driver
-def anti_alias_rows(out, new, lengths, toned, weights, depth, motion, before, ages, longest, gamma, threads):
+def anti_alias_rows(
+    out, new, lengths, toned, weights, depth, normal, rays, motion, before, ages, parallel, longest, gamma, threads
+):
     """Colours, and the history after this frame."""
     batch, _, height, width = toned.shape
     for thread in prange(threads):
         current, old = np.empty((3, width), np.float32), np.empty((3, width), np.float32)
         mean, extent = np.empty((3, width), np.float32), np.empty((3, width), np.float32)
         sums, which = np.empty((6, width + 2), np.float32), np.empty(width, np.int32)
-        age, nearest = np.empty(width, np.float32), np.empty(width, np.float32)
-        scratch = current, old, mean, extent, sums, which, nearest, age
+        age, in_front = np.empty(width, np.float32), np.empty((2, width), np.float32)
+        scratch = current, old, mean, extent, sums, which, in_front, age
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            given = toned[b], weights[b], depth[b], motion[b], before[b], ages[b]
-            _alias_row(out[b], new[b], lengths[b], given, scratch, longest, gamma, y, 0, width)
+            given = toned[b], weights[b], depth[b], normal[b], rays[b], motion[b], before[b], ages[b]
+            _alias_row(out[b], new[b], lengths[b], given, scratch, parallel, longest, gamma, y, 0, width)
 
 
 @scalar
-def alias_pixel(i, out, new, lengths, toned, weights, depth, motion, before, ages, longest, gamma):
+def alias_pixel(
+    i, out, new, lengths, toned, weights, depth, normal, rays, motion, before, ages, parallel, longest, gamma
+):
     """As `anti_alias_rows`, one pixel."""
     b, y, x = pixel_of(i, toned.shape[2], toned.shape[3])
     current, old = cuda.local.array((3, 1), np.float32), cuda.local.array((3, 1), np.float32)
     mean, extent = cuda.local.array((3, 1), np.float32), cuda.local.array((3, 1), np.float32)
     sums, which = cuda.local.array((6, 3), np.float32), cuda.local.array(1, np.int32)
-    nearest, age = cuda.local.array(1, np.float32), cuda.local.array(1, np.float32)
-    given = toned[b], weights[b], depth[b], motion[b], before[b], ages[b]
-    scratch = current, old, mean, extent, sums, which, nearest, age
-    _alias_row(out[b], new[b], lengths[b], given, scratch, longest, gamma, y, x, x + 1)
+    in_front, age = cuda.local.array((2, 1), np.float32), cuda.local.array(1, np.float32)
+    given = toned[b], weights[b], depth[b], normal[b], rays[b], motion[b], before[b], ages[b]
+    scratch = current, old, mean, extent, sums, which, in_front, age
+    _alias_row(out[b], new[b], lengths[b], given, scratch, parallel, longest, gamma, y, x, x + 1)
 
 
 alias_each = Each(alias_pixel)
 
 
 @scalar
-def _alias_row(out, new, lengths, given, scratch, longest, gamma, y, first, end):
+def _alias_row(out, new, lengths, given, scratch, parallel, longest, gamma, y, first, end):
     """Pixels ``first`` to ``end`` of a row."""
-    toned, weights, depth, motion, before, ages = given
-    current, old, mean, extent, sums, which, nearest, age = scratch
+    toned, weights, depth, normal, rays, motion, before, ages = given
+    current, old, mean, extent, sums, which, in_front, age = scratch
     resample_row(current, sums[0], toned, weights, y, first, end)
-    nearest_row(which, nearest, depth, y, first, end)
+    front_row(which, in_front[0], in_front[1], depth, normal, rays, parallel, y, first, end)
     fetch_row(old, age, which, motion, before, ages, y, first)
     box_row(mean, extent, sums, toned, current, y, first, end, np.float32(gamma))
     mix_row(new, lengths, current, old, age, mean, extent, np.float32(longest), y, first, end)

@@ -83,9 +83,12 @@ def anti_alias_cpu(
     color: Tensor,
     weights: Tensor,
     depth: Tensor,
+    normal: Tensor,
+    rays: Tensor,
     motion: Tensor,
     before: Tensor,
     age: Tensor,
+    parallel: bool,
     blend: float,
     gamma: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
@@ -94,8 +97,8 @@ def anti_alias_cpu(
     from post.history.drivers import alias_each, anti_alias_rows, tone_each, tone_rows
 
     toned, new, out = (torch.empty_like(color, memory_format=torch.contiguous_format) for _ in range(3))
-    length, options = torch.empty_like(age, memory_format=torch.contiguous_format), (longest(blend), gamma)
-    pictures = (out, new, length[:, 0], toned, weights, depth[:, 0], motion, before, age[:, 0])
+    length, options = torch.empty_like(age, memory_format=torch.contiguous_format), (parallel, longest(blend), gamma)
+    pictures = (out, new, length[:, 0], toned, weights, depth[:, 0], normal, rays, motion, before, age[:, 0])
     if form_of(color, cuda=True) is Form.CUDA:
         tone_each(age.numel(), toned, color)
         alias_each(age.numel(), *pictures, *options)
@@ -106,7 +109,7 @@ def anti_alias_cpu(
 
 
 @anti_alias_cpu.register_fake
-def _(color, weights, depth, motion, before, age, blend, gamma):
+def _(color, weights, depth, normal, rays, motion, before, age, parallel, blend, gamma):
     out = torch.empty_like(color, memory_format=torch.contiguous_format)
     return out, torch.empty_like(out), torch.empty_like(age, memory_format=torch.contiguous_format)
 
@@ -168,6 +171,9 @@ def anti_alias(
     before: Tensor | None,
     age: Tensor,
     *,
+    normal: Tensor | None = None,
+    rays: Tensor | None = None,
+    parallel: bool = False,
     blend: float,
     gamma: float,
     compiled: bool | None = None,
@@ -177,10 +183,14 @@ def anti_alias(
     Args:
         color: ``(B, 3, H, W)`` linear radiance, finite.
         jitter: ``(B, 2)`` pixels, or None: where this frame's samples lie beside the pixel centres.
-        depth: ``(B, 1, H, W)``, any unit in which a nearer surface has less, misses included.
+        depth: ``(B, 1, H, W)`` planar view z, world units; infinite where nothing was hit.
         motion: ``(B, 2, H, W)`` pixels, previous minus current.
         before: ``(B, 3, H, W)`` the second result of the frame before; None at first.
         age: ``(B, 1, H, W)`` the third result of the frame before; 0 where there is no history.
+        normal: ``(B, 3, H, W)`` world space; by default as if every surface faced the camera.
+        rays: ``(B, 3, 3)`` world space: by how much rays of planar view z 1 change from column to column and from row
+            to row, and that through column 0 and row 0; for orthographic cameras, places and the view axis.
+        parallel: the camera is orthographic.
         blend: see `post.taa`.
         gamma: see `post.taa`.
         compiled: see `gbufrt.compute.dispatch.form_of`.
@@ -188,12 +198,14 @@ def anti_alias(
     Returns:
         ``(B, 3, H, W)`` linear radiance, the same tone-mapped, and ``(B, 1, H, W)`` its age in frames.
     """
-    tunables = (blend, gamma)
-    if form_of(color, jitter, depth, motion, before, age, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
-        return anti_alias_reference(color, jitter, depth, motion, before, age, *tunables)
+    if normal is None or rays is None:
+        normal, rays = torch.zeros_like(color), color.new_zeros(color.shape[0], 3, 3)
+    tunables, planes = (blend, gamma), (depth, normal, rays, motion, before, age)
+    if form_of(color, jitter, *planes, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
+        return anti_alias_reference(color, jitter, *planes, parallel, *tunables)
     steps = torch.arange(-1, 2, device=color.device)
     window = (steps == 0) if jitter is None else torch.exp(WINDOW * (jitter[:, :, None] + steps) ** 2)
     weights = window.to(color.dtype).expand(color.shape[0], 2, 3)
     if before is None:
         before, age = color, torch.zeros_like(age)
-    return anti_alias_cpu(color, weights, depth, motion, before, age, *map(float, tunables))
+    return anti_alias_cpu(color, weights, depth, normal, rays, motion, before, age, parallel, *map(float, tunables))

@@ -17,8 +17,10 @@ from post.history.color_kernel import luminance, ycocg
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 THREE_HALVES, TWO, FIVE_HALVES, NINTH = np.float32(1.5), np.float32(2), np.float32(2.5), np.float32(1 / 9)
-IN_FRONT, QUARTER_SHARP = np.float32(constants.IN_FRONT), np.float32(constants.SHARP / 4)
+IN_FRONT, BODY, GRAZING = np.float32(constants.IN_FRONT), np.float32(constants.BODY), np.float32(constants.GRAZING)
+QUARTER_SHARP = np.float32(constants.SHARP / 4)
 TINY, LEAST, BRIGHTEST = np.float32(1e-12), np.float32(1e-6), np.float32(constants.BRIGHTEST)
+NONE, NOWHERE = np.float32(-np.inf), np.float32(np.inf)
 
 
 @scalar
@@ -95,20 +97,42 @@ def box_row(mean, extent, sums, toned, current, y, first, end, gamma):
 
 
 @scalar
-def nearest_row(which, nearest, depth, y, first, end):
-    """Which of the 3x3 pixels around is nearest to the camera and in front of each pixel, counted in rows of three."""
+def front_row(which, farthest, limit, depth, normal, rays, parallel, y, first, end):
+    """Which of the 3x3 pixels around is the farthest of the body in front of each pixel's plane, in rows of three."""
     height, width = depth.shape
+    here, line = depth[y, first:end], np.float32(y)
+    nx, ny, nz = normal[0, y, first:end], normal[1, y, first:end], normal[2, y, first:end]
+    ax, ay, az, bx, by, bz = rays[0, 0], rays[1, 0], rays[2, 0], rays[0, 1], rays[1, 1], rays[2, 1]
+    cx, cy, cz = rays[0, 2], rays[1, 2], rays[2, 2]
     for x in range(end - first):
-        nearest[x], which[x] = depth[y, first + x] * IN_FRONT, 4
+        across, down = nx[x] * ax + ny[x] * ay + nz[x] * az, nx[x] * bx + ny[x] * by + nz[x] * bz
+        along = nx[x] * cx + ny[x] * cy + nz[x] * cz
+        along += ZERO if parallel else np.float32(first + x) * across + line * down
+        facing, slope = abs(along) + GRAZING, abs(across) + abs(down)
+        lean = slope / facing if slope >= ZERO else ZERO  # not a number counts as none
+        limit[x] = IN_FRONT * (here[x] - lean if parallel else here[x] / (ONE + lean))
+    nearest = farthest
+    nearest[: end - first] = NOWHERE
+    for k in range(9):
+        row, dx = y + k // 3 - 1, k % 3 - 1
+        begin, stop = max(-dx, first), min(width - dx, end)
+        if 0 <= row < height and begin < stop:
+            there, least = depth[row, begin + dx : stop + dx], nearest[begin - first : stop - first]
+            for i in range(least.shape[0]):
+                least[i] = there[i] if there[i] < least[i] else least[i]
+    for x in range(end - first):
+        body = nearest[x] * BODY
+        limit[x] = body if body < limit[x] else limit[x]
+        farthest[x], which[x] = NONE, 4
     for k in range(9):
         row, dx = y + k // 3 - 1, k % 3 - 1
         begin, stop, index = max(-dx, first), min(width - dx, end), np.int32(k)
         if 0 <= row < height and begin < stop:
-            there, best = depth[row, begin + dx : stop + dx], nearest[begin - first : stop - first]
-            found = which[begin - first : stop - first]
+            there, below = depth[row, begin + dx : stop + dx], limit[begin - first : stop - first]
+            found, best = which[begin - first : stop - first], farthest[begin - first : stop - first]
             for i in range(best.shape[0]):
-                closer = there[i] < best[i]
-                found[i], best[i] = index if closer else found[i], there[i] if closer else best[i]
+                better = there[i] < below[i] and there[i] > best[i]
+                found[i], best[i] = index if better else found[i], there[i] if better else best[i]
 
 
 @inlined
@@ -124,7 +148,7 @@ def _weights(f):
 
 @scalar
 def fetch_row(old, age, which, motion, before, ages, y, first):
-    """The history where the nearest surfaces were, as `catmull_rom.catmull_rom` reads it, and its age or 0."""
+    """The history where the surfaces in front were, as `catmull_rom.catmull_rom` reads it, and its age or 0."""
     _, height, width = before.shape
     for x in range(age.shape[0]):
         row, column = y + which[x] // 3 - 1, first + x + which[x] % 3 - 1

@@ -10,16 +10,19 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.filters.edges import offsets, padded, windows
 from post.history.catmull_rom import catmull_rom
-from post.history.constants import BRIGHTEST, IN_FRONT, SHARP, WINDOW
+from post.history.constants import BODY, BRIGHTEST, GRAZING, IN_FRONT, SHARP, WINDOW
 
 
 def anti_alias_reference(
     color: Tensor,
     jitter: Tensor | None,
     depth: Tensor,
+    normal: Tensor,
+    rays: Tensor,
     motion: Tensor,
     before: Tensor | None,
     age: Tensor,
+    parallel: bool,
     blend: float,
     gamma: float,
 ) -> tuple[Tensor, Tensor, Tensor]:
@@ -28,7 +31,7 @@ def anti_alias_reference(
     current = _resampled(toned, jitter)
     length = torch.ones_like(age)
     if before is not None:
-        px = pixel_centers(color) + dilated(motion, depth)
+        px = pixel_centers(color) + dilated(motion, depth, normal, rays, parallel)
         visible = inside(px, (color.shape[-2], color.shape[-1])) & (sample(age, px, mode="nearest") > 0)
         age = torch.where(visible, torch.minimum(sample(age, px, mode="nearest"), sharp_for(px) - 1), 0.0)
         old = _clipped(catmull_rom(before, px), toned, current, gamma)
@@ -65,17 +68,32 @@ def _resampled(image: Tensor, jitter: Tensor | None) -> Tensor:
     return result / total
 
 
-def dilated(motion: Tensor, depth: Tensor) -> Tensor:
-    """Motion of the nearest surface among 3x3, where it is in front: an edge moves with that."""
+def dilated(motion: Tensor, depth: Tensor, normal: Tensor, rays: Tensor, parallel: bool) -> Tensor:
+    """Motion of the body that is in front in 3x3, at its edge: the edge moves with that.
+
+    A pixel's own surface may be nearer beside it, up to where its plane is, but moves otherwise there. Of the nearest
+    body in front the farthest pixel is the one at the edge, as bodies curve.
+    """
     height, width = depth.shape[-2:]
+    across, down, along = torch.einsum("bchw,bck->bkhw", normal.to(depth), rays.to(depth)).split(1, dim=1)
+    if not parallel:
+        column, row = (pixel_centers(depth) - 0.5).split(1, dim=1)
+        along = along + column * across + row * down
+    facing, slope = along.abs() + GRAZING, across.abs() + down.abs()
+    lean = torch.where(slope >= 0, slope / facing, 0.0)  # not a number counts as none
+    limit = IN_FRONT * (depth - lean if parallel else depth / (1 + lean))
     around = F.pad(depth, (1, 1, 1, 1), value=float("inf"))
     moved = F.pad(motion, (1, 1, 1, 1))
-    nearest, result = depth * IN_FRONT, motion
-    for dy, dx in offsets(1):
-        y, x = slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)
-        closer = around[..., y, x] < nearest
-        nearest = torch.where(closer, around[..., y, x], nearest)
-        result = torch.where(closer, moved[..., y, x], result)
+    views = [(slice(1 + dy, 1 + dy + height), slice(1 + dx, 1 + dx + width)) for dy, dx in offsets(1)]
+    nearest = torch.full_like(depth, torch.inf)
+    for y, x in views:
+        nearest = torch.where(around[..., y, x] < nearest, around[..., y, x], nearest)
+    limit = torch.where(BODY * nearest < limit, BODY * nearest, limit)
+    farthest, result = torch.full_like(depth, -torch.inf), motion
+    for y, x in views:
+        better = (around[..., y, x] < limit) & (around[..., y, x] > farthest)
+        farthest = torch.where(better, around[..., y, x], farthest)
+        result = torch.where(better, moved[..., y, x], result)
     return result
 
 

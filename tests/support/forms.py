@@ -27,6 +27,7 @@ from post.history.read import read_history
 from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
+from post.passes.lens.taa import rays_of
 from post.passes.lens.upscale import upscale
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
@@ -84,7 +85,9 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
     geometry, moved = surface(g.depth, g.normal, g.hit, g.camera), light[:, :2] * 3 - 1
     sharp, found = (read_history(g, before, light, search=not how, sharp=how, lenient=not how) for how in (True, False))
     jitter, old = light.new_full((1, 2), 0.2), light.flip(3) / 2
-    aliased = anti_alias(light, jitter, g.depth, moved, old, g.hit.float(), blend=0.9, gamma=1.0)
+    aliased = anti_alias(
+        light, jitter, g.depth, moved, old, g.hit.float(), normal=g.normal, rays=rays_of(g.camera), blend=0.9, gamma=1.0
+    )
     return {
         "aliased": torch.cat(aliased, dim=1),
         "toned": tone_curve(light, light.new_full((), 2.0), "agx", 1.2, 1.2, 4.0),

@@ -7,7 +7,7 @@ import math
 import torch
 from torch import Tensor
 
-from gbufrt import Frame, GBuffer, History, TemporalPass
+from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.history import check_history
 from gbufrt.mending import finite
@@ -27,8 +27,8 @@ def taa(
     """Average jittered frames into one anti-aliased picture on the grid without jitter.
 
     Each frame is resampled to pixel centres by a narrow Gaussian window around its jittered samples. The history is
-    read with Catmull-Rom weights along the motion of the nearest surface in 3x3, if that is in front of the pixel's
-    own, and clipped in YCoCg to the mean and variance of the current 3x3 pixels. It holds fewer frames where it is read
+    read with Catmull-Rom weights along the pixel's motion, or that of the edge of a body in front of its plane in 3x3,
+    and clipped in YCoCg to the mean and variance of the current 3x3 pixels. It holds fewer frames where it is read
     between pixels, since every such read softens it: four where halfway in one direction, two in both. All colours are
     weighted by 1 / (1 + luminance), so that bright edges are anti-aliased as they will be displayed.
 
@@ -58,15 +58,31 @@ def taa(
             "start with state=None after a change of size"
         )
     color = finite(color)  # the history would keep a bad pixel for ever
-    depth = torch.where(gbuffer.hit, gbuffer.depth, gbuffer.camera.far * 2)
+    depth = torch.where(gbuffer.hit, gbuffer.depth, torch.inf)
     if history is not None and history.gbuffer is not None:
         before, age = history.signals["toned"], history.length
         motion = motion_of(gbuffer, history.gbuffer.camera)[0]
     else:
         before, age, motion = None, torch.zeros_like(gbuffer.depth), torch.zeros_like(color[:, :2])
-    resolved = anti_alias(color, gbuffer.camera.jitter, depth, motion, before, age, blend=blend, gamma=gamma)
-    result, toned, length = resolved
+    camera = gbuffer.camera
+    normal = (gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo).detach().to(depth)
+    result, toned, length = anti_alias(
+        color, camera.jitter, depth, motion, before, age,
+        normal=normal, rays=rays_of(camera).to(depth), parallel=camera.orthographic, blend=blend, gamma=gamma,
+    )  # fmt: skip
     return result, History(length=length, signals={"toned": toned}, gbuffer=gbuffer.geometry())
+
+
+@torch.no_grad()
+def rays_of(camera: Camera) -> Tensor:
+    """``(B, 3, 3)``, see `anti_alias`."""
+    focal_x, focal_y, center_x, center_y, jitter_x, jitter_y = camera.lens.unbind(1)
+    zero, one = torch.zeros_like(focal_x), torch.ones_like(focal_x)
+    x, y = (0.5 + jitter_x - center_x) / focal_x, (0.5 + jitter_y - center_y) / focal_y
+    if camera.orthographic:
+        x, y = zero, zero
+    seen = torch.stack([1 / focal_x, zero, x, zero, 1 / focal_y, y, zero, zero, one], dim=1).unflatten(1, (3, 3))
+    return camera.rotation_to_view.mT @ seen
 
 
 class TAA(TemporalPass):
@@ -77,8 +93,8 @@ class TAA(TemporalPass):
         gamma: see `taa`.
     """
 
-    reads = frozenset({"depth", "hit", "color"})
-    optional = frozenset({"motion"})
+    reads = frozenset({"depth", "normal", "hit", "color"})
+    optional = frozenset({"motion", "normal_geo"})
     writes = frozenset({"color"})
 
     def __init__(self, *, blend: float = 0.93, gamma: float = 1.25) -> None:

@@ -10,6 +10,8 @@ import torch
 from torch import Tensor
 
 from post.history.op import anti_alias, anti_alias_cpu
+from post.history.taa_reference import dilated
+from post.passes.lens.taa import rays_of
 
 BLEND, GAMMA = 0.93, 1.25
 FORMS = (True, False)
@@ -31,7 +33,10 @@ def inputs(size: tuple[int, int] = (127, 73), *, orthographic: bool = False, sky
     return {
         "color": color,
         "jitter": torch.tensor([[0.31, -0.22]]),
-        "depth": torch.where(g.hit, g.depth, 2 * camera.far),
+        "depth": torch.where(g.hit, g.depth, torch.inf),
+        "normal": g.normal,
+        "rays": rays_of(camera),
+        "parallel": orthographic,
         "motion": g.motion + 0.2 * noise(size, 2, 1) + torch.tensor([1.3, -0.6]).view(1, 2, 1, 1),
         "before": (toned * (0.6 + 0.8 * noise(size, 3, 2))).clamp_max(0.98),
         "age": torch.floor(16 * noise(size, 1, 3)) * (noise(size, 1, 4) > 0.1),
@@ -87,10 +92,15 @@ def test_other_inputs(change: str) -> None:
     assert not torch.equal(got[0], ordinary[0])
 
 
-def test_the_nearest_surface_moves_an_edge() -> None:
+def wall(size: tuple[int, int] = (15, 15)) -> dict[str, Any]:
+    """A wall that faces the camera, and stays."""
+    still = {"depth": torch.full((1, 1, *size), 9.0), "motion": torch.zeros(1, 2, *size)}
+    return {name: given for name, given in inputs(size).items() if name not in ("normal", "rays")} | still
+
+
+def test_what_is_in_front_moves_an_edge() -> None:
     """A near pixel in the middle moves; those around it move with it, and all others stay."""
-    given = inputs((15, 15))
-    given["depth"], given["motion"] = torch.full((1, 1, 15, 15), 9.0), torch.zeros(1, 2, 15, 15)
+    given = wall()
     given["depth"][..., 7, 7], given["motion"][..., 7, 7] = 2.0, 3.25
     got, want = both(given)
     assert_close(got, want)
@@ -99,6 +109,42 @@ def test_the_nearest_surface_moves_an_edge() -> None:
     assert bool(moved[6:9, 6:9].any())
     moved[6:9, 6:9] = False
     assert not moved.any()
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_leaning_surface_is_not_in_front_of_itself(parallel: bool) -> None:
+    """A surface that leans moves at one pixel: those beside it take that motion where it is off their plane alone."""
+    for off, expected in ((0.0, 1), (6.0, 9)):
+        given, camera = wall(), boxes.camera((15, 15), orthographic=parallel)
+        normal = camera.rotate_to_world(torch.tensor([0.8, 0.0, -0.6]).view(1, 3, 1, 1).expand(1, 3, 15, 15))
+        origin = camera.unproject(torch.zeros(1, 1, 15, 15))
+        facing = camera.rotate_to_view(normal)
+        along = (facing * (camera.unproject(torch.ones(1, 1, 15, 15)) - origin)).sum(1, keepdim=True)
+        given["depth"] = ((facing[:, 2:] * 9 - (facing * origin).sum(1, keepdim=True)) / along).contiguous()
+        plane = {"normal": normal, "rays": rays_of(camera), "parallel": parallel}
+        given["depth"][..., 7, 7] -= off
+        given["motion"][..., 7, 7] = 3.25
+        got, want = both(given | plane)
+        assert_close(got, want)
+        still = both(given | plane | {"motion": torch.zeros(1, 2, 15, 15)})[0]
+        assert int((got[1] != still[1]).any(dim=1).sum()) == expected
+
+
+def test_of_what_is_in_front_the_pixel_at_its_edge_counts() -> None:
+    """A body rounds off to the left; the wall beside it moves as the body does at its edge, not as where it is near.
+
+    In some rows a pole stands before the edge: the wall moves with that there.
+    """
+    given = wall()
+    given["age"][:] = 4.0
+    edge = 6.0 - 0.01 * torch.arange(15.0)  # so that no two rows are alike
+    given["depth"][..., 7], given["depth"][..., 8:] = edge, 5.7
+    given["motion"][..., 7] = 1.0
+    given["depth"][..., 10:, 7], given["motion"][..., 10:, 7] = 2.0, 2.0
+    moved = dilated(given["motion"], given["depth"], torch.zeros(1, 3, 15, 15), torch.zeros(1, 3, 3), False)
+    assert moved[0, 0, :, 6].tolist() == [1.0] * 9 + [2.0] * 6
+    got, want = both(given)
+    assert_close(got, want)
 
 
 def test_motion_and_depth_that_are_not_finite() -> None:
@@ -114,7 +160,9 @@ def test_motion_and_depth_that_are_not_finite() -> None:
 def test_batch_equals_loop() -> None:
     one, other = inputs(), inputs(orthographic=True)
     other["jitter"] = -one["jitter"]
-    together = anti_alias(**{n: torch.cat([one[n], other[n]]) for n in one}, blend=BLEND, gamma=GAMMA, compiled=True)
+    other["parallel"] = False
+    tensors: dict[str, Any] = {n: torch.cat([one[n], other[n]]) for n in one if n != "parallel"}
+    together = anti_alias(**tensors, blend=BLEND, gamma=GAMMA, compiled=True)
     for i, given in enumerate((one, other)):
         alone = anti_alias(**given, blend=BLEND, gamma=GAMMA, compiled=True)
         assert all(torch.equal(a[i : i + 1], b) for a, b in zip(together, alone, strict=True))
@@ -122,7 +170,7 @@ def test_batch_equals_loop() -> None:
 
 def test_threads_and_layout_do_not_matter() -> None:
     given, count = inputs(), torch.get_num_threads()
-    kept = {name: tensor.clone() for name, tensor in given.items()}
+    kept = {name: tensor.clone() for name, tensor in given.items() if name != "parallel"}
     want = anti_alias(**given, blend=BLEND, gamma=GAMMA, compiled=True)
     try:
         torch.set_num_threads(1)
@@ -144,5 +192,6 @@ def test_gradients_choose_the_reference(name: str) -> None:
 
 def test_operator_is_registered_properly() -> None:
     given = inputs((7, 9))
-    operands = (given["color"], torch.rand(1, 2, 3), *(given[n] for n in ("depth", "motion", "before", "age")))
+    planes = (given[n] for n in ("depth", "normal", "rays", "motion", "before", "age"))
+    operands = given["color"], torch.rand(1, 2, 3), *planes, False
     torch.library.opcheck(anti_alias_cpu, (*operands, BLEND, GAMMA), test_utils=("test_schema", "test_faketensor"))
