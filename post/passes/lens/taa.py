@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -59,21 +60,26 @@ def taa(
         )
     color = finite(color)  # the history would keep a bad pixel for ever
     depth = torch.where(gbuffer.hit, gbuffer.depth, torch.inf)
+    before, age, motion = None, torch.zeros_like(gbuffer.depth), torch.zeros_like(color[:, :2])
     if history is not None and history.gbuffer is not None:
         before, age = history.signals["toned"], history.length
         motion = motion_of(gbuffer, history.gbuffer.camera)[0]
-    else:
-        before, age, motion = None, torch.zeros_like(gbuffer.depth), torch.zeros_like(color[:, :2])
-    camera = gbuffer.camera
-    normal = (gbuffer.normal if gbuffer.normal_geo is None else gbuffer.normal_geo).detach().to(depth)
-    result, toned, length = anti_alias(
-        color, camera.jitter, depth, motion, before, age,
-        normal=normal, rays=rays_of(camera).to(depth), parallel=camera.orthographic, blend=blend, gamma=gamma,
-    )  # fmt: skip
+    given = color, gbuffer.camera.jitter, depth, motion, before, age
+    result, toned, length = anti_alias(*given, **_planes(gbuffer), blend=blend, gamma=gamma)
     return result, History(length=length, signals={"toned": toned}, gbuffer=gbuffer.geometry())
 
 
 @torch.no_grad()
+def _planes(g: GBuffer) -> dict[str, Any]:
+    """What `anti_alias` is to know of the planes that pixels show."""
+    normal = g.normal if g.normal_geo is None else g.normal_geo
+    return {
+        "normal": normal.detach().to(g.depth),
+        "rays": rays_of(g.camera).to(g.depth),
+        "parallel": g.camera.orthographic,
+    }
+
+
 def rays_of(camera: Camera) -> Tensor:
     """``(B, 3, 3)``, see `anti_alias`."""
     focal_x, focal_y, center_x, center_y, jitter_x, jitter_y = camera.lens.unbind(1)
