@@ -130,15 +130,16 @@ def read_history(
         taps = find_taps(*look, plane_tolerance, normal_tolerance, search, sharp, lenient)
         read = Reading(taps.fetch(image), taps.support, taps.valid, taps.lent)
         return read if wanted is None else Reading(*(torch.where(wanted, t, torch.zeros_like(t)) for t in read))
+    moved_z, depth, depth_then, facing, facing_then, pose, lens, was = steps  # operators have no gradient to pass on
     now, then = _ids(gbuffer, previous)
     none = gbuffer.hit[:, :, :0, :0]
     look = moved if motion is None else motion
     found = read_history_cpu(
         image,
-        [gbuffer.depth, normals[0], gbuffer.hit, now, moved, moved_z, look, none if wanted is None else wanted],
-        [previous.depth, normals[1], previous.hit, then, image[:, :1, :0, :0] if length is None else length],
-        torch.stack([lens, was], dim=1).to(moved),
-        pose.to(moved),
+        [depth, facing, gbuffer.hit, now, moved, moved_z, look, none if wanted is None else wanted],
+        [depth_then, facing_then, previous.hit, then, image[:, :1, :0, :0] if length is None else length],
+        torch.stack([lens, was], dim=1),
+        pose,
         previous.camera.orthographic,
         plane_tolerance,
         normal_tolerance,

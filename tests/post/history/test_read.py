@@ -63,3 +63,14 @@ def test_gradients_reach_what_was_lent():
     read_sharp(now, then, past, lenient=torch.ones_like(now.hit))[:, 0].sum().backward()
     assert past.grad is not None
     assert float(past.grad[:, 0].min()) > 0.5
+
+
+@pytest.mark.parametrize("channel", ["depth", "normal"])
+def test_geometry_that_wants_a_gradient_reads_a_history_that_has_none(channel):
+    g = side(0.7)
+    wanted = getattr(g, channel).clone().requires_grad_()
+    read = read_sharp(g.replace(**{channel: wanted}), g, state(8.0))
+    assert torch.equal(read, state(8.0))
+    (read.sum() + wanted.sum()).backward()  # in float32, where a kernel reads
+    assert wanted.grad is not None
+    assert bool((wanted.grad == 1).all())
