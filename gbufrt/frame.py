@@ -233,11 +233,11 @@ class Frame:
         replayed = {name: getattr(frame, name) for name in REPLAYED}
         return self.replace(gbuffer=moving, cut=frame.cut, behind=behind, **replayed)
 
-    def as_previous(self) -> Frame:
-        """What the next frame may read of this one: geometry and unblurred light."""
-        names = ("radiance", "ambient", "gi", "sky_visibility", "composite")
-        keep = {name: getattr(self, name) for name in names}
-        return Frame(gbuffer=self.gbuffer.geometry(), index=self.index, time=self.time, **keep)
+    def as_previous(self, names: Iterable[str] = ("radiance", "ambient", "gi", "sky_visibility", "composite")) -> Frame:
+        """What the next frame may read of this one: geometry and the signals called ``names``."""
+        keep = {name: getattr(self, name) for name in names if name in SIGNALS}
+        extra = {name: self.extra[name] for name in names if name in self.extra}
+        return Frame(gbuffer=self.gbuffer.geometry(), index=self.index, time=self.time, extra=extra, **keep)
 
 
 SIGNALS = channels_of(Frame)

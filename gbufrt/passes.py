@@ -26,12 +26,14 @@ class Stage(nn.Module):
 
     ``reads`` must be present, ``optional`` is used where present, ``writes`` is the result. Every keyword of the
     constructor is a tunable and is kept in an attribute of the same name. ``lacks`` says, by the name of an optional
-    input that comes with the frame, what is missing from the result without it; a pipeline tells that once.
+    input that comes with the frame, what is missing from the result without it; a pipeline tells that once. ``recalls``
+    names the signals that it reads of ``frame.previous``: a pipeline keeps no others.
     """
 
     reads: frozenset[str] = frozenset()
     optional: frozenset[str] = frozenset()
     writes: frozenset[str] = frozenset()
+    recalls: frozenset[str] = frozenset()
     lacks: Mapping[str, str] = MappingProxyType({})
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -52,8 +52,7 @@ class Pipeline(Branch):
         **stages: Stage | None,
     ) -> None:
         super().__init__(stages)
-        self.given, self.place = frozenset(given), Place(layer, reduction)
-        self._told = False
+        self.given, self.place, self._told = frozenset(given), Place(layer, reduction), False
         self._connect()
 
     def _connect(self) -> None:
@@ -75,6 +74,7 @@ class Pipeline(Branch):
             self.names |= {self.place.layer}
         if self.place.layer is None:  # stages on another layer do not read or write this frame's signals
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
+            self.recalls = frozenset().union(*(stage.recalls for stage in self._stages().values()))
             self.writes = self.place.returned(written)
 
     def __call__(
@@ -112,7 +112,7 @@ class Pipeline(Branch):
             if seen is not None:
                 seen, inside = self._inside(seen, state or inside)
                 frame = self.place.leave(frame, seen, self._written())
-            previous = remember(frame.as_previous())
+            previous = remember(frame.as_previous(self.recalls))
         state = PipelineState(stages=inside.stages, previous=previous, saw=inside.saw)
         return frame.replace(previous=None), state if keep_graph else state.detach()
 

@@ -24,9 +24,9 @@ import torch
 from torch import Tensor
 
 from gbufrt.demands.inputs import check_frame
-from gbufrt.files.guard import Part, read_parts, silence
+from gbufrt.files.guard import read_parts, silence
 from gbufrt.files.header import ATTRIBUTE, CONVENTIONS, FORMAT, camera_in, read_attribute, standard_matrices
-from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, layer_of, planes_of
+from gbufrt.files.layers import COMPRESSIONS, MAIN, Compression, Packed, Planes, layer_of, planes_of
 from gbufrt.files.output import atomic, check_ending
 from gbufrt.files.precision import PRECISIONS, Precision
 from gbufrt.frame import SIGNALS, Frame
@@ -122,8 +122,10 @@ def read_exr(path: str | Path) -> Frame:
         ValueError: not an OpenEXR file, damaged, of absurd size, without gbufrt's attribute, or without what every
             frame has.
     """
-    parts = {part.name: part for part in read_parts(path)}
-    head = read_attribute(path, parts.values())
+    parts = read_parts(path)
+    head = read_attribute(path, parts)
+    planes = {part.name: dict(part.channels) for part in parts}
+    del parts  # so that each plane is let go of once its layer is made
     layers = head.get("layers")
     if isinstance(layers, dict) and not layers.keys() >= set(REQUIRED):
         raise ValueError(
@@ -131,7 +133,7 @@ def read_exr(path: str | Path) -> Frame:
             f"{', '.join(REQUIRED)} too (--only)"
         )
     try:
-        return _unpack(head, parts)
+        return _unpack(head, planes)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError, RuntimeError) as error:
         raise ValueError(f"{path} is damaged: {_reason(error)}") from error
 
@@ -156,8 +158,10 @@ def best_picture(frame: Frame) -> Tensor:
     return frame.gbuffer.normal * 0.5 + 0.5 if albedo is None else albedo
 
 
-def _unpack(head: Mapping[str, Any], parts: Mapping[str, Part]) -> Frame:
-    layers: dict[str, Any] = {name: layer_of(name, row, parts) for name, row in head["layers"].items()}
+def _unpack(head: Mapping[str, Any], planes: Planes) -> Frame:
+    layers: dict[str, Any] = {name: layer_of(name, row, planes) for name, row in head["layers"].items()}
+    if _same_bits(layers.get("normal"), layers.get("normal_geo")):
+        layers["normal_geo"] = layers["normal"]  # one tensor, as of voxels: three planes less
     before = head["previous_camera"]
     gbuffer = GBuffer(
         camera=camera_in(head["camera"]),
@@ -171,10 +175,16 @@ def _unpack(head: Mapping[str, Any], parts: Mapping[str, Part]) -> Frame:
         cut=None if head["cut"] is None else torch.tensor([bool(head["cut"])]),
         emitters_sampled=bool(head["emitters_sampled"]),
         emitters_mirrored=bool(head.get("emitters_mirrored")),
-        behind=None if head["behind"] is None else _unpack(head["behind"], parts),
+        behind=None if head["behind"] is None else _unpack(head["behind"], planes),
         extra={name: tensor for name, tensor in layers.items() if name not in CHANNELS and name not in SIGNALS},
         **{name: tensor for name, tensor in layers.items() if name in SIGNALS},
     )
+
+
+def _same_bits(one: Tensor | None, other: Tensor | None) -> bool:
+    if one is None or other is None or not one.dtype == other.dtype == torch.float32:
+        return False
+    return torch.equal(one.view(torch.int32), other.view(torch.int32))
 
 
 def _number(name: str, value: Any, kind: Any, most: float) -> Any:

@@ -10,7 +10,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gbufrt.files.guard import Part
 from gbufrt.files.header import camera_out
 from gbufrt.files.precision import Precision, is_half, to_half
 from gbufrt.frame import LIGHT, SIGNALS, Frame
@@ -25,6 +24,8 @@ SUFFIXES = {"depth": "Z", "motion_z": "Z", "hit": "A"}
 VECTORS = {"normal", "normal_geo", "bent_normal"}
 NUMBERS = {"float32": np.float32, "float64": np.float32, "bool": np.float16}  # what a type is stored as, else uint32
 TYPES = ("float32", "bool", "int16", "int32", "int64")
+Planes = Mapping[str, dict[str, np.ndarray]]
+"""Channels of a file by part and name, ``(H, W)`` each."""
 
 
 @dataclass
@@ -98,18 +99,19 @@ def planes_of(tensor: Tensor, name: str = "", *, half: bool = False) -> Iterator
     return iter(np.ascontiguousarray(array.astype(NUMBERS[kind])))
 
 
-def layer_of(name: str, row: Mapping[str, Any], parts: Mapping[str, Part]) -> Tensor:
+def layer_of(name: str, row: Mapping[str, Any], parts: Planes) -> Tensor:
+    """The layer that a row of the header describes; its planes are taken out of their part."""
     kind = row["type"]
     if kind not in TYPES:
         raise ValueError(f"layer {name!r} has the unknown type {kind!r}")
-    channels = parts[row["part"]].channels
+    channels = parts[row["part"]]
     stored = np.dtype(NUMBERS.get(kind, np.uint32))
     if kind == "float32" and name in (*CHANNELS, *SIGNALS) and channels[row["channels"][0]].dtype == np.float16:
         stored = np.dtype(np.float16)
     for channel in row["channels"]:
         if channels[channel].dtype != stored:
             raise ValueError(f"channel {channel!r} must be {stored}, got {channels[channel].dtype}")
-    array = np.stack([channels[channel] for channel in row["channels"]])[None]
+    array = np.stack([channels.pop(channel) for channel in row["channels"]])[None]
     array = array.view(np.int32) if stored == np.uint32 else array
     return torch.from_numpy(array).to(getattr(torch, kind))
 

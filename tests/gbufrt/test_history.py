@@ -104,6 +104,7 @@ class Trail(TemporalPass):
     """Adds the light of all frames before, and half of what the frame before held."""
 
     reads, writes = frozenset({"radiance"}), frozenset({"composite"})
+    recalls = writes
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
         total = frame.read("radiance") + (0 if state is None else state.signals["total"])

@@ -160,3 +160,44 @@ def test_a_larger_picture_beside_the_gbuffer_names_enlarged(stage):
         Pipeline(given={"color"}, stage=stage)(frame)
     with pytest.raises(ValueError, match=r"color must be \(1,3,16,24\)"):
         taa(frame.read("color"), frame.gbuffer)
+
+
+class Fills(Pass):
+    """Writes a constant into signals."""
+
+    def __init__(self, *, names: tuple[str, ...]) -> None:
+        super().__init__()
+        self.names, self.writes = names, frozenset(names)
+
+    def forward(self, frame: Frame) -> Frame:
+        for name in self.names:
+            frame = frame.write(name, torch.full_like(frame.gbuffer.depth, 3.0))
+        return frame
+
+
+class Recalls(Pass):
+    """Adds what it finds of some signals in the frame before."""
+
+    writes = frozenset({"found"})
+
+    def __init__(self, *, names: tuple[str, ...]) -> None:
+        super().__init__()
+        self.names, self.recalls = names, frozenset(names)
+
+    def forward(self, frame: Frame) -> Frame:
+        found = [frame.previous.read(name) for name in self.names] if frame.previous is not None else []
+        return frame.write("found", sum(found, torch.zeros_like(frame.gbuffer.depth)))
+
+
+def test_only_what_passes_recall_is_kept_of_the_frame_before():
+    frame, recall = boxes.frame(boxes.camera((6, 8))), Recalls(names=("ao", "own"))
+    plain = Pipeline(fill=Fills(names=("ao", "own", "sky_visibility")))
+    nested = Pipeline(all=plain, after=Pipeline(recall=recall))
+    geometry = frame.as_previous(()).present
+    for built, kept in ((plain, geometry), (nested, (*geometry, "ao", "own"))):
+        _, state = built(frame)
+        assert state.previous is not None
+        assert state.previous.present == kept
+    _, state = nested(frame)
+    assert nested(frame.replace(index=1), state)[0].read("found").unique().tolist() == [6.0]
+    assert Pipeline(layer="behind", recall=recall).recalls == frozenset(), "the layer behind has no frame before"

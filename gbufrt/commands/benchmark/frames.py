@@ -76,8 +76,13 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
     from gbufrt.commands.recipe import Recipe
     from gbufrt.commands.session import bare
     from gbufrt.files.exr import read_exr
+    from gbufrt.specimen import specimen
 
-    pipeline, frame = Recipe(preset=preset).build(), bare(read_exr(path)).to(device)
+    pipeline, small = Recipe(preset=preset).build(), specimen().to(device)
+    with torch.no_grad():  # kernels are loaded first: a compiler's memory would lie between the frame's planes
+        _, state = pipeline(small)
+        pipeline(small.replace(index=1), state)
+    frame = bare(read_exr(path)).to(device)
     spent: dict[str, list[float]] = defaultdict(list)
 
     def now(_: str) -> float:

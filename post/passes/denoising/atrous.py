@@ -85,12 +85,12 @@ def atrous(
     signal, variance = finite(signal), None if variance is None else finite(variance)
     geometry = surface(depth, normal, hit, camera, unlike if roughness is None else roughness)
     if variance is None:
-        _, variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)
-    light, _ = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)
-    reach = reach_of(depth, roughness, confidence)
+        variance = spatial_moments(signal, geometry, radius=2, lead=lead, depth_sensitivity=phi_depth)[1].clone()
+    light = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=phi_depth)[0]  # no view of it is kept
     values = torch.cat([with_places(signal) if linear else signal, light, variance], dim=1)
     before = signal if linear else None
     del signal, light, variance  # a quarter of what the kernels need at once
+    reach = reach_of(depth, roughness, confidence)
     for iteration in range(iterations):
         values = wavelet(
             values, geometry, reach, step=2**iteration,

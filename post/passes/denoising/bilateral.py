@@ -88,9 +88,12 @@ def bilateral(
     geometry = surface(depth, normal, hit, camera, roughness)
     local, spread = spatial_moments(signal, geometry, lead=lead, depth_sensitivity=depth_sensitivity)
     variance = spread if variance is None else variance
+    values = torch.cat([signal, local], dim=1)
+    del signal, spread  # what is let go of here and below is a third of what the kernel needs at once
     width, tolerance = bilateral_limits(
         local, variance, sigma=sigma, sensitivity=variance_sensitivity, phi_color=phi_color
     )
+    del local, variance
     if roughness is not None:
         width = width * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)
     if confidence is not None:
@@ -98,8 +101,7 @@ def bilateral(
     if roughness is not None and distance is not None:
         lobe = LOBE * roughness.square() * distance * camera.pixels_per_unit(depth + distance)
         width = torch.minimum(width, lobe.clamp_min(1e-3))
-    values = torch.cat([signal, local], dim=1)
-    del signal, local, spread, variance  # a quarter of what the kernel needs at once
+        del lobe
     return joint_bilateral(
         values, geometry, width, tolerance,
         radius=radius, depth_sensitivity=depth_sensitivity, normal_power=normal_power,

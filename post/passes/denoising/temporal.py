@@ -93,8 +93,7 @@ def temporal(
     check_between(0, 1, blend=blend)
     check_between(0, math.inf, clamp=clamp, firefly=firefly, motion_response=motion_response)
     check_history(gbuffer, history, *STORED, *(("excess",) if excess else ()))
-    sized = {"distance": distance, "longest": longest, "lenient": lenient}
-    check_sizes(gbuffer.camera, depth=gbuffer.depth, signal=signal, **sized)
+    check_sizes(gbuffer.camera, depth=gbuffer.depth, signal=signal, distance=distance, longest=longest, lenient=lenient)
     check_lead(lead, signal)
     lead, signal = lead or signal.shape[1], finite(signal)  # the history would keep a bad pixel for ever
     names, state, given = (*STORED, "excess") if excess else STORED, None, signal if excess else None
@@ -102,7 +101,7 @@ def temporal(
     if history is not None and past is not None:
         history = history.take()
         state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names, lenient, rare)
-    del history  # what was read of it is in the state: both need not be in memory with what comes out
+    del history, distance  # what was read of it is in the state: both need not be in memory with what comes out
     rough = gbuffer.roughness if rare else None
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)
     if excess:

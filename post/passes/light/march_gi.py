@@ -137,6 +137,7 @@ class MarchGI(Pass):
         | {"motion", "motion_z", "object_id"}
     )
     writes = frozenset({"gi", "sky_visibility"})
+    recalls = frozenset({"gi"})
 
     def __init__(
         self,

@@ -142,7 +142,7 @@ class SSGI(Pass):
     optional = frozenset(
         {"metallic", "emission", "ambient", "surface_sky", "ao", "thickness", "motion", "motion_z", "object_id"}
     )
-    writes = frozenset({"gi", "sky_visibility"})
+    writes = recalls = frozenset({"gi", "sky_visibility"})
 
     def __init__(
         self,
