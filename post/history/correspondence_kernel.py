@@ -17,7 +17,7 @@ from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
 
 ZERO, HALF, ONE, NEAREST = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-9)
-STILL, FARTHEST = np.float32(constants.STILL), np.float32(constants.FARTHEST)
+STILL, FARTHEST, ANY_WAY = (np.float32(x) for x in (constants.STILL, constants.FARTHEST, constants.ANY_WAY))
 
 Lens = namedtuple("Lens", "focal_x focal_y center_x center_y jitter_x jitter_y")
 """In pixels."""
@@ -43,7 +43,11 @@ def lens_at(values):
 @inlined
 def point_of(past, place, row, column):
     """Position of a pixel of the previous frame in its view."""
-    z = past.depth[place]
+    return _point_at(past, past.depth[place], row, column)
+
+
+@inlined
+def _point_at(past, z, row, column):
     spread = ONE if past.parallel else z
     across = (np.float32(column) + HALF + past.lens.jitter_x - past.lens.center_x) / past.lens.focal_x
     down = (np.float32(row) + HALF + past.lens.jitter_y - past.lens.center_y) / past.lens.focal_y
@@ -95,3 +99,95 @@ def shift_row(out, motion, y, first, end):
             value = min(max(given[x] if given[x] == given[x] else ZERO, -FARTHEST), FARTHEST)
             whole = np.float32(math.floor(value + HALF))
             found[x] = whole if abs(value - whole) < STILL else value
+
+
+@scalar
+def _same(now, past, x, row, column, plane, normal):
+    """Whether a pixel of the previous frame shows the surface that pixel ``x`` of the row expects."""
+    if row < 0 or column < 0 or row >= past.height or column >= past.width:
+        return False
+    place, hit = row * past.width + column, now[HIT, x] > ZERO
+    if past.hit[place] != hit or (past.length.shape[0] > 0 and not past.length[place] > ZERO):
+        return False
+    if past.kind.shape[0] > 0 and np.float32(past.kind[place]) != now[OBJECT, x]:
+        return False
+    if not hit:
+        return True
+    across, down, away = point_of(past, place, row, column)
+    if normal <= ANY_WAY:
+        return abs(away - now[POINT + 2, x]) <= plane * now[FOOTPRINT, x]
+    distance = now[0, x] * (across - now[POINT, x]) + now[1, x] * (down - now[POINT + 1, x])
+    distance += now[2, x] * (away - now[POINT + 2, x])
+    cosine = ZERO
+    for c in range(3):
+        cosine += now[WORLD + c, x] * past.normal[c, place]
+    return abs(distance) <= plane * now[FOOTPRINT, x] and cosine >= normal
+
+
+@scalar
+def nearest_same(now, past, x, row_at, column_at, plane, normal):
+    """The nearest of the 3x3 pixels that shows the surface: whether there is one, its row and column."""
+    near_row, near_column = math.floor(row_at + HALF), math.floor(column_at + HALF)
+    found, best, best_row, best_column = False, np.float32(np.inf), np.int64(0), np.int64(0)
+    for dy in range(-1, 2):
+        for dx in range(-1, 2):
+            row, column = np.int64(near_row) + dy, np.int64(near_column) + dx
+            across, down = np.float32(column) - column_at, np.float32(row) - row_at
+            distance = across * across + down * down
+            if distance < best and _same(now, past, x, row, column, plane, normal):
+                found, best, best_row, best_column = True, distance, row, column
+    return found, best_row, best_column
+
+
+@scalar
+def keep_same(weights, places, scratch, now, past, columns, lines, dx, dy, plane, normal):
+    """Set to zero the shares of a tap that shows another surface; leave its place in the picture. See `_same`.
+
+    What is gathered goes to scratch first: a loop that gathers and computes is not vectorised.
+    """
+    hit, kind, count = now[HIT], now[OBJECT], pixels(weights.shape[0])
+    values, distance, cosine = scratch
+    for x in range(count):
+        column, line = columns[x] + dx, lines[x] + dy
+        inside = (column >= 0) & (column < past.width) & (line >= 0) & (line < past.height)
+        places[x] = line * past.width + column if inside else 0
+        weights[x] = weights[x] if inside else ZERO
+    for x in range(count):
+        weights[x] = weights[x] if past.hit[places[x]] == (hit[x] > ZERO) else ZERO
+    if past.length.shape[0] > 0:
+        gathered(values, past.length, places)
+        for x in range(count):
+            weights[x] = weights[x] if values[x] > ZERO else ZERO
+    if past.kind.shape[0] > 0:
+        gathered(values, past.kind, places)
+        for x in range(count):
+            weights[x] = weights[x] if values[x] == kind[x] else ZERO
+    gathered(distance, past.depth, places)
+    _distances(distance, now, past, columns, lines, dx, dy)
+    cosine[:] = ZERO
+    for c in range(3):
+        gathered(values, past.normal[c], places)
+        n = now[WORLD + c]
+        for x in range(count):
+            cosine[x] += n[x] * values[x]
+    footprint = now[FOOTPRINT]
+    for x in range(count):
+        same = (abs(distance[x]) <= plane * footprint[x]) & (cosine[x] >= normal)
+        weights[x] = weights[x] if same | (hit[x] == ZERO) else ZERO
+
+
+@inlined
+def gathered(values, picture, places):
+    """Fill scratch from places of a picture."""
+    for x in range(pixels(values.shape[0])):
+        values[x] = picture[places[x]]
+
+
+@inlined
+def _distances(distance, now, past, columns, lines, dx, dy):
+    """From the depth of each tap: how far it lies from the plane of the pixel that reads it."""
+    n_x, n_y, n_z = now[0], now[1], now[2]
+    p_x, p_y, p_z = now[POINT], now[POINT + 1], now[POINT + 2]
+    for x in range(pixels(distance.shape[0])):
+        across, down, away = _point_at(past, distance[x], lines[x] + dy, columns[x] + dx)
+        distance[x] = n_x[x] * (across - p_x[x]) + n_y[x] * (down - p_y[x]) + n_z[x] * (away - p_z[x])

@@ -11,7 +11,7 @@ from numba import prange
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
 from post.history.correspondence_kernel import EXPECTED, Channels, Past, expected_row, lens_at, shift_row
-from post.history.read_kernel import any_wanted, leave_out, read_row
+from post.history.read_kernel import ALL, ROWS, any_wanted, leave_out, read_row
 from post.history.taa_kernel import box_row, fetch_row, front_row, light_row, mix_row, resample_row, tone_row
 
 cuda: Any = numba.cuda
@@ -28,7 +28,7 @@ def read_rows(
     size = min(width, PIECE)
     for thread in prange(threads):
         columns, lines = np.empty(size, np.int32), np.empty(size, np.int32)
-        places, rows = np.empty((4, size), np.int64), np.empty((9, size), np.float32)
+        places, rows = np.empty((ALL, size), np.uint32), np.empty((ROWS, size), np.float32)
         now, shift = np.empty((EXPECTED, size), np.float32), np.empty((2, size), np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
@@ -52,7 +52,7 @@ def read_pixel(
     height, width = out.shape[2:]
     b, y, x = pixel_of(i, height, width)
     columns, lines = cuda.local.array(1, np.int32), cuda.local.array(1, np.int32)
-    places, rows = cuda.local.array((4, 1), np.int64), cuda.local.array((9, 1), np.float32)
+    places, rows = cuda.local.array((ALL, 1), np.uint32), cuda.local.array((ROWS, 1), np.float32)
     now, shift = cuda.local.array((EXPECTED, 1), np.float32), cuda.local.array((2, 1), np.float32)
     seen, moved = Channels(depth[b], normal[b], hit[b], kind[b]), (motion[b], motion_z[b], look[b])
     was = was_depth[b], was_normal[b], was_hit[b], was_kind[b], length[b]

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
+from gbufrt.compute.resident import waits
 from gbufrt.directions import length
 from post.mirrors.image import METAL, SMOOTH, tight_metals
 
@@ -15,33 +16,35 @@ SHARP, SMALL = 0.25, 0.5  # roughness below which images have strong contrasts; 
 TRUSTED = 0.1  # least share of a variance that such contrasts leave
 
 
-def glossy_metals(g: GBuffer) -> Tensor | None:
+def glossy_metals(g: GBuffer, tight: Tensor | None = None) -> Tensor | None:
     """``(B, 1, H, W)`` bool: metals that show highlights, or images too small for a filter of pixels.
 
-    None where the G-buffer does not tell.
+    None where the G-buffer does not tell. ``tight``: what `tight_metals` finds, where it is known already.
     """
     if g.roughness is None or g.metallic is None:
         return None
-    return g.hit & (g.metallic > METAL) & ((g.roughness >= SMOOTH) | tight_metals(g))
+    tight = tight_metals(g) if tight is None else tight
+    return g.hit & (g.metallic > METAL) & ((g.roughness >= SMOOTH) | tight)
 
 
-def contrasting(g: GBuffer) -> Tensor | None:
+def contrasting(g: GBuffer, tight: Tensor | None = None) -> Tensor | None:
     """Share of the variance, ``(B, 1, H, W)`` in [0, 1], by which wavelets are to tell contrasts from noise in metals.
 
     What smooth metals show has edges that the geometry does not tell. There a filter that takes contrasts for noise
     costs more than noise; the more so where a surface curves tightly, and shows all around it in a few pixels. Other
     surfaces have 1.
 
-    None where the G-buffer does not tell.
+    None where the G-buffer does not tell. ``tight``: see `glossy_metals`.
     """
     if g.roughness is None or g.metallic is None:
         return None
+    tight = tight_metals(g) if tight is None else tight
     roughness = g.roughness.detach()  # it chooses a blur, which has no gradient
-    broad = (roughness / torch.where(tight_metals(g), SMALL, SHARP)).square().clamp(TRUSTED, 1.0)
+    broad = (roughness / torch.where(tight, SMALL, SHARP)).square().clamp(TRUSTED, 1.0)
     return torch.where(g.hit & (g.metallic > METAL), broad, 1.0)
 
 
-def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
+def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor | None = None) -> Tensor | None:
     """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
 
     A highlight stays where it is on a surface as long as the eye turns round it by less than the lobe is wide. Further
@@ -51,13 +54,17 @@ def frames_lasting(g: GBuffer, previous: Camera) -> Tensor | None:
     Args:
         g: of the frame.
         previous: camera of the frame before.
+        tight: see `glossy_metals`.
 
     Returns:
-        ``(B, 1, H, W)``, infinite where nothing limits it; None where the G-buffer does not tell.
+        ``(B, 1, H, W)``, infinite where nothing limits it; None where nothing does, or the G-buffer does not tell.
     """
     if g.roughness is None or g.metallic is None:
         return None
-    glossy = g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH) & ~tight_metals(g)
+    tight = tight_metals(g) if tight is None else tight
+    glossy = g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH) & ~tight
+    if not (waits(glossy) or bool(glossy.any())):
+        return None
     points = g.camera.to_world(g.points_view())
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
     turned = length(now - was)  # radians, as it is small

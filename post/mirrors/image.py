@@ -50,7 +50,11 @@ class Image(NamedTuple):
 
 
 def mirror_image(
-    g: GBuffer, previous: Camera | None = None, polished: Tensor | None = None, before: Tensor | None = None
+    g: GBuffer,
+    previous: Camera | None = None,
+    polished: Tensor | None = None,
+    before: Tensor | None = None,
+    tight: Tensor | None = None,
 ) -> Image | None:
     """Replace smooth metals, and other mirrors, by what they reflect, as far as the picture tells.
 
@@ -64,13 +68,14 @@ def mirror_image(
         previous: camera of the frame before; by default the G-buffer's. Without one, motion stays as it is.
         polished: ``(B, 1, H, W)`` bool: mirrors that are no metals.
         before: ``(B, 3, H, W)`` `Image.facing` of the frame before, to tell which mirrors turned.
+        tight: what `tight_metals` finds, where it is known already.
 
     Returns:
         The image, or None where there is no mirror, as far as the host knows without waiting for a GPU.
     """
     if g.roughness is None or g.metallic is None or g.albedo is None:
         return None
-    tight = tight_metals(g)
+    tight = tight_metals(g) if tight is None else tight
     mask = g.hit & (g.roughness < SMOOTH) & (g.metallic > METAL) & ~tight
     mask = mask if polished is None else mask | polished
     follows = mask | tight

@@ -19,7 +19,7 @@ from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
 from post.mirrors.glossy import contrasting, frames_lasting, glossy_metals
-from post.mirrors.image import METAL
+from post.mirrors.image import METAL, tight_metals
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
@@ -90,14 +90,14 @@ def denoise(
     check_pictures(gbuffer.camera, depth=gbuffer.depth, light=light)
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     faced = None if history is None else history.signals.get(FACING)
-    reflected = reflectance_of(gbuffer, specular=specular)
+    reflected, tight = reflectance_of(gbuffer, specular=specular), tight_metals(gbuffer)
     surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)
     shown, divisor, emission, mirrors, glossy, facing = in_mirrors(
-        gbuffer, surfaces, before, reflected if specular else None, faced
+        gbuffer, surfaces, before, reflected if specular else None, faced, tight
     )
     emission = torch.minimum(emission.to(light), light)
     noisy = (light - emission) / divisor
-    longest = None if before is None else frames_lasting(gbuffer, before)
+    longest = None if before is None else frames_lasting(gbuffer, before, tight)
     if history is not None and history.gbuffer is not None:
         longest = _shorter(longest, frames_lit(noisy, shown, history.gbuffer), gbuffer)
     mean, history = temporal(
@@ -118,14 +118,14 @@ def denoise(
     grain = grain_of(mean, variance, shown.hit)
     likely = shared_at_first(mean, variance, length, shown.hit)
     told = tolerated(likely, grain, length, shown.hit, least=TOLERANCE)
-    told = told if (sharp := contrasting(gbuffer)) is None else told * sharp
+    told = told if (sharp := contrasting(gbuffer, tight)) is None else told * sharp
     smooth, left = atrous(
         mean, shown.depth, shown.normal, hit=shown.hit, camera=shown.camera, variance=told, linear=True,
         iterations=iterations, phi_color=phi_color, growth=GROWTH, phi_normal=PHI_NORMAL, unlike=glossy,
     )  # fmt: skip
     kept = torch.where(told > NOISELESS, left / told.clamp_min(NOISELESS), 1.0).clamp_max(1.0)
     geometry = surface(shown.depth, shown.normal, shown.hit, shown.camera, glossy)
-    same, metals = alike(geometry), glossy_metals(gbuffer)
+    same, metals = alike(geometry), glossy_metals(gbuffer, tight)
     shiny = metals if mirrors is None else mirrors if metals is None else mirrors | metals
     metallic = None if gbuffer.metallic is None else gbuffer.metallic > METAL
     smooth = certain_mean(smooth, variance, kept, geometry, _lonely(same, shiny), metallic)

@@ -73,7 +73,12 @@ def visible_layer(g: GBuffer, behind: GBuffer | None, reflected: Tensor | None, 
 
 
 def in_mirrors(
-    g: GBuffer, shown: Shown, previous: Camera | None, reflected: Tensor | None = None, before: Tensor | None = None
+    g: GBuffer,
+    shown: Shown,
+    previous: Camera | None,
+    reflected: Tensor | None = None,
+    before: Tensor | None = None,
+    tight: Tensor | None = None,
 ) -> Shown:
     """What each pixel shows, with the virtual images of what mirrors reflect in place of the mirrors.
 
@@ -87,9 +92,10 @@ def in_mirrors(
         reflected: `specular_albedo` of ``g``, where the light holds what dielectrics reflect; without it metals
             alone are mirrors.
         before: `Shown.facing` of the frame before.
+        tight: see `post.mirrors.image.mirror_image`.
     """
     polished = None if reflected is None else _polished(g, shown, reflected)
-    image = mirror_image(g, previous, polished, before)
+    image = mirror_image(g, previous, polished, before, tight)
     if image is None:
         return shown
     divisor = torch.where(image.mask, _divisor(g.hit, image.albedo), shown.divisor)

@@ -56,9 +56,7 @@ def test_what_is_matt_or_a_mirror_or_curves_tightly_is_not_limited():
     for roughness, metallic in ((0.2, 0.0), (0.05, 1.0), (0.2, 1.0)):
         g = ball(1, roughness, metallic)
         assert g.previous_camera is not None
-        frames = frames_lasting(g, g.previous_camera)
-        assert frames is not None
-        assert bool(torch.isinf(frames).all())
+        assert frames_lasting(g, g.previous_camera) is None
     assert frames_lasting(ball(1).replace(metallic=None), ball(1).camera) is None
 
 
@@ -149,5 +147,5 @@ def test_a_first_frame_keeps_the_contrast_that_a_smooth_ball_of_metal_shows(monk
         return float((denoise(light, g)[0] - truth)[near.expand_as(truth)].square().mean())
 
     sharp = error()
-    monkeypatch.setattr("post.passes.denoising.denoise.contrasting", lambda g: None)
+    monkeypatch.setattr("post.passes.denoising.denoise.contrasting", lambda *g: None)
     assert sharp < 0.9 * error()
