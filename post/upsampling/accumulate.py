@@ -35,6 +35,7 @@ from post.upsampling.samples import Samples
 OPPOSITE = ((1, 0), (0, 1), (1, 1), (1, -1))
 CONTRAST, FLOOR = 0.25, 0.05  # of a pixel's luminance, and besides: how far a thin feature stands out to count whole
 AROUND = 9  # pixels of the small picture along the square over which light is compared between frames
+AREA = 5  # pixels of the small picture: squares in which all light has to change
 SAME, OTHER = 0.3, 0.6  # relative change of that light up to which nothing has changed, and from which all has
 
 
@@ -199,6 +200,9 @@ def light_around(toned: Tensor) -> Tensor:
 def same_light(now: Tensor, before: Tensor, motion: Tensor) -> Tensor:
     """``(B, 1, h, w)`` in [0, 1]: 1 where light has not changed since the frame before, 0 where all has.
 
+    A light that goes out changes an area, bodies that pass along their edges alone: what has not changed counts some
+    pixels around.
+
     Args:
         now: of `light_around`, this frame.
         before: the frame before.
@@ -207,4 +211,4 @@ def same_light(now: Tensor, before: Tensor, motion: Tensor) -> Tensor:
     px = pixel_centers(now) + motion.detach()
     was = torch.where(inside(px, (now.shape[-2], now.shape[-1])), sample(before, px), now)
     change = (now - was).abs() / torch.maximum(now, was).clamp_min(FLOOR)
-    return ((OTHER - change) / (OTHER - SAME)).clamp(0, 1)
+    return F.max_pool2d(((OTHER - change) / (OTHER - SAME)).clamp(0, 1), AREA, 1, AREA // 2)

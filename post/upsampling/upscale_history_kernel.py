@@ -188,7 +188,7 @@ def _react_rows(kept, rows, taps, small):
 
 @scalar
 def _lock_row(kept, rows, alike, lock):
-    """What is left of locks, and how far they spare pixels of clipping."""
+    """What is left of locks, and how far they spare pixels of clipping; the weight that a change of light leaves."""
     strength, was, moved_x, moved_y = kept[LOCKED], kept[LOCKED + 1], kept[LOCKED + 2], kept[LOCKED + 3]
     move_x, move_y, depth, then, valid = (
         kept[NOW_MOTION],
@@ -197,8 +197,9 @@ def _lock_row(kept, rows, alike, lock):
         rows[THEN],
         rows[VALID],
     )
-    red, green, blue, spared = kept[REACT], kept[REACT + 1], kept[REACT + 2], kept[SPARED]
+    red, green, blue, spared, weight = kept[REACT], kept[REACT + 1], kept[REACT + 2], kept[SPARED], kept[WEIGHT]
     for x in range(pixels(strength.shape[0])):
+        weight[x] *= alike[x] * alike[x]
         off_x, off_y = moved_x[x] - move_x[x], moved_y[x] - move_y[x]
         alive = min(max(ONE - math.sqrt(off_x * off_x + off_y * off_y) / PARTING, ZERO), ONE) * alike[x] * valid[x]
         alive = strength[x] * alive if then[x] > was[x] * COVERED else ZERO

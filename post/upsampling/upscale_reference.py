@@ -85,8 +85,8 @@ def upscaled_reference(
     apart = shear(small.motion * resident(at.ratio, weight)[None, :, None, None])
     weight = weight / (1 + LOST_SHEARED * at.nearest(apart).clamp_max(FASTEST))
     weight = weight / (1 + LOST_MOVING * size_of(motion).clamp_max(FASTEST))
-    locks = held(locks, depth, depth_before, motion)
-    locks = torch.cat([locks[:, :1] * at.between(small.alike), locks[:, 1:]], dim=1)
+    locks, alike = held(locks, depth, depth_before, motion), at.between(small.alike)
+    weight, locks = weight * alike.square(), torch.cat([locks[:, :1] * alike, locks[:, 1:]], dim=1)
     old = remapped(before.toned, there)
 
     now = gathered(small.toned, remapped(before.toned, samples), at, weight)

@@ -52,8 +52,8 @@ def upscale(
     stay sharp, and clipped in YCoCg to mean and variance of the samples around, the less the more frames it holds; its
     weight falls by what clipping changes, and where neighbours move otherwise. Thin features, which the samples often
     miss, are locked: they are not clipped until light changes. The box is wider where clipping moves history to and
-    fro, which would flicker. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it were
-    exposed.
+    fro, which would flicker. Where the light of an area changes, its history ends. All colours are weighted by 1 / (1 +
+    luminance), that of dim pictures as if it were exposed.
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 

@@ -11,11 +11,14 @@ from post.upsampling.samples import Samples
 SMALL, LARGE = (30, 40), (60, 80)
 
 
-def test_light_that_changes_ends_locks():
+def test_light_that_changes_over_an_area_ends_locks_and_histories():
     one = torch.ones(1, 1, 6, 8)
     still = torch.zeros(1, 2, 6, 8)
     assert bool((same_light(one, one * 1.05, still) == 1).all())
     assert bool((same_light(one, one * 0.3, still) == 0).all())
+    line = torch.where(torch.arange(8) < 4, 0.3, 1.0).expand_as(one)  # as beside a body that has passed
+    assert bool((same_light(one, torch.where(torch.arange(8) == 3, line, 1.0), still) == 1).all())
+    assert bool((same_light(one, line, still)[..., :2] == 0).all())
 
 
 def test_samples_along_an_edge_count_farther_than_across_it():

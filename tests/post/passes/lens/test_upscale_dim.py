@@ -51,6 +51,22 @@ def test_what_is_kept_dims_with_the_light():
     torch.testing.assert_close(found, torch.full_like(found, 0.02), rtol=0.02, atol=0)
 
 
+def test_noisy_light_that_goes_out_leaves_less_behind(monkeypatch: pytest.MonkeyPatch):
+    """Noise widens the box to which a history is clipped, so that clipping alone leaves much of it."""
+
+    def left() -> float:
+        state, light, noise = None, torch.zeros(()), torch.Generator().manual_seed(3)
+        for index in range(10):
+            frame = jittered(index)
+            sample = torch.empty(frame.gbuffer.depth.shape).exponential_(generator=noise)
+            light, state = upscale((0.1 if index > 8 else 1.0) * sample.expand(-1, 3, -1, -1), frame.gbuffer, state)
+        return float(light.mean()) - 0.1
+
+    now = left()
+    monkeypatch.setattr("post.passes.lens.upscale.same_light", lambda now, before, motion: torch.ones_like(now))
+    assert 0 < now < 0.75 * left()
+
+
 def test_a_history_without_its_brightness_is_refused():
     """As one is that an older version kept."""
     frame = jittered(0)
