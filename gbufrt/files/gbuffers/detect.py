@@ -98,6 +98,8 @@ def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, An
     if not depth:
         return Detection(name, 0.0, ())
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
+    if profile.marked and not marks:
+        return Detection(name, 0.0, ())
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [
         f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
     ]

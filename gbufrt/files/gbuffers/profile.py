@@ -49,6 +49,8 @@ class Profile:
     """Positions tell depth better than the channel of depth, where the camera is known."""
     header: Mapping[str, str] = field(default_factory=dict)
     """Header attributes that only this renderer writes, and the text that each must contain."""
+    marked: bool = False
+    """Files without them are not guessed to be this renderer's, as other programs use its names too."""
     layer: str = ""
     """What stands before the names, such as a view layer; by default that of the first depth."""
     any_case: bool = False
@@ -219,7 +221,7 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),
     **dict.fromkeys(
-        ("reversed", "any_case", "either_sign", "positions_first"),
+        ("reversed", "any_case", "either_sign", "positions_first", "marked"),
         ("true or false", lambda v: isinstance(v, bool), bool),
     ),
     **dict.fromkeys(
