@@ -8,7 +8,7 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.compute.resident import waits
 from gbufrt.directions import length
-from post.mirrors.image import METAL, SMOOTH, tight_metals
+from post.mirrors.image import METAL, SMOOTH
 
 LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
 LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
@@ -16,18 +16,17 @@ SHARP, SMALL = 0.25, 0.5  # roughness below which images have strong contrasts; 
 TRUSTED = 0.1  # least share of a variance that such contrasts leave
 
 
-def glossy_metals(g: GBuffer, tight: Tensor | None = None) -> Tensor | None:
+def glossy_metals(g: GBuffer, tight: Tensor) -> Tensor | None:
     """``(B, 1, H, W)`` bool: metals that show highlights, or images too small for a filter of pixels.
 
-    None where the G-buffer does not tell. ``tight``: what `tight_metals` finds, where it is known already.
+    None where the G-buffer does not tell. ``tight``: what `post.mirrors.image.tight_metals` finds.
     """
     if g.roughness is None or g.metallic is None:
         return None
-    tight = tight_metals(g) if tight is None else tight
     return g.hit & (g.metallic > METAL) & ((g.roughness >= SMOOTH) | tight)
 
 
-def contrasting(g: GBuffer, tight: Tensor | None = None) -> Tensor | None:
+def contrasting(g: GBuffer, tight: Tensor) -> Tensor | None:
     """Share of the variance, ``(B, 1, H, W)`` in [0, 1], by which wavelets are to tell contrasts from noise in metals.
 
     What smooth metals show has edges that the geometry does not tell. There a filter that takes contrasts for noise
@@ -38,13 +37,12 @@ def contrasting(g: GBuffer, tight: Tensor | None = None) -> Tensor | None:
     """
     if g.roughness is None or g.metallic is None:
         return None
-    tight = tight_metals(g) if tight is None else tight
     roughness = g.roughness.detach()  # it chooses a blur, which has no gradient
     broad = (roughness / torch.where(tight, SMALL, SHARP)).square().clamp(TRUSTED, 1.0)
     return torch.where(g.hit & (g.metallic > METAL), broad, 1.0)
 
 
-def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor | None = None) -> Tensor | None:
+def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor) -> Tensor | None:
     """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
 
     A highlight stays where it is on a surface as long as the eye turns round it by less than the lobe is wide. Further
@@ -61,7 +59,6 @@ def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor | None = None) ->
     """
     if g.roughness is None or g.metallic is None:
         return None
-    tight = tight_metals(g) if tight is None else tight
     glossy = g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH) & ~tight
     if not (waits(glossy) or bool(glossy.any())):
         return None

@@ -27,7 +27,7 @@ from post.history.read import read_history
 from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
-from post.passes.lens.taa import rays_of
+from post.passes.lens.taa import ray_matrix
 from post.passes.lens.upscale import upscale
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
@@ -86,7 +86,16 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
     sharp, found = (read_history(g, before, light, search=not how, sharp=how, lenient=not how) for how in (True, False))
     jitter, old = light.new_full((1, 2), 0.2), light.flip(3) / 2
     aliased = anti_alias(
-        light, jitter, g.depth, moved, old, g.hit.float(), normal=g.normal, rays=rays_of(g.camera), blend=0.9, gamma=1.0
+        light,
+        jitter,
+        g.depth,
+        moved,
+        old,
+        g.hit.float(),
+        normal=g.normal,
+        rays=ray_matrix(g.camera),
+        blend=0.9,
+        gamma=1.0,
     )
     return {
         "aliased": torch.cat(aliased, dim=1),

@@ -78,10 +78,8 @@ def time_passes(path: Path, preset: str, repeats: int, device: str, busy: int = 
     from gbufrt.files.exr import read_exr
     from gbufrt.specimen import specimen
 
-    pipeline, small = Recipe(preset=preset).build(), specimen().to(device)
-    with torch.no_grad():  # kernels are loaded first: a compiler's memory would lie between the frame's planes
-        _, state = pipeline(small)
-        pipeline(small.replace(index=1), state)
+    pipeline = Recipe(preset=preset).build()
+    pipeline.compile(specimen().to(device))  # first: a compiler's memory would lie between the frame's planes
     frame = bare(read_exr(path)).to(device)
     spent: dict[str, list[float]] = defaultdict(list)
 

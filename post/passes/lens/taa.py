@@ -75,12 +75,12 @@ def _planes(g: GBuffer) -> dict[str, Any]:
     normal = g.normal if g.normal_geo is None else g.normal_geo
     return {
         "normal": normal.detach().to(g.depth),
-        "rays": rays_of(g.camera).to(g.depth),
+        "rays": ray_matrix(g.camera).to(g.depth),
         "parallel": g.camera.orthographic,
     }
 
 
-def rays_of(camera: Camera) -> Tensor:
+def ray_matrix(camera: Camera) -> Tensor:
     """``(B, 3, 3)``, see `anti_alias`."""
     focal_x, focal_y, center_x, center_y, jitter_x, jitter_y = camera.lens.unbind(1)
     zero, one = torch.zeros_like(focal_x), torch.ones_like(focal_x)

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from post.history.op import anti_alias, anti_alias_cpu
 from post.history.taa_reference import dilated
-from post.passes.lens.taa import rays_of
+from post.passes.lens.taa import ray_matrix
 
 BLEND, GAMMA = 0.93, 1.25
 FORMS = (True, False)
@@ -35,7 +35,7 @@ def inputs(size: tuple[int, int] = (127, 73), *, orthographic: bool = False, sky
         "jitter": torch.tensor([[0.31, -0.22]]),
         "depth": torch.where(g.hit, g.depth, torch.inf),
         "normal": g.normal,
-        "rays": rays_of(camera),
+        "rays": ray_matrix(camera),
         "parallel": orthographic,
         "motion": g.motion + 0.2 * noise(size, 2, 1) + torch.tensor([1.3, -0.6]).view(1, 2, 1, 1),
         "before": (toned * (0.6 + 0.8 * noise(size, 3, 2))).clamp_max(0.98),
@@ -121,7 +121,7 @@ def test_a_leaning_surface_is_not_in_front_of_itself(parallel: bool) -> None:
         facing = camera.rotate_to_view(normal)
         along = (facing * (camera.unproject(torch.ones(1, 1, 15, 15)) - origin)).sum(1, keepdim=True)
         given["depth"] = ((facing[:, 2:] * 9 - (facing * origin).sum(1, keepdim=True)) / along).contiguous()
-        plane = {"normal": normal, "rays": rays_of(camera), "parallel": parallel}
+        plane = {"normal": normal, "rays": ray_matrix(camera), "parallel": parallel}
         given["depth"][..., 7, 7] -= off
         given["motion"][..., 7, 7] = 3.25
         got, want = both(given | plane)

@@ -10,6 +10,7 @@ import torch
 from gbufrt import Camera, Frame, GBuffer, Pipeline
 from post import Denoise, denoise
 from post.mirrors.glossy import LASTING, LEAST, SHARP, SMALL, TRUSTED, contrasting, frames_lasting
+from post.mirrors.image import tight_metals
 
 SIZE = (48, 64)
 RADIUS, DISTANCE = 1.0, 3.0
@@ -40,13 +41,13 @@ def test_a_history_lasts_while_the_eye_turns_by_the_lobe(roughness: float, monke
     monkeypatch.setattr("post.mirrors.curvature.TIGHT", math.inf)
     g = ball(1, roughness)
     assert g.previous_camera is not None
-    frames = frames_lasting(g, g.previous_camera)
+    frames = frames_lasting(g, g.previous_camera, tight_metals(g))
     assert frames is not None
     middle = frames[..., SIZE[0] // 2, SIZE[1] // 2]
     seen = DISTANCE / (DISTANCE - RADIUS) * TURN  # about the middle of the ball; its front is nearer
     assert float(middle) == pytest.approx(max(LASTING * roughness**2 / seen, LEAST), rel=0.05)
     assert bool(torch.isinf(frames[~g.hit]).all())
-    still = frames_lasting(g, g.camera)
+    still = frames_lasting(g, g.camera, tight_metals(g))
     assert still is not None
     assert float(still.min()) > 1e6
 
@@ -56,8 +57,9 @@ def test_what_is_matt_or_a_mirror_or_curves_tightly_is_not_limited():
     for roughness, metallic in ((0.2, 0.0), (0.05, 1.0), (0.2, 1.0)):
         g = ball(1, roughness, metallic)
         assert g.previous_camera is not None
-        assert frames_lasting(g, g.previous_camera) is None
-    assert frames_lasting(ball(1).replace(metallic=None), ball(1).camera) is None
+        assert frames_lasting(g, g.previous_camera, tight_metals(g)) is None
+    g = ball(1).replace(metallic=None)
+    assert frames_lasting(g, g.camera, tight_metals(g)) is None
 
 
 def highlight(g: GBuffer) -> torch.Tensor:
@@ -121,16 +123,18 @@ def test_wavelets_are_told_less_noise_where_metals_show_sharp_images(tight: bool
         monkeypatch.setattr("post.mirrors.curvature.TIGHT", math.inf)
     for roughness in (0.02, 0.2, 0.4, 0.9):
         g = ball(1, roughness)
-        share = contrasting(g)
+        share = contrasting(g, tight_metals(g))
         assert share is not None
         assert float(share[..., SIZE[0] // 2, SIZE[1] // 2]) == pytest.approx(
             min(max((roughness / (SMALL if tight else SHARP)) ** 2, TRUSTED), 1.0), rel=1e-5
         )
         assert bool((share[~g.hit] == 1).all())
-    matt = contrasting(ball(1, 0.05, metallic=0.0))
+    g = ball(1, 0.05, metallic=0.0)
+    matt = contrasting(g, tight_metals(g))
     assert matt is not None
     assert bool((matt == 1).all())
-    assert contrasting(ball(1).replace(roughness=None)) is None
+    g = ball(1).replace(roughness=None)
+    assert contrasting(g, tight_metals(g)) is None
 
 
 def test_a_first_frame_keeps_the_contrast_that_a_smooth_ball_of_metal_shows(monkeypatch):
