@@ -30,9 +30,9 @@ ROOT = np.float32(0.5**SHARED)  # of exponents: what is added up in place of the
 R1, R2, R3, R4 = np.float32(0.9999996), np.float32(0.4999737), np.float32(0.16613403), np.float32(0.0379261)
 FARTHEST = np.float32(1.2)  # exponents end here, at a weight of 6e-17
 GLOSS_FALLOFF = ROOT / np.float32(constants.ROUGHNESS_SCALE)
-LEAST_LOG = np.float32(
-    -62
-)  # of a cosine's power, to base 2: no product of these is so small that it takes processors longer
+LEAST_LOG = np.float32(-62)  # of a cosine's power, to base 2
+FAINTEST = np.float32(1e-10)  # weight of a tap beside its pixel, which counts itself: lesser ones, squared and times a
+# variance, are denormal numbers, for each of which processors of Intel take over a hundred cycles
 
 Edge = namedtuple("Edge", "perspective squares rest least roughness")
 """How geometry counts: squarings of the cosine (their number is the length), its power beyond these, the least cosine,
@@ -196,7 +196,7 @@ def room_weight(i, room, j, there, dx, dy, kind, unlike):
     if len(kind.rough) > 0:
         unlike += abs(room[i + GLOSS] - there.roughness[j]) * GLOSS_FALLOFF
     cosine = room[i + TO_X] * there.nx[j] + room[i + TO_Y] * there.ny[j] + room[i + TO_Z] * there.nz[j]
-    weight = there.hit[j] * weight_of(cosine, unlike, kind)
+    weight = weight_of(cosine, unlike, kind)
     if len(kind.further) > 0:
         weight *= power_of(cosine, kind)
-    return weight
+    return there.hit[j] * max(weight, FAINTEST)
