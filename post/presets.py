@@ -35,7 +35,7 @@ GI_PHI = 2.0  # between those for one path a pixel and for none: what is left of
 ITERATIONS = 3  # of wavelets for bounce light: more gain nothing
 REDUCED_ITERATIONS = 2  # of those for pixels that lie apart: as far in the picture
 REFLECTION_REACH = 4  # pixels of the picture: sigma of the reflections' denoiser, and radius of its square of taps
-GI_CLAMP = 3.0  # of one slice a frame: its noise passes two standard deviations often
+REFLECTION_CLAMP = 2.5  # of few rays a frame: their noise passes more often for a change than that of sweeps
 AO_RADIUS = 2.0  # metres
 APERTURE_RADIUS = 0.05  # metres
 AO_BLUR = 0.75  # pixels: sigma of the denoiser; wider loses more than it gains, with few directions too
@@ -197,7 +197,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
         "gi": Pipeline(
             reduction=at.get("gi"),
             estimate=gi,
-            accumulate=Temporal(signal=bounced, blend=0.97, clamp=GI_CLAMP),
+            accumulate=Temporal(signal=bounced, blend=0.97),
             denoise=Atrous(
                 signal=bounced, phi_color=GI_PHI, iterations=REDUCED_ITERATIONS if "gi" in at else ITERATIONS
             ),
@@ -206,7 +206,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
             reduction=at.get("reflection"),
             estimate=reflection,
             denoise=Bilateral(signal="reflection", radius=reach, sigma=reach),
-            accumulate=Temporal(signal="reflection", blend=0.95),
+            accumulate=Temporal(signal="reflection", blend=0.95, clamp=REFLECTION_CLAMP),
         ),
         "submerged": Submerged(),
         "behind": Pipeline(

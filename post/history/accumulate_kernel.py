@@ -1,4 +1,5 @@
-"""The compiled forms of `post.history.antilag.sample_reference` and `blend_reference`: pixels of a row as a body.
+"""The compiled forms of `post.history.antilag.sample_reference`, `unexplained_reference` and `blend_reference`: pixels
+of a row as a body.
 
 Names and steps are those of that torch code, which is the definition. As in `post.filters.kernel`, neighbours are
 shifted rows, and every loop over a row becomes vector instructions. Rows of scratch begin at ``first``. A state's
@@ -14,8 +15,6 @@ import numpy as np
 from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import in_lanes, inlined, scalar
 from gbufrt.luminance import REC709
-from post.filters.around_kernel import alike_taps
-from post.filters.kernel import tap_at
 from post.history import constants
 from post.history.constants import POOL
 
@@ -23,7 +22,7 @@ ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.fl
 TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)
 YOUNG, LEAST_POOL = np.float32(constants.YOUNG), LEAST * np.float32((2 * POOL + 1) ** 2)
-CORRELATED, RELATIVE_FLOOR = np.float32(constants.CORRELATED), np.float32(constants.RELATIVE_FLOOR)
+NOTICED = np.float32(constants.NOTICED)
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
 FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
 FEW_MOMENTS = np.float32((1 + constants.MOMENTS_BLEND) / (1 - constants.MOMENTS_BLEND))
@@ -132,91 +131,40 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
 
 
 @scalar
-def alike_row(bits, weights, guide, plane, age, edge, y, first, end):
-    """A row of `around.alike` among pixels that have a history: bit k for the k-th of 3x3 pixels."""
-    bits[y, first:end] = 0
-    for k in range(9):
-        tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, age.shape)
-        if tap.end == tap.first:
-            continue
-        used = weights[: tap.end - tap.first]
-        alike_taps(used, guide, plane, y, tap, edge)
-        mask, own = bits[y, tap.first : tap.end], age[y, tap.first : tap.end]
-        there, bit = age[tap.y, tap.first + tap.dx : tap.end + tap.dx], np.int32(1 << k)
-        for i in range(pixels(used.shape[0])):
-            mask[i] |= bit if used[i] > ZERO and own[i] > ZERO and there[i] > ZERO else np.int32(0)
-
-
-@scalar
-def difference_row(sums, count, bits, one, other, lead, y, first, end):
-    """The mean of ``one`` - ``other`` over the pixels alike, and their number."""
-    sums[:lead] = 0
-    count[:] = 0
-    for k in range(9):
-        tap = tap_at(y, first, end, k % 3 - 1, k // 3 - 1, one.shape[1:])
-        if tap.end == tap.first:
-            continue
-        begin, stop, low, high = tap.first - first, tap.end - first, tap.first + tap.dx, tap.end + tap.dx
-        mask, number = bits[y, tap.first : tap.end], count[begin:stop]
-        for i in range(pixels(mask.shape[0])):
-            number[i] += np.float32((mask[i] >> k) & 1)
-        for c in range(lead):
-            total, a, b = sums[c, begin:stop], one[c, tap.y, low:high], other[c, tap.y, low:high]
-            for i in range(pixels(mask.shape[0])):
-                total[i] += np.float32((mask[i] >> k) & 1) * (a[i] - b[i])
+def unexplained_row(out, averaged, state, lead, clamp, slow, y, first, end):
+    """A row of `antilag.unexplained_reference`; its last plane holds the largest difference first, then the share."""
+    fast, explained = state[state.shape[0] - lead - 4 :], out[lead, y, first:end]
+    ages, spread = state[state.shape[0] - 1, y, first:end], averaged[lead + 1, y, first:end]
+    for x in range(pixels(explained.shape[0])):
+        explained[x] = ZERO
     for c in range(lead):
-        total = sums[c]
-        for x in range(pixels(count.shape[0])):
-            total[x] /= max(count[x], ONE)
-
-
-@scalar
-def explained_row(explained, sums, count, noise, state, lead, channels, clamp, slow, y, first, end):
-    """Leave in ``sums`` what noise does not explain; keep its share, squared: ``change`` in `antilag.follow_light`."""
-    ages, spread, fast = state[state.shape[0] - 1, y, first:end], noise[y, first:end], state[channels:]
-    explained[:] = ZERO
-    for c in range(lead):
-        difference = sums[c]
+        difference = averaged[c, y, first:end]
         for x in range(pixels(explained.shape[0])):
             explained[x] = max(explained[x], abs(difference[x]))
     for x in range(pixels(explained.shape[0])):
-        few = ONE / min(max(ages[x], ONE), FEW_FAST)
-        frames = few + ONE / max(ages[x], ONE) if slow else ONE + few
-        samples = max(count[x] / CORRELATED, ONE)
-        floor = RELATIVE_FLOOR * abs(luminance_of(fast, lead, y, first + x)) + LEAST
-        allowed = clamp * math.sqrt(spread[x] * frames / samples + TINY) + floor
+        floor = NOTICED * abs(luminance_of(fast, lead, y, first + x)) + LEAST
+        allowed = clamp * math.sqrt(max(spread[x], ZERO) + TINY) + floor
         share = min(allowed / max(explained[x], TINY), ONE)
         explained[x] = share * share
+    light = state if slow else fast
     for c in range(lead):
-        difference = sums[c]
+        shift, difference, old = out[c, y, first:end], averaged[c, y, first:end], light[c, y, first:end]
         for x in range(pixels(explained.shape[0])):
-            difference[x] *= ONE - explained[x]
+            known = difference[x] * (ONE - explained[x]) if ages[x] > ZERO else ZERO
+            shift[x] = max(known, -max(old[x], ZERO))
 
 
 @scalar
-def fast_row(fast, sums, state, lead, channels, y, first, end):
-    """The fast history and the moments of a row, moved toward the sample by ``sums``."""
-    for c in range(lead):
-        shift, old, new = sums[c], state[channels + c, y, first:end], fast[c, y, first:end]
-        for x in range(pixels(new.shape[0])):
-            new[x] = old[x] + shift[x]
-    mean, square = state[channels + lead, y, first:end], state[channels + lead + 1, y, first:end]
-    new_mean, new_square = fast[lead, y, first:end], fast[lead + 1, y, first:end]
-    for x in range(pixels(mean.shape[0])):
-        light = sums[0, x] if lead < 3 else RED * sums[0, x] + GREEN * sums[1, x] + BLUE * sums[2, x]
-        new_mean[x] = mean[x] + light
-        new_square[x] = square[x] + light * (TWO * mean[x] + light)
-
-
-@scalar
-def age_row(out, alpha, explained, state, longest, y, first, end):
+def age_row(out, alpha, slow, state, longest, y, first, end):
     """The length and the sum of squared weights of a row, and the share ``alpha`` that this frame's sample gets."""
+    follows = slow.shape[0] > 0
+    explained = slow[max(slow.shape[0], 1) - 1, y, first:end] if follows else alpha
     last = out.shape[0] - 1
     ages, shares, most = state[last, y, first:end], state[last - 1, y, first:end], longest[y, first:end]
     lengths, squares = out[last, y, first:end], out[last - 1, y, first:end]
     for x in range(pixels(alpha.shape[0])):
         age = ages[x]
-        younger = ONE + (age - ONE) * explained[x] if age > ONE else age
+        younger = ONE + (age - ONE) * explained[x] if follows and age > ONE else age
         length = min(younger + ONE, max(most[x], ONE)) if age > ZERO else ONE
         weight = ONE / length
         squares[x] = shares[x] * age / max(younger, LEAST) * (ONE - weight) * (ONE - weight) + weight * weight
@@ -224,22 +172,35 @@ def age_row(out, alpha, explained, state, longest, y, first, end):
 
 
 @scalar
-def blend_row(out, sums, alpha, sample, fast, state, lead, channels, y, first, end):
-    """The means and moments of a row with this frame's sample in them."""
-    width = pixels(alpha.shape[0])
+def blend_row(out, alpha, sample, fast, slow, state, lead, y, first, end):
+    """The means and moments of a row with this frame's sample, first moved by ``fast`` and ``slow`` if not empty."""
+    width, follows, channels = pixels(alpha.shape[0]), fast.shape[0] > 0, sample.shape[0]
     for c in range(channels):
         new, old, own = out[c, y, first:end], state[c, y, first:end], sample[c, y, first:end]
-        shift, moves = sums[min(c, lead - 1)], c < lead
-        for x in range(width):
-            before = old[x] + shift[x] if moves else old[x]
-            new[x] = before + alpha[x] * (own[x] - before)
+        if follows and c < lead:
+            shift = slow[c, y, first:end]
+            for x in range(width):
+                before = old[x] + shift[x]
+                new[x] = before + alpha[x] * (own[x] - before)
+        else:
+            for x in range(width):
+                new[x] = old[x] + alpha[x] * (own[x] - old[x])
     for c in range(lead):
-        new, old, own = out[channels + c, y, first:end], fast[c, y, first:end], sample[c, y, first:end]
-        for x in range(width):
-            new[x] = old[x] + max(alpha[x], LEAST_FAST) * (own[x] - old[x])
+        new, old, own = out[channels + c, y, first:end], state[channels + c, y, first:end], sample[c, y, first:end]
+        if follows:
+            shift = fast[c, y, first:end]
+            for x in range(width):
+                before = old[x] + shift[x]
+                new[x] = before + max(alpha[x], LEAST_FAST) * (own[x] - before)
+        else:
+            for x in range(width):
+                new[x] = old[x] + max(alpha[x], LEAST_FAST) * (own[x] - old[x])
     mean, square = out[channels + lead, y, first:end], out[channels + lead + 1, y, first:end]
-    old_mean, old_square = fast[lead, y, first:end], fast[lead + 1, y, first:end]
+    old_mean, old_square = state[channels + lead, y, first:end], state[channels + lead + 1, y, first:end]
     for x in range(width):
         quick, light = max(alpha[x], LEAST_MOMENTS), luminance_of(sample, lead, y, first + x)
-        mean[x] = old_mean[x] + quick * (light - old_mean[x])
-        square[x] = old_square[x] + quick * (light * light - old_square[x])
+        shift = luminance_of(fast, lead, y, first + x) if follows else ZERO
+        first_moment = old_mean[x] + shift
+        second = old_square[x] + shift * (TWO * old_mean[x] + shift)
+        mean[x] = first_moment + quick * (light - first_moment)
+        square[x] = second + quick * (light * light - second)

@@ -7,9 +7,9 @@ from torch import Tensor
 
 from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
-from post.filters.around import alike, least, pooled
-from post.filters.edges import Surface, padded, windows
-from post.history.constants import CORRELATED, FAST_BLEND, MOMENTS_BLEND, POOL, RELATIVE_FLOOR, YOUNG
+from post.filters.around import least, pooled
+from post.filters.edges import padded, windows
+from post.history.constants import FAST_BLEND, MOMENTS_BLEND, NOTICED, POOL, YOUNG
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
@@ -18,13 +18,6 @@ FIRST = 5  # pixels: square over which pixels of one sample share their relative
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
-
-
-def _pooled_alike(value: Tensor, same: Tensor) -> Tensor:
-    """Mean over those of the 3x3 pixels around that ``same`` ``(B, 9, H, W)`` counts, 0 where it counts none."""
-    taps, views = same.split(1, dim=1), windows(padded(value, 1), 1)
-    total = sum((tap * view for tap, view in zip(taps, views, strict=True)), torch.zeros_like(value))
-    return total / same.sum(1, keepdim=True).clamp_min(1.0)
 
 
 def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
@@ -59,86 +52,46 @@ def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor
     return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
 
 
-def follow_light(
-    sample: Tensor,
-    old: Tensor,
-    fast: Tensor,
-    moments: Tensor,
-    variance: Tensor,
-    age: Tensor,
-    same: Tensor,
-    lead: int,
-    clamp: float,
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Move the fast history toward the frame, and the slow one toward the fast, by changes that noise does not explain.
-
-    Noise is averaged over the pixels around that show the same surface, so a change of light on one side of an edge
-    does not affect the other.
-
-    Args:
-        sample: ``(B, C, H, W)`` this frame.
-        old: as ``sample``, slow history.
-        fast: ``(B, lead, H, W)`` fast history.
-        moments: ``(B, 2, H, W)`` mean and mean square of luminance, which move with the fast history.
-        variance: ``(B, 1, H, W)`` of one frame's luminance.
-        age: ``(B, 1, H, W)`` frames behind each pixel.
-        same: see `alike`.
-        lead: number of leading channels that are compared.
-        clamp: standard deviations that count as noise.
-
-    Returns:
-        ``old``, ``fast``, ``moments`` and ``age`` after the change.
-    """
-    mask = (age > 0).to(age.dtype)
-    few = age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
-    floor = RELATIVE_FLOOR * luminance(fast, lead).abs() + 1e-6
-    same = torch.cat(windows(padded(mask, 1), 1), dim=1) * same * mask
-    samples = (same.sum(1, keepdim=True) / CORRELATED).clamp_min(1.0)
-
-    def change(difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
-        noise = (variance * frames / samples).add(1e-12).sqrt()
-        difference = _pooled_alike(difference, same)
-        allowed = clamp * noise + floor
-        explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
-        return difference * (1 - explained), explained
-
-    shift, _ = change(sample[:, :lead] - fast, 1 + 1 / few)
-    fast, light = fast + shift, luminance(shift, lead)
-    moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
-    shift, explained = change(fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
-    old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
-    return old, fast, moments, torch.where(age > 1, 1 + (age - 1) * explained, age)
-
-
-def sample_reference(
-    signal: Tensor, state: Tensor, geometry: Surface, lead: int, clamp: float, firefly: float
-) -> tuple[Tensor, Tensor, Tensor]:
-    """What `post.history.op.taken_in` finds: the signal without fireflies, its noise, and `alike`, empty if unused."""
+def sample_reference(signal: Tensor, state: Tensor, lead: int, firefly: float) -> tuple[Tensor, Tensor]:
+    """What `post.history.op.taken_in` finds: the signal without fireflies, and the noise of its luminance."""
     old, _, moments, _, age = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)
     noise = typical_variance(moments, age)
-    sample = without_fireflies(signal, old, noise, age, lead, firefly)
-    return sample, noise, alike(geometry) if clamp > 0 else noise[:, :0]
+    return without_fireflies(signal, old, noise, age, lead, firefly), noise
+
+
+def unexplained_reference(averaged: Tensor, state: Tensor, lead: int, clamp: float, slow: bool) -> Tensor:
+    """What `post.history.op.unexplained` returns."""
+    fast, age = state[:, -lead - 4 : -4], state[:, -1:]
+    difference, _, variance = averaged.split([lead, 1, 1], dim=1)
+    allowed = clamp * variance.clamp_min(0.0).add(1e-12).sqrt() + NOTICED * luminance(fast, lead).abs() + 1e-6
+    explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
+    shift, light = (age > 0) * difference * (1 - explained), state[:, :lead] if slow else fast
+    shift = torch.maximum(shift, -light.clamp_min(0.0))  # the dark beside a highlight that has moved on
+    return torch.cat([shift, explained], dim=1)
 
 
 def blend_reference(
-    sample: Tensor, noise: Tensor, same: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float
+    sample: Tensor, state: Tensor, longest: Tensor, fast_change: Tensor, slow_change: Tensor, lead: int
 ) -> Tensor:
-    """The state that `post.history.op.blended` returns."""
+    """The state that `post.history.op.blended` returns; changes have no channels where none is followed."""
     old, fast, moments, share, age = state.split([sample.shape[1], lead, 2, 1, 1], dim=1)
-    if clamp > 0:
-        old, fast, moments, younger = follow_light(sample, old, fast, moments, noise, age, same, lead, clamp)
+    if fast_change.shape[1] > 0:
+        shift, (move, explained) = fast_change[:, :lead], slow_change.split([lead, 1], dim=1)
+        light, fast, old = luminance(shift, lead), fast + shift, torch.cat([old[:, :lead] + move, old[:, lead:]], dim=1)
+        moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
+        younger = torch.where(age > 1, 1 + (age - 1) * explained, age)
         share, age = share * age / younger.clamp_min(1e-6), younger
     length = torch.where(age > 0, torch.minimum(age + 1, longest.clamp_min(1.0)), torch.ones_like(age))
     light, alpha = luminance(sample, lead), 1 / length
     fresh = torch.cat([light, light * light], dim=1)
-    new = [
+    after = [
         old + alpha * (sample - old),
         fast + alpha.clamp_min(1 - FAST_BLEND) * (sample[:, :lead] - fast),
         moments + alpha.clamp_min(1 - MOMENTS_BLEND) * (fresh - moments),
         share * (1 - alpha) ** 2 + alpha**2,
         length,
     ]
-    return torch.cat(new, dim=1)
+    return torch.cat(after, dim=1)
 
 
 def into_shadow(mean: Tensor, sample: Tensor, same: Tensor, sure: Tensor) -> Tensor:

@@ -1,66 +1,58 @@
 """Follow changes of light that stand out from noise over a wide piece of a surface.
 
-The test of `post.history.antilag`, over 3x3 pixels, takes one bright sample of a long-tailed distribution for a change,
-and a history that begins anew there shows as a spot. Over a wide area such samples average out.
+Over few pixels one bright sample of a long-tailed distribution looks like a change, and a history that begins anew
+there shows as a spot, while a change that is weaker than the noise is missed. Over a wide area such samples average
+out, and so does noise.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from gbufrt.luminance import luminance
 from post.filters.constants import COARSE_POWER, HIT
 from post.filters.edges import Surface
 from post.filters.op import wavelet
-from post.history.antilag import without_fireflies
 from post.history.constants import FAST_BLEND
+from post.history.op import Sample, unexplained
 
 AREA = 2  # wavelets over which changes are averaged: they reach 6 pixels to each side, as small shadows do
-NOTICED = 0.05  # of the light: smaller changes are left to the mean, since cuts and resampling bring such themselves
-STRICTER = 1.5  # than `clamp` in `post.temporal`, whose noise is taken to be shared by three pixels
+FAST_FRAMES = (1 + FAST_BLEND) / (1 - FAST_BLEND)  # of as many a plain mean has the noise of the fast history
+STRICTER = 1.5  # than `clamp` in `post.temporal`: the noise of neighbours may be correlated
 
 
-def follow_changes(
-    sample: Tensor, state: Tensor, noise: Tensor, geometry: Surface, *, lead: int, clamp: float, firefly: float
-) -> tuple[Tensor, Tensor]:
-    """Draw the fast history toward the frame and the slow one toward the fast, where their surface has changed.
+class Changes(NamedTuple):
+    """How the light of histories has changed, see `post.history.op.unexplained`."""
+
+    fast: Tensor
+    slow: Tensor
+
+
+def follow_changes(sample: Sample, state: Tensor, geometry: Surface, *, lead: int, clamp: float) -> Changes:
+    """Find by how much to draw the fast history toward the frame, and the slow one toward the fast.
 
     Args:
-        sample: ``(B, C, H, W)`` of this frame.
-        state: ``(B, C + lead + 4, H, W)`` as for `post.history.op.taken_in`.
-        noise: ``(B, 1, H, W)``, see `antilag.typical_variance`.
+        sample: of `post.history.op.taken_in`.
+        state: ``(B, C + lead + 4, H, W)``, see there.
         geometry: of this frame.
         lead: number of leading channels that are compared.
         clamp: as in `post.temporal`.
-        firefly: standard deviations above history and neighbours at which a sample is cut, see `without_fireflies`.
-
-    Returns:
-        The sample without what stands out, and the state with shorter histories where light changes.
     """
-    old, fast, moments, share, age = state.split([sample.shape[1], lead, 2, 1, 1], dim=1)
-    sample = without_fireflies(sample, old, noise, age, lead, firefly)
-    known = (age > 0).to(age.dtype)
+    old, fast, age = state[:, :lead], state[:, -lead - 4 : -4], state[:, -1:]
+    known, none, few = (age > 0).to(age.dtype), torch.zeros_like(age), 1 / age.clamp(1.0, FAST_FRAMES)
     guide = torch.cat([geometry.guide[:, :HIT], geometry.guide[:, HIT : HIT + 1] * known], dim=1)
-    surface, few = replace(geometry, guide=guide), age.clamp(1.0, (1 + FAST_BLEND) / (1 - FAST_BLEND))
-    floor = NOTICED * luminance(fast, lead).abs() + 1e-6
+    surface = replace(geometry, guide=guide)
 
-    def change(light: Tensor, difference: Tensor, frames: Tensor) -> tuple[Tensor, Tensor]:
-        difference, variance = spread(difference, noise * frames, surface, AREA)
-        allowed = STRICTER * clamp * variance.clamp_min(0.0).add(1e-12).sqrt() + floor
-        explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
-        shift = known * difference * (1 - explained)
-        return torch.maximum(shift, -light.clamp_min(0.0)), explained  # the dark beside a highlight that has moved on
+    def change(difference: Tensor, frames: Tensor, slow: bool) -> Tensor:
+        planes = torch.cat([difference, none, sample.noise * frames], dim=1)
+        averaged = _averaged(planes, surface, AREA, none)
+        return unexplained(averaged, state, lead=lead, clamp=STRICTER * clamp, slow=slow)
 
-    shift, _ = change(fast, sample[:, :lead] - fast, 1 + 1 / few)
-    fast, light = fast + shift, luminance(shift, lead)
-    moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
-    shift, explained = change(old[:, :lead], fast - old[:, :lead], 1 / few + 1 / age.clamp_min(1.0))
-    old = torch.cat([old[:, :lead] + shift, old[:, lead:]], dim=1)
-    younger = torch.where(age > 1, 1 + (age - 1) * explained, age)
-    return sample, torch.cat([old, fast, moments, share * age / younger.clamp_min(1e-6), younger], dim=1)
+    first = change(sample.signal[:, :lead] - fast, 1 + few, slow=False)
+    return Changes(first, change(fast + first[:, :lead] - old, few + 1 / age.clamp_min(1.0), slow=True))
 
 
 def spread(
@@ -78,11 +70,16 @@ def spread(
     Returns:
         ``planes`` averaged, and the variance that is left.
     """
-    none = torch.zeros_like(variance)
-    values = torch.cat([planes, none, variance], dim=1)  # no luminance to compare: only geometry weighs
+    none = torch.zeros_like(variance)  # no luminance to compare: only geometry weighs
+    reach = none if reach is None else reach
+    values = _averaged(torch.cat([planes, none, variance], dim=1), geometry, iterations, reach)
+    return values[:, :-2], values[:, -1:]
+
+
+def _averaged(values: Tensor, geometry: Surface, iterations: int, reach: Tensor) -> Tensor:
+    """Planes, nothing, and the variance of their noise, averaged over the surface."""
     for iteration in range(iterations):
         values = wavelet(
-            values, geometry, none if reach is None else reach, step=2**iteration,
-            phi_color=1.0, phi_depth=1.0, phi_normal=COARSE_POWER,
-        )  # fmt: skip
-    return values[:, :-2], values[:, -1:]
+            values, geometry, reach, step=2**iteration, phi_color=1.0, phi_depth=1.0, phi_normal=COARSE_POWER
+        )
+    return values

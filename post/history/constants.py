@@ -5,8 +5,7 @@ from __future__ import annotations
 FAST_BLEND = 0.8
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: below this age, variance comes from the neighbours
-CORRELATED = 3.0  # pixels that count as one sample: the noise of neighbours may be correlated
-RELATIVE_FLOOR = 0.01  # of the value: smaller differences are never a change of light
+NOTICED = 0.05  # of the light: smaller changes are left to the mean, since cuts and resampling bring such themselves
 ANY_WAY = -2.0  # below every cosine between normals: planes are then not compared, but depths alone
 KEPT = 1e-3  # of a bilinear footprint: less than this on the surface is no history
 STILL = 1e-3  # pixels: motion so near to a whole number is one

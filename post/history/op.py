@@ -9,8 +9,8 @@ from torch import Tensor
 
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.operators import operator
-from post.filters.edges import Surface, fits_cuda
-from post.history.antilag import blend_reference, sample_reference
+from post.filters.edges import fits_cuda
+from post.history.antilag import blend_reference, sample_reference, unexplained_reference
 from post.history.constants import WINDOW
 from post.history.taa_reference import anti_alias_reference, longest
 
@@ -21,60 +21,64 @@ class Sample(NamedTuple):
     signal: Tensor
     """``(B, C, H, W)`` without fireflies."""
     noise: Tensor
-    """Variance of its luminance, which `blended` reads with what follows: as the kernels have it, or the reference."""
-    alike: Tensor
-    longest: Tensor
-    form: Form
+    """``(B, 1, H, W)``: variance of one frame's luminance."""
 
 
 @operator("gbufrt::sample_of_frame")
-def sample_cpu(
-    signal: Tensor, state: Tensor, guide: Tensor, plane: Tensor, perspective: bool, lead: int, firefly: float,
-    follows: bool,
-) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
-    """The first three of `Sample`: ``(B, C, H, W)``, ``(B, H, W)``, and bits ``(B, H, W)``, which only histories that
-    follow changes need. ``guide`` and ``plane`` are those of `Surface`."""
+def sample_cpu(signal: Tensor, state: Tensor, lead: int, firefly: float) -> tuple[Tensor, Tensor]:
+    """The parts of `Sample`."""
     from gbufrt.compute.kernel import array, threads
     from post.history.accumulate_drivers import sample_each, sample_rows
 
-    sample, noise = signal.new_empty(signal.shape), signal.new_empty(signal[:, 0].shape)
-    now, options = (sample, noise, torch.empty_like(noise, dtype=torch.int32)), (perspective, lead, firefly, follows)
+    sample, noise = signal.new_empty(signal.shape), signal.new_empty(signal[:, :1].shape)
     if form_of(signal, cuda=fits_cuda(signal)) is Form.CUDA:
-        sample_each(noise.numel(), *now, signal, state, guide, plane, *options)
+        sample_each(noise.numel(), sample, noise, signal, state, lead, firefly)
     else:
-        sample_rows(*map(array, (*now, signal, state, guide, plane)), *options, threads())
-    return now
+        sample_rows(*map(array, (sample, noise, signal, state)), lead, firefly, threads())
+    return sample, noise
 
 
 @sample_cpu.register_fake
-def _(signal, state, guide, plane, perspective, lead, firefly, follows):
-    noise = signal.new_empty(signal[:, 0].shape)
-    return signal.new_empty(signal.shape), noise, torch.empty_like(noise, dtype=torch.int32)
+def _(signal, state, lead, firefly):
+    return signal.new_empty(signal.shape), signal.new_empty(signal[:, :1].shape)
+
+
+@operator("gbufrt::unexplained")
+def unexplained_cpu(averaged: Tensor, state: Tensor, lead: int, clamp: float, slow: bool) -> Tensor:
+    """See `unexplained`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.history.accumulate_drivers import unexplained_each, unexplained_rows
+
+    out, options = averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:]), (lead, clamp, slow)
+    if form_of(averaged, cuda=fits_cuda(state)) is Form.CUDA:
+        unexplained_each(out[:, 0].numel(), out, averaged, state, *options)
+    else:
+        unexplained_rows(*map(array, (out, averaged, state)), *options, threads())
+    return out
+
+
+@unexplained_cpu.register_fake
+def _(averaged, state, lead, clamp, slow):
+    return averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:])
 
 
 @operator("gbufrt::blend_sample")
-def blend_cpu(
-    sample: Tensor, noise: Tensor, bits: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float
-) -> Tensor:
-    """See `blended`."""
-    from gbufrt.compute.each import counted
+def blend_cpu(sample: Tensor, state: Tensor, longest: Tensor, fast: Tensor, slow: Tensor, lead: int) -> Tensor:
+    """See `blended`; ``fast`` and ``slow`` have no channels where no change is followed."""
     from gbufrt.compute.kernel import array, threads
-    from post.history.accumulate_drivers import blend_each, blend_rows, fast_each, fast_rows
+    from post.history.accumulate_drivers import blend_each, blend_rows
 
-    out, fast = state.new_empty(state.shape), sample.new_empty(sample.shape[0], lead + 2, *sample.shape[2:])
-    now, longest, count = (sample, noise, bits, state), longest[:, 0], noise.numel()
+    out = state.new_empty(state.shape)
+    pictures = (out, sample, state, longest[:, 0], fast, slow)
     if form_of(sample, cuda=fits_cuda(sample)) is Form.CUDA:
-        sizes = counted(lead), counted(sample.shape[1])
-        fast_each(count, fast, *now, *sizes, clamp)
-        blend_each(count, out, fast, *now, longest, *sizes, clamp)
+        blend_each(longest.numel(), *pictures, lead)
     else:
-        fast_rows(*map(array, (fast, *now)), lead, clamp, threads())
-        blend_rows(*map(array, (out, fast, *now, longest)), lead, clamp, threads())
+        blend_rows(*map(array, pictures), lead, threads())
     return out
 
 
 @blend_cpu.register_fake
-def _(sample, noise, bits, state, longest, lead, clamp):
+def _(sample, state, longest, fast, slow, lead):
     return state.new_empty(state.shape)
 
 
@@ -114,53 +118,66 @@ def _(color, weights, depth, normal, rays, motion, before, age, parallel, blend,
     return out, torch.empty_like(out), torch.empty_like(age, memory_format=torch.contiguous_format)
 
 
-def taken_in(
-    signal: Tensor,
-    state: Tensor,
-    longest: Tensor,
-    geometry: Surface,
-    *,
-    lead: int,
-    clamp: float,
-    firefly: float,
-    compiled: bool | None = None,
-) -> Sample:
-    """A signal as its history takes it in, for `blended`: signal and geometry need not be in memory with its result.
+def taken_in(signal: Tensor, state: Tensor, *, lead: int, firefly: float, compiled: bool | None = None) -> Sample:
+    """A signal as its history takes it in.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame.
         state: ``(B, C + lead + 4, H, W)`` of the frame before at this frame's pixels: mean, fast mean of the first
             ``lead`` channels, mean and mean square of luminance, sum of squared weights, age in frames.
-        longest: ``(B, 1, H, W)`` frames that a history may hold.
-        geometry: of this frame.
         lead: see `post.temporal`, as the rest.
         compiled: see `gbufrt.compute.dispatch.form_of`.
-
-    Returns:
-        The sample.
     """
-    planes = (signal, state, geometry.guide, geometry.plane)
-    form = form_of(*planes, longest, clamp, firefly, compiled=compiled, cuda=fits_cuda(signal))
-    if form is Form.REFERENCE:
-        sample, noise, alike = sample_reference(signal, state, geometry, lead, clamp, firefly)
-    else:
-        sample, noise, alike = sample_cpu(*planes, geometry.perspective, lead, float(firefly), clamp > 0)
-    return Sample(sample, noise, alike, longest, form)
+    form = form_of(signal, state, firefly, compiled=compiled, cuda=fits_cuda(signal))
+    compute = sample_reference if form is Form.REFERENCE else sample_cpu
+    return Sample(*compute(signal, state, lead, firefly if form is Form.REFERENCE else float(firefly)))
 
 
-def blended(sample: Sample, state: Tensor, *, lead: int, clamp: float) -> Tensor:
-    """The state after a frame: its history, which follows changes of light, averaged with the sample.
+def unexplained(
+    averaged: Tensor, state: Tensor, *, lead: int, clamp: float, slow: bool, compiled: bool | None = None
+) -> Tensor:
+    """What noise does not explain of a difference between histories.
 
     Args:
-        sample: of `taken_in`, which got the other arguments too.
-        state: see there, as the rest.
-        lead: likewise.
-        clamp: likewise.
+        averaged: ``(B, lead + 2, H, W)``: the frame less the fast history, or that less the slow one, averaged over
+            many pixels; a plane that is not read; and the variance that is left.
+        state: see `taken_in`.
+        lead: see there.
+        clamp: standard deviations that noise explains.
+        slow: it is the slow history that is to move, and must not become negative; else the fast one.
+        compiled: see `taken_in`.
+
+    Returns:
+        ``(B, lead + 1, H, W)``: by how much to move, and the share that is explained, squared, in [0, 1].
     """
-    planes = (sample.signal, sample.noise, sample.alike, state, sample.longest)
-    if sample.form is Form.REFERENCE:
-        return blend_reference(*planes, lead, clamp)
-    return blend_cpu(*planes, lead, float(clamp))
+    if form_of(averaged, state, clamp, compiled=compiled, cuda=fits_cuda(state)) is Form.REFERENCE:
+        return unexplained_reference(averaged, state, lead, clamp, slow)
+    return unexplained_cpu(averaged, state, lead, float(clamp), slow)
+
+
+def blended(
+    sample: Tensor,
+    state: Tensor,
+    longest: Tensor,
+    changes: tuple[Tensor, Tensor] | None = None,
+    *,
+    lead: int,
+    compiled: bool | None = None,
+) -> Tensor:
+    """The state after a frame: histories, which follow changes of light, averaged with the sample.
+
+    Args:
+        sample: ``(B, C, H, W)``, see `Sample`.
+        state: see `taken_in`.
+        longest: ``(B, 1, H, W)`` frames that a history may hold.
+        changes: of the fast and of the slow history, as `unexplained` returns them; none are followed by default.
+        lead: see `taken_in`.
+        compiled: likewise.
+    """
+    planes = (sample, state, longest, *(changes or (sample[:, :0], sample[:, :0])))
+    if form_of(*planes, compiled=compiled, cuda=fits_cuda(sample)) is Form.REFERENCE:
+        return blend_reference(*planes, lead)
+    return blend_cpu(*planes, lead)
 
 
 def anti_alias(

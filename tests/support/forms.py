@@ -22,6 +22,7 @@ from post.filters.op import bilateral_limits, joint_bilateral, moments, wavelet
 from post.filters.regression import fitted, with_places
 from post.filters.surfaces import surface
 from post.filters.units import unit_vectors
+from post.history.changes import follow_changes
 from post.history.op import anti_alias, blended, taken_in
 from post.history.read import read_history
 from post.lens.op import blur_alike, reconstruct
@@ -148,10 +149,12 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
         [values * (0.6 + grain[:, 1:]), fast, fast[:, :1], fast[:, :1] ** 2 + 0.01, 1 / (1 + age), age], 1
     )
     bright = values * (1 + 9 * (grain[:, :1] > 0.9))
-    sample = taken_in(bright, state, 4 + 8 * grain[:, 4:], geometry, lead=3, clamp=2.0, firefly=3.0)
+    sample = taken_in(bright, state, lead=3, firefly=3.0)
+    changes = follow_changes(sample, state, geometry, lead=3, clamp=1.0)
     return {
-        "accumulated": blended(sample, state, lead=3, clamp=2.0),
+        "accumulated": blended(sample.signal, state, 4 + 8 * grain[:, 4:], changes, lead=3),
         "sample": sample.signal,
+        "changes": torch.cat(changes, dim=1),
         "guide": geometry.guide,
         "plane": geometry.plane,
         "moments": around,

@@ -54,10 +54,10 @@ def temporal(
     """Average a signal over time along the motion of surfaces.
 
     The mean is plain (1/N) until ``blend`` limits it, and restarts where no pixel of the frame before shows the same
-    surface. A fast history detects changes of the light itself. Its difference from the slow one is averaged over those
-    of the surrounding 3x3 pixels that show the same surface. Where that exceeds what noise explains, the slow one is
-    drawn toward it and becomes young again. The fast one is held to the present frame in the same way. Static detail
-    cancels in the differences, so it is not clamped away, and noise loosens the clamp by itself.
+    surface. A fast history detects changes of the light itself. Its difference from the slow one is averaged over the
+    surface around. Where that exceeds what noise explains, the slow one is drawn toward it and becomes young again. The
+    fast one is held to the present frame in the same way: see `post.history.changes`. Static detail cancels in the
+    differences, so it is not clamped away, and noise loosens the clamp by itself.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame, any unit; several signals stacked share one set of weights.
@@ -74,8 +74,7 @@ def temporal(
         distance: ``(B, 1, H, W)`` world units to the reflected hit: history is then also read where its virtual image
             was, and the one that agrees better is taken.
         lead: how many of the first channels the tests use; all by default.
-        excess: cut samples by `post.history.fireflies.cut_outliers` first, accumulate what all cuts take, and follow
-            changes of light over a wide area: see `post.history.changes.follow_changes`.
+        excess: cut samples by `post.history.fireflies.cut_outliers` first, and accumulate what all cuts take.
         longest: ``(B, 1, H, W)`` the most frames that each mean may hold; by default ``blend`` alone limits them.
         lenient: ``(B, 1, H, W)`` bool: pixels for which a sharp history asks less, see `post.history.read.read_sharp`.
         rare: bright samples are rare, see `post.history.virtual.misfit`; surfaces of unlike roughness are told apart.
@@ -117,15 +116,14 @@ def temporal(
         moved = norm(motion_of(gbuffer, past.camera)[0])
         most = 1 / (1 + motion_response * moved) / max(1 - blend, 1e-9)
         most = most if longest is None else torch.minimum(most, longest)
-        if noise is not None and isinstance(before, Tensor) and clamp > 0:
+        sample = taken_in(signal, state, lead=lead, firefly=firefly)
+        changes = follow_changes(sample, state, geometry, lead=lead, clamp=clamp) if clamp > 0 else None
+        if changes is not None and isinstance(before, Tensor):
             was = luminance(state, lead)
-            signal, state = follow_changes(signal, state, noise, geometry, lead=lead, clamp=clamp, firefly=firefly)
-            before, clamp, firefly = still_missing(before, was, luminance(state, lead)), 0.0, 0.0
-        sample = taken_in(signal, state, most, geometry, lead=lead, clamp=clamp, firefly=firefly)
+            before = still_missing(before, was, was + luminance(changes.slow, lead))
         signal = sample.signal
-        del geometry, moved, most  # and the signal as it came: a third of what is in memory here at once
-        state = blended(sample, state, lead=lead, clamp=clamp)
-        del sample
+        del geometry, moved, sample  # and the signal as it came: much of what is in memory here at once
+        state = blended(signal, state, most, changes, lead=lead)
     *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)  # side by side, see `together`
     new = dict[str, Tensor](zip(STORED, parts, strict=True))
     if given is not None:

@@ -7,8 +7,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.filters.surfaces import surface
-from post.history.op import blend_cpu, blended, sample_cpu, taken_in
+from post.history.op import (
+    blend_cpu,
+    blended,
+    sample_cpu,
+    taken_in,
+    unexplained,
+    unexplained_cpu,
+)
 from post.history.read import read_history, read_history_cpu
 
 SIZE = (45, 61)
@@ -99,21 +105,32 @@ def state_of(lead: int, signal: Tensor) -> Tensor:
 @pytest.mark.parametrize("lead", [1, 3])
 @pytest.mark.parametrize("clamp", [2.0, 0.0])
 @pytest.mark.parametrize("firefly", [6.0, 0.0])
-@pytest.mark.parametrize("orthographic", [True, False])
-def test_accumulate(lead: int, clamp: float, firefly: float, orthographic: bool) -> None:
-    g = boxes.frame(boxes.camera(SIZE, orthographic=orthographic)).gbuffer
-    geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), 0.5 + 0.1 * noise(4)
+def test_accumulate(lead: int, clamp: float, firefly: float) -> None:
+    signal = 0.5 + 0.1 * noise(4)
     signal[..., 20:, :] *= 2.0  # the light has changed
     state = state_of(lead, 0.5 + 0.1 * noise(4))
     signal[..., ::7, ::5] *= 4.0  # fireflies, not so bright that rounding shows in what they leave
-    inputs = (signal, state, 4 + 8 * noise(1), geometry)
-    samples = [taken_in(*inputs, lead=lead, clamp=clamp, firefly=firefly, compiled=form) for form in FORMS]
-    got, want = ((blended(sample, state, lead=lead, clamp=clamp), sample.signal) for sample in samples)
+    longest = 4 + 8 * noise(1)
+    got, want = (accumulated(signal, state, longest, lead, clamp, firefly, form) for form in FORMS)
     for a, b in zip(got, want, strict=True):
         torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-5)
     assert (float((want[1] - signal).abs().max()) > 1) == (firefly > 0), "fireflies are cut"
-    younger = want[0][:, -1:] < torch.minimum(state[:, -1:] + 1, inputs[2]) - 0.01
+    younger = want[0][:, -1:] < torch.minimum(state[:, -1:] + 1, longest) - 0.01
     assert bool((younger & (state[:, -1:] > 0)).any()) == (clamp > 0), "changed light makes histories younger"
+
+
+def accumulated(
+    signal: Tensor, state: Tensor, longest: Tensor, lead: int, clamp: float, firefly: float, compiled: bool
+) -> tuple[Tensor, ...]:
+    """The state after a frame, and all that is found on the way."""
+    options = {"lead": lead, "compiled": compiled}
+    sample, changes = taken_in(signal, state, firefly=firefly, **options), []
+    old, fast = state[:, :lead], state[:, -lead - 4 : -4]
+    for slow in (False, True) if clamp > 0 else ():
+        difference = fast - old if slow else sample.signal[:, :lead] - fast
+        averaged = torch.cat([difference, sample.noise, sample.noise / 9], dim=1)
+        changes.append(unexplained(averaged, state, clamp=clamp, slow=slow, **options))
+    return (blended(sample.signal, state, longest, tuple(changes) or None, **options), *sample, *changes)
 
 
 def test_gradients_take_the_reference() -> None:
@@ -126,12 +143,11 @@ def test_gradients_take_the_reference() -> None:
 
 def test_operators_are_registered_properly() -> None:
     g, checks = boxes.frame(boxes.camera(SIZE)).gbuffer, ("test_schema", "test_faketensor")
-    geometry, signal = surface(g.depth, g.normal, g.hit, g.camera), noise(4)
-    one, none, lenses = noise(1), torch.empty(1, 1, 0, 0, dtype=torch.int32), torch.ones(1, 2, 6)
+    signal, one, none, lenses = noise(4), noise(1), torch.empty(1, 1, 0, 0, dtype=torch.int32), torch.ones(1, 2, 6)
     look = ([one, noise(3), g.hit, none, noise(2), one, noise(2), g.hit], [one, noise(3), g.hit, none, one], lenses)
     options = (torch.eye(3)[None], False, 2.0, 0.9, True, False)
     torch.library.opcheck(read_history_cpu, (signal, *look, *options), test_utils=checks)
     state = state_of(3, signal)
-    given = (signal, state, geometry.guide, geometry.plane, True, 3, 6.0, True)
-    torch.library.opcheck(sample_cpu, given, test_utils=checks)
-    torch.library.opcheck(blend_cpu, (*sample_cpu(*given), state, noise(1), 3, 2.0), test_utils=checks)
+    torch.library.opcheck(sample_cpu, (signal, state, 3, 6.0), test_utils=checks)
+    torch.library.opcheck(unexplained_cpu, (noise(5), state, 3, 2.0, True), test_utils=checks)
+    torch.library.opcheck(blend_cpu, (signal, state, one, noise(4), noise(4), 3), test_utils=checks)
