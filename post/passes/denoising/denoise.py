@@ -11,6 +11,7 @@ from torch import Tensor
 from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.history import check_history
+from gbufrt.names import single
 from post.filters.around import alike
 from post.filters.edges import padded, windows
 from post.filters.surfaces import surface
@@ -205,7 +206,7 @@ class Denoise(TemporalPass):
         phi_color: float = 0.25,
     ) -> None:
         super().__init__()
-        self.signal = signal
+        self.signal = single("signal", signal, "radiance")
         self.blend = blend
         self.clamp = clamp
         self.firefly = firefly
