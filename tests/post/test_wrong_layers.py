@@ -53,6 +53,9 @@ KINDS: list[tuple[Callable[[], Any], str]] = [
     ),
 ]
 KINDS += [
+    (lambda: post.denoise(THREE, G, behind=WORD), r"behind must be a gbufrt\.GBuffer, got str"),
+    (lambda: post.fog(THREE, G.hit, G), "transmittance must be float32 or float64, got bool"),
+    (lambda: post.fog(THREE, THREE[:, :1], G, iterations=WORD), "iterations must be a whole number, got 'x'"),
     (lambda: post.atrous(THREE * 1j, **FILTERED), r"signal must hold real numbers, got torch\.complex64"),
     (lambda: post.bitmask_ao(**SURFACES, where=G.depth), "where must be bool, got float32"),
 ]
@@ -60,6 +63,12 @@ VALUES: list[tuple[Callable[[], Any], str]] = [
     (lambda: post.bitmask_ao(**SURFACES, where=SMALL.gbuffer.hit), r"where must be \(1,1,12,16\), .*got \(1,1,6,8\)"),
     (lambda: post.bilateral(THREE[:, :0], **FILTERED), r"signal must be \(1,C,12,16\) like its camera, got \(1, 0,"),
     (lambda: post.motion_blur(**{**MOVED, "color": THREE[:, :0]}), r"color must be \(B,C,H,W\), .* got \(1,0,12,16\)"),
+    (
+        lambda: post.denoise(THREE, G, behind=SMALL.gbuffer),
+        r"behind\.depth must be \(1,C,12,16\) like its camera, got \(1, 1, 6, 8\)",
+    ),
+    (lambda: post.fog(TWO, THREE[:, :1], G), r"light must be of 1 pictures like its camera, got \(2, 3, 12, 16\)"),
+    (lambda: post.fog(THREE, THREE[:, :2], G), r"transmittance must be \(B,1,H,W\), .* got \(1,2,12,16\)"),
     (lambda: FRAME.replace(behind=SMALL), "behind must have 16x12 pixels in a batch of 1, got 8x6 pixels in a batch"),
     (lambda: PipelineState(previous=FRAME).reset(MASK), r"mask must be \(1,\) bool, one for each picture, got \(3,\)"),
     (lambda: History(length=torch.ones(1, 1, 2, 2)).reset(MASK), r"mask must be \(1,\) bool, one for each picture"),
