@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import torch
 from torch import Tensor
+
+from gbufrt.numeric import check_kind
 
 Kind = Literal["float", "bool", "int"]
 NUMBERS: dict[Kind, tuple[torch.dtype, ...]] = {
@@ -80,6 +83,37 @@ def check_tensor(
         raise ValueError(f"{name} is on {tensor.device} but the camera is on {device}; move one with .to()")
 
 
+def check_extra(extra: Any, tables: tuple[Collection[str], ...]) -> None:
+    """Raise unless extra signals are tensors by names that are in none of the ``tables``.
+
+    Raises:
+        TypeError: no mapping, a name that is no text, or no tensor.
+        ValueError: a known name.
+    """
+    if not isinstance(extra, Mapping):
+        raise TypeError(f'extra must be a mapping such as {{"mine": tensor}}, got {type(extra).__name__}')
+    for name, tensor in extra.items():
+        if not isinstance(name, str):
+            raise TypeError(f"extra signals are named by text, got {name!r}")
+        if not isinstance(tensor, Tensor):
+            raise TypeError(f"extra signal {name!r} must be a torch.Tensor, got {type(tensor).__name__}")
+        if any(name in known for known in tables):
+            raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
+
+
+def check_layer(kind: type, name: str, layer: Any, like: Any = None) -> None:
+    """Raise TypeError unless what a frame holds as ``name`` is None or of its own ``kind``, and ValueError unless it
+    has the pixels of a camera that it must be ``like``."""
+    if layer is None:
+        return
+    check_kind(kind, name, layer)
+    camera = layer.gbuffer.camera
+    if like is not None and (camera.batch, *camera.size) != (like.batch, *like.size):
+        (h, w), (height, width) = camera.size, like.size
+        found = f"{w}x{h} pixels in a batch of {camera.batch}"
+        raise ValueError(f"{name} must have {width}x{height} pixels in a batch of {like.batch}, got {found}")
+
+
 def check_picture(name: str, picture: Any, meaning: str, components: int | None = 3) -> None:
     """Raise unless ``picture`` is ``(B, C, H, W)`` of float32 or float64, C being ``components`` or, if None, any.
 
@@ -90,7 +124,7 @@ def check_picture(name: str, picture: Any, meaning: str, components: int | None 
     if not isinstance(picture, Tensor):
         raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
     shape, row = tuple(picture.shape), Channel(components or 3, meaning)
-    if len(shape) != 4 or shape[1] != (components or shape[1]):
+    if len(shape) != 4 or shape[1] != (components or max(shape[1], 1)):
         wanted = f"(B,{components or 'C'},H,W)"
         raise ValueError(f"{name} must be {wanted}, {meaning}; got {_shape_text(shape)}{_shape_hint(shape, row)}")
     _check_numbers(name, picture, "float")
@@ -152,7 +186,7 @@ def _kind_text(kind: torch.dtype) -> str:
 
 def _fits(shape: tuple[int, ...], size: tuple[int, int], row: Channel) -> bool:
     larger = row.larger and shape[0] >= size[0] and shape[1] >= size[1]
-    return larger or not row.full_size or shape == size
+    return larger or shape == size or not (row.full_size or 0 in shape)
 
 
 def _shape_text(shape: tuple[int, ...]) -> str:

@@ -9,10 +9,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gbufrt.channels import channel, channels_of, check_one_kind, check_tensor
+from gbufrt.channels import channel, channels_of, check_extra, check_layer, check_one_kind, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
 from gbufrt.names import meant
-from gbufrt.numeric import check_counts, check_kind, check_numbers
+from gbufrt.numeric import check_index, check_kind, check_numbers
 from gbufrt.tree import changed, map_tensors, without_graph
 from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
@@ -90,15 +90,10 @@ class Frame:
             if (tensor := getattr(self, name)) is not None:
                 check_tensor(name, tensor, SIGNALS[name], batch=camera.batch, size=camera.size, device=camera.device)
                 check_one_kind(**{"depth": self.gbuffer.depth, name: tensor})
-        for name, tensor in self.extra.items():
-            if not isinstance(tensor, Tensor):
-                raise TypeError(f"extra signal {name!r} must be a torch.Tensor, got {type(tensor).__name__}")
-            if name in SIGNALS or name in CHANNELS:
-                raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
-        if isinstance(self.index, Tensor) and (self.index.ndim or self.index.dtype not in (torch.int32, torch.int64)):
-            raise ValueError(f"index must be an int or () int64, got {tuple(self.index.shape)} {self.index.dtype}")
-        elif not isinstance(self.index, Tensor):
-            check_counts(index=self.index)
+        check_extra(self.extra, (SIGNALS, CHANNELS))
+        check_layer(Frame, "behind", self.behind, camera)
+        check_layer(Frame, "previous", self.previous)
+        check_index(self.index)
         check_numbers(time=self.time)
         if not isinstance(self.cut, Tensor | None):
             raise TypeError(f"cut must be a ({camera.batch},) bool tensor or None, got {type(self.cut).__name__}")
@@ -130,7 +125,10 @@ class Frame:
         """Names with their numbers of components, and their sizes where these are not the picture's."""
         told = []
         for name in names:
-            _, c, h, w = self.read(name).shape
+            if (tensor := self.read(name)).ndim != 4:
+                told.append(f"{name} {tuple(tensor.shape)}")
+                continue
+            _, c, h, w = tensor.shape
             size = [] if (h, w) == self.gbuffer.camera.size else [f"{w}x{h}"]
             told.append(f"{name} ({', '.join([str(c), *size])})" if c > 1 or size else name)
         return ", ".join(told)
@@ -182,7 +180,7 @@ class Frame:
 
         What lies `behind` stays if ``names`` holds ``"behind"``; it and `previous` lose the rest too.
         """
-        g = self.gbuffer
+        names, g = (names,) if isinstance(names, str) else names, self.gbuffer
         channels = {name: None for name in g.present if not (CHANNELS[name].required or name in names)}
         signals = {name: None for name in SIGNALS if name not in names}
         layers = {"previous": self.previous, "behind": self.behind if "behind" in names else None}
@@ -225,6 +223,7 @@ class Frame:
 
     def moving_as(self, frame: Frame) -> Frame:
         """This frame with motion, cut and replayed samples of another one, `behind` likewise: undoes `still`."""
+        check_kind(Frame, "frame", frame)
         g, behind = frame.gbuffer, self.behind
         motion = {name: tensor for name in MOTION if (tensor := getattr(g, name)) is not None}
         if behind is not None and frame.behind is not None:
@@ -235,6 +234,7 @@ class Frame:
 
     def as_previous(self, names: Iterable[str] = ("radiance", "ambient", "gi", "sky_visibility", "composite")) -> Frame:
         """What the next frame may read of this one: geometry and the signals called ``names``."""
+        names = (names,) if isinstance(names, str) else tuple(names)
         keep = {name: getattr(self, name) for name in names if name in SIGNALS}
         extra = {name: self.extra[name] for name in names if name in self.extra}
         return Frame(gbuffer=self.gbuffer.geometry(), index=self.index, time=self.time, extra=extra, **keep)

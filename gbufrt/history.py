@@ -47,7 +47,7 @@ class History:
 
     def reset(self, mask: Tensor) -> History:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""
-        _check_mask(mask)
+        _check_mask(mask, len(self.length))
         return replace(self, length=torch.where(mask[:, None, None, None], 0.0, self.length))
 
 
@@ -111,7 +111,7 @@ class PipelineState:
 
     def reset(self, mask: Tensor) -> PipelineState:
         """Forget the batch elements where ``mask`` ``(B,)`` is True."""
-        _check_mask(mask)
+        _check_mask(mask, None if self.previous is None else self.previous.gbuffer.camera.batch)
         stages = {name: None if state is None else state.reset(mask) for name, state in self.stages.items()}
         previous = self.previous
         if previous is not None:
@@ -120,10 +120,12 @@ class PipelineState:
         return replace(self, stages=stages, previous=previous)
 
 
-def _check_mask(mask: Any) -> None:
+def _check_mask(mask: Any, batch: int | None) -> None:
     if not isinstance(mask, Tensor) or mask.dtype != torch.bool or mask.ndim != 1:
         got = f"{tuple(mask.shape)} {mask.dtype}" if isinstance(mask, Tensor) else type(mask).__name__
         raise TypeError(f"mask must be a (B,) bool tensor, got {got}")
+    if len(mask) != (batch or len(mask)):
+        raise ValueError(f"mask must be ({batch},) bool, one for each picture, got ({len(mask)},)")
 
 
 # Plain values of tensors, so that `torch.load` reads states and frames without being told to trust the file.

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from difflib import SequenceMatcher, get_close_matches
 from pathlib import Path, PurePath
+from typing import Any
 
 MOST = 4  # names that a message proposes
 BEDROCK = "a world of Minecraft Bedrock; convert it to a Java save (Chunker and Amulet do)"
@@ -68,7 +69,15 @@ def other_save(folder: Path) -> str:
                 return f"a world {REMEDIES[kind]}"
     if (folder / "region2d").is_dir() or (folder / "region3d").is_dir():
         return "a world of cubic chunks; convert it to a save of common chunks"
+    if found := _dimensions(folder):
+        return f"no save with an overworld; give a folder within it: {', '.join(found[:MOST])}"
     return ""
+
+
+def _dimensions(folder: Path) -> list[str]:
+    """The folders within this one that hold regions: saves, or dimensions of the game and of mods."""
+    found = (region for at in ("*", "*/*", "dimensions/*/*") for region in folder.glob(f"{at}/region"))
+    return sorted({str(region.parent) for region in found if any(region.glob("r.*.mca"))})
 
 
 def resolve(name: str, kinds: Mapping[str, str]) -> str:
@@ -79,8 +88,11 @@ def resolve(name: str, kinds: Mapping[str, str]) -> str:
         kinds: class of the pass that has the tunable, by the tunable's full name.
 
     Raises:
+        TypeError: the name is no text.
         ValueError: no such tunable, or a tail that fits several.
     """
+    if not isinstance(name, str):
+        raise TypeError(f"a tunable is named by text such as 'gtao.radius', got {name!r}")
     if name in kinds:
         return name
     found = []
@@ -135,3 +147,14 @@ def several(argument: str, names: str | Iterable[str], example: tuple[str, ...])
     if not found or not all(isinstance(name, str) and name for name in found):
         raise ValueError(f"{argument} must be a name or several such as {example}, got {names!r}")
     return found
+
+
+def single(argument: str, name: Any, example: str) -> str:
+    """One name.
+
+    Raises:
+        TypeError: it is no text, or an empty one: names the argument, and shows the example.
+    """
+    if not isinstance(name, str) or not name:
+        raise TypeError(f"{argument} must be one name such as {example!r}, got {name!r}; a stage takes one signal")
+    return name

@@ -6,6 +6,7 @@ import math
 from os import PathLike
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -15,7 +16,7 @@ from gbufrt.compute.resident import waits
 def check_numbers(**values: Any) -> None:
     """Raise TypeError where a value, by its argument's name, is neither a number nor a 0-dim tensor."""
     for name, value in values.items():
-        if not hasattr(value, "__float__") or getattr(value, "ndim", 0):
+        if not _is_number(value) or getattr(value, "ndim", 0):
             raise TypeError(f"{name} must be a number or a 0-dim tensor, got {_told(value)}")
 
 
@@ -50,7 +51,7 @@ def check_each(low: float, *, above: bool = False, unit: str = "", **values: Any
         ValueError: it is out of range, or NaN.
     """
     for name, value in values.items():
-        if not isinstance(value, Tensor) and not hasattr(value, "__float__"):
+        if not _is_number(value):
             raise TypeError(f"{name} must be a number or a tensor, got {_told(value)}")
         if isinstance(value, Tensor) and waits(value):
             continue
@@ -62,12 +63,27 @@ def check_each(low: float, *, above: bool = False, unit: str = "", **values: Any
             raise ValueError(f"{name} must {wanted}{unit and f', in {unit}'}, got {least:g}")
 
 
+def check_for_each(batch: int, **values: Any) -> None:
+    """Raise ValueError where a tensor, by its argument's name, holds neither one number nor one for each picture."""
+    for name, value in values.items():
+        if isinstance(value, Tensor) and value.numel() not in (1, batch):
+            raise ValueError(f"{name} must hold one number, or {batch}: one for each picture; got {_told(value)}")
+
+
 def check_counts(**values: Any) -> None:
     """Raise TypeError where a value, by its argument's name, is no whole number."""
     for name, value in values.items():
         broken = isinstance(value, Tensor) and value.is_floating_point()  # every tensor has __index__
         if not hasattr(value, "__index__") or getattr(value, "ndim", 0) or broken:
             raise TypeError(f"{name} must be a whole number, got {_told(value)}")
+
+
+def check_index(index: Any) -> None:
+    """Raise unless a frame's number is a whole number, TypeError, or a 0-dim tensor of such, ValueError."""
+    if not isinstance(index, Tensor):
+        check_counts(index=index)
+    elif index.ndim or index.dtype not in (torch.int32, torch.int64):
+        raise ValueError(f"index must be an int or () int64, got {tuple(index.shape)} {index.dtype}")
 
 
 def check_bits(**masks: Any) -> None:
@@ -137,6 +153,13 @@ def check_size(size: Any) -> None:
         return
     got = _told(size) if isinstance(size, Tensor) else repr(size)
     raise ValueError(f"size must be (H, W), whole numbers of at least 1 such as (540, 960), got {got}")
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a real number or holds such: torch takes no arrays of numpy for numbers, however small."""
+    if isinstance(value, Tensor):
+        return not value.is_complex()
+    return hasattr(value, "__float__") and not isinstance(value, np.ndarray)
 
 
 def _told(value: Any) -> str:

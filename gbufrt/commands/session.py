@@ -140,7 +140,7 @@ def encode(files: FileOptions, pictures: Sequence[Path], fps: float) -> None:
         from gbufrt.files.video import write_video
 
         write_video(files.video, pictures, fps=fps)
-        print(f"wrote {len(pictures)} frames at {fps:g} a second to {files.video}")
+        print(f"wrote {len(pictures)} frame{'s' * (len(pictures) > 1)} at {fps:g} a second to {files.video}")
 
 
 def open_device(name: str) -> torch.device:

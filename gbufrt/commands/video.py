@@ -26,7 +26,7 @@ def video(*files: Path, out: Path, fps: float = 24.0) -> None:
     check_video(out)
     pictures = [picture for file in files for picture in pictures_of(file)]
     write_video(out, pictures, fps=fps)
-    print(f"wrote {len(pictures)} frames at {fps:g} a second to {out}")
+    print(f"wrote {len(pictures)} frame{'s' * (len(pictures) > 1)} at {fps:g} a second to {out}")
 
 
 def pictures_of(path: Path) -> list[Path]:

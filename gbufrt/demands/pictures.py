@@ -78,12 +78,15 @@ def check_sizes(camera: Any, **pictures: Any) -> None:
     """
     check_camera(camera)
     _check_there(pictures)
+    fits = (camera.batch, *camera.size)
     for name, picture in pictures.items():
         if picture is None:
             continue
         if not isinstance(picture, Tensor):
             raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
-        if picture.ndim != 4 or picture.shape[0] != camera.batch or picture.shape[-2:] != camera.size:
+        if picture.is_complex():
+            raise TypeError(f"{name} must hold real numbers, got {picture.dtype}")
+        if picture.ndim != 4 or (len(picture), *picture.shape[-2:]) != fits or not picture.shape[1]:
             raise ValueError(
                 f"{name} must be ({camera.batch},C,{camera.height},{camera.width}) like its camera, "
                 f"got {tuple(picture.shape)}"

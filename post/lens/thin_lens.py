@@ -12,7 +12,7 @@ from gbufrt.compute.resident import number
 from gbufrt.demands.pictures import check_camera, check_pictures
 from gbufrt.focus import median_depth
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.numeric import check_each, check_numbers
+from gbufrt.numeric import check_each, check_for_each, check_numbers
 
 TINY = 1e-6
 
@@ -50,6 +50,7 @@ def circle_of_confusion(
     check_pictures(camera, depth=depth, hit=hit)
     check_each(0, above=True, unit="world units", focus_distance=focus_distance)
     check_each(0, unit="world units", aperture_radius=aperture_radius)
+    check_for_each(len(depth), focus_distance=focus_distance, aperture_radius=aperture_radius)
     focus, aperture = _per_camera(focus_distance, depth), _per_camera(aperture_radius, depth)
     scale = aperture * camera.pixels_per_unit(torch.ones_like(depth[:, :, :1, :1]))
     if camera.orthographic:
@@ -86,7 +87,8 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
         raise ValueError(f"region must lie in (0, 1], got {region}")
     rows, columns = (max(1, round(n * float(region))) for n in depth.shape[-2:])
     top, left = (depth.shape[-2] - rows) // 2, (depth.shape[-1] - columns) // 2
-    known = torch.isfinite(depth) if hit is None else hit & torch.isfinite(depth)
+    known = torch.isfinite(depth) & (depth > 0)  # no surface lies at the eye: 0 stands for the sky in many files
+    known = known if hit is None else hit & known
     middle = torch.where(known, depth, torch.nan)
     return median_depth(middle[:, 0, top : top + rows, left : left + columns].flatten(1), camera.far)
 

@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.channels import check_tensor
 from gbufrt.compute.resident import number
+from gbufrt.gbuffer import CHANNELS
 from gbufrt.mending import held
 from gbufrt.noise.noise import blue_noise
 from gbufrt.numeric import check_between
@@ -83,6 +85,9 @@ def bitmask_ao(
     given = {"depth": depth, "normal": normal, "hit": hit, "thickness": thickness}
     slices.check_sweep(camera, directions, steps, radius, scales, **given)
     check_between(0, math.inf, hidden=hidden)
+    if where is not None:
+        row, like = CHANNELS["hit"], {"batch": camera.batch, "size": camera.size, "device": camera.device}
+        check_tensor("where", where, row, **like)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     depth, hit, normal = held(depth, hit, normal, camera.far)
     reach = None if radius is None else number(radius, depth)

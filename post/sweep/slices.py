@@ -6,6 +6,7 @@ Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
@@ -58,12 +59,19 @@ def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
     return [(cut, Receivers(*(plane[:, cut] for plane in at[:-1]), aspect=at.aspect)) for cut in cuts]
 
 
-def slices_of(frame: Frame, directions: int, fresh: int) -> int:
-    """``directions``, times ``fresh`` where no frame comes before: a single picture has no others to average with."""
+def by_slices(
+    frame: Frame, directions: int, fresh: int, sweep: Callable[[int], tuple[Tensor, ...]]
+) -> tuple[Tensor, ...]:
+    """What a ``sweep`` of ``directions`` finds; ``fresh`` times as many for pictures with none before them, which have
+    no others to average with, and for no others of their batch."""
     check_between(1, math.inf, fresh=fresh)
     check_counts(fresh=fresh)
-    alone = frame.previous is None or (frame.cut is not None and bool(frame.cut.any()))
-    return directions * fresh if alone else directions
+    cut = None if frame.cut is None else frame.cut[:, None, None, None]
+    new = len(frame.gbuffer.depth) if frame.previous is None else 0 if cut is None else int(cut.sum())
+    if new in (0, len(frame.gbuffer.depth)) or fresh == 1 or cut is None:
+        return sweep(directions * fresh if new else directions)
+    few, many = sweep(directions), sweep(directions * fresh)
+    return tuple(torch.where(cut.to(one.device), other, one) for one, other in zip(few, many, strict=True))
 
 
 def slice_noise(at: Receivers, noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -68,7 +68,7 @@ def _structure(tags: Tags, shape: list[int]) -> str:
 def _blocks(path: Path) -> str:
     from tracer.formats.minecraft.region import Region, region_files
     from tracer.formats.minecraft.save import WIDTH
-    from tracer.formats.minecraft.sections import version_of
+    from tracer.formats.minecraft.sections import level_of, version_of
 
     regions = [Region.of(file) for file in region_files(path)]
     places = [place for region in regions for place in region.sectors]
@@ -79,9 +79,15 @@ def _blocks(path: Path) -> str:
     first = next(region for region in regions if region.sectors)
     place = next(iter(first.sectors))
     try:
-        version = version_of(first.chunk(place)) or "from before 1.9"
+        chunk = first.chunk(place)
+        version = version_of(chunk) or "from before 1.9"
     except ValueError as error:
         version = f"not known, because chunk {place[0]},{place[1]} cannot be read ({error})"
+    else:
+        try:
+            level_of(chunk)
+        except ValueError as error:
+            raise ValueError(f"{first.path}: {error}") from None
     return (
         f"{kind}, data version {version}, {_count(len(places), 'chunk')} in {_count(len(regions), 'file')}, in x "
         f"{x0 * WIDTH}..{(x1 + 1) * WIDTH} and z {z0 * WIDTH}..{(z1 + 1) * WIDTH}"

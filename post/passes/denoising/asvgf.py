@@ -13,6 +13,7 @@ from gbufrt.demands.pictures import check_alike, check_pictures
 from gbufrt.history import check_history
 from gbufrt.luminance import luminance
 from gbufrt.mending import finite
+from gbufrt.names import single
 from gbufrt.specular import VIRTUAL_ROUGHNESS
 from post.filters.around import pooled
 from post.filters.surfaces import surface
@@ -202,7 +203,7 @@ class ASVGF(TemporalPass):
         phi_color: float = 0.5,
     ) -> None:
         super().__init__()
-        self.signal = signal
+        self.signal = single("signal", signal, "diffuse")
         self.gradients = gradients
         lobe = SPECULAR if signal == "specular" else DIFFUSE
         self.blend = lobe.blend if blend is None else blend

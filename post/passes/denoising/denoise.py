@@ -9,8 +9,10 @@ import torch
 from torch import Tensor
 
 from gbufrt import Frame, GBuffer, History, TemporalPass
-from gbufrt.demands.pictures import check_pictures
+from gbufrt.demands.pictures import check_pictures, check_sizes
 from gbufrt.history import check_history
+from gbufrt.names import single
+from gbufrt.numeric import check_kind
 from post.filters.around import alike
 from post.filters.edges import padded, windows
 from post.filters.surfaces import surface
@@ -88,6 +90,9 @@ def denoise(
     """
     check_history(gbuffer, history)
     check_pictures(gbuffer.camera, depth=gbuffer.depth, light=light)
+    if behind is not None:
+        check_kind(GBuffer, "behind", behind, "; frame.behind.gbuffer is one")
+        check_sizes(gbuffer.camera, **{"behind.depth": behind.depth})
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     faced = None if history is None else history.signals.get(FACING)
     reflected, tight = reflectance_of(gbuffer, specular=specular), tight_metals(gbuffer)
@@ -205,7 +210,7 @@ class Denoise(TemporalPass):
         phi_color: float = 0.25,
     ) -> None:
         super().__init__()
-        self.signal = signal
+        self.signal = single("signal", signal, "radiance")
         self.blend = blend
         self.clamp = clamp
         self.firefly = firefly

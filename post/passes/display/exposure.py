@@ -12,7 +12,7 @@ from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.history import check_history
 from gbufrt.mending import finite
-from gbufrt.numeric import check_between, check_kind, check_numbers
+from gbufrt.numeric import check_between, check_for_each, check_kind, check_numbers
 from post.display.constants import DARKEST
 from post.display.op import histogram
 
@@ -76,7 +76,10 @@ def exposure(
     found = _typical(histogram(finite(color)), low, high).clamp(math.log2(key) - max_ev, math.log2(key) - min_ev)
     if previous is not None:
         check_kind(Tensor, "previous", previous, "; this function returned it, second, for the frame before")
-        check_numbers(elapsed=0.0 if isinstance(elapsed, Tensor) else elapsed)
+        if previous.shape != found.shape:
+            raise ValueError(f"previous must be ({len(color)},), one for each picture, got {tuple(previous.shape)}")
+        check_between(0, math.inf, elapsed=0.0 if isinstance(elapsed, Tensor) else elapsed)
+        check_for_each(len(color), elapsed=elapsed)
         before = torch.where(previous.isnan(), found, previous).to(found)
         seconds = number(elapsed, found)
         rate = torch.where(found > before, speed_up, speed_down).to(found.dtype)

@@ -12,7 +12,7 @@ from gbufrt.channels import check_picture
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite
 from gbufrt.noise.noise import dithered
-from gbufrt.numeric import check_between, check_each, check_numbers
+from gbufrt.numeric import check_between, check_each, check_for_each, check_numbers
 from post.display.ocio import CONFIGS, check_view, is_config, ocio_view
 from post.display.op import encoded, tone_curve
 from post.display.reference import OPERATORS, Operator
@@ -37,7 +37,7 @@ def tone_map(
             leaves colours alone up to 0.76, for products; ``"reinhard"`` compresses luminance alone; ``"linear"``
             clips. ``"aces-1.3"``, ``"aces-2.0"`` or the path of an OpenColorIO config (.ocio, .ocioz) shows its view:
             on the CPU and without a gradient.
-        exposure: factor on ``color``; a float or ``(B, 1, 1, 1)``.
+        exposure: factor on ``color``; a float, ``(B,)`` or ``(B, 1, 1, 1)``.
         contrast: AgX only: exponent of its look; 1 is the flat base, 1.35 "punchy".
         saturation: AgX only: of its look; 1 is the base, 1.4 "punchy".
         white: Reinhard only: luminance that becomes white.
@@ -56,6 +56,9 @@ def tone_map(
     """
     check_picture("color", color, "linear")
     check_each(0, exposure=exposure)
+    if isinstance(exposure, Tensor) and exposure.shape[1:] != (1, *color.shape[2:]):  # which is one a pixel
+        check_for_each(len(color), exposure=exposure)
+        exposure = exposure.reshape(-1, 1, 1, 1)
     color = finite(color)  # NaN is the largest number to some kernels, which would show it as white
     _check(operator, view)
     if is_config(operator):

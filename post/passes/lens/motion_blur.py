@@ -14,7 +14,7 @@ from gbufrt.demands.pictures import check_beside
 from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
-from gbufrt.numeric import check_counts, check_each, check_numbers
+from gbufrt.numeric import check_counts, check_each, check_for_each, check_numbers
 from post.lens.constants import STILL
 from post.lens.limits import tell_cut
 from post.lens.op import blur_alike, reconstruct
@@ -72,6 +72,7 @@ def motion_blur(
     """
     check_beside(color, depth=depth, motion=motion)
     _check(shutter, samples, tile, softness)
+    check_for_each(len(color), shutter=shutter)
     if weights not in ("reconstruction", "similarity"):
         raise ValueError(f"weights must be 'reconstruction' or 'similarity', got {weights!r}")
     if position not in ("center", "trailing"):

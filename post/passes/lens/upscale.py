@@ -87,7 +87,7 @@ def upscale(
     _check(ratio, frames, gamma, lock, stability, sharpness)
     check_pictures(gbuffer.camera, depth=gbuffer.depth, color=color)
     check_alike("color", color=color, reactive=reactive)
-    size = round(color.shape[-2] * ratio), round(color.shape[-1] * ratio)
+    size = round(color.shape[-2] * float(ratio)), round(color.shape[-1] * float(ratio))
     if history is not None and tuple(history.length.shape[-2:]) != size:
         raise ValueError(f"the history must be {size}, got {tuple(history.length.shape[-2:])}; start with state=None")
     color = finite(color)

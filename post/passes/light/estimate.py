@@ -12,7 +12,7 @@ from torch import Tensor
 from gbufrt import Camera, Frame, Pass
 from gbufrt.channels import check_one_kind, check_picture
 from gbufrt.compute.resident import resident
-from gbufrt.demands.pictures import check_pictures
+from gbufrt.demands.pictures import check_camera, check_pictures
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
 from gbufrt.names import several
@@ -110,10 +110,10 @@ def motion_from_depth(
     """
     check_counts(radius=radius)
     check_pictures(camera, depth=depth, hit=hit)
+    check_camera(previous_camera, "previous_camera")
     check_pictures(previous_camera, previous_depth=previous_depth)
     check_one_kind(depth=depth, previous_depth=previous_depth)
-    if radius < 0:
-        raise ValueError(f"radius must not be negative, got {radius}")
+    check_between(0, math.inf, radius=radius)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
     still, still_z = camera.static_motion(previous_camera, depth, hit)
     expected, start = depth + still_z, camera.pixel_centers(dtype=depth.dtype) + still

@@ -9,6 +9,7 @@ from gbufrt import Frame, GBuffer, History, TemporalPass
 from gbufrt.channels import check_one_kind, check_picture
 from gbufrt.demands.pictures import check_sizes
 from gbufrt.history import check_history
+from gbufrt.numeric import check_counts
 from gbufrt.reduction import every_nth
 from post.filters.surfaces import surface
 from post.history.reproject import history_for
@@ -63,6 +64,8 @@ def fog(
     """
     check_history(gbuffer, history)
     check_picture("light", light, "mean radiance that fog scatters")
+    check_picture("transmittance", transmittance, "share of light that fog lets through", components=1)
+    check_counts(iterations=iterations)
     check_sizes(gbuffer.camera, depth=gbuffer.depth, transmittance=transmittance)
     check_one_kind(depth=gbuffer.depth, light=light)
     height, width = gbuffer.camera.size
@@ -75,6 +78,8 @@ def fog(
             f"light must be (B,3,{height},{width}), or of every second pixel (B,3,{size[0]},{size[1]}), "
             f"got {tuple(light.shape)}"
         )
+    if len(light) != len(gbuffer.depth):
+        raise ValueError(f"light must be of {len(gbuffer.depth)} pictures like its camera, got {tuple(light.shape)}")
     mean, history = temporal(light, body, history, blend=blend, clamp=clamp)
     if iterations:
         mean, _ = atrous(

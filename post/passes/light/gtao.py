@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, Literal
 
 import torch
@@ -235,6 +236,7 @@ class GTAO(Pass):
         g = frame.gbuffer
         solid = self.thickness if self.method == "horizon" else known_thickness(g, thickness=self.thickness)
         tunables = {**self.tunables(), "thickness": solid}
-        tunables["directions"] = slices.slices_of(frame, self.directions, tunables.pop("fresh"))
-        ao, bent_normal = gtao(g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)
+        directions, fresh = tunables.pop("directions"), tunables.pop("fresh")
+        sweep = partial(gtao, g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)
+        ao, bent_normal = slices.by_slices(frame, directions, fresh, lambda count: sweep(directions=count))
         return frame.replace(ao=ao, bent_normal=bent_normal)

@@ -13,7 +13,7 @@ from gbufrt.camera import Camera
 from gbufrt.compute.resident import number
 from gbufrt.mending import finite, held
 from gbufrt.noise.noise import blue_noise
-from gbufrt.numeric import check_counts, check_kind
+from gbufrt.numeric import check_counts, check_kind, check_numbers
 from post.filters.surfaces import surface
 from post.margin.op import scene
 from post.shading.sent_light import all_bounces, nothing_before, sent_light, starts
@@ -87,6 +87,7 @@ def ssgi(
     """
     check_kind(Tensor, "albedo", albedo)
     given = {"depth": depth, "normal": normal, "hit": hit, "light": light, "albedo": albedo, "thickness": thickness}
+    check_numbers(distance=1.0 if distance is None else distance)
     slices.check_sweep(camera, directions, steps, distance, **given)
     check_counts(resolution=resolution, index=index)
     if resolution not in (1, 2):
@@ -164,15 +165,19 @@ class SSGI(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
-        sweep |= {"directions": slices.slices_of(frame, self.directions, self.fresh), "index": frame.index}
+        sweep |= {"index": frame.index}
         sweep |= {"hit": g.hit, "thickness": known_thickness(g, thickness=self.thickness)}
         once = {"distance": self.distance, "thickness": sweep["thickness"], "steps": self.steps}
         light = sent_light(_lit_from_above(frame), **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
-        gather = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
-        gi, sky, _ = gather(light=light)
+
+        def gather(light: Tensor) -> tuple[Tensor, ...]:
+            one = partial(ssgi, g.depth, g.normal, g.camera, light, albedo, **sweep)
+            return slices.by_slices(frame, self.directions, self.fresh, lambda count: one(directions=count))
+
+        gi, sky, _ = gather(light)
         if self.bounces > 1 and starts(frame):
-            every = all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
+            every = all_bounces(gi, lambda found: gather(light + self.bounce_loss * found)[0], self.bounces)
             gi = torch.where(nothing_before(frame), every, gi)
         return frame.replace(gi=gi, sky_visibility=sky * _open_above(frame))
 

@@ -9,8 +9,9 @@ import boxes
 import numpy as np
 import pytest
 from command_line import run
+from nbtlib import Compound, File, Int
 from PIL import Image
-from writers import foreign_exr, vox
+from writers import foreign_exr, region, vox
 
 from gbufrt.files.exr import write_exr
 from gbufrt.files.gbuffers.profile import SHIPPED
@@ -204,3 +205,21 @@ def test_what_is_wrong_is_told_in_one_line(tmp_path: Path, capfd, monkeypatch, a
 
 def test_a_folder_of_nothing_that_is_read(tmp_path: Path, capfd) -> None:
     assert "holds neither EXR files nor a Minecraft world; give files" in told(capfd, tmp_path, code=2)
+
+
+def test_folders_beside_the_overworld_are_told_from_it(tmp_path: Path, capfd) -> None:
+    """A save of mods may have no other dimension than theirs; poi and entities hold regions without blocks."""
+    moon = tmp_path / "save/dimensions/mod/moon"
+    chunks = {(0, 0): region.chunk("1.21", 0, 0, [])}
+    for folder, held in (
+        (moon / "region", chunks),
+        (moon / "poi", {(0, 0): File({"DataVersion": Int(3955), "Sections": Compound({})})}),
+    ):
+        folder.mkdir(parents=True)
+        region.write_region(folder / "r.0.0.mca", held)
+    for there in ("save", "save/dimensions", "save/dimensions/mod"):
+        text = told(capfd, tmp_path / there, code=2)
+        assert f"{there} is no save with an overworld; give a folder within it: {moon}" in text
+    assert "1 chunk in 1 file" in told(capfd, moon)
+    text = told(capfd, moon / "poi", code=2)
+    assert "poi/r.0.0.mca: it holds entities or points of interest, no blocks; give the file of that name" in text

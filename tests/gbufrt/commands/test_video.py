@@ -55,6 +55,9 @@ def test_pictures_that_are_there(capfd: pytest.CaptureFixture[str]):
     assert_shows("a.mov", [f"a/frame_000{n}.png" for n in range(3)], 25)
     assert run("video", "a/frame_0002.png", "a/frame_0000.png", "--out", "b.mov") == 0
     assert_shows("b.mov", ["a/frame_0002.png", "a/frame_0000.png"], 24)
+    capfd.readouterr()
+    assert run("video", "a/frame_0002.png", "--out", "one.mov") == 0
+    assert "wrote 1 frame at 24 a second to one.mov" in capfd.readouterr().out
     Path("a/frame_0001.png").unlink()
     Path("empty").mkdir()
     capfd.readouterr()

@@ -47,10 +47,7 @@ def sections(chunk: Tags) -> Iterator[Section]:
         ValueError: something in it breaks the format.
     """
     version = version_of(chunk)
-    level = part(chunk, "Level", dict) if "Level" in chunk else chunk
-    name = "sections" if "sections" in level else "Sections"
-    if "Entities" in chunk or isinstance(level.get(name), dict):  # the game's folders entities and poi
-        raise ValueError("it holds entities or points of interest, no blocks; give the file of that name in region")
+    level, name = level_of(chunk)
     for tags in part(level, name, list) if name in level else []:
         y = int(part(tags, "Y", int))
         if not LOWEST <= y <= HIGHEST:
@@ -59,6 +56,19 @@ def sections(chunk: Tags) -> Iterator[Section]:
         if found is not None:
             biomes, biome = _biomes(level, tags, y)
             yield Section(y=y, states=found[0], blocks=found[1], biomes=biomes, biome=biome)
+
+
+def level_of(chunk: Tags) -> tuple[Tags, str]:
+    """The part of a chunk that may hold sections of blocks, and the name that they have in it.
+
+    Raises:
+        ValueError: it is of the game's folders entities or poi, or its level is no compound.
+    """
+    level = part(chunk, "Level", dict) if "Level" in chunk else chunk
+    name = "sections" if "sections" in level else "Sections"
+    if "Entities" in chunk or isinstance(level.get(name), dict):
+        raise ValueError("it holds entities or points of interest, no blocks; give the file of that name in region")
+    return level, name
 
 
 def version_of(tags: Tags) -> int:
