@@ -77,10 +77,12 @@ def _read(new, image, seen, moved, wanted, past, views, options, scratch, y, fir
         return
     columns, lines, places, rows, now, shift = scratch
     motion, motion_z, look = moved
-    lens, pose = views
+    (lens, pose), (plane, cosine, search, sharp) = views, options
     expected_row(now, seen, motion, motion_z, lens, past.lens, pose, past.parallel, y, first, end)
     shift_row(shift, look, y, first, end)
-    read_row(out, marks, image, now, past, shift, *options, columns, lines, places, rows, y, first, end)
+    read_row(
+        out, marks, image, now, past, shift, plane, cosine, search, sharp, columns, lines, places, rows, y, first, end
+    )
     if not every:
         leave_out(out, wanted, y, first, end)
         leave_out(marks, wanted, y, first, end)

@@ -215,8 +215,9 @@ def test_what_the_history_holds_too_is_in_memory_once():
     frame = frame.replace(gbuffer=frame.gbuffer.replace(hit=hit), reflection=torch.rand_like(frame.gbuffer.normal))
     frame = frame.replace(reflection_confidence=torch.rand_like(frame.gbuffer.depth))
     accumulate, state, copies = Temporal(signal="reflection"), None, None
+    light = frame.read("reflection")
     for index in range(3):
-        given = frame.replace(index=index, reflection=frame.reflection * (1 + index))
+        given = frame.replace(index=index, reflection=light * (1 + index))
         expected, copies = accumulate(given, copies)
         with torch.no_grad():
             found, state = accumulate(given, state)
