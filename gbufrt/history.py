@@ -5,7 +5,7 @@ A pass leaves the autograd graph in its state; a pipeline detaches it unless tol
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.frame import Frame
+from gbufrt.frame import SIGNALS, Frame
 from gbufrt.gbuffer import GBuffer, to_function
 from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors, without_graph
@@ -63,9 +63,10 @@ class PipelineState:
     def handed_over(self) -> PipelineState:
         """The same state for a caller that does not need it again: every stage's is let go of once it has been read.
 
-        Old state and new are then not in memory together.
+        Old state and new are then not in memory together, nor what is remembered of the frame before and its successor.
         """
-        return replace(self, stages=_Once({name: _handed_over(state) for name, state in self.stages.items()}))
+        stages = _Once({name: _handed_over(state) for name, state in self.stages.items()})
+        return replace(self, stages=stages, previous=None if self.previous is None else _handed_frame(self.previous))
 
     def check_fits(self, frame: Frame) -> None:
         """Raise ValueError where histories of pixels belong to frames of another size, batch, kind or device."""
@@ -161,6 +162,24 @@ class _Handed(History):
         taken = History(length=self.length, signals=self.signals, gbuffer=self.gbuffer)
         vars(self).update(length=self.length.new_empty(0), signals={}, gbuffer=None)
         return taken
+
+
+class _HandedFrame(Frame):
+    """A frame before of which `let_go` drops signals, so that all who refer to it keep no memory."""
+
+
+def _handed_frame(previous: Frame) -> Frame:
+    handed = object.__new__(_HandedFrame)  # as `gbufrt.tree.changed`: its fields are checked already
+    vars(handed).update(vars(previous))
+    return handed
+
+
+def let_go(previous: Frame | None, names: Collection[str]) -> None:
+    """Drop the signals called ``names`` of a frame before that was handed over with its state; of others, nothing."""
+    if isinstance(previous, _HandedFrame):
+        known = {name: None for name in names if name in SIGNALS}
+        extra = {name: tensor for name, tensor in previous.extra.items() if name not in names}
+        vars(previous).update(known, extra=extra)
 
 
 def size_text(g: GBuffer) -> str:

@@ -6,7 +6,7 @@ A pipeline is itself a temporal pass, so pipelines nest.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import groupby
 from typing import Any, Literal
 
@@ -14,11 +14,11 @@ import torch
 from torch import nn
 
 from gbufrt.compute.memory import return_freed
-from gbufrt.demands.inputs import check_frame, check_inputs
+from gbufrt.demands.inputs import check_frame, check_inputs, warn_if_repeated
 from gbufrt.demands.results import returned
 from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
-from gbufrt.history import PipelineState, size_text
+from gbufrt.history import PipelineState, let_go, size_text
 from gbufrt.mending import remember, remembering
 from gbufrt.numeric import check_counts
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass
@@ -87,7 +87,7 @@ class Pipeline(Branch):
         check_inputs(self.reads, self.passes(), frame)
         if state is not None:
             state.check_fits(frame)
-        _warn_if_repeated(frame, None if state is None else state.previous)
+        warn_if_repeated(frame, None if state is None else state.previous)
         self._tell_what_is_left_out(frame)
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)
 
@@ -110,7 +110,7 @@ class Pipeline(Branch):
         with remembering(frame, self.names):
             seen, inside = self.place.enter(frame, self.names), PipelineState()
             if seen is not None:
-                seen, inside = self._inside(seen, state or inside)
+                seen, inside = self._inside(seen, state or inside, self._recalled())
                 frame = self.place.leave(frame, seen, self._written())
             previous = remember(frame.as_previous(self.recalls))
         state = PipelineState(stages=inside.stages, previous=previous, saw=inside.saw)
@@ -203,7 +203,17 @@ class Pipeline(Branch):
         """What the stages write on the frame that they see."""
         return {signal for stage in self._stages().values() for signal in stage.writes}
 
-    def _inside(self, frame: Frame, state: PipelineState, prefix: str = "") -> tuple[Frame, PipelineState]:
+    def _recalled(self, prefix: str = "") -> dict[str, str]:
+        """By each signal of the frame before, the dotted name of the last pass that reads it."""
+        last = dict[str, str]()
+        for name, stage in self._stages().items():
+            path = prefix + name
+            last |= stage._recalled(f"{path}.") if isinstance(stage, Pipeline) else dict.fromkeys(stage.recalls, path)
+        return last if self.place.layer is None else {}  # another layer has no frame before
+
+    def _inside(
+        self, frame: Frame, state: PipelineState, last: Mapping[str, str], prefix: str = ""
+    ) -> tuple[Frame, PipelineState]:
         """Run the stages in order, each on the frame it asks for; neighbours that ask for the same one share it."""
         after, saw = dict[str, Any](), dict[str, str]()
         for place, group in groupby(self._stages().items(), key=lambda named: _place(named[1])):
@@ -214,13 +224,14 @@ class Pipeline(Branch):
             for name, stage in stages.items():
                 before = state.of(name, seen, prefix=prefix, nested=isinstance(stage, Pipeline))
                 if isinstance(stage, Pipeline):
-                    seen, after[name] = stage._inside(seen, before or PipelineState(), f"{prefix}{name}.")
+                    seen, after[name] = stage._inside(seen, before or PipelineState(), last, f"{prefix}{name}.")
                     continue
                 stage.check(seen)
                 if isinstance(stage, TemporalPass):
                     seen, after[name] = returned(name, stage, stage(seen, before), temporal=True)
                 else:
                     seen, _ = returned(name, stage, stage(seen), temporal=False)
+                let_go(seen.previous, [signal for signal, path in last.items() if path == prefix + name])
             saw |= dict.fromkeys(stages, size_text(seen.gbuffer))
             pipelines = (stage for stage in stages.values() if isinstance(stage, Pipeline))
             frame = place.leave(frame, seen, {signal for pipeline in pipelines for signal in pipeline._written()})
@@ -237,14 +248,3 @@ def _place(stage: Stage) -> Place:
 def _names(stage: Stage) -> frozenset[str]:
     """All that a stage reads or writes, inside of it too."""
     return stage.names if isinstance(stage, Pipeline) else stage.reads | stage.optional | stage.writes
-
-
-def _warn_if_repeated(frame: Frame, previous: Frame | None) -> None:
-    before = None if previous is None else previous.index
-    again = isinstance(before, int) and isinstance(frame.index, int) and before == frame.index
-    if again and not (frame.cut is not None and bool(frame.cut.all())):
-        warnings.warn(
-            f"frame index {frame.index} repeats, and with it the noise, so that nothing converges: count the index up, "
-            "or use pipeline.settle(frame, runs) for a still",
-            stacklevel=3,  # where the pipeline is called
-        )

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 LARGE = 8_000_000  # bytes of a plane: a little less than one of 1920x1080
-OWN = 1.5  # planes; blocks of more are mapped on their own
+OWN = 0.2  # planes; blocks of more are mapped on their own: so are masks, of a quarter of a plane
 M_MMAP_THRESHOLD = -3  # glibc's malloc.h
 HIGHEST = 32 << 20  # bytes; glibc maps blocks of more on their own by itself
 LARGE_PAGES = "THP_MEM_ALLOC_ENABLE"  # torch's own switch
@@ -36,7 +36,8 @@ def return_freed(plane: Tensor) -> None:
     be measured, but after each of four branches several percent. Small pictures are not worth it.
 
     Where torch asks for large pages, a block's pages are cheap enough to be fresh each time. From the first large frame
-    on, all but the smallest blocks are then mapped on their own and leave no holes.
+    on, all but the smallest blocks, down to masks, are then mapped on their own and leave no holes: with single planes
+    in the heap 1920x1080 took 0.1 GB more.
 
     Args:
         plane: ``(B, 1, H, W)``, such as a frame's depth.

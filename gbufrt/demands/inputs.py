@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -84,3 +85,15 @@ def remedy(name: str) -> str:
         more = "" if name in LIGHT else " or run a pass that writes it"
         return f"give the Frame {name} ({SIGNALS[name].meaning}){more}"
     return "run a pass that writes it"
+
+
+def warn_if_repeated(frame: Frame, previous: Frame | None) -> None:
+    """Warn of a frame that has the index of the one before, where that was no camera cut; asks no GPU for its index."""
+    before = None if previous is None else previous.index
+    again = isinstance(before, int) and isinstance(frame.index, int) and before == frame.index
+    if again and not (frame.cut is not None and bool(frame.cut.all())):
+        warnings.warn(
+            f"frame index {frame.index} repeats, and with it the noise, so that nothing converges: count the index up, "
+            "or use pipeline.settle(frame, runs) for a still",
+            stacklevel=3,  # where the pipeline is called
+        )

@@ -22,11 +22,12 @@ def knowing(before: Iterable[Tensor]) -> Iterator[None]:
     Args:
         before: of these, what `keep` was given is known if nothing has written into it since.
     """
-    token = _known.set(WeakValueDictionary())
+    token, tensor = _known.set(WeakValueDictionary()), None
     try:
         for tensor in before:
             if _versions.get(tensor) == _version(tensor):
                 know(tensor)
+        del before, tensor  # a state that is handed over lets go of them inside
         yield
     finally:
         _known.reset(token)

@@ -49,20 +49,34 @@ def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> 
     return torch.cat(present, dim=1) if len(present) > 1 else present[0]
 
 
-def unstack(frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate: bool = False) -> Frame:
-    """The inverse of `stack`: write the signals back, unit vectors normalized, sky pixels unchanged."""
+def unstack(
+    frame: Frame, names: tuple[str, ...], stacked: Tensor, *, demodulate: bool = False, views: bool = False
+) -> Frame:
+    """The inverse of `stack`: write the signals back, unit vectors normalized, sky pixels unchanged.
+
+    Args:
+        frame: that the signals are of.
+        names: theirs.
+        stacked: ``(B, C, H, W)``.
+        demodulate: whether albedo was divided out.
+        views: whether ``stacked`` stays in memory anyway, as the mean that a history holds. Without gradients, signals
+            that are as in it are then views of it in place of copies, and its sky pixels are written over; those of
+            several elements of a batch, which do not lie side by side, are copied all the same.
+    """
     start = 0
     for name in names:
         before = frame.get(name)
         if before is None:
             continue
-        signal = stacked[:, start : start + before.shape[1]]
+        signal = part = stacked[:, start : start + before.shape[1]]
         start += before.shape[1]
         if demodulate and name == names[0] and before.shape[1] == 3:
             signal = signal * guarded_albedo(frame)
         if name in UNIT_VECTORS:
             signal = unit_vectors(signal, before)
-        frame = frame.write(name, torch.where(frame.gbuffer.hit, signal, before))
+        own = views and signal is part and part.is_contiguous() and not torch.is_grad_enabled()
+        signal = torch.where(frame.gbuffer.hit, signal, before, out=part if own else None)
+        frame = frame.write(name, signal)
     return frame
 
 

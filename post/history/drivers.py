@@ -20,8 +20,8 @@ PIECE = 64  # pixels of a row that are read at a time, or not at all where none 
 
 @driver
 def read_rows(
-    out, image, depth, normal, hit, kind, motion, motion_z, look, wanted, was_depth, was_normal, was_hit, was_kind,
-    length, lenses, poses, parallel, plane, cosine, search, sharp, threads,
+    out, marks, image, depth, normal, hit, kind, motion, motion_z, look, wanted, was_depth, was_normal, was_hit,
+    was_kind, length, lenses, poses, parallel, plane, cosine, search, sharp, threads,
 ):  # fmt: skip
     """See `post.history.read.read_history_cpu`."""
     batch, _, height, width = out.shape
@@ -38,15 +38,16 @@ def read_rows(
             views = lens_at(lenses[b, 0]), poses[b]
             options = np.float32(plane), np.float32(cosine), search, sharp
             scratch = columns, lines, places, rows, now, shift
+            new = out[b], marks[b]
             for begin in range(0, width, size):
                 first = min(begin, width - size)
-                _read(out[b], image[b], seen, moved, wanted[b], past, views, options, scratch, y, first, first + size)
+                _read(new, image[b], seen, moved, wanted[b], past, views, options, scratch, y, first, first + size)
 
 
 @scalar
 def read_pixel(
-    i, out, image, depth, normal, hit, kind, motion, motion_z, look, wanted, was_depth, was_normal, was_hit, was_kind,
-    length, lenses, poses, parallel, plane, cosine, search, sharp,
+    i, out, marks, image, depth, normal, hit, kind, motion, motion_z, look, wanted, was_depth, was_normal, was_hit,
+    was_kind, length, lenses, poses, parallel, plane, cosine, search, sharp,
 ):  # fmt: skip
     """As `read_rows`, one pixel."""
     height, width = out.shape[2:]
@@ -59,27 +60,32 @@ def read_pixel(
     past = Past(*was, height, width, lens_at(lenses[b, 1]), parallel)
     views, options = (lens_at(lenses[b, 0]), poses[b]), (np.float32(plane), np.float32(cosine), search, sharp)
     scratch = columns, lines, places, rows, now, shift
-    _read(out[b], image[b], seen, moved, wanted[b], past, views, options, scratch, y, x, x + 1)
+    new = out[b], marks[b]
+    _read(new, image[b], seen, moved, wanted[b], past, views, options, scratch, y, x, x + 1)
 
 
 read_each = Each(read_pixel)
 
 
 @scalar
-def _read(out, image, seen, moved, wanted, past, views, options, scratch, y, first, end):
+def _read(new, image, seen, moved, wanted, past, views, options, scratch, y, first, end):
     """Pixels ``first`` to ``end`` of a row."""
-    every = wanted.shape[0] == 0
+    (out, marks), every = new, wanted.shape[0] == 0
     if not (every or any_wanted(wanted, y, first, end)):
         leave_out(out, wanted, y, first, end)
+        leave_out(marks, wanted, y, first, end)
         return
     columns, lines, places, rows, now, shift = scratch
     motion, motion_z, look = moved
     (lens, pose), (plane, cosine, search, sharp) = views, options
     expected_row(now, seen, motion, motion_z, lens, past.lens, pose, past.parallel, y, first, end)
     shift_row(shift, look, y, first, end)
-    read_row(out, image, now, past, shift, plane, cosine, search, sharp, columns, lines, places, rows, y, first, end)
+    read_row(
+        out, marks, image, now, past, shift, plane, cosine, search, sharp, columns, lines, places, rows, y, first, end
+    )
     if not every:
         leave_out(out, wanted, y, first, end)
+        leave_out(marks, wanted, y, first, end)
 
 
 @driver

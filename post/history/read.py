@@ -35,8 +35,9 @@ class Reading(NamedTuple):
 def read_history_cpu(
     image: Tensor, now: list[Tensor], before: list[Tensor], lenses: Tensor, poses: Tensor, parallel: bool,
     plane: float, normal: float, search: int, sharp: bool,
-) -> Tensor:  # fmt: skip
-    """``(B, C + 2, H, W)``: the picture, the support, and 1 where it is valid, or half where it is lent.
+) -> tuple[Tensor, Tensor]:  # fmt: skip
+    """The picture ``(B, C, H, W)``; and ``(B, 2, H, W)``: the support, and 1 where it is valid, or half where it is
+    lent, which need not be in memory as long.
 
     Args:
         image: ``(B, C, H, W)``.
@@ -54,22 +55,22 @@ def read_history_cpu(
     from gbufrt.compute.kernel import array, threads
     from post.history.drivers import read_each, read_rows
 
-    batch, channels, height, width = image.shape
-    out = image.new_empty(batch, channels + 2, height, width)
+    batch, _, height, width = image.shape
+    out, marks = image.new_empty(image.shape), image.new_empty(batch, 2, height, width)
     given = [t if t.shape[1] > 1 else t[:, 0] for t in (*now, *before)]
     was = [t.flatten(-2) for t in given[len(now) :]]  # not in the kernel: what reshapes cannot be cached for a GPU
-    pictures = out, image.flatten(2), *given[: len(now)], *was, lenses, poses
+    pictures = out, marks, image.flatten(2), *given[: len(now)], *was, lenses, poses
     options = parallel, plane, normal, search, sharp
     if form_of(image, cuda=True) is Form.CUDA:
         read_each(batch * height * width, *pictures, *options)
     else:
         read_rows(*map(array, pictures), *options, threads())
-    return out
+    return out, marks
 
 
 @read_history_cpu.register_fake
 def _(image, now, before, lenses, poses, parallel, plane, normal, search, sharp):
-    return image.new_empty(image.shape[0], image.shape[1] + 2, *image.shape[2:])
+    return image.new_empty(image.shape), image.new_empty(image.shape[0], 2, *image.shape[2:])
 
 
 def read_history(
@@ -134,7 +135,7 @@ def read_history(
     now, then = _ids(gbuffer, previous)
     none = gbuffer.hit[:, :, :0, :0]
     look = moved if motion is None else motion
-    found = read_history_cpu(
+    found, marks = read_history_cpu(
         image,
         [depth, facing, gbuffer.hit, now, moved, moved_z, look, none if wanted is None else wanted],
         [depth_then, facing_then, previous.hit, then, image[:, :1, :0, :0] if length is None else length],
@@ -146,8 +147,8 @@ def read_history(
         search + (search and lenient),
         sharp,
     )
-    valid = found[:, -1:]
-    return Reading(found[:, :-2], found[:, -2:-1], valid > 0, (valid > 0) & (valid < 1))
+    support, valid = marks.split(1, dim=1)
+    return Reading(found, support, valid > 0, (valid > 0) & (valid < 1))
 
 
 def read_sharp(gbuffer: GBuffer, previous: GBuffer, state: Tensor, *, lenient: Tensor | None = None) -> Tensor:

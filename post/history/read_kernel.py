@@ -136,9 +136,11 @@ def leave_out(out, wanted, y, first, end):
 
 
 @scalar
-def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end):
-    """Read a history: its channels, then the support of the footprint, then 1 if there is any history, or half if that
-    is of what lies as deep alone.
+def read_row(
+    out, marks, image, now, past, shift, plane, normal, search, sharp, columns, lines, places, rows, y, first, end
+):
+    """Read a history, and as marks the support of the footprint, then 1 if there is any history, or half if that is of
+    what lies as deep alone.
 
     Plane after plane: pixel after pixel, the planes of common sizes would drive one another out of the cache.
     """
@@ -151,7 +153,7 @@ def read_row(out, image, now, past, shift, plane, normal, search, sharp, columns
             keep_same(weights[k], places[k], scratch, now, past, columns, lines, k % 2, k // 2, plane, normal)
             for x in range(count):
                 total[x] += weights[k, x]
-    support, valid = out[channels, y, first:end], out[channels + 1, y, first:end]
+    support, valid = marks[0, y, first:end], marks[1, y, first:end]
     for x in range(count):
         kept = total[x] > KEPT
         support[x], valid[x] = total[x] if kept else ZERO, ONE if kept else ZERO

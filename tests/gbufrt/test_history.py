@@ -129,3 +129,32 @@ def test_gradients_reach_past_frames_only_where_asked(keep_graph):
         before, now = torch.autograd.grad(last.read("composite").sum(), lights, allow_unused=True, retain_graph=True)
         assert float(now.mean()) == 1.0
         assert (before is None) if not keep_graph else float(before.mean()) == 1.5
+
+
+class Recalls(Pass):
+    """Reads a signal of the frame before, and tells how many of two others are still there."""
+
+    writes, recalls = frozenset({"ao"}), frozenset({"ao"})
+
+    def forward(self, frame: Frame) -> Frame:
+        before = frame.previous
+        there = 0.0 if before is None else float(before.ao is not None) + 2 * float(before.gi is not None)
+        return frame.replace(ao=torch.full_like(frame.gbuffer.depth, there))
+
+
+class Bounces(Pass):
+    writes, recalls = frozenset({"gi"}), frozenset({"gi"})
+
+    def forward(self, frame: Frame) -> Frame:
+        assert frame.previous is None or frame.previous.gi is not None
+        return frame.replace(gi=torch.zeros_like(frame.gbuffer.normal))
+
+
+def test_what_is_recalled_is_let_go_once_its_last_reader_has_run() -> None:
+    inner = Pipeline(first=Bounces(), again=Bounces())
+    pipeline = Pipeline(inner=inner, then=Recalls(), under=Pipeline(layer="behind", gi=Bounces()))
+    plain = boxes.frame(boxes.camera((4, 6)))
+    frames = [plain.replace(index=i, behind=plain) for i in range(2)]
+    _, state = pipeline(frames[0])
+    told = [float(pipeline(frames[1], given)[0].read("ao").max()) for given in (state, state.handed_over(), state)]
+    assert told == [3, 1, 3], "a state that is not handed over stays"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -230,9 +231,10 @@ class Temporal(TemporalPass):
             blend=self.blend, clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response,
             feedback=self.feedback, distance=_reflected(frame, names, self.virtual), lead=frame.read(names[0]).shape[1],
         )  # fmt: skip
-        frame = unstack(frame, names, mean, demodulate=divide)
+        frame = unstack(frame, names, mean, demodulate=divide, views=True)  # the state holds the mean
         frame = frame.write(f"{names[0]}_variance", state.signals["variance"])
-        return frame.write(f"{names[0]}_history", state.length), state
+        kept = {name: state.signals[name] for name in STORED}  # the next frame reads no variance
+        return frame.write(f"{names[0]}_history", state.length), replace(state, signals=kept)
 
 
 def _reflected(frame: Frame, names: tuple[str, ...], virtual: bool) -> Tensor | None:

@@ -206,3 +206,22 @@ def test_what_is_cut_is_not_followed_as_well():
         mean, history = temporal(light.expand(-1, 3, -1, -1), g, history, **options)
         sums.append(float((mean[:, :1] + history.signals["excess"])[g.hit].mean()))
     assert sum(sums[20:]) / 20 == pytest.approx(1.0, abs=0.08)
+
+
+def test_what_the_history_holds_too_is_in_memory_once():
+    """Without gradients, and for one element of a batch; what nothing was hit by keeps its value."""
+    frame = boxes.frame(boxes.camera((8, 10)))
+    hit = torch.rand_like(frame.gbuffer.depth) > 0.3
+    frame = frame.replace(gbuffer=frame.gbuffer.replace(hit=hit), reflection=torch.rand_like(frame.gbuffer.normal))
+    frame = frame.replace(reflection_confidence=torch.rand_like(frame.gbuffer.depth))
+    accumulate, state, copies = Temporal(signal="reflection"), None, None
+    light = frame.read("reflection")
+    for index in range(3):
+        given = frame.replace(index=index, reflection=light * (1 + index))
+        expected, copies = accumulate(given, copies)
+        with torch.no_grad():
+            found, state = accumulate(given, state)
+        for name in ("reflection", "reflection_confidence"):
+            assert torch.equal(found.read(name), expected.read(name))
+            assert found.read(name).untyped_storage().data_ptr() == state.length.untyped_storage().data_ptr()
+            assert torch.equal(found.read(name).where(~hit, 0), given.read(name).where(~hit, 0))
