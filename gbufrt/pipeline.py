@@ -20,6 +20,7 @@ from gbufrt.frame import LIGHT, Frame
 from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState, let_go, size_text
 from gbufrt.mending import remember, remembering
+from gbufrt.names import several
 from gbufrt.numeric import check_counts
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass
 from gbufrt.reduction import Place, Reduction
@@ -46,13 +47,14 @@ class Pipeline(Branch):
     def __init__(
         self,
         *,
-        given: Iterable[str] = (),
+        given: str | Iterable[str] = (),
         layer: Literal["behind"] | None = None,
         reduction: Reduction | None = None,
         **stages: Stage | None,
     ) -> None:
         super().__init__(stages)
-        self.given, self.place, self._told = frozenset(given), Place(layer, reduction), False
+        self.given = frozenset(several("given", given, ("ao", "gi")) if given else ())
+        self.place, self._told = Place(layer, reduction), False
         self._connect()
 
     def _connect(self) -> None:
@@ -69,10 +71,9 @@ class Pipeline(Branch):
             optional |= stage.optional - have
             written |= stage.writes
             have |= stage.writes
-        self.names = frozenset().union(*(_names(stage) for stage in self._stages().values()))
-        if self.place.layer is not None:
-            self.names |= {self.place.layer}
-        if self.place.layer is None:  # stages on another layer do not read or write this frame's signals
+        layer = [] if self.place.layer is None else [self.place.layer]
+        self.names = frozenset(layer).union(*(_names(stage) for stage in self._stages().values()))
+        if not layer:  # stages on another layer do not read or write this frame's signals
             self.reads, self.optional = frozenset(reads), frozenset(optional - reads)
             self.recalls = frozenset().union(*(stage.recalls for stage in self._stages().values()))
             self.writes = self.place.returned(written)
@@ -190,14 +191,13 @@ class Pipeline(Branch):
 
     def _tell_what_is_left_out(self, frame: Frame) -> None:
         """Warn of it, once a pipeline."""
-        if not self._told:
-            self._told = True
-            left_out, written = list[str](), set[str]()
-            for name, stage in self.passes():
-                left_out += [f"{name}: {what}" for what in stage.left_out(frame, written)]
-                written |= stage.writes
-            if left_out:
-                warnings.warn(f"{'; '.join(left_out)} (told once a pipeline)", stacklevel=3)
+        left_out, written = list[str](), set[str]()
+        for name, stage in () if self._told else self.passes():
+            left_out += [f"{name}: {what}" for what in stage.left_out(frame, written)]
+            written |= stage.writes
+        self._told = True
+        if left_out:
+            warnings.warn(f"{'; '.join(left_out)} (told once a pipeline)", stacklevel=3)
 
     def _written(self) -> set[str]:
         """What the stages write on the frame that they see."""

@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from gbufrt import SIGNALS, Frame
+from gbufrt.channels import check_picture
 from gbufrt.names import several
 from gbufrt.numeric import check_counts
 from post.filters.units import unit_vectors
@@ -42,8 +43,16 @@ def wants_albedo(names: tuple[str, ...], demodulate: bool | None) -> bool:
 
 
 def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> Tensor:
-    """Those of the named signals that the frame has, in one ``(B, C, H, W)``; it must have the first."""
+    """Those of the named signals that the frame has, in one ``(B, C, H, W)``; it must have the first.
+
+    Raises:
+        TypeError: a signal holds no floats.
+        ValueError: a signal is no picture, or the first is not there.
+    """
     present = [frame.read(names[0])] + [tensor for name in names[1:] if (tensor := frame.get(name)) is not None]
+    for name in names:
+        if (extra := frame.extra.get(name)) is not None:
+            check_picture(name, extra, "any unit", None)
     if demodulate and present[0].shape[1] == 3:
         present[0] = present[0] / guarded_albedo(frame)
     return torch.cat(present, dim=1) if len(present) > 1 else present[0]

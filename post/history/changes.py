@@ -7,15 +7,17 @@ out, and so does noise.
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from post.filters.constants import COARSE_POWER, HIT
+from gbufrt import GBuffer
+from post.filters.constants import COARSE_POWER
 from post.filters.edges import Surface
 from post.filters.op import wavelet
+from post.filters.surfaces import surface
 from post.history.constants import FAST_BLEND
 from post.history.op import Sample, unexplained
 
@@ -31,28 +33,34 @@ class Changes(NamedTuple):
     slow: Tensor
 
 
-def follow_changes(sample: Sample, state: Tensor, geometry: Surface, *, lead: int, clamp: float) -> Changes:
+def follow_changes(
+    sample: Sample, state: Tensor, gbuffer: GBuffer, *, lead: int, clamp: float, roughness: Tensor | None = None
+) -> Changes:
     """Find by how much to draw the fast history toward the frame, and the slow one toward the fast.
 
     Args:
         sample: of `post.history.op.taken_in`.
         state: ``(B, C + lead + 4, H, W)``, see there.
-        geometry: of this frame.
+        gbuffer: of this frame.
         lead: number of leading channels that are compared.
         clamp: as in `post.temporal`.
+        roughness: ``(B, 1, H, W)`` if surfaces are told apart by it.
     """
     old, fast, age = state[:, :lead], state[:, -lead - 4 : -4], state[:, -1:]
-    known, none, few = (age > 0).to(age.dtype), torch.zeros_like(age), 1 / age.clamp(1.0, FAST_FRAMES)
-    guide = torch.cat([geometry.guide[:, :HIT], geometry.guide[:, HIT : HIT + 1] * known], dim=1)
-    surface = replace(geometry, guide=guide)
+    none, known = torch.zeros_like(age), gbuffer.hit & (age > 0)
+    geometry = surface(gbuffer.depth, gbuffer.normal, known, gbuffer.camera, roughness)
 
-    def change(difference: Tensor, frames: Tensor, slow: bool) -> Tensor:
-        planes = torch.cat([difference, none, sample.noise * frames], dim=1)
-        averaged = _averaged(planes, surface, AREA, none)
+    def apart(difference: Tensor, longest: float) -> Tensor:  # whose caller holds no more than it while wavelets run
+        few = 1 / age.clamp(1.0, FAST_FRAMES)
+        frames = few + 1 / age.clamp(1.0, longest)
+        return torch.cat([difference, none, sample.noise * frames], dim=1)
+
+    def moved(averaged: Tensor, slow: bool) -> Tensor:
         return unexplained(averaged, state, lead=lead, clamp=STRICTER * clamp, slow=slow)
 
-    first = change(sample.signal[:, :lead] - fast, 1 + few, slow=False)
-    return Changes(first, change(fast + first[:, :lead] - old, few + 1 / age.clamp_min(1.0), slow=True))
+    first = moved(_averaged(apart(sample.signal[:, :lead] - fast, 1.0), geometry, AREA, none), slow=False)
+    difference = _averaged(apart(fast + first[:, :lead] - old, math.inf), geometry, AREA, none)
+    return Changes(first, moved(difference, slow=True))
 
 
 def spread(

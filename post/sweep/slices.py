@@ -60,17 +60,17 @@ def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
 
 
 def by_slices(
-    frame: Frame, directions: int, fresh: int, sweep: Callable[[int], tuple[Tensor, ...]]
+    frame: Frame, directions: int, fresh: int, sweep: Callable[..., tuple[Tensor, ...]], **given: Tensor
 ) -> tuple[Tensor, ...]:
-    """What a ``sweep`` of ``directions`` finds; ``fresh`` times as many for pictures with none before them, which have
-    no others to average with, and for no others of their batch."""
+    """What a ``sweep`` of ``directions`` finds in what is ``given``; ``fresh`` times as many for pictures with none
+    before them, which have no others to average with, and for no others of their batch."""
     check_between(1, math.inf, fresh=fresh)
     check_counts(fresh=fresh)
     cut = None if frame.cut is None else frame.cut[:, None, None, None]
     new = len(frame.gbuffer.depth) if frame.previous is None else 0 if cut is None else int(cut.sum())
     if new in (0, len(frame.gbuffer.depth)) or fresh == 1 or cut is None:
-        return sweep(directions * fresh if new else directions)
-    few, many = sweep(directions), sweep(directions * fresh)
+        return sweep(directions=directions * fresh if new else directions, **given)
+    few, many = (sweep(directions=count, **given) for count in (directions, directions * fresh))
     return tuple(torch.where(cut.to(one.device), other, one) for one, other in zip(few, many, strict=True))
 
 

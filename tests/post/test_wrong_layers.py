@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import post
-from gbufrt import Frame
+from gbufrt import Frame, Pipeline
 from gbufrt.history import History, PipelineState
 
 FRAME = boxes.frame(boxes.camera((12, 16)))
@@ -60,6 +60,11 @@ KINDS += [
     (lambda: post.bitmask_ao(**SURFACES, where=G.depth), "where must be bool, got float32"),
 ]
 VALUES: list[tuple[Callable[[], Any], str]] = [
+    (lambda: Pipeline(given=NUMBER), r"given must be a name or several such as \('ao', 'gi'\), got 3"),
+    (
+        lambda: post.Temporal(signal="mine")(FRAME.write("mine", torch.rand(3))),
+        r"mine must be \(B,C,H,W\), any unit; got \(3\)",
+    ),
     (lambda: post.bitmask_ao(**SURFACES, where=SMALL.gbuffer.hit), r"where must be \(1,1,12,16\), .*got \(1,1,6,8\)"),
     (lambda: post.bilateral(THREE[:, :0], **FILTERED), r"signal must be \(1,C,12,16\) like its camera, got \(1, 0,"),
     (lambda: post.motion_blur(**{**MOVED, "color": THREE[:, :0]}), r"color must be \(B,C,H,W\), .* got \(1,0,12,16\)"),
@@ -106,6 +111,7 @@ def test_signals_of_any_shape_are_listed():
 
 
 def test_one_name_needs_no_list():
+    assert Pipeline(given="image", encode=post.DisplayEncode()).given == {"image"}
     assert FRAME.write("reflection", THREE).write("reflection_confidence", THREE[:, :1]).only(
         "reflection_confidence"
     ).present == ("depth", "hit", "normal", "reflection_confidence")

@@ -150,7 +150,7 @@ def of_filters(frame: Frame) -> dict[str, Tensor]:
     )
     bright = values * (1 + 9 * (grain[:, :1] > 0.9))
     sample = taken_in(bright, state, lead=3, firefly=3.0)
-    changes = follow_changes(sample, state, geometry, lead=3, clamp=1.0)
+    changes = follow_changes(sample, state, g, lead=3, clamp=1.0)
     return {
         "accumulated": blended(sample.signal, state, 4 + 8 * grain[:, 4:], changes, lead=3),
         "sample": sample.signal,

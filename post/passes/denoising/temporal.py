@@ -103,28 +103,31 @@ def temporal(
         state = _fetch(signal, gbuffer, history, past, distance, lead, sharp, names, lenient, rare)
     del history, distance  # what was read of it is in the state: both need not be in memory with what comes out
     rough = gbuffer.roughness if rare else None
-    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)
     if excess:
+        geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, rough)
         first = signal.shape[1] + lead  # of the moments
         noise = None if state is None else typical_variance(state[:, first : first + 2], state[:, -1:])
         signal = cut_outliers(signal, geometry, state, noise, lead, firefly)
+        del geometry
     if state is None or past is None:
         light, length = luminance(signal, lead), torch.ones_like(signal[:, :1])
         state = torch.cat([signal, signal[:, :lead], light, light * light, length, length], dim=1)
     else:
         if excess:
             before, state = state[:, -2:-1], torch.cat([state[:, :-2], state[:, -1:]], dim=1)
-        moved = norm(motion_of(gbuffer, past.camera)[0])
-        most = 1 / (1 + motion_response * moved) / max(1 - blend, 1e-9)
-        most = most if longest is None else torch.minimum(most, longest)
         sample = taken_in(signal, state, lead=lead, firefly=firefly)
-        changes = follow_changes(sample, state, geometry, lead=lead, clamp=clamp) if clamp > 0 else None
+        signal, changes = sample.signal, None  # as it came it need not be in memory any more
+        if clamp > 0:
+            changes = follow_changes(sample, state, gbuffer, lead=lead, clamp=clamp, roughness=rough)
         if changes is not None and isinstance(before, Tensor):
             was = luminance(state, lead)
             before = still_missing(before, was, was + luminance(changes.slow, lead))
-        signal = sample.signal
-        del geometry, moved, sample  # and the signal as it came: much of what is in memory here at once
+        del sample
+        moved = norm(motion_of(gbuffer, past.camera)[0])
+        most = 1 / (1 + motion_response * moved) / max(1 - blend, 1e-9)
+        most = most if longest is None else torch.minimum(most, longest)
         state = blended(signal, state, most, changes, lead=lead)
+        del changes
     *parts, length = state.split([signal.shape[1], lead, 2, 1, 1], dim=1)  # side by side, see `together`
     new = dict[str, Tensor](zip(STORED, parts, strict=True))
     if given is not None:

@@ -238,5 +238,5 @@ class GTAO(Pass):
         tunables = {**self.tunables(), "thickness": solid}
         directions, fresh = tunables.pop("directions"), tunables.pop("fresh")
         sweep = partial(gtao, g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)
-        ao, bent_normal = slices.by_slices(frame, directions, fresh, lambda count: sweep(directions=count))
+        ao, bent_normal = slices.by_slices(frame, directions, fresh, sweep)
         return frame.replace(ao=ao, bent_normal=bent_normal)

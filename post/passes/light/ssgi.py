@@ -165,19 +165,15 @@ class SSGI(Pass):
 
     def forward(self, frame: Frame) -> Frame:
         g, sweep = frame.gbuffer, {name: getattr(self, name) for name in SWEEP}
-        sweep |= {"index": frame.index}
-        sweep |= {"hit": g.hit, "thickness": known_thickness(g, thickness=self.thickness)}
+        sweep |= {"index": frame.index, "hit": g.hit, "thickness": known_thickness(g, thickness=self.thickness)}
         once = {"distance": self.distance, "thickness": sweep["thickness"], "steps": self.steps}
         light = sent_light(_lit_from_above(frame), **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
-
-        def gather(light: Tensor) -> tuple[Tensor, ...]:
-            one = partial(ssgi, g.depth, g.normal, g.camera, light, albedo, **sweep)
-            return slices.by_slices(frame, self.directions, self.fresh, lambda count: one(directions=count))
-
-        gi, sky, _ = gather(light)
+        one = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
+        gather = partial(slices.by_slices, frame, self.directions, self.fresh, one)
+        gi, sky, _ = gather(light=light)
         if self.bounces > 1 and starts(frame):
-            every = all_bounces(gi, lambda found: gather(light + self.bounce_loss * found)[0], self.bounces)
+            every = all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
             gi = torch.where(nothing_before(frame), every, gi)
         return frame.replace(gi=gi, sky_visibility=sky * _open_above(frame))
 

@@ -11,7 +11,6 @@ from post.history.op import taken_in
 
 SIZE = (48, 64)
 G = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1]).gbuffer
-GEOMETRY = surface(G.depth, G.normal, G.hit, G.camera)
 AGE = 20.0
 AT = (..., 24, 32)
 
@@ -32,7 +31,7 @@ def follow(sample: float, fast: torch.Tensor) -> tuple[torch.Tensor, torch.Tenso
 def after(light: torch.Tensor, before: torch.Tensor, firefly: float) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
     """The sample, the slow history as it follows, and what is left of its age."""
     sample = taken_in(light, before, lead=3, firefly=firefly)
-    changes = follow_changes(sample, before, GEOMETRY, lead=3, clamp=1.5)
+    changes = follow_changes(sample, before, G, lead=3, clamp=1.5)
     slow, explained = changes.slow.split([3, 1], dim=1)
     assert float((before[:, 3:6] + changes.fast[:, :3]).min()) >= 0
     return sample.signal, before[:, :3] + slow, 1 + (before[:, -1:] - 1) * explained
