@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from gbufrt.compute.approximations import LOG2_E, falling_exp2
-from gbufrt.compute.each import pixel_of, pixels
+from gbufrt.compute.each import pixel_of
 from gbufrt.compute.kernel import contracted, inlined, scalar
 from post.filters import constants
 from post.filters.constants import DEPTH, HIT, NX, NY, NZ, ROUGHNESS
@@ -84,15 +84,6 @@ def least_row(out, scratch, value, radius, y):
 
 
 @scalar
-def alike_taps(weights, guide, plane, y, tap, edge):
-    """Where one tap shows the surface of a row's pixels, or the sky if they do: 1, else 0."""
-    edge_weights(weights, guide, plane, y, tap, edge)
-    hit, there = guide[HIT, y, tap.first : tap.end], guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
-    for i in range(pixels(weights.shape[0])):
-        weights[i] = ONE if weights[i] > SAME or (hit[i] == ZERO and there[i] == ZERO) else ZERO
-
-
-@scalar
 def alike_row(same, weights, guide, plane, edge, y):
     """A row of `around.alike`; ``weights`` is a row of scratch."""
     _, height, width = same.shape
@@ -102,9 +93,10 @@ def alike_row(same, weights, guide, plane, edge, y):
         if tap.end == tap.first:
             continue
         row, used = same[k, y, tap.first : tap.end], weights[: tap.end - tap.first]
-        alike_taps(used, guide, plane, y, tap, edge)
+        edge_weights(used, guide, plane, y, tap, edge)
+        hit, there = guide[HIT, y, tap.first : tap.end], guide[HIT, tap.y, tap.first + tap.dx : tap.end + tap.dx]
         for i in range(used.shape[0]):
-            row[i] = used[i] > ZERO
+            row[i] = used[i] > SAME or (hit[i] == ZERO and there[i] == ZERO)
 
 
 @contracted

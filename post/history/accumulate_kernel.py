@@ -24,7 +24,6 @@ RED, GREEN, BLUE = (np.float32(share) for share in REC709)
 YOUNG, LEAST_POOL = np.float32(constants.YOUNG), LEAST * np.float32((2 * POOL + 1) ** 2)
 NOTICED = np.float32(constants.NOTICED)
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
-FEW_FAST = np.float32((1 + constants.FAST_BLEND) / (1 - constants.FAST_BLEND))
 FEW_MOMENTS = np.float32((1 + constants.MOMENTS_BLEND) / (1 - constants.MOMENTS_BLEND))
 
 
