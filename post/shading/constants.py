@@ -10,6 +10,7 @@ FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one
 GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 OPEN = 0.9  # visibility of the sky that counts as all of it: what is missing there is noise, or the picture's border
 FULL_SHARE = 0.125  # of the light: surfaces that reflect this much or more take all samples
+BROAD = 0.5  # perceptual roughness from which half as many rays do: filters average them over neighbours
 GLOSSY = 0.5  # perceptual roughness from which one direction tells nothing of what a dielectric mirrors in a mirror
 NEXT = 1.25  # pixels within which a ray that goes behind something is not yet known to: neighbours are one surface
 ROWS = 36  # of a guess of what lies beyond the picture, from the zenith to the nadir

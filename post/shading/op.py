@@ -69,7 +69,7 @@ def reflect_cpu(
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space; batch 0 where there is none.
         limit: ``(B,)`` luminance that limits fireflies, see `post.shading.fireflies.mean_light`.
         noise: ``(2, H, W)`` in [0, 1): of a pixel's first direction.
-        shifts: ``(samples, 2)`` by which each sample shifts the noise.
+        shifts: ``(samples, samples, 2)`` by which each ray shifts the noise, of a pixel that takes 1, 2, ... rays.
         bounces: most times that a ray is marched.
         steps: pixels that a ray may be compared with.
         distance: how far a ray goes, world units.
@@ -115,7 +115,7 @@ def reflect(
         hierarchy: of its depth.
         camera: of the picture.
         noise: ``(2, H, W)`` in [0, 1).
-        shifts: ``(samples, 2)`` of the noise, for each ray of a pixel; one that takes fewer rays takes the first ones.
+        shifts: ``(samples, samples, 2)`` of the noise, for each ray of a pixel that takes 1, 2, ... rays.
         steps: see `post.ssr`, as the rest.
         distance: how far rays go, world units.
         bounces: see `post.ssr`.

@@ -72,9 +72,10 @@ def reflect_reference(
     rays = rays_of(surface, f0, roughness, len(shifts))
     trust = ((roughness_cutoff - roughness) * 10 + 1).clamp(0, 1) * (roughness_cutoff < 1) + (roughness_cutoff >= 1)
     total, shares, known, rated, way, ends = (torch.zeros_like(depth) for _ in range(6))
-    for i, shift in enumerate(shifts):
+    of_pixel = shifts[rays[:, 0].long() - 1].movedim((3, 4), (0, 2))
+    for i, shift in enumerate(of_pixel):
         taken = (surface.hit & (i < rays)).to(depth)
-        u = ((noise + shift[:, None, None]) % 1.0)[None]
+        u = (noise + shift) % 1.0
         lobe = LOBES[method](surface, u, taken)
         reflected, flies = throughput(lobe), (lobe.weight > 0).to(depth)
         reach = {"bounces": bounces, "steps": steps, "distance": distance}

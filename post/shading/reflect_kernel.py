@@ -21,7 +21,8 @@ ZERO, HALF, ONE, TWO, STEEP = np.float32(0), np.float32(0.5), np.float32(1), np.
 SMOOTH, SMOOTHEST, DARK = np.float32(MIRROR_ROUGHNESS), np.float32(1e-3), np.float32(1e-9)
 FIREFLY, GUESSED = np.float32(constants.FIREFLY), np.float32(constants.GUESSED)
 HIDDEN_SHARE, RED, GREEN, BLUE = np.float32(constants.HIDDEN_SHARE), *(np.float32(share) for share in REC709)
-FULL_SHARE, GLOSSY, NEXT = (np.float32(x) for x in (constants.FULL_SHARE, constants.GLOSSY, constants.NEXT))
+GLOSSY, NEXT = np.float32(constants.GLOSSY), np.float32(constants.NEXT)
+FULL_SHARE, BROAD = np.float32(constants.FULL_SHARE), np.float32(constants.BROAD)
 
 
 @inlined
@@ -60,7 +61,8 @@ def _rays(f0, cosine, rough, samples):
         return 1
     highest = max(f0[0], max(f0[1], f0[2]))
     share = highest + (max(ONE - rough, highest) - highest) * grazing(min(max(cosine, ZERO), ONE))
-    return max(np.int64(np.ceil(np.float32(samples) * min(share / FULL_SHARE, ONE))), 1)
+    part = min(share / FULL_SHARE, ONE) * (ONE if rough < BROAD else HALF)
+    return max(np.int64(np.ceil(np.float32(samples) * part)), 1)
 
 
 @inlined
@@ -114,7 +116,7 @@ def reflect(
     rays = _rays(f0_here, at.eye[2], rough, shifts.shape[0])
     red, green, blue, known, rated, travelled, ends = ZERO, ZERO, ZERO, ZERO, ZERO, ZERO, ZERO
     for s in range(rays):
-        u, v = noise[0, y, x] + shifts[s, 0], noise[1, y, x] + shifts[s, 1]
+        u, v = noise[0, y, x] + shifts[rays - 1, s, 0], noise[1, y, x] + shifts[rays - 1, s, 1]
         ray = reflected(at, above, u - np.floor(u), v - np.floor(v))
         if not ray.weight > ZERO:
             continue

@@ -82,7 +82,7 @@ def ssr(
         visibility: ``(B, 1, H, W)`` cosine-weighted visibility of the sky, 1 open.
         bent_normal: ``(B, 3, H, W)`` mean open direction, world space, unit.
         index: frame number, for the noise.
-        samples: rays a pixel; one for a mirror, fewer where little light is reflected, see `rays_of`.
+        samples: rays a pixel; one for a mirror, fewer where lobes are broad or reflect little, see `rays_of`.
         steps: pixels a ray may be compared with, see `march_rays`.
         distance: how far rays go, world units; None for the camera's far.
         bounces: how often a ray is marched, again from each metal that it hits; 1 to take metals as other surfaces.
@@ -136,15 +136,18 @@ def ssr(
 
 
 def _shifts(index: int | Tensor, samples: int, method: Method, noise: Tensor) -> Tensor:
-    """``(samples, 2)`` by how much each sample shifts the noise: a low-discrepancy sequence over samples and frames."""
+    """``(samples, samples, 2)`` by how much each ray shifts the noise, of a pixel that takes 1, 2, ... rays.
+
+    However many they are, they follow a low-discrepancy sequence over rays and frames that leaves nothing out.
+    """
     each = torch.arange(samples, dtype=torch.float64, device=noise.device)
-    now = number(index, each)
-    place = now * samples + each + 1
+    now, count = number(index, each), each[:, None] + 1
+    place = now * count + each + 1
     turns = place / PLASTIC, place / PLASTIC**2  # a step each: one step for both would trace a diagonal
     if method == "cone":
         apart = resident_on(noise.device, tuple(radical_inverse(2, i) for i in range(samples)), torch.float64)
-        turns = each / samples + place / PLASTIC, apart + now / PLASTIC**2
-    return (torch.stack(turns, dim=1) % 1.0).to(noise.dtype)
+        turns = each / count + place / PLASTIC, (apart + now / PLASTIC**2).expand_as(place)
+    return (torch.stack(turns, dim=-1) % 1.0).to(noise.dtype)
 
 
 class SSR(Pass):

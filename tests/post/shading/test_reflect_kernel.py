@@ -15,7 +15,7 @@ from post.shading import lobes
 from post.shading.op import reflect, reflect_cpu
 from post.shading.reference import Picture
 
-SHIFTS = torch.tensor([(0.25, 0.625), (0.7, 0.1), (0.45, 0.9), (0.95, 0.3)])
+SHIFTS = torch.stack([torch.tensor([(0.25, 0.625), (0.7, 0.1), (0.45, 0.9), (0.95, 0.3)]) + n / 9 for n in range(4)])
 OPTIONS = {"bounces": 2, "steps": 64, "distance": 60.0}
 
 
@@ -120,10 +120,12 @@ def test_rays_that_are_not_marched_know_only_their_own_pixel(compiled: bool) -> 
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-def test_fewer_rays_where_little_is_reflected_keep_the_mean(compiled: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("f0", "limit", "off"), [(0.04, "FULL_SHARE", 1e-6), (0.5, "BROAD", 1.0)])
+def test_fewer_rays_where_little_is_reflected_or_lobes_are_broad_keep_the_mean(
+    f0: float, limit: str, off: float, compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     picture, hierarchy, camera, _ = scene(boxes.camera((40, 56)))
-    rough = 0 * picture.roughness + 0.6
-    picture = picture._replace(f0=0 * picture.f0 + 0.04, roughness=rough, normal=picture.normal)
+    picture = picture._replace(f0=0 * picture.f0 + f0, roughness=0 * picture.roughness + 0.6)
 
     def runs(form: bool) -> Tensor:
         found = [reflect(picture, hierarchy, camera, noise(2, camera.size, i)[0], SHIFTS, **OPTIONS, compiled=form)
@@ -131,7 +133,7 @@ def test_fewer_rays_where_little_is_reflected_keep_the_mean(compiled: bool, monk
         return torch.stack(found)[:, :, :3]
 
     few = runs(compiled)
-    monkeypatch.setattr(lobes, "FULL_SHARE", 1e-6)
+    monkeypatch.setattr(lobes, limit, off)
     every = runs(False)
     assert float(few.mean() / every.mean()) == pytest.approx(1, abs=0.01)
     assert float(few.std(0).mean() / every.std(0).mean()) > 1.2
