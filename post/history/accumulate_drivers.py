@@ -10,7 +10,7 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.history.accumulate_kernel import age_row, blend_row, noise_row, sample_row, unexplained_row
+from post.history.accumulate_kernel import age_row, blend_row, differences_row, noise_row, sample_row, unexplained_row
 from post.history.constants import POOL
 
 cuda: Any = numba.cuda
@@ -40,6 +40,22 @@ def _sample_row(sample, noise, sums, signal, state, lead, firefly, y, first, end
     own = noise[y, first:end]
     noise_row(own, sums, state, signal.shape[0] + lead, y, first, end)
     sample_row(sample, sums, signal, state, own, lead, np.float32(firefly), y, first, end)
+
+
+@driver
+def differences_rows(out, signal, noise, state, first, lead, threads):
+    """By how much histories and the frame differ."""
+    batch, _, height, width = signal.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            differences_row(out[b], signal[b], noise[b], state[b], first[b], lead, y, 0, width)
+
+
+@scalar
+def differences_pixel(i, out, signal, noise, state, first, lead):
+    b, y, x = pixel_of(i, signal.shape[2], signal.shape[3])
+    differences_row(out[b], signal[b], noise[b], state[b], first[b], lead, y, x, x + 1)
 
 
 @driver
@@ -78,4 +94,5 @@ def blend_pixel(i, out, sample, state, longest, fast, slow, lead):
     blend_row(out[b], alpha, sample[b], fast[b], slow[b], state[b], lead, y, x, x + 1)
 
 
-sample_each, unexplained_each, blend_each = Each(sample_pixel), Each(unexplained_pixel), Each(blend_pixel)
+sample_each, differences_each = Each(sample_pixel), Each(differences_pixel)
+unexplained_each, blend_each = Each(unexplained_pixel), Each(blend_pixel)

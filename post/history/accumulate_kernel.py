@@ -1,5 +1,5 @@
-"""The compiled forms of `post.history.antilag.sample_reference`, `unexplained_reference` and `blend_reference`: pixels
-of a row as a body.
+"""The compiled forms of the functions of `post.history.antilag` whose names end on ``reference``: pixels of a row as a
+body.
 
 Names and steps are those of that torch code, which is the definition. As in `post.filters.kernel`, neighbours are
 shifted rows, and every loop over a row becomes vector instructions. Rows of scratch begin at ``first``. A state's
@@ -22,7 +22,7 @@ ZERO, ONE, TWO, EIGHT, NINE = np.float32(0), np.float32(1), np.float32(2), np.fl
 TINY, LEAST = np.float32(1e-12), np.float32(1e-6)
 RED, GREEN, BLUE = (np.float32(share) for share in REC709)
 YOUNG, LEAST_POOL = np.float32(constants.YOUNG), LEAST * np.float32((2 * POOL + 1) ** 2)
-NOTICED = np.float32(constants.NOTICED)
+NOTICED, FAST_FRAMES = np.float32(constants.NOTICED), np.float32(constants.FAST_FRAMES)
 LEAST_FAST, LEAST_MOMENTS = np.float32(1 - constants.FAST_BLEND), np.float32(1 - constants.MOMENTS_BLEND)
 FEW_MOMENTS = np.float32((1 + constants.MOMENTS_BLEND) / (1 - constants.MOMENTS_BLEND))
 
@@ -130,10 +130,30 @@ def sample_row(sample, sums, signal, state, noise, lead, firefly, y, first, end)
 
 
 @scalar
+def differences_row(out, signal, noise, state, first, lead, y, begin, end):
+    """Pixels ``begin`` to ``end`` of a row of `antilag.differences_reference`."""
+    fast, slow = state[state.shape[0] - lead - 4 :], first.shape[0] > 0
+    for c in range(lead):
+        new, quick = out[c, y, begin:end], fast[c, y, begin:end]
+        if slow:
+            shift, old = first[c, y, begin:end], state[c, y, begin:end]
+            for x in range(pixels(new.shape[0])):
+                new[x] = quick[x] + shift[x] - old[x]
+        else:
+            own = signal[c, y, begin:end]
+            for x in range(pixels(new.shape[0])):
+                new[x] = own[x] - quick[x]
+    ages, variance, left = state[state.shape[0] - 1, y, begin:end], noise[y, begin:end], out[lead, y, begin:end]
+    for x in range(pixels(left.shape[0])):
+        age = max(ages[x], ONE)
+        left[x] = variance[x] * (ONE / min(age, FAST_FRAMES) + (ONE / age if slow else ONE))
+
+
+@scalar
 def unexplained_row(out, averaged, state, lead, clamp, slow, y, first, end):
     """A row of `antilag.unexplained_reference`; its last plane holds the largest difference first, then the share."""
     fast, explained = state[state.shape[0] - lead - 4 :], out[lead, y, first:end]
-    ages, spread = state[state.shape[0] - 1, y, first:end], averaged[lead + 1, y, first:end]
+    ages, spread = state[state.shape[0] - 1, y, first:end], averaged[lead, y, first:end]
     for x in range(pixels(explained.shape[0])):
         explained[x] = ZERO
     for c in range(lead):

@@ -9,7 +9,7 @@ from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
 from post.filters.around import least, pooled
 from post.filters.edges import padded, windows
-from post.history.constants import FAST_BLEND, MOMENTS_BLEND, NOTICED, POOL, YOUNG
+from post.history.constants import FAST_BLEND, FAST_FRAMES, MOMENTS_BLEND, NOTICED, POOL, YOUNG
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
 GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels around, only stronger edges count
@@ -59,10 +59,19 @@ def sample_reference(signal: Tensor, state: Tensor, lead: int, firefly: float) -
     return without_fireflies(signal, old, noise, age, lead, firefly), noise
 
 
+def differences_reference(signal: Tensor, noise: Tensor, state: Tensor, first: Tensor, lead: int) -> Tensor:
+    """What `post.history.changes.differences` returns."""
+    old, fast, age = state[:, :lead], state[:, -lead - 4 : -4], state[:, -1:]
+    few = 1 / age.clamp(1.0, FAST_FRAMES)
+    if first.shape[1] == 0:
+        return torch.cat([signal[:, :lead] - fast, noise * (few + 1)], dim=1)
+    return torch.cat([fast + first[:, :lead] - old, noise * (few + 1 / age.clamp_min(1.0))], dim=1)
+
+
 def unexplained_reference(averaged: Tensor, state: Tensor, lead: int, clamp: float, slow: bool) -> Tensor:
-    """What `post.history.op.unexplained` returns."""
+    """What `post.history.changes.unexplained` returns."""
     fast, age = state[:, -lead - 4 : -4], state[:, -1:]
-    difference, _, variance = averaged.split([lead, 1, 1], dim=1)
+    difference, variance = averaged.split([lead, 1], dim=1)
     allowed = clamp * variance.clamp_min(0.0).add(1e-12).sqrt() + NOTICED * luminance(fast, lead).abs() + 1e-6
     explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
     shift, light = (age > 0) * difference * (1 - explained), state[:, :lead] if slow else fast

@@ -14,20 +14,21 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from post.filters.constants import COARSE_POWER
-from post.filters.edges import Surface
+from post.filters.edges import Surface, fits_cuda
 from post.filters.op import wavelet
 from post.filters.surfaces import surface
-from post.history.constants import FAST_BLEND
-from post.history.op import Sample, unexplained
+from post.history.antilag import differences_reference, unexplained_reference
+from post.history.op import Sample
 
 AREA = 2  # wavelets over which changes are averaged: they reach 6 pixels to each side, as small shadows do
-FAST_FRAMES = (1 + FAST_BLEND) / (1 - FAST_BLEND)  # of as many a plain mean has the noise of the fast history
 STRICTER = 1.5  # than `clamp` in `post.temporal`: the noise of neighbours may be correlated
 
 
 class Changes(NamedTuple):
-    """How the light of histories has changed, see `post.history.op.unexplained`."""
+    """How the light of histories has changed, see `unexplained`."""
 
     fast: Tensor
     slow: Tensor
@@ -46,21 +47,15 @@ def follow_changes(
         clamp: as in `post.temporal`.
         roughness: ``(B, 1, H, W)`` if surfaces are told apart by it.
     """
-    old, fast, age = state[:, :lead], state[:, -lead - 4 : -4], state[:, -1:]
+    age = state[:, -1:]
     none, known = torch.zeros_like(age), gbuffer.hit & (age > 0)
     geometry = surface(gbuffer.depth, gbuffer.normal, known, gbuffer.camera, roughness)
 
-    def apart(difference: Tensor, longest: float) -> Tensor:  # whose caller holds no more than it while wavelets run
-        few = 1 / age.clamp(1.0, FAST_FRAMES)
-        frames = few + 1 / age.clamp(1.0, longest)
-        return torch.cat([difference, none, sample.noise * frames], dim=1)
+    def moved(first: Tensor | None) -> Tensor:  # by names it would hold what wavelets read while they run
+        averaged = _averaged(differences(sample, state, first, lead=lead), geometry, AREA, none)
+        return unexplained(averaged, state, lead=lead, clamp=STRICTER * clamp, slow=first is not None)
 
-    def moved(averaged: Tensor, slow: bool) -> Tensor:
-        return unexplained(averaged, state, lead=lead, clamp=STRICTER * clamp, slow=slow)
-
-    first = moved(_averaged(apart(sample.signal[:, :lead] - fast, 1.0), geometry, AREA, none), slow=False)
-    difference = _averaged(apart(fast + first[:, :lead] - old, math.inf), geometry, AREA, none)
-    return Changes(first, moved(difference, slow=True))
+    return Changes(first := moved(None), moved(first))
 
 
 def spread(
@@ -78,16 +73,96 @@ def spread(
     Returns:
         ``planes`` averaged, and the variance that is left.
     """
-    none = torch.zeros_like(variance)  # no luminance to compare: only geometry weighs
-    reach = none if reach is None else reach
-    values = _averaged(torch.cat([planes, none, variance], dim=1), geometry, iterations, reach)
-    return values[:, :-2], values[:, -1:]
+    reach = torch.zeros_like(variance) if reach is None else reach
+    values = _averaged(torch.cat([planes, variance], dim=1), geometry, iterations, reach)
+    return values[:, :-1], values[:, -1:]
 
 
 def _averaged(values: Tensor, geometry: Surface, iterations: int, reach: Tensor) -> Tensor:
-    """Planes, nothing, and the variance of their noise, averaged over the surface."""
+    """Planes, and the variance of their noise, averaged over the surface; no luminance is too different."""
     for iteration in range(iterations):
         values = wavelet(
-            values, geometry, reach, step=2**iteration, phi_color=1.0, phi_depth=1.0, phi_normal=COARSE_POWER
+            values, geometry, reach, step=2**iteration, phi_color=math.inf, phi_depth=1.0, phi_normal=COARSE_POWER
         )
     return values
+
+
+@operator("gbufrt::differences")
+def differences_cpu(signal: Tensor, noise: Tensor, state: Tensor, first: Tensor, lead: int) -> Tensor:
+    """See `differences`; ``first`` has no channels where it is the fast history that is compared."""
+    from gbufrt.compute.kernel import array, threads
+    from post.history.accumulate_drivers import differences_each, differences_rows
+
+    out = signal.new_empty(signal.shape[0], lead + 1, *signal.shape[2:])
+    pictures = (out, signal, noise[:, 0], state, first)
+    if form_of(signal, cuda=fits_cuda(state)) is Form.CUDA:
+        differences_each(noise.numel(), *pictures, lead)
+    else:
+        differences_rows(*map(array, pictures), lead, threads())
+    return out
+
+
+@differences_cpu.register_fake
+def _(signal, noise, state, first, lead):
+    return signal.new_empty(signal.shape[0], lead + 1, *signal.shape[2:])
+
+
+@operator("gbufrt::unexplained")
+def unexplained_cpu(averaged: Tensor, state: Tensor, lead: int, clamp: float, slow: bool) -> Tensor:
+    """See `unexplained`."""
+    from gbufrt.compute.kernel import array, threads
+    from post.history.accumulate_drivers import unexplained_each, unexplained_rows
+
+    out, options = averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:]), (lead, clamp, slow)
+    if form_of(averaged, cuda=fits_cuda(state)) is Form.CUDA:
+        unexplained_each(out[:, 0].numel(), out, averaged, state, *options)
+    else:
+        unexplained_rows(*map(array, (out, averaged, state)), *options, threads())
+    return out
+
+
+@unexplained_cpu.register_fake
+def _(averaged, state, lead, clamp, slow):
+    return averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:])
+
+
+def differences(
+    sample: Sample, state: Tensor, first: Tensor | None = None, *, lead: int, compiled: bool | None = None
+) -> Tensor:
+    """By how much two views of the light differ: the frame and the fast history, or that and the slow one.
+
+    Args:
+        sample: see `post.history.op.taken_in`.
+        state: see there.
+        first: by how much the fast history is to move, as `unexplained` returns it; None to compare the frame with it.
+        lead: see there.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, lead + 1, H, W)``: the differences, and the variance of their noise.
+    """
+    planes = (*sample, state, sample.signal[:, :0] if first is None else first)
+    if form_of(*planes, compiled=compiled, cuda=fits_cuda(state)) is Form.REFERENCE:
+        return differences_reference(*planes, lead)
+    return differences_cpu(*planes, lead)
+
+
+def unexplained(
+    averaged: Tensor, state: Tensor, *, lead: int, clamp: float, slow: bool, compiled: bool | None = None
+) -> Tensor:
+    """What noise does not explain of a difference between histories.
+
+    Args:
+        averaged: ``(B, lead + 1, H, W)``: `differences`, averaged over many pixels.
+        state: see `post.history.op.taken_in`.
+        lead: see there.
+        clamp: standard deviations that noise explains.
+        slow: it is the slow history that is to move, and must not become negative; else the fast one.
+        compiled: see `differences`.
+
+    Returns:
+        ``(B, lead + 1, H, W)``: by how much to move, and the share that is explained, squared, in [0, 1].
+    """
+    if form_of(averaged, state, clamp, compiled=compiled, cuda=fits_cuda(state)) is Form.REFERENCE:
+        return unexplained_reference(averaged, state, lead, clamp, slow)
+    return unexplained_cpu(averaged, state, lead, float(clamp), slow)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 FAST_BLEND = 0.8
+FAST_FRAMES = (1 + FAST_BLEND) / (1 - FAST_BLEND)  # of as many a plain mean has the noise of the fast history
 MOMENTS_BLEND = 0.8  # SVGF: alpha 0.2
 YOUNG = 4  # frames: below this age, variance comes from the neighbours
 NOTICED = 0.05  # of the light: smaller changes are left to the mean, since cuts and resampling bring such themselves

@@ -10,7 +10,7 @@ from torch import Tensor
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.operators import operator
 from post.filters.edges import fits_cuda
-from post.history.antilag import blend_reference, sample_reference, unexplained_reference
+from post.history.antilag import blend_reference, sample_reference
 from post.history.constants import WINDOW
 from post.history.taa_reference import anti_alias_reference, longest
 
@@ -41,25 +41,6 @@ def sample_cpu(signal: Tensor, state: Tensor, lead: int, firefly: float) -> tupl
 @sample_cpu.register_fake
 def _(signal, state, lead, firefly):
     return signal.new_empty(signal.shape), signal.new_empty(signal[:, :1].shape)
-
-
-@operator("gbufrt::unexplained")
-def unexplained_cpu(averaged: Tensor, state: Tensor, lead: int, clamp: float, slow: bool) -> Tensor:
-    """See `unexplained`."""
-    from gbufrt.compute.kernel import array, threads
-    from post.history.accumulate_drivers import unexplained_each, unexplained_rows
-
-    out, options = averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:]), (lead, clamp, slow)
-    if form_of(averaged, cuda=fits_cuda(state)) is Form.CUDA:
-        unexplained_each(out[:, 0].numel(), out, averaged, state, *options)
-    else:
-        unexplained_rows(*map(array, (out, averaged, state)), *options, threads())
-    return out
-
-
-@unexplained_cpu.register_fake
-def _(averaged, state, lead, clamp, slow):
-    return averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:])
 
 
 @operator("gbufrt::blend_sample")
@@ -133,28 +114,6 @@ def taken_in(signal: Tensor, state: Tensor, *, lead: int, firefly: float, compil
     return Sample(*compute(signal, state, lead, firefly if form is Form.REFERENCE else float(firefly)))
 
 
-def unexplained(
-    averaged: Tensor, state: Tensor, *, lead: int, clamp: float, slow: bool, compiled: bool | None = None
-) -> Tensor:
-    """What noise does not explain of a difference between histories.
-
-    Args:
-        averaged: ``(B, lead + 2, H, W)``: the frame less the fast history, or that less the slow one, averaged over
-            many pixels; a plane that is not read; and the variance that is left.
-        state: see `taken_in`.
-        lead: see there.
-        clamp: standard deviations that noise explains.
-        slow: it is the slow history that is to move, and must not become negative; else the fast one.
-        compiled: see `taken_in`.
-
-    Returns:
-        ``(B, lead + 1, H, W)``: by how much to move, and the share that is explained, squared, in [0, 1].
-    """
-    if form_of(averaged, state, clamp, compiled=compiled, cuda=fits_cuda(state)) is Form.REFERENCE:
-        return unexplained_reference(averaged, state, lead, clamp, slow)
-    return unexplained_cpu(averaged, state, lead, float(clamp), slow)
-
-
 def blended(
     sample: Tensor,
     state: Tensor,
@@ -170,7 +129,8 @@ def blended(
         sample: ``(B, C, H, W)``, see `Sample`.
         state: see `taken_in`.
         longest: ``(B, 1, H, W)`` frames that a history may hold.
-        changes: of the fast and of the slow history, as `unexplained` returns them; none are followed by default.
+        changes: of the fast and of the slow history, see `post.history.changes.follow_changes`; none are followed by
+            default.
         lead: see `taken_in`.
         compiled: likewise.
     """

@@ -33,6 +33,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "bilateral",
         "wavelet",
         "sample",
+        "differences",
         "unexplained",
         "blend",
         "stairs",

@@ -7,14 +7,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.history.op import (
-    blend_cpu,
-    blended,
-    sample_cpu,
-    taken_in,
-    unexplained,
-    unexplained_cpu,
-)
+from post.history.changes import differences, differences_cpu, unexplained, unexplained_cpu
+from post.history.op import blend_cpu, blended, sample_cpu, taken_in
 from post.history.read import read_history, read_history_cpu
 
 SIZE = (45, 61)
@@ -125,12 +119,12 @@ def accumulated(
     """The state after a frame, and all that is found on the way."""
     options = {"lead": lead, "compiled": compiled}
     sample, changes = taken_in(signal, state, firefly=firefly, **options), []
-    old, fast = state[:, :lead], state[:, -lead - 4 : -4]
     for slow in (False, True) if clamp > 0 else ():
-        difference = fast - old if slow else sample.signal[:, :lead] - fast
-        averaged = torch.cat([difference, sample.noise, sample.noise / 9], dim=1)
-        changes.append(unexplained(averaged, state, clamp=clamp, slow=slow, **options))
-    return (blended(sample.signal, state, longest, tuple(changes) or None, **options), *sample, *changes)
+        found = differences(sample, state, changes[0] if slow else None, **options)
+        averaged = torch.cat([found[:, :lead], found[:, lead:] / 9], dim=1)
+        changes += [unexplained(averaged, state, clamp=clamp, slow=slow, **options), found]
+    moves = (changes[0], changes[2]) if changes else None
+    return (blended(sample.signal, state, longest, moves, **options), *sample, *changes)
 
 
 def test_gradients_take_the_reference() -> None:
@@ -149,5 +143,6 @@ def test_operators_are_registered_properly() -> None:
     torch.library.opcheck(read_history_cpu, (signal, *look, *options), test_utils=checks)
     state = state_of(3, signal)
     torch.library.opcheck(sample_cpu, (signal, state, 3, 6.0), test_utils=checks)
-    torch.library.opcheck(unexplained_cpu, (noise(5), state, 3, 2.0, True), test_utils=checks)
+    torch.library.opcheck(differences_cpu, (signal, one, state, noise(4), 3), test_utils=checks)
+    torch.library.opcheck(unexplained_cpu, (noise(4), state, 3, 2.0, True), test_utils=checks)
     torch.library.opcheck(blend_cpu, (signal, state, one, noise(4), noise(4), 3), test_utils=checks)
