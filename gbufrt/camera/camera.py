@@ -23,6 +23,7 @@ from gbufrt.camera.transforms import (
     projected,
     rotate,
     sampled_at,
+    sampled_rows,
     transform,
     unit_to_eye,
     unprojected,
@@ -255,8 +256,8 @@ class Camera:
         """
         if px is None:
             check_depth_map(depth, self.size)
-            px = self.pixel_centers(dtype=depth.dtype)
-        return unprojected(depth, px, self.intrinsics, orthographic=self.orthographic)
+        at = sampled_rows(self.size, self.jitter, depth) if px is None else (px[:, 0:1], px[:, 1:2])
+        return unprojected(depth, at, self.intrinsics, orthographic=self.orthographic)
 
     def project(self, points_view: Tensor, *, jittered: bool = False) -> Tensor:
         """Where view-space points appear in the picture; the inverse of `unproject`.

@@ -43,19 +43,28 @@ def inverted(rigid: Tensor) -> Tensor:
     return inverse
 
 
+def sampled_rows(size: tuple[int, int], jitter: Tensor | None, like: Tensor) -> tuple[Tensor, Tensor]:
+    """``(1 or B, 1, 1, W)`` and ``(1 or B, 1, H, 1)``: x and y of the pixel centres of a picture of ``size``, moved by
+    ``jitter`` ``(B, 2)``."""
+    y = torch.arange(size[0], dtype=like.dtype, device=like.device).view(1, 1, -1, 1) + 0.5
+    x = torch.arange(size[1], dtype=like.dtype, device=like.device).view(1, 1, 1, -1) + 0.5
+    if jitter is None:
+        return x, y
+    moved = jitter.to(like.dtype)[..., None, None]
+    return x + moved[:, 0:1], y + moved[:, 1:2]
+
+
 def sampled_at(size: tuple[int, int], jitter: Tensor | None, like: Tensor) -> Tensor:
     """``(1 or B, 2, H, W)``: px of the pixel centres of a picture of ``size``, moved by ``jitter`` ``(B, 2)``."""
-    y = torch.arange(size[0], dtype=like.dtype, device=like.device) + 0.5
-    x = torch.arange(size[1], dtype=like.dtype, device=like.device) + 0.5
-    grid = torch.stack(torch.meshgrid(y, x, indexing="ij")[::-1])[None]
-    return grid if jitter is None else grid + jitter.to(like.dtype)[:, :, None, None]
+    return torch.cat(torch.broadcast_tensors(*sampled_rows(size, jitter, like)), dim=1)
 
 
-def unprojected(depth: Tensor, px: Tensor, intrinsics: Tensor, *, orthographic: bool) -> Tensor:
-    """``(B, 3, H, W)``: view-space points at planar ``depth`` ``(B, 1, H, W)`` behind ``px`` ``(B, 2, H, W)``."""
+def unprojected(depth: Tensor, px: tuple[Tensor, Tensor], intrinsics: Tensor, *, orthographic: bool) -> Tensor:
+    """``(B, 3, H, W)``: view-space points at planar ``depth`` ``(B, 1, H, W)`` behind ``px``: x and y, which broadcast
+    to it."""
     k = intrinsics.to(depth.dtype)[..., None, None]
-    x = (px[:, 0:1] - k[:, 0, 2, None]) / k[:, 0, 0, None]
-    y = (px[:, 1:2] - k[:, 1, 2, None]) / k[:, 1, 1, None]
+    x = (px[0] - k[:, 0, 2, None]) / k[:, 0, 0, None]
+    y = (px[1] - k[:, 1, 2, None]) / k[:, 1, 1, None]
     x, y = (x.expand_as(depth), y.expand_as(depth)) if orthographic else (x * depth, y * depth)
     return torch.cat([x, y, depth], dim=1)
 
@@ -86,9 +95,7 @@ def unit_to_eye(points: Tensor, *, orthographic: bool) -> Tensor:
 
 def depth_per_unit(lens: Tensor, size: tuple[int, int]) -> Tensor:
     """``(B, 1, H, W)``: planar depth of a world unit along each ray of a pinhole with ``lens`` ``(B, 6)``."""
-    lens = lens[..., None, None, None]
-    slopes = [  # of a row and of a column: planes of both, as `unprojected` makes, would take six times the memory
-        (torch.arange(n, dtype=lens.dtype, device=lens.device) + 0.5 + lens[:, 4 + i] - lens[:, 2 + i]) / lens[:, i]
-        for i, n in enumerate(reversed(size))
-    ]
-    return 1 / (slopes[0] * slopes[0] + (slopes[1] * slopes[1]).mT + 1).sqrt()
+    x, y = sampled_rows(size, lens[:, 4:], lens)
+    fx, fy, cx, cy = lens[:, :4, None, None].split(1, dim=1)
+    across, down = (x - cx) / fx, (y - cy) / fy
+    return 1 / (across * across + down * down + 1).sqrt()

@@ -115,11 +115,9 @@ def check_lead(lead: int | None, signal: Tensor) -> None:
 
 
 def guarded_albedo(frame: Frame) -> Tensor:
-    """What diffuse light is divided by: multiplying back is exact for any guard.
+    """What diffuse light is divided by: multiplying back is exact for any guard, and `unstack` keeps the sky's light.
 
-    Sky and frames without albedo divide by one.
+    Frames without albedo divide by one.
     """
     albedo = frame.gbuffer.albedo
-    if albedo is None:
-        return torch.ones_like(frame.gbuffer.depth)
-    return albedo.clamp_min(MIN_ALBEDO).masked_fill_(~frame.gbuffer.hit, 1.0)
+    return torch.ones_like(frame.gbuffer.depth) if albedo is None else albedo.clamp_min(MIN_ALBEDO)

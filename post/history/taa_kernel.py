@@ -195,7 +195,7 @@ def mix_row(toned, lengths, current, old, age, mean, extent, longest, y, first, 
         outside = max(abs(a0) / max(size0[x], LEAST), abs(a1) / max(size1[x], LEAST))
         outside = max(max(outside, abs(a2) / max(size2[x], LEAST)), ONE)
         a0, a1, a2 = luma[x] + a0 / outside, orange[x] + a1 / outside, green_shift[x] + a2 / outside
-        r, g, b = a0 + a1 - a2, a0 + a2, a0 - a1 - a2
+        r, g, b = max(a0 + a1 - a2, ZERO), max(a0 + a2, ZERO), max(a0 - a1 - a2, ZERO)
         frames = min(age[x] + ONE, longest)
         share, visible = ONE / frames, age[x] > ZERO
         length[x] = frames

@@ -98,14 +98,14 @@ def dilated(motion: Tensor, depth: Tensor, normal: Tensor, rays: Tensor, paralle
 
 
 def _clipped(old: Tensor, toned: Tensor, current: Tensor, gamma: float) -> Tensor:
-    """Move the history toward the mean of the neighbourhood until it lies in its box in YCoCg."""
+    """Move the history toward the mean of the neighbourhood until it lies in its box in YCoCg, and is light."""
     around = ycocg(F.pad(toned, (1, 1, 1, 1), mode="replicate"))
     mean = F.avg_pool2d(around, 3, stride=1)
     spread = (F.avg_pool2d(around * around, 3, stride=1) - mean * mean).clamp_min(0.0).add(1e-12).sqrt()
     extent = torch.maximum(gamma * spread, (ycocg(current) - mean).abs())
     away = ycocg(old) - mean
     outside = (away.abs() / extent.clamp_min(1e-6)).amax(dim=1, keepdim=True).clamp_min(1.0)
-    return rgb(mean + away / outside)
+    return rgb(mean + away / outside).clamp_min(0.0)  # the box holds colours that no light has
 
 
 def ycocg(rgb: Tensor) -> Tensor:

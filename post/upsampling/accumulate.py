@@ -141,7 +141,7 @@ def clipped(old: Tensor, now: Gathered, extent: Tensor, weight: Tensor, at: Samp
     kept = torch.minimum(torch.maximum(was, now.mean - side), now.mean + side)
     moved = kept - was
     left = weight / (1 + DISTRUST * moved.abs().amax(1, keepdim=True))
-    return rgb(kept), moved[:, :1], left
+    return rgb(kept).clamp_min(0.0), moved[:, :1], left  # the box holds colours that no light has
 
 
 def thin_features(toned: Tensor) -> Tensor:

@@ -181,7 +181,7 @@ def _clip_row(rows, kept, now):
         e0, e1, e2 = extent[x] * s0[x], extent[x] * s1[x], extent[x] * s2[x]
         a0 = min(max(luma, m0[x] - e0), m0[x] + e0)
         a1, a2 = min(max(orange, m1[x] - e1), m1[x] + e1), min(max(shift, m2[x] - e2), m2[x] + e2)
-        red[x], green[x], blue[x] = a0 + a1 - a2, a0 + a2, a0 - a1 - a2
+        red[x], green[x], blue[x] = max(a0 + a1 - a2, ZERO), max(a0 + a2, ZERO), max(a0 - a1 - a2, ZERO)
         moved[x] = a0 - luma if weight[x] > ZERO else ZERO
         weight[x] /= ONE + DISTRUST * max(max(abs(a0 - luma), abs(a1 - orange)), abs(a2 - shift))
 

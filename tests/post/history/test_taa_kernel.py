@@ -92,6 +92,17 @@ def test_other_inputs(change: str) -> None:
     assert not torch.equal(got[0], ordinary[0])
 
 
+@pytest.mark.parametrize("compiled", FORMS)
+def test_light_of_pure_colours_never_falls_below_none(compiled: bool) -> None:
+    """A box of luma and chroma around pure colours holds some that are less than no light."""
+    given = inputs()
+    given["color"] = torch.where(noise((127, 73), 3, 5) > 0.6, 4.0, 0.0)
+    given["before"] = noise((127, 73), 3, 6) ** 4
+    light, toned, _ = anti_alias(**given, blend=BLEND, gamma=GAMMA, compiled=compiled)
+    assert float(light.min()) >= 0
+    assert float(toned.min()) >= 0
+
+
 def wall(size: tuple[int, int] = (15, 15)) -> dict[str, Any]:
     """A wall that faces the camera, and stays."""
     still = {"depth": torch.full((1, 1, *size), 9.0), "motion": torch.zeros(1, 2, *size)}
