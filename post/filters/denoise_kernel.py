@@ -60,7 +60,8 @@ def wavelet_own(light, noise, reach, phi_color):
 def begin_wavelet(room, values, noise, reach, y, run, phi_color, planes):
     """`wavelet_own` of the pixels of a run, and their sums with the middle tap alone."""
     first, end = run
-    light, wide, phi = values[len(planes) - 1, y, first:end], reach[y, first:end], np.float32(phi_color)
+    light, phi = values[len(planes) - 1, y, first:end], np.float32(phi_color)
+    wide = reach[min(y, reach.shape[0] - 1), first:end]
     deviation, variance = noise[first:end], values[len(planes), y, first:end]
     for i in range(np.uint64(end - first)):
         own = wavelet_own(light[i], deviation[i], wide[i], phi)

@@ -59,7 +59,7 @@ def wavelet_cpu(
     surroundings, phi = (guide, plane, reach[:, 0]), (phi_color, phi_depth, phi_normal)
     squares, channels = squarings(phi_normal), counted(values.shape[1] - 1)
     if form_of(values, cuda=fits_cuda(values)) is Form.CUDA:
-        wavelet_each(reach.numel(), out, values, *surroundings, step, perspective, *phi, squares, channels)
+        wavelet_each(values[:, 0].numel(), out, values, *surroundings, step, perspective, *phi, squares, channels)
     else:
         numbers, kinds = array(values), kinds_of(perspective, phi_normal, guide)
         pictures = (array(out), numbers, numbers.reshape(-1), *map(array, surroundings))
@@ -177,7 +177,8 @@ def wavelet(
     Args:
         values: ``(B, C + 2, H, W)``: a signal, then the luminance that is compared, then the signal's variance.
         geometry: of the same size.
-        reach: ``(B, 1, H, W)``: 1 / (2 sigma^2) of a spatial Gaussian in pixels; 0 for none.
+        reach: ``(B, 1, H, W)``, or ``(B, 1, 1, W)`` for all rows: 1 / (2 sigma^2) of a spatial Gaussian in pixels; 0
+            for none.
         step: pixels from tap to tap.
         phi_color: see `post.atrous`, as the rest.
         compiled: see `gbufrt.compute.dispatch.form_of`.

@@ -126,7 +126,7 @@ def wavelet_pixel(
         return
     edge, light, variance = edge_with(seen, perspective, squares, phi_normal), values[b, channels - 1], values[b, -1]
     here, near, noise = _guide_of(seen, y, x), _near_of(plane[b], y, x, phi_depth), _deviation(variance, y, x, size)
-    own = wavelet_own(light[y, x], noise, reach[b, y, x], np.float32(phi_color))
+    own = wavelet_own(light[y, x], noise, reach[b, min(y, reach.shape[1] - 1), x], np.float32(phi_color))
     sums, share = cuda.local.array(MOST_PLANES, np.float32), MIDDLE * MIDDLE
     for c in range(channels):
         sums[c] = share * values[b, c, y, x]

@@ -63,15 +63,17 @@ def unexplained_rows(out, averaged, state, lead, clamp, slow, threads):
     """What noise does not explain of differences."""
     batch, _, height, width = averaged.shape
     for thread in prange(threads):
+        share = np.empty(width, np.float32)
         for row in range(thread, batch * height, threads):
             b, y = row // height, row % height
-            unexplained_row(out[b], averaged[b], state[b], lead, np.float32(clamp), slow, y, 0, width)
+            unexplained_row(out[b], share, averaged[b], state[b], lead, np.float32(clamp), slow, y, 0, width)
 
 
 @scalar
 def unexplained_pixel(i, out, averaged, state, lead, clamp, slow):
     b, y, x = pixel_of(i, averaged.shape[2], averaged.shape[3])
-    unexplained_row(out[b], averaged[b], state[b], lead, np.float32(clamp), slow, y, x, x + 1)
+    share = cuda.local.array(1, np.float32)
+    unexplained_row(out[b], share, averaged[b], state[b], lead, np.float32(clamp), slow, y, x, x + 1)
 
 
 @driver

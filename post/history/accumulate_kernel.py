@@ -150,9 +150,9 @@ def differences_row(out, signal, noise, state, first, lead, y, begin, end):
 
 
 @scalar
-def unexplained_row(out, averaged, state, lead, clamp, slow, y, first, end):
-    """A row of `antilag.unexplained_reference`; its last plane holds the largest difference first, then the share."""
-    fast, explained = state[state.shape[0] - lead - 4 :], out[lead, y, first:end]
+def unexplained_row(out, explained, averaged, state, lead, clamp, slow, y, first, end):
+    """A row of `antilag.unexplained_reference`; ``explained`` holds the largest difference first, then the share."""
+    fast = state[state.shape[0] - lead - 4 :]
     ages, spread = state[state.shape[0] - 1, y, first:end], averaged[lead, y, first:end]
     for x in range(pixels(explained.shape[0])):
         explained[x] = ZERO
@@ -163,14 +163,18 @@ def unexplained_row(out, averaged, state, lead, clamp, slow, y, first, end):
     for x in range(pixels(explained.shape[0])):
         floor = NOTICED * abs(luminance_of(fast, lead, y, first + x)) + LEAST
         allowed = clamp * math.sqrt(max(spread[x], ZERO) + TINY) + floor
-        share = min(allowed / max(explained[x], TINY), ONE)
-        explained[x] = share * share
+        left = min(allowed / max(explained[x], TINY), ONE)
+        explained[x] = left * left
     light = state if slow else fast
     for c in range(lead):
         shift, difference, old = out[c, y, first:end], averaged[c, y, first:end], light[c, y, first:end]
         for x in range(pixels(explained.shape[0])):
             known = difference[x] * (ONE - explained[x]) if ages[x] > ZERO else ZERO
             shift[x] = max(known, -max(old[x], ZERO))
+    if slow:
+        share = out[lead, y, first:end]
+        for x in range(pixels(explained.shape[0])):
+            share[x] = explained[x]
 
 
 @scalar

@@ -65,7 +65,7 @@ def differences_reference(signal: Tensor, noise: Tensor, state: Tensor, first: T
     few = 1 / age.clamp(1.0, FAST_FRAMES)
     if first.shape[1] == 0:
         return torch.cat([signal[:, :lead] - fast, noise * (few + 1)], dim=1)
-    return torch.cat([fast + first[:, :lead] - old, noise * (few + 1 / age.clamp_min(1.0))], dim=1)
+    return torch.cat([fast + first - old, noise * (few + 1 / age.clamp_min(1.0))], dim=1)
 
 
 def unexplained_reference(averaged: Tensor, state: Tensor, lead: int, clamp: float, slow: bool) -> Tensor:
@@ -76,7 +76,7 @@ def unexplained_reference(averaged: Tensor, state: Tensor, lead: int, clamp: flo
     explained = (allowed / difference.abs().amax(1, keepdim=True).clamp_min(1e-12)).clamp_max(1.0) ** 2
     shift, light = (age > 0) * difference * (1 - explained), state[:, :lead] if slow else fast
     shift = torch.maximum(shift, -light.clamp_min(0.0))  # the dark beside a highlight that has moved on
-    return torch.cat([shift, explained], dim=1)
+    return torch.cat([shift, explained], dim=1) if slow else shift
 
 
 def blend_reference(
@@ -85,7 +85,7 @@ def blend_reference(
     """The state that `post.history.op.blended` returns; changes have no channels where none is followed."""
     old, fast, moments, share, age = state.split([sample.shape[1], lead, 2, 1, 1], dim=1)
     if fast_change.shape[1] > 0:
-        shift, (move, explained) = fast_change[:, :lead], slow_change.split([lead, 1], dim=1)
+        shift, (move, explained) = fast_change, slow_change.split([lead, 1], dim=1)
         light, fast, old = luminance(shift, lead), fast + shift, torch.cat([old[:, :lead] + move, old[:, lead:]], dim=1)
         moments = torch.cat([moments[:, :1] + light, moments[:, 1:] + light * (2 * moments[:, :1] + light)], dim=1)
         younger = torch.where(age > 1, 1 + (age - 1) * explained, age)

@@ -48,7 +48,7 @@ def follow_changes(
         roughness: ``(B, 1, H, W)`` if surfaces are told apart by it.
     """
     age = state[:, -1:]
-    none, known = torch.zeros_like(age), gbuffer.hit & (age > 0)
+    none, known = torch.zeros_like(age[:, :, :1]), gbuffer.hit & (age > 0)
     geometry = surface(gbuffer.depth, gbuffer.normal, known, gbuffer.camera, roughness)
 
     def moved(first: Tensor | None) -> Tensor:  # by names it would hold what wavelets read while they run
@@ -73,7 +73,7 @@ def spread(
     Returns:
         ``planes`` averaged, and the variance that is left.
     """
-    reach = torch.zeros_like(variance) if reach is None else reach
+    reach = torch.zeros_like(variance[:, :, :1]) if reach is None else reach
     values = _averaged(torch.cat([planes, variance], dim=1), geometry, iterations, reach)
     return values[:, :-1], values[:, -1:]
 
@@ -113,7 +113,7 @@ def unexplained_cpu(averaged: Tensor, state: Tensor, lead: int, clamp: float, sl
     from gbufrt.compute.kernel import array, threads
     from post.history.accumulate_drivers import unexplained_each, unexplained_rows
 
-    out, options = averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:]), (lead, clamp, slow)
+    out, options = averaged.new_empty(averaged.shape[0], lead + slow, *averaged.shape[2:]), (lead, clamp, slow)
     if form_of(averaged, cuda=fits_cuda(state)) is Form.CUDA:
         unexplained_each(out[:, 0].numel(), out, averaged, state, *options)
     else:
@@ -123,7 +123,7 @@ def unexplained_cpu(averaged: Tensor, state: Tensor, lead: int, clamp: float, sl
 
 @unexplained_cpu.register_fake
 def _(averaged, state, lead, clamp, slow):
-    return averaged.new_empty(averaged.shape[0], lead + 1, *averaged.shape[2:])
+    return averaged.new_empty(averaged.shape[0], lead + slow, *averaged.shape[2:])
 
 
 def differences(
@@ -161,7 +161,8 @@ def unexplained(
         compiled: see `differences`.
 
     Returns:
-        ``(B, lead + 1, H, W)``: by how much to move, and the share that is explained, squared, in [0, 1].
+        By how much to move, ``(B, lead, H, W)``; of the slow history also the share of it that is explained, squared,
+        in [0, 1], as one more channel.
     """
     if form_of(averaged, state, clamp, compiled=compiled, cuda=fits_cuda(state)) is Form.REFERENCE:
         return unexplained_reference(averaged, state, lead, clamp, slow)

@@ -103,9 +103,9 @@ def atrous(
 
 
 def reach_of(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
-    """``(B, 1, H, W)`` 1 / (2 sigma^2) of the widest allowed blur in pixels: 0, no limit, for all but reflections."""
+    """``(B, 1, H or 1, W)`` 1 / (2 sigma^2) of the widest blur in pixels: 0, no limit, for all but reflections."""
     if roughness is None:
-        return torch.zeros_like(depth)
+        return torch.zeros_like(depth[:, :, :1])
     sigma = REACH * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)
     if confidence is not None:
         sigma = sigma * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))

@@ -33,7 +33,7 @@ def after(light: torch.Tensor, before: torch.Tensor, firefly: float) -> tuple[to
     sample = taken_in(light, before, lead=3, firefly=firefly)
     changes = follow_changes(sample, before, G, lead=3, clamp=1.5)
     slow, explained = changes.slow.split([3, 1], dim=1)
-    assert float((before[:, 3:6] + changes.fast[:, :3]).min()) >= 0
+    assert float((before[:, 3:6] + changes.fast).min()) >= 0
     return sample.signal, before[:, :3] + slow, 1 + (before[:, -1:] - 1) * explained
 
 

@@ -143,6 +143,6 @@ def test_operators_are_registered_properly() -> None:
     torch.library.opcheck(read_history_cpu, (signal, *look, *options), test_utils=checks)
     state = state_of(3, signal)
     torch.library.opcheck(sample_cpu, (signal, state, 3, 6.0), test_utils=checks)
-    torch.library.opcheck(differences_cpu, (signal, one, state, noise(4), 3), test_utils=checks)
+    torch.library.opcheck(differences_cpu, (signal, one, state, noise(3), 3), test_utils=checks)
     torch.library.opcheck(unexplained_cpu, (noise(4), state, 3, 2.0, True), test_utils=checks)
-    torch.library.opcheck(blend_cpu, (signal, state, one, noise(4), noise(4), 3), test_utils=checks)
+    torch.library.opcheck(blend_cpu, (signal, state, one, noise(3), noise(4), 3), test_utils=checks)
