@@ -147,8 +147,9 @@ def read_history(
         search + (search and lenient),
         sharp,
     )
-    support, valid = marks.split(1, dim=1)
-    return Reading(found, support, valid > 0, (valid > 0) & (valid < 1))
+    support, share = marks.split(1, dim=1)
+    valid = share > 0
+    return Reading(found, support, valid, valid & (share < 1) if search and lenient else torch.zeros_like(valid))
 
 
 def read_sharp(gbuffer: GBuffer, previous: GBuffer, state: Tensor, *, lenient: Tensor | None = None) -> Tensor:
