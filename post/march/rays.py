@@ -16,7 +16,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera
@@ -25,11 +24,8 @@ from gbufrt.demands.pictures import check_pictures
 from gbufrt.numeric import check_counts, check_numbers
 from gbufrt.sampling import gather
 from post.march.constants import BLOCKED, HIT, SPENT
-from post.march.op import march
-
-TOP_LEVEL = 7  # cells of 128 pixels
-NOTHING = 1e30  # a back that no ray is in front of, as nearness; its negative: a front that no ray is behind
-STEEPEST = 0.02  # least cosine with the view: surfaces closer to edge-on are treated as if at this one
+from post.march.op import hierarchy_of, march
+from post.march.planes import levels_of
 
 
 class Hierarchy(NamedTuple):
@@ -70,6 +66,7 @@ def depth_hierarchy(
     *,
     hit: Tensor | None = None,
     thickness: Tensor | float = 0.5,
+    compiled: bool | None = None,
 ) -> Hierarchy:
     """Prepare a depth picture for `march_rays`.
 
@@ -80,52 +77,20 @@ def depth_hierarchy(
         hit: ``(B, 1, H, W)`` bool; False marks the sky, which stops no ray; by default every pixel.
         thickness: how far solids reach behind their fronts: ``(B, 1, H, W)`` along the view ray as in the
             G-buffer, or one assumed length for all. World units.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
         The hierarchy.
 
     Raises:
         TypeError: not a tensor, or of the wrong kind of number.
-        ValueError: a shape does not fit the camera.
+        ValueError: a shape does not fit the camera, or a kernel is requested where there is none.
     """
     check_pictures(camera, depth=depth, normal=normal, hit=hit, thickness=thickness)
     hit = torch.ones_like(depth, dtype=torch.bool) if hit is None else hit
-    ray = camera.unproject(torch.ones_like(depth))
-    facing = camera.rotate_to_view(normal)
-    focal = torch.stack([camera.intrinsics[:, 0, 0], camera.intrinsics[:, 1, 1]], dim=1).to(depth.dtype)[
-        ..., None, None
-    ]
-    if camera.orthographic:
-        slope = facing[:, :2] / (focal * facing[:, 2:].clamp_max(-STEEPEST))
-        q, pixel = -depth, 1 / focal[:, 1:]
-        back = q - thickness
-    else:
-        length = (ray * ray).sum(1, keepdim=True).sqrt()
-        q = 1 / depth.clamp_min(1e-9)
-        pixel = q / focal[:, 1:]
-        slope = facing[:, :2] * (q / (focal * torch.minimum((facing * ray).sum(1, keepdim=True), -1e-3 * length)))
-        slope = slope * (q / slope.abs().sum(1, keepdim=True).clamp_min(1e-30)).clamp_max(1.0)  # none reaches behind us
-        back = 1 / (depth + (thickness / length if isinstance(thickness, Tensor) else thickness)).clamp_min(1e-9)
-    del ray, facing  # six planes less, of what reflections need at once
-    reach = slope.abs().sum(1, keepdim=True)
-    back = torch.minimum(back, q - reach - pixel)  # no solid is thinner than the gap that `crack` tolerates
-    front = torch.where(hit, q, -NOTHING)
-    back = torch.where(hit, back, NOTHING)
-    planes = torch.cat([front, torch.where(hit, slope, 0.0), back], dim=1).float()
-    nearest = torch.where(hit, q + 0.5 * reach, -NOTHING).float()
-    return Hierarchy(planes.permute(0, 2, 3, 1).contiguous(), *_pyramid(nearest, back.float()))
-
-
-def _pyramid(front: Tensor, back: Tensor) -> tuple[Tensor, Tensor]:
-    levels, table, start = [], [(0, front.shape[-1])], 0
-    while max(front.shape[-2:]) > 1 and len(levels) < TOP_LEVEL:
-        front = F.max_pool2d(front, 2, ceil_mode=True)
-        back = -F.max_pool2d(-back, 2, ceil_mode=True)
-        table.append((start, front.shape[-1]))
-        levels.append(torch.cat([front, back], dim=1).flatten(2))
-        start += levels[-1].shape[-1]
-    cells = torch.cat(levels, dim=2) if levels else front.new_zeros(front.shape[0], 2, 1)
-    return cells.transpose(1, 2).contiguous(), resident_on(front.device, tuple(table), torch.int64)
+    levels = ((0, camera.width), *((start, width) for start, _, width in levels_of(*camera.size)))
+    table = resident_on(depth.device, levels, torch.int64)
+    return Hierarchy(*hierarchy_of(depth, normal, hit, thickness, camera, compiled=compiled), table)
 
 
 @torch.no_grad()

@@ -45,6 +45,8 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
     }
     assert ran == {
         "march",
+        "planes_cell",
+        "coarser_cell",
         "reflect",
         "through_air",
         "reconstruct_pixel",
