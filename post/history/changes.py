@@ -141,7 +141,7 @@ def differences(
     Returns:
         ``(B, lead + 1, H, W)``: the differences, and the variance of their noise.
     """
-    planes = (*sample, state, sample.signal[:, :0] if first is None else first)
+    planes = (sample.signal, sample.noise, state, sample.signal[:, :0] if first is None else first)
     if form_of(*planes, compiled=compiled, cuda=fits_cuda(state)) is Form.REFERENCE:
         return differences_reference(*planes, lead)
     return differences_cpu(*planes, lead)
