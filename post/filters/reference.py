@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import torch
@@ -49,7 +50,8 @@ def wavelet_reference(
 ) -> Tensor:
     """``(B, C + 2, H, W)``. Arguments and result are those of `post.filters.op.wavelet`."""
     light, variance = values[:, -2:-1], values[:, -1:]
-    tolerance = phi_color * noise_of_mean(variance) + FLOOR * light.abs()
+    spread = variance.detach() if math.isinf(phi_color) else variance  # infinity times no slope would be NaN
+    tolerance = phi_color * noise_of_mean(spread) + FLOOR * light.abs()
     filtered = _wavelet(
         windows(padded(values, 2 * step), 2, step),
         windows(padded(geometry.guide, 2 * step), 2, step),
