@@ -47,11 +47,10 @@ def follow_changes(
         clamp: as in `post.temporal`.
         roughness: ``(B, 1, H, W)`` if surfaces are told apart by it.
     """
-    age = state[:, -1:]
-    none, known = torch.zeros_like(age[:, :, :1]), gbuffer.hit & (age > 0)
-    geometry = surface(gbuffer.depth, gbuffer.normal, known, gbuffer.camera, roughness)
+    none = torch.zeros_like(state[:, -1:, :1])
+    geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit & (state[:, -1:] > 0), gbuffer.camera, roughness)
 
-    def moved(first: Tensor | None) -> Tensor:  # by names it would hold what wavelets read while they run
+    def moved(first: Tensor | None) -> Tensor:  # what has no name is freed as soon as wavelets have read it
         averaged = _averaged(differences(sample, state, first, lead=lead), geometry, AREA, none)
         return unexplained(averaged, state, lead=lead, clamp=STRICTER * clamp, slow=first is not None)
 
