@@ -12,21 +12,11 @@ import numpy as np
 from gbufrt.compute.each import pixel_of
 from gbufrt.compute.kernel import inlined, scalar
 from post.march import constants
+from post.margin.kernel import rotated
 
 ZERO, HALF, ONE = np.float32(0), np.float32(0.5), np.float32(1)
 NOTHING, STEEPEST, GRAZING = map(np.float32, (constants.NOTHING, constants.STEEPEST, constants.GRAZING))
 NEAREST, TINY = np.float32(constants.NEAREST), np.float32(constants.TINY)
-
-
-@inlined
-def _rotated(pose, normal, y, x):
-    """A pixel's normal in view space."""
-    a, b, c = normal[0, y, x], normal[1, y, x], normal[2, y, x]
-    return (
-        pose[0, 0] * a + pose[0, 1] * b + pose[0, 2] * c,
-        pose[1, 0] * a + pose[1, 1] * b + pose[1, 2] * c,
-        pose[2, 0] * a + pose[2, 1] * b + pose[2, 2] * c,
-    )
 
 
 @inlined
@@ -72,7 +62,7 @@ def planes_cell(i, planes, pyramid, depth, normal, hit, thickness, assumed, lens
                 _write(planes[b, y, x], -NOTHING, ZERO, ZERO, NOTHING)
                 continue
             ray = (np.float32(x) + HALF + lens[b, 4] - lens[b, 2]) * side[0], ray_y
-            n, z = _rotated(pose[b], normal[b], y, x), depth[b, y, x]
+            n, z = rotated(pose[b], normal[b], y, x), depth[b, y, x]
             solid = thickness[b, 0, y, x] if measured else np.float32(assumed)
             if orthographic:
                 q, across, down, back, pixel = _parallel(n, z, solid, side)

@@ -15,7 +15,7 @@ LEAST_FACING = np.float32(constants.LEAST_FACING)
 
 
 @inlined
-def _rotated(pose, normal, y, x):
+def rotated(pose, normal, y, x):
     """A pixel's normal in view space."""
     a, b, c = normal[0, y, x], normal[1, y, x], normal[2, y, x]
     return (
@@ -53,7 +53,7 @@ def padded_row(out, depth, normal, reach, hit, light, lens, pose, margin, near, 
         inner = x == place - edge and y == row - edge
         z, stands, n = depth[y, x], hit[y, x], (ZERO, ZERO, ZERO)
         if light.shape[0] > 0 or not inner:
-            n = _rotated(pose, normal, y, x)
+            n = rotated(pose, normal, y, x)
         if stands and not inner:
             ray = lens[2] + np.float32(x) / lens[0], lens[3] + np.float32(y) / lens[1]
             beyond = lens[2] + np.float32(place - edge) / lens[0], lens[3] + np.float32(row - edge) / lens[1]
