@@ -128,8 +128,7 @@ def limits_cpu(
 
 @limits_cpu.register_fake
 def _(light, variance, sigma, sensitivity, phi_color):
-    width, tolerance = (torch.empty_like(light, memory_format=torch.contiguous_format) for _ in range(2))
-    return width, tolerance
+    return tuple(torch.empty_like(light, memory_format=torch.contiguous_format) for _ in range(2))
 
 
 def moments(
@@ -164,7 +163,7 @@ def spatial_moments(
 def wavelet(
     values: Tensor,
     geometry: Surface,
-    reach: Tensor,
+    reach: Tensor | None = None,
     *,
     step: int,
     phi_color: float,
@@ -177,8 +176,7 @@ def wavelet(
     Args:
         values: ``(B, C + 2, H, W)``: a signal, then the luminance that is compared, then the signal's variance.
         geometry: of the same size.
-        reach: ``(B, 1, H, W)``, or ``(B, 1, 1, W)`` for all rows: 1 / (2 sigma^2) of a spatial Gaussian in pixels; 0
-            for none.
+        reach: ``(B, 1, H or 1, W)``: 1 / (2 sigma^2) of a spatial Gaussian in pixels; by default there is none.
         step: pixels from tap to tap.
         phi_color: see `post.atrous`, as the rest.
         compiled: see `gbufrt.compute.dispatch.form_of`.
@@ -186,6 +184,7 @@ def wavelet(
     Returns:
         As ``values``, filtered; the variance is that which is left. Pixels that hit nothing are as before.
     """
+    reach = torch.zeros_like(values[:, :1, :1]) if reach is None else reach  # one row stands for all
     phi, planes = (phi_color, phi_depth, phi_normal), (values, geometry.guide, geometry.plane, reach)
     if form_of(*planes, *phi, compiled=compiled, cuda=fits_cuda(values)) is Form.REFERENCE:
         return wavelet_reference(values, geometry, reach, step, *phi)

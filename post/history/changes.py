@@ -47,11 +47,10 @@ def follow_changes(
         clamp: as in `post.temporal`.
         roughness: ``(B, 1, H, W)`` if surfaces are told apart by it.
     """
-    none = torch.zeros_like(state[:, -1:, :1])
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit & (state[:, -1:] > 0), gbuffer.camera, roughness)
 
     def moved(first: Tensor | None) -> Tensor:  # what has no name is freed as soon as wavelets have read it
-        averaged = _averaged(differences(sample, state, first, lead=lead), geometry, AREA, none)
+        averaged = _averaged(differences(sample, state, first, lead=lead), geometry, AREA)
         return unexplained(averaged, state, lead=lead, clamp=STRICTER * clamp, slow=first is not None)
 
     return Changes(first := moved(None), moved(first))
@@ -72,12 +71,11 @@ def spread(
     Returns:
         ``planes`` averaged, and the variance that is left.
     """
-    reach = torch.zeros_like(variance[:, :, :1]) if reach is None else reach
     values = _averaged(torch.cat([planes, variance], dim=1), geometry, iterations, reach)
     return values[:, :-1], values[:, -1:]
 
 
-def _averaged(values: Tensor, geometry: Surface, iterations: int, reach: Tensor) -> Tensor:
+def _averaged(values: Tensor, geometry: Surface, iterations: int, reach: Tensor | None = None) -> Tensor:
     """Planes, and the variance of their noise, averaged over the surface; no luminance is too different."""
     for iteration in range(iterations):
         values = wavelet(

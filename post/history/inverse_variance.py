@@ -58,8 +58,8 @@ def certain_mean(
     left = kept * torch.maximum(variance, noise / square * torch.maximum(own, around).square())
     light = torch.where(geometry.hit, _shrunk(light, NOISE * left, square, geometry, lonely, metallic), light)
     certain, (compared, _) = 1 / (left / square + LEAST), spatial_moments(light, geometry)
-    values, none = torch.cat([light * certain, certain, compared, left], dim=1), torch.zeros_like(left[:, :, :1])
-    sums = wavelet(values, geometry, none, step=1, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL)
+    values = torch.cat([light * certain, certain, compared, left], dim=1)
+    sums = wavelet(values, geometry, step=1, phi_color=PHI_COLOR, phi_depth=1.0, phi_normal=PHI_NORMAL)
     return torch.where(geometry.hit, sums[:, :3] / sums[:, 3:4].clamp_min(1e-12), light)
 
 

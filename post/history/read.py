@@ -149,7 +149,7 @@ def read_history(
     )
     support, share = marks.split(1, dim=1)
     valid = share > 0
-    return Reading(found, support, valid, valid & (share < 1) if search and lenient else torch.zeros_like(valid))
+    return Reading(found, support, valid, valid & (share < 1))
 
 
 def read_sharp(gbuffer: GBuffer, previous: GBuffer, state: Tensor, *, lenient: Tensor | None = None) -> Tensor:

@@ -9,7 +9,7 @@ from torch import Tensor
 from gbufrt import Camera
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.compute.operators import operator
-from post.march.planes import hierarchy_reference, levels_of
+from post.march.hierarchy import hierarchy_reference, levels_of
 from post.march.reference import march_rays_reference
 
 

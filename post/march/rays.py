@@ -24,8 +24,8 @@ from gbufrt.demands.pictures import check_pictures
 from gbufrt.numeric import check_counts, check_numbers
 from gbufrt.sampling import gather
 from post.march.constants import BLOCKED, HIT, SPENT
+from post.march.hierarchy import levels_of
 from post.march.op import hierarchy_of, march
-from post.march.planes import levels_of
 
 
 class Hierarchy(NamedTuple):

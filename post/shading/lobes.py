@@ -12,7 +12,7 @@ from gbufrt import Camera
 from gbufrt.directions import length, tangent_frame
 from gbufrt.sampling import shifted
 from gbufrt.specular import MIRROR_ROUGHNESS, ggx_distribution, masking_ratio, sample_visible_normal, smith_lambda
-from post.shading.constants import BROAD, FULL_SHARE
+from post.shading.constants import FILTERED, FULL_SHARE
 from post.shading.ggx import grazing, reflection_pdf
 
 CONE_DEGREES = 45.0  # half angle of ME1's cone at roughness 1
@@ -127,13 +127,13 @@ def rays_of(surface: Surface, f0: Tensor, roughness: Tensor, samples: int) -> Te
         surface: the reflecting pixels.
         f0: ``(B, 3, H, W)`` reflectance at normal incidence.
         roughness: ``(B, 1, H, W)`` perceptual.
-        samples: where `FULL_SHARE` or more is reflected by a surface smoother than `BROAD`.
+        samples: where `FULL_SHARE` or more is reflected by a surface smoother than `FILTERED`.
 
     Source: Lagarde 2011 (Schlick's approximation for rough surfaces).
     """
     highest = f0.amax(1, keepdim=True)
     share = highest + (torch.maximum(1 - roughness, highest) - highest) * grazing(dot(surface.eye, surface.normal))
-    part = (share / FULL_SHARE).clamp_max(1.0) * torch.where(roughness < BROAD, 1.0, 0.5)
+    part = (share / FULL_SHARE).clamp_max(1.0) * torch.where(roughness < FILTERED, 1.0, 0.5)
     rays = (samples * part).ceil().nan_to_num(1.0).clamp_min(1.0)
     return torch.where(roughness < MIRROR_ROUGHNESS, 1.0, rays)
 

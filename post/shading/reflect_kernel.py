@@ -22,7 +22,7 @@ SMOOTH, SMOOTHEST, DARK = np.float32(MIRROR_ROUGHNESS), np.float32(1e-3), np.flo
 FIREFLY, GUESSED = np.float32(constants.FIREFLY), np.float32(constants.GUESSED)
 HIDDEN_SHARE, RED, GREEN, BLUE = np.float32(constants.HIDDEN_SHARE), *(np.float32(share) for share in REC709)
 GLOSSY, NEXT = np.float32(constants.GLOSSY), np.float32(constants.NEXT)
-FULL_SHARE, BROAD = np.float32(constants.FULL_SHARE), np.float32(constants.BROAD)
+FULL_SHARE, FILTERED = np.float32(constants.FULL_SHARE), np.float32(constants.FILTERED)
 
 
 @inlined
@@ -61,7 +61,7 @@ def _rays(f0, cosine, rough, samples):
         return 1
     highest = max(f0[0], max(f0[1], f0[2]))
     share = highest + (max(ONE - rough, highest) - highest) * grazing(min(max(cosine, ZERO), ONE))
-    part = min(share / FULL_SHARE, ONE) * (ONE if rough < BROAD else HALF)
+    part = min(share / FULL_SHARE, ONE) * (ONE if rough < FILTERED else HALF)
     return max(np.int64(np.ceil(np.float32(samples) * part)), 1)
 
 

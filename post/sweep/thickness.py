@@ -47,8 +47,7 @@ def planar_thickness(
         return torch.minimum(torch.as_tensor(thickness).to(depth).expand_as(depth), limit) * toward
     back = depth + torch.minimum(thickness.to(depth.dtype), limit) * toward
     pixel = None if reach is None else _pixel(camera, depth) / (APART * reach.detach())
-    solid = bodies(depth, hit, back, pixel=pixel) - depth
-    return solid if isinstance(hidden, float) and hidden == 0 else solid + hidden * toward
+    return bodies(depth, hit, back, pixel=pixel) - depth + hidden * toward
 
 
 def _pixel(camera: Camera, depth: Tensor) -> Tensor:

@@ -51,9 +51,7 @@ def temporal_gradient(before: Tensor, replayed: Tensor, chosen: Tensor, gbuffer:
     coarse, none = Surface(guide, plane, geometry.perspective), torch.zeros_like(was)
     values = torch.where(known, torch.cat([now - was, torch.maximum(now, was), none, none], dim=1), 0.0)
     for iteration in range(ITERATIONS):
-        values = wavelet(
-            values, coarse, none, step=2**iteration, phi_color=1.0, phi_depth=1 / STRATUM, phi_normal=PHI_NORMAL
-        )
+        values = wavelet(values, coarse, step=2**iteration, phi_color=1.0, phi_depth=1 / STRATUM, phi_normal=PHI_NORMAL)
     share = (values[:, :1].abs() / values[:, 1:2].clamp_min(1e-9)).clamp_max(1.0)
     row, column = (min(STRATUM // 2, side - 1) for side in gbuffer.depth.shape[2:])
     rows, columns = (len(range(o, n, STRATUM)) for o, n in zip((row, column), gbuffer.depth.shape[2:], strict=True))

@@ -122,7 +122,7 @@ def asvgf(
     lobe = DIFFUSE if distance is None else SPECULAR
     smooth = _filtered(mean, gbuffer, variance, iterations, phi_color, lobe.phi_normal, roughness)
     geometry = surface(gbuffer.depth, gbuffer.normal, gbuffer.hit, gbuffer.camera, roughness)
-    reach = reach_of(gbuffer.depth, roughness, None)
+    reach = reach_of(roughness, None)
     smooth = given_back(smooth, mean, history.signals["excess"], geometry, wide=lobe.wide, reach=reach)
     kept = {"sample": sample} if new is None else {"sample": sample, "new": new}
     history = replace(history, signals={**history.signals, **kept})

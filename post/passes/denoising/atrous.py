@@ -90,7 +90,7 @@ def atrous(
     values = torch.cat([with_places(signal) if linear else signal, light, variance], dim=1)
     before = signal if linear else None
     del signal, light, variance  # a quarter of what the kernels need at once
-    reach = reach_of(depth, roughness, confidence)
+    reach = reach_of(roughness, confidence)
     for iteration in range(iterations):
         values = wavelet(
             values, geometry, reach, step=2**iteration,
@@ -102,10 +102,10 @@ def atrous(
     return smooth, left
 
 
-def reach_of(depth: Tensor, roughness: Tensor | None, confidence: Tensor | None) -> Tensor:
-    """``(B, 1, H or 1, W)`` 1 / (2 sigma^2) of the widest blur in pixels: 0, no limit, for all but reflections."""
+def reach_of(roughness: Tensor | None, confidence: Tensor | None) -> Tensor | None:
+    """``(B, 1, H, W)`` 1 / (2 sigma^2) of the widest blur in pixels; None, no limit, for all but reflections."""
     if roughness is None:
-        return torch.zeros_like(depth[:, :, :1])
+        return None
     sigma = REACH * (roughness / BROAD_ROUGHNESS).clamp(1e-3, 1.0)
     if confidence is not None:
         sigma = sigma * (1.5 - 0.5 * confidence.clamp(0.0, 1.0))

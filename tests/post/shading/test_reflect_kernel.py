@@ -120,7 +120,7 @@ def test_rays_that_are_not_marched_know_only_their_own_pixel(compiled: bool) -> 
 
 
 @pytest.mark.parametrize("compiled", [True, False])
-@pytest.mark.parametrize(("f0", "limit", "off"), [(0.04, "FULL_SHARE", 1e-6), (0.5, "BROAD", 1.0)])
+@pytest.mark.parametrize(("f0", "limit", "off"), [(0.04, "FULL_SHARE", 1e-6), (0.5, "FILTERED", 1.0)])
 def test_fewer_rays_where_little_is_reflected_or_lobes_are_broad_keep_the_mean(
     f0: float, limit: str, off: float, compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:

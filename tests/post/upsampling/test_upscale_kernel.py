@@ -67,6 +67,15 @@ def test_forms_agree(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
         assert float(planes[:, 1].amax()) > 0.01, "something is clipped"
 
 
+@pytest.mark.parametrize("compiled", [True, False])
+def test_light_of_pure_colours_never_falls_below_none(monkeypatch: pytest.MonkeyPatch, compiled: bool) -> None:
+    """A box of luma and chroma around pure colours holds some that are less than no light."""
+    pure = [torch.where(noise((1, 3, *SIZE), i) > 0.6, 4.0, 0.0) for i in range(6)]
+    light, toned, *_ = last_of(monkeypatch, compiled, [frame_at(i, SIZE).replace(color=pure[i]) for i in range(6)])
+    assert float(light.min()) >= 0
+    assert float(toned.min()) >= 0
+
+
 @pytest.mark.parametrize("size", [(1, 1), (1, 9), (9, 1), (2, 3)])
 def test_small_pictures(monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]) -> None:
     frames = [frame_at(i, size) for i in range(3)]

@@ -1,6 +1,6 @@
 """The compiled form of `post.march.rays.depth_hierarchy`: cells of the pyramid as scalar bodies.
 
-Names and steps are those of `post.march.planes`, which is the definition.
+Names and steps are those of `post.march.hierarchy`, which is the definition.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The definition of `post.march.rays.depth_hierarchy` in torch; `post.march.planes_kernel` is its compiled form."""
+"""The definition of `post.march.rays.depth_hierarchy` in torch; `post.march.hierarchy_kernel` is its compiled form."""
 
 from __future__ import annotations
 
