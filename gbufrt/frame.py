@@ -12,7 +12,7 @@ from torch import Tensor
 from gbufrt.channels import channel, channels_of, check_extra, check_layer, check_one_kind, check_tensor
 from gbufrt.gbuffer import CHANNELS, GBuffer, to_function
 from gbufrt.names import meant
-from gbufrt.numeric import check_index, check_kind, check_numbers
+from gbufrt.numeric import check_flags, check_index, check_kind, check_numbers
 from gbufrt.tree import changed, map_tensors, without_graph
 from gbufrt.validation.checks import validate_gbuffer, validate_signals
 
@@ -95,6 +95,7 @@ class Frame:
         check_layer(Frame, "previous", self.previous)
         check_index(self.index)
         check_numbers(time=self.time)
+        check_flags(emitters_sampled=self.emitters_sampled, emitters_mirrored=self.emitters_mirrored)
         if not isinstance(self.cut, Tensor | None):
             raise TypeError(f"cut must be a ({camera.batch},) bool tensor or None, got {type(self.cut).__name__}")
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
@@ -205,8 +206,7 @@ class Frame:
                 and a remedy.
         """
         check_kind(Frame, "before", self if before is None else before)
-        layer: Frame | None = self
-        prefix = ""
+        layer, prefix = self, ""
         while layer is not None:
             validate_gbuffer(layer.gbuffer, None if before is None or prefix else before.gbuffer, prefix)
             signals = {name: tensor for name in SIGNALS if (tensor := getattr(layer, name)) is not None}

@@ -78,6 +78,13 @@ def check_counts(**values: Any) -> None:
             raise TypeError(f"{name} must be a whole number, got {_told(value)}")
 
 
+def check_flags(**values: Any) -> None:
+    """Raise TypeError where a value, by its argument's name, is neither True nor False."""
+    for name, value in values.items():
+        if not isinstance(value, (bool, np.bool_)):
+            raise TypeError(f"{name} must be True or False, got {_told(value)}")
+
+
 def check_index(index: Any) -> None:
     """Raise unless a frame's number is a whole number, TypeError, or a 0-dim tensor of such, ValueError."""
     if not isinstance(index, Tensor):

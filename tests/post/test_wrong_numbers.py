@@ -120,7 +120,7 @@ def test_strides_and_pipelines_are_told_from_what_is_none():
     for wrong in (None, 1.5, "x"):
         with pytest.raises(TypeError, match=r"^stride must be a whole number, got "):
             post.Reduced(wrong)  # pyright: ignore[reportArgumentType]
-    for extra in ("haze", (1,)):
+    for extra in ("haze", (1,), 3):
         with pytest.raises(TypeError, match=r"^extra must be names of signals, as in extra=\('fog',\), got "):
             post.Reduced(extra=extra)  # pyright: ignore[reportArgumentType]
     for wrong in (None, "low"):

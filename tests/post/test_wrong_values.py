@@ -80,6 +80,7 @@ PICTURES: tuple[Callable[[Any], Any], ...] = (fxaa, tone_map, display_encode, ex
         (lambda: G.camera.resized(540), ValueError, r"size must be \(H, W\).*got 540"),  # pyright: ignore
         (lambda: Frame(gbuffer=G.camera), TypeError, r"gbuffer must be a gbufrt\.GBuffer, got Camera"),  # pyright: ignore
         (lambda: FRAME.replace(cut=True), TypeError, r"cut must be a \(1,\) bool tensor or None, got bool"),
+        (lambda: FRAME.replace(emitters_sampled="x"), TypeError, r"emitters_sampled must be True or False, got 'x'"),  # pyright: ignore
         (lambda: FRAME.write("mine", ROWS.numpy()), TypeError, r"signal 'mine' must be a torch\.Tensor, got ndarray"),  # pyright: ignore
         (lambda: Pipeline(reduction=Reduced), TypeError, r"reduction must be one such as post\.Reduced\(\), got <cl"),  # pyright: ignore
         (lambda: Pipeline(**{"a.b": FXAA()}), ValueError, "a stage's name must hold no dot"),  # pyright: ignore

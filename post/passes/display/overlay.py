@@ -6,6 +6,7 @@ from torch import Tensor
 
 from gbufrt import Frame, Pass
 from gbufrt.channels import check_picture
+from gbufrt.numeric import check_path
 
 
 def overlay(image: Tensor, ui: Tensor) -> Tensor:
@@ -54,6 +55,7 @@ class Overlay(Pass):
 
     def __init__(self, *, picture: str = "") -> None:
         super().__init__()
+        check_path("picture", picture)
         self.picture = picture
 
     def forward(self, frame: Frame) -> Frame:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import torch
 from torch import Tensor
 
@@ -72,8 +74,8 @@ def depth_of_field(
 
 def _check(max_radius_px: float, layer_step: float) -> None:
     check_numbers(max_radius_px=max_radius_px, layer_step=layer_step)
-    if not max_radius_px >= 1:
-        raise ValueError(f"max_radius_px must be at least 1, got {max_radius_px}")
+    if not 1 <= max_radius_px < math.inf:
+        raise ValueError(f"max_radius_px must be finite and at least 1, got {max_radius_px}")
     if not 0 < layer_step <= 1:
         raise ValueError(f"layer_step must lie in (0, 1], got {layer_step}")
 

@@ -69,6 +69,8 @@ def test_files_that_do_not_fit_are_told(hud: tuple[str, torch.Tensor], tmp_path:
     frame = boxes.frame(boxes.camera((6, 8))).replace(image=torch.zeros(1, 3, 6, 8))
     with pytest.raises(ValueError, match="has 16x12 pixels, the frame 8x6"):
         Overlay(picture=hud[0])(frame)
+    with pytest.raises(TypeError, match="picture must be a path, got 3"):
+        Overlay(picture=3)  # pyright: ignore[reportArgumentType]
     with pytest.raises(FileNotFoundError, match="does not exist"):
         Overlay(picture=str(tmp_path / "none.png"))(frame)
     Image.new("RGB", (8, 6)).save(tmp_path / "opaque.png")

@@ -226,5 +226,7 @@ def test_bad_input():
         options: dict[str, Any] = {name: float("nan")}
         with pytest.raises(ValueError, match=f"{name} must .*nan"):
             depth_of_field(color, depth, camera, **options)
+    with pytest.raises(ValueError, match="max_radius_px must be finite and at least 1, got inf"):
+        depth_of_field(color, depth, camera, max_radius_px=math.inf)
     with pytest.raises(ValueError, match="aperture_radius must be at least 0"):
         depth_of_field(color, depth, camera, aperture_radius=-1.0)
