@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import torch
 from torch import Tensor
 
 REC709 = (0.2126, 0.7152, 0.0722)  # shares of red, green and blue: ITU-R BT.709
@@ -12,4 +13,4 @@ def luminance(signal: Tensor, lead: int | None = None) -> Tensor:
     if (lead or signal.shape[1]) < 3:
         return signal[:, :1]
     red, green, blue = REC709
-    return red * signal[:, 0:1] + green * signal[:, 1:2] + blue * signal[:, 2:3]
+    return torch.add(red * signal[:, 0:1], signal[:, 1:2], alpha=green).add(signal[:, 2:3], alpha=blue)

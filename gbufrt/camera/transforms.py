@@ -98,4 +98,4 @@ def depth_per_unit(lens: Tensor, size: tuple[int, int]) -> Tensor:
     x, y = sampled_rows(size, lens[:, 4:], lens)
     fx, fy, cx, cy = lens[:, :4, None, None].split(1, dim=1)
     across, down = (x - cx) / fx, (y - cy) / fy
-    return 1 / (across * across + down * down + 1).sqrt()
+    return 1 / (torch.addcmul(across * across, down, down) + 1).sqrt()

@@ -25,10 +25,18 @@ class Reading(NamedTuple):
     """``(B, C, H, W)``; zero where not valid."""
     support: Tensor
     """``(B, 1, H, W)`` in [0, 1]: how much of the bilinear footprint showed this surface."""
-    valid: Tensor
-    """``(B, 1, H, W)`` bool: whether there is any history."""
-    lent: Tensor
-    """``(B, 1, H, W)`` bool: whether that is of what lies as deep, whichever way it faces."""
+    trust: Tensor
+    """``(B, 1, H, W)``: 1 where there is history, half where that lies as deep whichever way it faces, else 0."""
+
+    @property
+    def valid(self) -> Tensor:
+        """``(B, 1, H, W)`` bool: whether there is any history."""
+        return self.trust > 0
+
+    @property
+    def lent(self) -> Tensor:
+        """``(B, 1, H, W)`` bool: whether that is of what lies as deep, whichever way it faces."""
+        return self.valid & (self.trust < 1)
 
 
 @operator("gbufrt::read_history")
@@ -36,8 +44,7 @@ def read_history_cpu(
     image: Tensor, now: list[Tensor], before: list[Tensor], lenses: Tensor, poses: Tensor, parallel: bool,
     plane: float, normal: float, search: int, sharp: bool,
 ) -> tuple[Tensor, Tensor]:  # fmt: skip
-    """The picture ``(B, C, H, W)``; and ``(B, 2, H, W)``: the support, and 1 where it is valid, or half where it is
-    lent, which need not be in memory as long.
+    """The picture ``(B, C, H, W)``; and ``(B, 2, H, W)``: support and trust, which need not be in memory as long.
 
     Args:
         image: ``(B, C, H, W)``.
@@ -129,7 +136,8 @@ def read_history(
     if form_of(image, length, moved, motion, *steps, compiled=compiled, cuda=True) is Form.REFERENCE:
         look = correspondence_reference(gbuffer, previous, length, motion)
         taps = find_taps(*look, plane_tolerance, normal_tolerance, search, sharp, lenient)
-        read = Reading(taps.fetch(image), taps.support, taps.valid, taps.lent)
+        trust = taps.valid.to(image.dtype) * torch.where(taps.lent, 0.5, 1.0)
+        read = Reading(taps.fetch(image), taps.support, trust)
         return read if wanted is None else Reading(*(torch.where(wanted, t, torch.zeros_like(t)) for t in read))
     moved_z, depth, depth_then, facing, facing_then, pose, lens, was = steps  # operators have no gradient to pass on
     now, then = _ids(gbuffer, previous)
@@ -147,9 +155,7 @@ def read_history(
         search + (search and lenient),
         sharp,
     )
-    support, share = marks.split(1, dim=1)
-    valid = share > 0
-    return Reading(found, support, valid, valid & (share < 1))
+    return Reading(found, *marks.split(1, dim=1))
 
 
 def read_sharp(gbuffer: GBuffer, previous: GBuffer, state: Tensor, *, lenient: Tensor | None = None) -> Tensor:

@@ -34,10 +34,10 @@ def agreeing_motion(
         ``(B, 2, H, W)`` pixels, previous minus current.
     """
     motion, virtual = motion_of(gbuffer, before.camera)[0], virtual_motion(gbuffer, before, distance)
-    lead = image.shape[1]
-    found = read_history(gbuffer, before, image, length=length)
+    lead, wanted = image.shape[1], _compared(distance)
+    found = read_history(gbuffer, before, image, length=length, wanted=wanted)
     apart, lost = misfit(found.image, signal, lead), ~found.valid
-    found = read_history(gbuffer, before, image, length=length, motion=virtual, wanted=_compared(distance))
+    found = read_history(gbuffer, before, image, length=length, motion=virtual, wanted=wanted)
     agrees = lost | (misfit(found.image, signal, lead) < apart)
     return torch.where(found.valid & (distance > 0) & agrees, virtual, motion)
 

@@ -31,7 +31,8 @@ class Reduced(Reduction):
 
     def __post_init__(self) -> None:
         check_counts(stride=self.stride)
-        if not isinstance(self.extra, (tuple, list, set, frozenset)) or not all(isinstance(name, str) for name in self.extra):
+        several = isinstance(self.extra, (tuple, list, set, frozenset))
+        if not several or not all(isinstance(name, str) for name in self.extra):
             raise TypeError(f"extra must be names of signals, as in extra=('fog',), got {self.extra!r}")
         if self.stride < 1:
             raise ValueError(f"stride must be at least 1, got {self.stride}")
