@@ -192,7 +192,10 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
     reach = max(REFLECTION_REACH // quality.strides.get("reflection", 1), 2)
     return {
         "ao": Pipeline(
-            reduction=at.get("ao"), estimate=ao, denoise=ao_blur, accumulate=Temporal(signal=both, blend=0.95)
+            reduction=at.get("ao"),
+            estimate=ao,
+            denoise=ao_blur,
+            accumulate=Temporal(signal=both, blend=0.95, variance=False),
         ),
         "gi": Pipeline(
             reduction=at.get("gi"),
@@ -206,7 +209,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
             reduction=at.get("reflection"),
             estimate=reflection,
             denoise=Bilateral(signal="reflection", radius=reach, sigma=reach),
-            accumulate=Temporal(signal="reflection", blend=0.95, clamp=REFLECTION_CLAMP),
+            accumulate=Temporal(signal="reflection", blend=0.95, clamp=REFLECTION_CLAMP, variance=False),
         ),
         "submerged": Submerged(),
         "behind": Pipeline(

@@ -5,10 +5,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from gbufrt import GBuffer
 from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
 from post.filters.around import least, pooled
 from post.filters.edges import padded, windows
+from post.filters.op import spatial_moments
+from post.filters.surfaces import surface
 from post.history.constants import FAST_BLEND, FAST_FRAMES, MOMENTS_BLEND, NOTICED, POOL, YOUNG
 
 UNSURE = 15.0  # frames: the shorter the history, the less certain its variance and the wider the blur
@@ -34,6 +37,25 @@ def typical_variance(moments: Tensor, age: Tensor) -> Tensor:
     visible = (age > 0).to(age.dtype)
     around = pooled(moments[:, 1:], visible, wide) - pooled(moments[:, :1], visible, wide) ** 2
     return torch.where(age < YOUNG, torch.maximum(typical, around), typical)
+
+
+def variance_left(sample: Tensor, moments: Tensor, share: Tensor, length: Tensor, g: GBuffer, lead: int) -> Tensor:
+    """Variance ``(B, 1, H, W)`` of the mean's luminance; that of few frames has at least the spread of those around.
+
+    Args:
+        sample: ``(B, C, H, W)`` of this frame, without fireflies.
+        moments: ``(B, 2, H, W)`` mean and mean square of luminance.
+        share: ``(B, 1, H, W)`` sum of squared weights of the mean.
+        length: ``(B, 1, H, W)`` frames in it.
+        g: of this frame.
+        lead: channels that make the luminance.
+    """
+    variance = sample_variance(moments, length)
+    if waits(length) or bool((length < YOUNG).any()):
+        geometry = surface(g.depth, g.normal, g.hit, g.camera)
+        _, around = spatial_moments(sample, geometry, radius=2, lead=lead)
+        variance = torch.where(length < YOUNG, torch.maximum(around, variance), variance)
+    return variance * share
 
 
 def without_fireflies(signal: Tensor, old: Tensor, variance: Tensor, age: Tensor, lead: int, firefly: float) -> Tensor:

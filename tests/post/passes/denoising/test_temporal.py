@@ -41,6 +41,14 @@ def test_variance_tells_the_error():
         assert variance == pytest.approx(rms(errors[-1]) ** 2, rel=0.2), (kind, frames)
 
 
+def test_a_variance_that_nobody_wants_changes_nothing_else():
+    """Nor is it missed where feedback needs it."""
+    for feedback in (False, True):
+        told, untold = (still(Temporal(feedback=feedback, variance=told), 3, "gauss")[0] for told in (True, False))
+        assert torch.equal(told.read("ao"), untold.read("ao"))
+        assert set(told.present) - set(untold.present) == {"ao_variance"}
+
+
 def test_first_frame_passes_through():
     frame = noisy(boxes.frame(boxes.camera(SIZE)), torch.Generator().manual_seed(1))
     out, state = Temporal()(frame)
