@@ -20,7 +20,7 @@ render, image = scene.render, scene.render.image_settings
 if scene.camera is None or scene.camera.data.type not in ("PERSP", "ORTHO"):
     sys.exit("the scene's camera must be perspective or orthographic; give it another")
 for layer in scene.view_layers:
-    for name in ("z", "normal", "emit", "environment", *PASSES):
+    for name in ("z", "normal", "emit", "environment", "transmission_indirect", *PASSES):
         setattr(layer, f"use_pass_{name}", True)
     layer.use_pass_vector = scene.camera.data.type == "PERSP"  # wrong in Blender where orthographic
     for name, kind in INPUTS.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ T = truth()
 HIT = T["hit"][..., None]
 GREY = np.full((*SIZE, 3), 0.5)
 LIT = np.where(HIT, GREY, 0)
+LEFT = np.broadcast_to((np.arange(SIZE[1]) < SIZE[1] // 2)[None, :, None], GREY.shape)
 LAMP = np.where(np.arange(SIZE[1])[:, None] < 3, 30.0, LIT)  # the three columns at the left
 NAMES = {"hitPz.Z": np.where(T["hit"], T["planar"], 0), "N.XYZ": T["normal"], "albedo.RGB": GREY}
 
@@ -61,3 +63,38 @@ def test_normals_that_count_to_255_are_told(tmp_path: Path) -> None:
     layers = {"depth.Z": NAMES["hitPz.Z"], "normal.RGB": 255 * (T["normal"] / 2 + 0.5), "RGB": GREY}
     with pytest.warns(UserWarning, match=r"normals reach 255; write them from -1 to 1"):
         read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
+
+
+def _glassy(tmp_path: Path, **layers: np.ndarray) -> Path:
+    """As of Blender: on the left half glass, whose shader has the colour of the rest."""
+    depth = np.where(T["hit"], T["planar"], 1e10)
+    parts = {"Depth.Z": depth, "DiffDir.RGB": LIT, "Base Color.RGB": GREY, "DiffCol.RGB": np.where(LEFT, 0, GREY)}
+    named = {f"V.{name}": pixels for name, pixels in (parts | layers).items()}
+    return write(tmp_path / "a.exr", named, {"BlenderMultiChannel": "Blender V2.55.1 and newer"})
+
+
+def test_glass_shows_the_light_that_comes_through_it_and_scatters_none(tmp_path: Path) -> None:
+    through = {"TransCol.RGB": np.where(LEFT, 0.9, 0), "TransDir.RGB": 0 * GREY, "TransInd.RGB": 2 * GREY}
+    frame = read_gbuffer(_glassy(tmp_path, **through), camera=CAMERA)
+    g, left = frame.gbuffer, torch.from_numpy(LEFT[..., 0].copy())[None, None]
+    assert frame.radiance is not None
+    assert g.albedo is not None
+    torch.testing.assert_close(frame.radiance[(left & g.hit).expand(-1, 3, -1, -1)].unique(), torch.tensor([0.9]))
+    assert torch.all(g.albedo[(left & g.hit).expand(-1, 3, -1, -1)] == 0)
+    assert torch.all(g.albedo[(~left & g.hit).expand(-1, 3, -1, -1)] == 0.5)
+
+
+@pytest.mark.parametrize(("color", "told"), [(0.9, 1), (0.0, 0)])
+def test_light_through_glass_is_missed_only_where_there_is_glass(color: float, told: int, tmp_path: Path) -> None:
+    path = _glassy(tmp_path, **{"TransCol.RGB": np.where(LEFT, color, 0), "TransDir.RGB": 0 * GREY})
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        read_gbuffer(path, camera=CAMERA)
+    assert sum("lacks TransInd: its direct light is without that part" in str(line.message) for line in seen) == told
+
+
+def test_half_of_a_colour_that_lets_light_through_is_no_albedo(tmp_path: Path) -> None:
+    half = {name: np.full_like(GREY, 0.25) for name in ("TransCol.RGB", "DiffCol.RGB", "TransInd.RGB", "TransDir.RGB")}
+    g = read_gbuffer(_glassy(tmp_path, **half), camera=CAMERA).gbuffer
+    assert g.albedo is not None
+    assert torch.all(g.albedo[g.hit.expand(-1, 3, -1, -1)] == 0.25)
