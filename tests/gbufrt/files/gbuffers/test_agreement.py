@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import boxes
@@ -106,6 +107,15 @@ def plain(**changes: np.ndarray) -> dict[str, np.ndarray]:
     depth = np.where(truth["hit"], truth["planar"], 0)
     layers = {"depth.Y": depth, "normal.XYZ": truth["normal"], "albedo.RGB": np.full((*foreign_exr.SIZE, 3), 0.5)}
     return layers | {name.replace("_", "."): pixels for name, pixels in changes.items()}
+
+
+def test_a_camera_of_more_than_the_picture_shows_is_named(tmp_path: Path) -> None:
+    """As of a border that Blender crops the picture to, without a word in the file."""
+    path = foreign_exr.write(tmp_path / "a.exr", plain())
+    wide = foreign_exr.CAMERA.intrinsics.clone()
+    wide[:, :2, :2] *= 0.4
+    (line,) = disagreements(read_gbuffer(path, camera=replace(foreign_exr.CAMERA, intrinsics=wide)))
+    assert "no setting makes them; check the camera" in line
 
 
 def test_normals_that_no_setting_makes_agree_are_said_with_their_share(tmp_path: Path) -> None:
