@@ -13,6 +13,7 @@ from writers.foreign_exr import CAMERA, SIZE, truth, write, write_parts
 from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.light import explained
 
 T = truth()
 HIT = T["hit"][..., None]
@@ -98,3 +99,38 @@ def test_half_of_a_colour_that_lets_light_through_is_no_albedo(tmp_path: Path) -
     g = read_gbuffer(_glassy(tmp_path, **half), camera=CAMERA).gbuffer
     assert g.albedo is not None
     assert torch.all(g.albedo[g.hit.expand(-1, 3, -1, -1)] == 0.25)
+
+
+def _floor(shine: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Albedo and light of a grey wall beside what has none, with two pixels of both between, as filters mix them."""
+    wall = torch.tensor([1.0] * 15 + [0.7, 0.2] + [0.0] * 15).expand(1, 3, 32, 32)
+    return 0.4 * wall, 0.8 * wall + shine * (1 - wall)
+
+
+def test_light_over_albedo_is_even_from_a_wall_to_a_mirror() -> None:
+    (albedo, light), hit = _floor(0.6), torch.ones(1, 1, 32, 32, dtype=torch.bool)
+    grey = explained(albedo, light, hit)
+    torch.testing.assert_close(light[..., 8:24] / grey[..., 8:24], torch.full((1, 3, 32, 16), 2.0), rtol=0.1, atol=0)
+    assert torch.equal(grey[..., :15], albedo[..., :15])
+    soot, dim = _floor(0.004)
+    assert float((explained(soot, dim, hit) - soot).abs().max()) < 0.01
+    assert torch.equal(explained(albedo[..., :15], light[..., :15], hit[..., :15]), albedo[..., :15])
+
+
+def test_pixels_mixed_with_the_sky_have_the_albedo_of_their_light() -> None:
+    albedo, light = _floor(0.6)
+    grey = explained(albedo, light, (albedo > 0)[:, :1])
+    torch.testing.assert_close(light[..., :17] / grey[..., :17], torch.full((1, 3, 32, 17), 2.0), rtol=0.1, atol=0)
+    assert torch.equal(grey[..., 17:], albedo[..., 17:])
+
+
+def test_finished_pictures_alone_get_an_albedo_of_mirrors(tmp_path: Path) -> None:
+    layers = {"dd.T": NAMES["hitPz.Z"], "nn.XYZ": T["normal"], "albedo.RGB": np.where(LEFT, GREY, 0)}
+    for lit in ("img", "direct"):
+        path = write(tmp_path / f"{lit}.exr", layers | {f"{lit}.RGB": np.where(LEFT, LIT, 0.9)})
+        (frame,) = Source.of([path], "mitsuba", None, 50.0).frames()
+        g = frame.gbuffer
+        assert g.albedo is not None
+        mirror = g.albedo[..., -4:][g.hit[..., -4:].expand(-1, 3, -1, -1)]
+        assert (frame.radiance is None) == (lit == "img")
+        assert bool((mirror > 0.5).all() if lit == "img" else (mirror == 0).all())
