@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -100,6 +101,20 @@ def test_movers_before_a_camera_that_dollies_have_its_motion_of_z(tmp_path: Path
     assert float((g.motion - static).abs().amax(1)[0][torch.from_numpy(moves)].min()) > 4
     assert float(static_z.abs().max()) > 0.05
     assert torch.equal(g.motion_z, static_z)
+
+
+def test_motion_of_nothing_is_no_motion_of_a_camera_that_moves(tmp_path: Path) -> None:
+    """As Blender's Vector where motion blur is on."""
+    path = foreign_exr.write(tmp_path / "a.exr", plain(motion_XY=np.zeros((*foreign_exr.SIZE, 2))))
+    with pytest.warns(UserWarning, match="motion is 0 everywhere although the camera moves"):
+        frame = read_gbuffer(path, camera=foreign_exr.CAMERA, previous_camera=foreign_exr.BEFORE)
+    g = frame.gbuffer
+    assert g.motion is not None
+    assert torch.equal(g.motion, g.camera.static_motion(foreign_exr.BEFORE, g.depth, g.hit)[0])
+    assert disagreements(frame) == []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_gbuffer(path, camera=foreign_exr.CAMERA, previous_camera=foreign_exr.CAMERA)
 
 
 def plain(**changes: np.ndarray) -> dict[str, np.ndarray]:
