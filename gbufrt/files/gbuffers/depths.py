@@ -36,7 +36,7 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
     """
     profile, keys, positions = named.profile, named.keys("depth"), named.keys("position")
     if keys and not (positions and profile.positions_first and posed):
-        return _facing(named.layers.stack(keys), profile), profile
+        return _unmixed(_facing(named.layers.stack(keys), profile), named, profile), profile
     position = named.layers.stack(positions) * profile.depth_scale
     there = (position.abs() < FARTHEST).all(1, keepdim=True) & (position != 0).any(1, keepdim=True)
     best, off, seen = profile, torch.inf, position[:, 2:]
@@ -45,7 +45,7 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
         if found < off:
             best, off, seen = reading, found, points[:, 2:]
     if off > OFF * camera.width and keys:
-        return _facing(named.layers.stack(keys), profile), profile
+        return _unmixed(_facing(named.layers.stack(keys), profile), named, profile), profile
     if off > OFF * camera.width:
         settings = "check --camera, and up, handed and depth_scale of the profile"
         why = settings if posed else "those of the world need --camera"
@@ -53,7 +53,7 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
     return torch.where(there, seen / profile.depth_scale, 0.0), best
 
 
-def unmixed(raw: Tensor, named: Named, profile: Profile) -> Tensor:
+def _unmixed(raw: Tensor, named: Named, profile: Profile) -> Tensor:
     """Depth without the share of a sky of 0 that renderers average into pixels at silhouettes, or 0 where it is most.
 
     Such a pixel seems to lie far before all around it. The mean of its normals, which the sky has none of, is as short.

@@ -14,7 +14,7 @@ from gbufrt.camera import Camera
 from gbufrt.demands.pictures import check_camera
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.convert import distances, linear, planar, told, world_normals
-from gbufrt.files.gbuffers.depths import stored_depth, unmixed
+from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.light import light_of, opaque
@@ -115,7 +115,6 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     raw, profile = stored_depth(named, view, posed=camera is not None)
-    raw = unmixed(raw, named, profile)
     hit = hit_of(raw, profile)
     if not bool(hit.any()):
         warnings.warn(f"{path} {nothing_hit(named.layers, raw, profile, named.depth[0])}", stacklevel=4)
