@@ -12,7 +12,6 @@ import bpy  # pyright: ignore[reportMissingImports]
 
 PASSES = [f"{lobe}_{part}" for lobe in ("diffuse", "glossy", "transmission") for part in ("direct", "color")]
 INPUTS = {"Base Color": "COLOR", "Roughness": "VALUE", "Metallic": "VALUE"}  # of the Principled BSDF, and AOVs here
-
 if bpy.app.module:
     bpy.ops.wm.open_mainfile(filepath=sys.argv[1])
 folder, scene = Path(sys.argv[-1]).resolve(), bpy.context.scene
@@ -20,25 +19,27 @@ render, image = scene.render, scene.render.image_settings
 if scene.camera is None or scene.camera.data.type not in ("PERSP", "ORTHO"):
     sys.exit("the scene's camera must be perspective or orthographic; give it another")
 for layer in scene.view_layers:
-    for name in ("z", "normal", "emit", "environment", *PASSES):
+    for name in ("z", "normal", "emit", "environment", "transmission_indirect", *PASSES):
         setattr(layer, f"use_pass_{name}", True)
     layer.use_pass_vector = scene.camera.data.type == "PERSP"  # wrong in Blender where orthographic
     for name, kind in INPUTS.items():
         aov = layer.aovs.add()
         aov.name, aov.type = name, kind
-plain = bpy.data.materials.new("plain")
-plain.use_nodes = True
+plain, plain.use_nodes = bpy.data.materials.new("plain"), True
 for mesh in [mesh for mesh in bpy.data.meshes if not any(mesh.materials)]:
     mesh.materials.append(plain)
 for material in [material for material in bpy.data.materials if material.node_tree]:
-    tree, defaults = material.node_tree, {"Base Color": material.diffuse_color, "Roughness": 1.0, "Metallic": 0.0}
-    shaders = [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    tree, defaults = material.node_tree, {"Base Color": material.diffuse_color, "Roughness": 1.0, "Alpha": 1.0}
+    shader = next((node.inputs for node in tree.nodes if node.type == "BSDF_PRINCIPLED"), None)
     for name, kind in INPUTS.items():
-        aov, source = tree.nodes.new("ShaderNodeOutputAOV"), shaders[0].inputs[name] if shaders else None
-        aov.aov_name, target = name, aov.inputs[kind.capitalize()]
-        target.default_value = source.default_value if source else defaults[name]
-        if source and source.is_linked:
-            tree.links.new(source.links[0].from_socket, target)
+        aov, shown = tree.nodes.new("ShaderNodeOutputAOV"), tree.nodes.new("ShaderNodeVectorMath")
+        aov.aov_name, shown.operation = name, "MULTIPLY"  # by alpha: Blender adds what is behind
+        tree.links.new(shown.outputs[0], aov.inputs[kind.capitalize()])
+        for target, key in zip(shown.inputs[:2], (name, "Alpha"), strict=True):
+            value = shader[key].default_value if shader else defaults.get(key, 0.0)
+            target.default_value = value[:3] if key == "Base Color" else [value] * 3
+            for link in shader[key].links if shader else ():
+                tree.links.new(link.from_socket, target)
 render.use_motion_blur = render.use_multiview = render.use_crop_to_border = False  # no motion vectors with blur
 scene.cycles.pixel_filter_type = "BOX"  # a pixel wide: colours are means over a pixel, depth is that of its middle
 if bpy.app.version >= (5, 0):  # its files of several parts, which this avoids, fail on pixels not square
@@ -51,8 +52,7 @@ for number in range(scene.frame_start, scene.frame_end + 1):
     scene.frame_set(number)
     render.filepath = str(folder / f"frame_{number:04}.exr")
     bpy.ops.render.render(write_still=True)
-    graph = bpy.context.evaluated_depsgraph_get()
-    camera = scene.camera.evaluated_get(graph)
+    camera = scene.camera.evaluated_get(graph := bpy.context.evaluated_depsgraph_get())
     (a, _, p, x), (_, b, q, y), _, (*_, flat) = camera.calc_matrix_camera(graph, **shape)  # flat: 1 if orthographic
     pixels = [[a * w / 2, 0.0, (1 - p + x) * w / 2], [0.0, b * h / 2, (1 + q - y) * h / 2], [0.0, 0.0, 1.0]]
     cameras += f"[[frames]]\nnumber = {number}\nintrinsics = {pixels}\northographic = {str(flat == 1).lower()}\n"

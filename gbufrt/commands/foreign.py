@@ -20,6 +20,7 @@ from gbufrt.files.gbuffers.cuts import cut_between, cut_off
 from gbufrt.files.gbuffers.detect import better, detect, named_by
 from gbufrt.files.gbuffers.grain import lamps_told
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.light import explained
 from gbufrt.files.gbuffers.motion import fitted
 from gbufrt.files.gbuffers.profile import CHANNELS, SHIPPED, Profile, load_profile
 from gbufrt.files.gbuffers.read import read_gbuffer
@@ -162,16 +163,15 @@ class Source:
             self.tell(f"{shot}: {line}")
         if lamps := lamps_told(frame):
             self.tell(lamps)
-        guessed = frame.extra.get("normal_estimated")
-        if guessed is not None and min(frame.gbuffer.camera.size) > 1:
-            g = frame.gbuffer
-            normal = torch.where(guessed > 0, normals_from_depth(g.depth, g.camera, hit=g.hit), g.normal)
-            frame = frame.replace(gbuffer=g.replace(normal=normal))
+        guessed, g = frame.extra.get("normal_estimated"), frame.gbuffer
+        if guessed is not None and min(g.camera.size) > 1:
+            g = g.replace(normal=torch.where(guessed > 0, normals_from_depth(g.depth, g.camera, hit=g.hit), g.normal))
         if frame.radiance is None:
             if frame.composite is None:
                 raise ValueError(f"{shot} holds no light: neither passes of direct light nor a finished picture")
-            frame = frame.replace(color=frame.composite)
-        return frame
+            albedo = None if g.albedo is None else explained(g.albedo, frame.composite, g.hit)
+            frame, g = frame.replace(color=frame.composite), g.replace(albedo=albedo)
+        return frame.replace(gbuffer=g)
 
     def read(self, shot: Shot, before: Frame | None = None) -> tuple[Frame, list[str]]:
         """One of the frames, and what of it disagrees; ``before`` is used where it is the one before."""

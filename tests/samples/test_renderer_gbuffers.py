@@ -45,6 +45,11 @@ shader = gold.node_tree.nodes["Principled BSDF"].inputs
 shader["Base Color"].default_value, shader["Roughness"].default_value = (0.9, 0.6, 0.2, 1), 0.15
 shader["Metallic"].default_value = 1
 bpy.context.object.data.materials.append(gold)
+bpy.ops.mesh.primitive_plane_add(size=3, location=(1.6, -3, 1.5), rotation=(radians(90), 0, 0))
+hole = bpy.data.materials.new("hole")  # such as between leaves: Blender adds up the AOVs of all it looks through
+hole.use_nodes = True
+hole.node_tree.nodes["Principled BSDF"].inputs["Alpha"].default_value = 0
+bpy.context.object.data.materials.append(hole)
 bpy.ops.object.light_add(type="SUN", rotation=(0.7, 0.4, 0))
 bpy.context.object.data.energy = 3
 camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))

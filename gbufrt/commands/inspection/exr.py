@@ -17,6 +17,7 @@ from gbufrt.commands.foreign import Source
 from gbufrt.files.exr import read_exr
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.light import lacking
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, CHANNELS, Profile, load_profile
 from gbufrt.files.gbuffers.read import nothing_hit
@@ -189,8 +190,8 @@ def _channel_table(named: Named, *, estimates: bool) -> Table:
     if light.products:
         products = (" x ".join(_short(keys) for keys in factors) for factors in light.products)
         table.add_row("radiance", escape(" + ".join(products)))
-        if light.lacking:
-            table.add_row("", escape(f"without {', '.join(light.lacking)}, which should be rendered too"))
+        if missing := lacking(named, light, named.layers.part(named.depth[0]).whole):
+            table.add_row("", escape(f"without {', '.join(missing)}, which should be rendered too"))
     elif light.finished:
         table.add_row("composite", escape(f"{_short(light.finished)}, a finished picture: no light is added to it"))
     else:

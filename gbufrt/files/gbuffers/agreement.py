@@ -21,6 +21,7 @@ BETTER = 0.1  # share of the pixels by which another reading must fit better to 
 MOVES = 0.5  # pixels of motion apart from the cameras' own
 SCALES = (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0)  # of depth: millimetres and centimetres beside metres
 RECIPROCAL = '"reciprocal" or "device"'
+CAMERA = "check the camera: another pose or lens, a picture cropped to a border and a panorama look so"
 
 
 def disagreements(
@@ -131,8 +132,8 @@ def _normal_line(g: GBuffer, kind: str) -> str:
                 f"{best} fits better: mean normals agree with depth in {means[best]:.0%} of the blocks, not {mean:.0%}"
             )
         most = float((1 / g.depth if kind == "reciprocal" else g.depth)[g.hit].max())
-        hint = "; depth lies within 0 and 1, and may be normalised: write it in world units" if most <= 1 else ""
-        return f"normals agree with depth at {now:.0%} of the pixels, and no setting makes them{hint}"
+        hint = "depth lies within 0 and 1, and may be normalised: write it in world units" if most <= 1 else CAMERA
+        return f"normals agree with depth at {now:.0%} of the pixels, and no setting makes them; {hint}"
     return f"{best} fits better: normals agree with depth at {fits[best]:.0%} of the pixels instead of {now:.0%}"
 
 

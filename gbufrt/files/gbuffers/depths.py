@@ -14,6 +14,8 @@ from gbufrt.files.gbuffers.convert import FARTHEST, VIEWS, our_axes
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 
+WHOLE, HALF = 0.98, 0.5  # share of a pixel that a surface fills: from the one on all, below the other it is the sky's
+EDGE = 2  # pixels over which filters of renderers mix surface and sky
 OFF = 0.05  # of the picture's width: how far from their pixels positions may lie
 
 
@@ -34,7 +36,7 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
     """
     profile, keys, positions = named.profile, named.keys("depth"), named.keys("position")
     if keys and not (positions and profile.positions_first and posed):
-        return _facing(named.layers.stack(keys), profile), profile
+        return _unmixed(_facing(named.layers.stack(keys), profile), named, profile), profile
     position = named.layers.stack(positions) * profile.depth_scale
     there = (position.abs() < FARTHEST).all(1, keepdim=True) & (position != 0).any(1, keepdim=True)
     best, off, seen = profile, torch.inf, position[:, 2:]
@@ -43,12 +45,27 @@ def stored_depth(named: Named, camera: Camera, *, posed: bool) -> tuple[Tensor, 
         if found < off:
             best, off, seen = reading, found, points[:, 2:]
     if off > OFF * camera.width and keys:
-        return _facing(named.layers.stack(keys), profile), profile
+        return _unmixed(_facing(named.layers.stack(keys), profile), named, profile), profile
     if off > OFF * camera.width:
         settings = "check --camera, and up, handed and depth_scale of the profile"
         why = settings if posed else "those of the world need --camera"
         raise ValueError(f"{named.layers.path}: positions do not lie on the pixels that show them; {why}")
     return torch.where(there, seen / profile.depth_scale, 0.0), best
+
+
+def _unmixed(raw: Tensor, named: Named, profile: Profile) -> Tensor:
+    """Depth without the share of a sky of 0 that renderers average into pixels at silhouettes, or 0 where it is most.
+
+    Such a pixel seems to lie far before all around it. The mean of its normals, which the sky has none of, is as short.
+    """
+    keys = named.keys("normal")
+    if profile.sky != 0 or profile.depth_kind not in ("planar", "ray") or profile.normal_encoded or not keys:
+        return raw
+    side, share = 2 * EDGE + 1, length(named.layers.stack(keys)).nan_to_num(1.0)
+    near_sky = torch.nn.functional.max_pool2d((raw == 0).to(raw), side, 1, EDGE) > 0
+    farthest = torch.nn.functional.max_pool2d(raw.nan_to_num(0.0), side, 1, EDGE)
+    alone = torch.where(share < HALF, 0.0, torch.minimum(raw / share.clamp_min(HALF), farthest))
+    return torch.where(near_sky & (raw > 0) & (share < WHOLE), alone, raw)
 
 
 def _facing(raw: Tensor, profile: Profile) -> Tensor:

@@ -43,6 +43,10 @@ def motion_of(
     keys, profile = named.motion
     static, static_z = (None, None) if previous is None else view.static_motion(previous, depth, hit)
     raw = named.layers.stack(keys, view.size) if keys else None
+    if raw is not None and static is not None and not bool(raw.any()) and int(_told(raw, static, hit).sum()) >= FEW:
+        absent = "is 0 everywhere although the camera moves, as Blender's is with motion blur, and counts as absent"
+        warnings.warn(f"{named.layers.path}: motion {absent}", stacklevel=5)
+        raw = None
     if raw is not None and profile.motion_fitted:
         found = None if static is None else _fitted(raw, profile, static, hit)
         if found is not None:

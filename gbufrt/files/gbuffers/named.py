@@ -15,13 +15,14 @@ class Light:
 
     Args:
         products: layers whose products make the direct light when summed, as channels; those that are there whole.
-        lacking: names of layers that are missing from products of which another factor is there.
+        lacking: names of layers that are missing from products of which another factor is there, with the channels of
+            those factors.
         finished: channels of the picture with all its light.
         mirrors: whether the products hold the sky as mirrors show it.
     """
 
     products: list[list[list[str]]]
-    lacking: list[str]
+    lacking: dict[str, list[list[str]]]
     finished: list[str]
     mirrors: bool = False
 
@@ -75,7 +76,7 @@ class Named:
 
         ``whole``: take the picture with all its light, where it is there, rather than direct light.
         """
-        products, lacking, lit, mirrors = [], [], False, False
+        products, lacking, lit, mirrors = [], dict[str, list[list[str]]](), False, False
         for names in self.profile.direct:
             factors = {name: self.find((name,), 3) for name in names}
             if all(factors.values()):
@@ -83,13 +84,13 @@ class Named:
                 lit = lit or not {*names} <= {*self.profile.emitted}
                 mirrors = mirrors or not {*names}.isdisjoint(self.profile.mirrors)
             elif any(factors.values()):
-                lacking += [name for name, keys in factors.items() if not keys]
+                lacking |= {name: [*filter(None, factors.values())] for name, keys in factors.items() if not keys}
         finished = self.find(self.profile.finished, 3)
         if finished and (whole or not lit):
             products = []
         return Light(
             products=products,
-            lacking=lacking if products else [],
+            lacking=lacking if products else {},
             finished=finished,
             mirrors=mirrors and bool(products),
         )

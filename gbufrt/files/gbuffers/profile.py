@@ -108,6 +108,8 @@ class Profile:
     """Layers of ``direct`` that no surface reflects: emission and sky. They alone do not count as direct light."""
     mirrors: tuple[str, ...] = ()
     """Layers of ``direct`` that hold sky and lamps as mirrors show them: with them reflections add surfaces alone."""
+    transmitted: tuple[tuple[str, ...], ...] = ()
+    """Pairs of layers: colour of what surfaces let through, and of what they scatter, which alone is their albedo."""
     environment_turn: float = 0.0
     """Degrees by which lat-long skies of this renderer are to be turned, to the right, for those of `gbufrt`."""
     finished: tuple[str, ...] = ()
@@ -184,6 +186,14 @@ def _is_names(value: Any) -> bool:
     return isinstance(value, list) and all(isinstance(v, str) for v in value)
 
 
+def _are_names(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_names, value))
+
+
+def _tuples(value: list[list[str]]) -> tuple[tuple[str, ...], ...]:
+    return tuple(map(tuple, value))
+
+
 def _value(path: Path, key: str, value: Any) -> Any:
     """The value as `Profile` holds it."""
     if key in CHOICES:
@@ -212,11 +222,8 @@ _SHAPES: dict[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
     ),
     "header": ("a table of texts", lambda v: isinstance(v, dict) and all(isinstance(t, str) for t in v.values()), dict),
     "layer": ("a text", lambda v: isinstance(v, str), str),
-    "direct": (
-        "a list of lists of names",
-        lambda v: isinstance(v, list) and all(_is_names(names) and names for names in v),
-        lambda v: tuple(map(tuple, v)),
-    ),
+    "direct": ("a list of lists of names", lambda v: _are_names(v) and all(v), _tuples),
+    "transmitted": ("a list of pairs of names", lambda v: _are_names(v) and all(len(w) == 2 for w in v), _tuples),
     **dict.fromkeys(("finished", "shaded", "seldom", "emitted", "mirrors"), ("a list of names", _is_names, tuple)),
     **dict.fromkeys(("near", "far", "sky", "environment_turn"), ("a number", is_number, float)),
     "depth_scale": ("a number other than 0", lambda v: is_number(v) and v != 0, float),

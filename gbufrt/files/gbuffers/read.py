@@ -17,12 +17,13 @@ from gbufrt.files.gbuffers.convert import distances, linear, planar, told, world
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
+from gbufrt.files.gbuffers.light import light_of, opaque
 from gbufrt.files.gbuffers.motion import motion_of
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 from gbufrt.files.gbuffers.settle import settled
-from gbufrt.files.gbuffers.sky import COUNTED, sky_lacks
+from gbufrt.files.gbuffers.sky import COUNTED
 from gbufrt.files.gbuffers.surfaces import hit_of
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
@@ -124,13 +125,14 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     normal, estimated = _normal(named, view, depth, hit, posed=camera is not None)
     motion, motion_z = motion_of(named, view, previous, depth, hit)
     albedo, roughness, metallic = (_channel(named, name, size, hit) for name in INSTEAD)
+    albedo = opaque(albedo, named, size)
     lamps = named.keys("emission")
     emission = named.layers.stack(lamps, size) if lamps else None
     if roughness is not None and profile.shaded is not None:
         colors = [named.layers.stack(keys, size) for name in profile.shaded if (keys := named.find((name,), 3))]
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
-    radiance, finished, mirrors = _light(named, size, whole, hit)
+    radiance, finished, mirrors = light_of(named, size, whole, hit)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,
@@ -204,27 +206,6 @@ def still_camera(fov: float, size: tuple[int, int], pixel_aspect: float = 1.0) -
     intrinsics = camera.intrinsics.clone()
     intrinsics[:, 0, 0] /= pixel_aspect
     return replace(camera, intrinsics=intrinsics)
-
-
-def _light(named: Named, size: tuple[int, int], whole: bool, hit: Tensor) -> tuple[Tensor | None, Tensor | None, bool]:
-    """Direct light, or else the finished picture; and whether the light holds sky and lamps as mirrors show them."""
-    light = named.light(whole=whole)
-    if light.lacking:
-        warnings.warn(
-            f"{named.layers.path} lacks {', '.join(light.lacking)}: its direct light is without that part; render the "
-            "pass too",
-            stacklevel=4,
-        )
-    products = [torch.stack([named.layers.stack(keys, size) for keys in f]).prod(0) for f in light.products]
-    finished = named.layers.stack(light.finished, size) if light.finished else None
-    if not products:
-        return None, finished, False
-    direct = torch.stack(products).sum(0)
-    if finished is not None and sky_lacks(direct, finished, hit):
-        text = f"direct light has no sky; that of {', '.join(light.finished)} is taken, which is the same"
-        warnings.warn(f"{named.layers.path}: {text}", stacklevel=4)
-        direct = torch.where(hit, direct, finished)
-    return direct, None, light.mirrors
 
 
 def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bool) -> tuple[Tensor, Tensor]:

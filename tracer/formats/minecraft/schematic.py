@@ -26,6 +26,7 @@ from tracer.scene.placement import place
 from tracer.scene.scene import Scene
 
 MAX_FILE = 1 << 26  # bytes, decompressed
+SIGNS = frozenset(("Regions", "size", "blocks", "Width", "Height", "Length"))  # of any kind that is read
 
 Numbers = NDArray[np.int32]
 Named = tuple[list[str], Numbers]
@@ -67,7 +68,11 @@ def read_schematic(path: str | PathLike[str], pack: str | PathLike[str] | None =
 def root_of(path: Path) -> Tags:
     """The tags that tell of a schematic, of whatever version; raises as `read_schematic`."""
     tags = read_skimmed(path, limit=MAX_FILE)
-    return part(tags, "Schematic", dict) if "Schematic" in tags else tags
+    root = part(tags, "Schematic", dict) if "Schematic" in tags else tags
+    if SIGNS.isdisjoint(root):
+        held = ", ".join([*root][:5]) or "nothing"
+        raise ValueError(f"{path}: it is neither a schematic nor a structure: it holds {held}")
+    return root
 
 
 def structure_of(root: Tags) -> Structure | None:

@@ -113,8 +113,8 @@ def _voxels(part: Cursor, size: tuple[int, int, int] | None) -> Model:
 
 
 def _palette(part: Cursor, chunks: Chunks) -> None:
-    colors = np.frombuffer(part.take(1024, "RGBA"), np.uint8).reshape(256, 4)
-    chunks.palette = np.concatenate([np.zeros((1, 4), np.uint8), colors[:255]])  # entry i colours index i + 1
+    colors = np.frombuffer(part.take(4 * 255, "RGBA"), np.uint8).reshape(255, 4)  # some programs leave out the last one
+    chunks.palette = np.concatenate([np.zeros((1, 4), np.uint8), colors])  # entry i colours index i + 1
 
 
 def _transform(part: Cursor, chunks: Chunks) -> None:

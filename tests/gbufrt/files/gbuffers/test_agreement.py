@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import boxes
@@ -101,11 +103,34 @@ def test_movers_before_a_camera_that_dollies_have_its_motion_of_z(tmp_path: Path
     assert torch.equal(g.motion_z, static_z)
 
 
+def test_motion_of_nothing_is_no_motion_of_a_camera_that_moves(tmp_path: Path) -> None:
+    """As Blender's Vector where motion blur is on."""
+    path = foreign_exr.write(tmp_path / "a.exr", plain(motion_XY=np.zeros((*foreign_exr.SIZE, 2))))
+    with pytest.warns(UserWarning, match="motion is 0 everywhere although the camera moves"):
+        frame = read_gbuffer(path, camera=foreign_exr.CAMERA, previous_camera=foreign_exr.BEFORE)
+    g = frame.gbuffer
+    assert g.motion is not None
+    assert torch.equal(g.motion, g.camera.static_motion(foreign_exr.BEFORE, g.depth, g.hit)[0])
+    assert disagreements(frame) == []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_gbuffer(path, camera=foreign_exr.CAMERA, previous_camera=foreign_exr.CAMERA)
+
+
 def plain(**changes: np.ndarray) -> dict[str, np.ndarray]:
     truth = foreign_exr.truth()
     depth = np.where(truth["hit"], truth["planar"], 0)
     layers = {"depth.Y": depth, "normal.XYZ": truth["normal"], "albedo.RGB": np.full((*foreign_exr.SIZE, 3), 0.5)}
     return layers | {name.replace("_", "."): pixels for name, pixels in changes.items()}
+
+
+def test_a_camera_of_more_than_the_picture_shows_is_named(tmp_path: Path) -> None:
+    """As of a border that Blender crops the picture to, without a word in the file."""
+    path = foreign_exr.write(tmp_path / "a.exr", plain())
+    wide = foreign_exr.CAMERA.intrinsics.clone()
+    wide[:, :2, :2] *= 0.4
+    (line,) = disagreements(read_gbuffer(path, camera=replace(foreign_exr.CAMERA, intrinsics=wide)))
+    assert "no setting makes them; check the camera" in line
 
 
 def test_normals_that_no_setting_makes_agree_are_said_with_their_share(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,13 @@ from writers.foreign_exr import CAMERA, SIZE, truth, write, write_parts
 from gbufrt.commands.foreign import Source
 from gbufrt.files import read_gbuffer
 from gbufrt.files.gbuffers.detect import detect
+from gbufrt.files.gbuffers.light import explained
 
 T = truth()
 HIT = T["hit"][..., None]
 GREY = np.full((*SIZE, 3), 0.5)
 LIT = np.where(HIT, GREY, 0)
+LEFT = np.broadcast_to((np.arange(SIZE[1]) < SIZE[1] // 2)[None, :, None], GREY.shape)
 LAMP = np.where(np.arange(SIZE[1])[:, None] < 3, 30.0, LIT)  # the three columns at the left
 NAMES = {"hitPz.Z": np.where(T["hit"], T["planar"], 0), "N.XYZ": T["normal"], "albedo.RGB": GREY}
 
@@ -61,3 +64,73 @@ def test_normals_that_count_to_255_are_told(tmp_path: Path) -> None:
     layers = {"depth.Z": NAMES["hitPz.Z"], "normal.RGB": 255 * (T["normal"] / 2 + 0.5), "RGB": GREY}
     with pytest.warns(UserWarning, match=r"normals reach 255; write them from -1 to 1"):
         read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA)
+
+
+def _glassy(tmp_path: Path, **layers: np.ndarray) -> Path:
+    """As of Blender: on the left half glass, whose shader has the colour of the rest."""
+    depth = np.where(T["hit"], T["planar"], 1e10)
+    parts = {"Depth.Z": depth, "DiffDir.RGB": LIT, "Base Color.RGB": GREY, "DiffCol.RGB": np.where(LEFT, 0, GREY)}
+    named = {f"V.{name}": pixels for name, pixels in (parts | layers).items()}
+    return write(tmp_path / "a.exr", named, {"BlenderMultiChannel": "Blender V2.55.1 and newer"})
+
+
+def test_glass_shows_the_light_that_comes_through_it_and_scatters_none(tmp_path: Path) -> None:
+    through = {"TransCol.RGB": np.where(LEFT, 0.9, 0), "TransDir.RGB": 0 * GREY, "TransInd.RGB": 2 * GREY}
+    frame = read_gbuffer(_glassy(tmp_path, **through), camera=CAMERA)
+    g, left = frame.gbuffer, torch.from_numpy(LEFT[..., 0].copy())[None, None]
+    assert frame.radiance is not None
+    assert g.albedo is not None
+    torch.testing.assert_close(frame.radiance[(left & g.hit).expand(-1, 3, -1, -1)].unique(), torch.tensor([0.9]))
+    assert torch.all(g.albedo[(left & g.hit).expand(-1, 3, -1, -1)] == 0)
+    assert torch.all(g.albedo[(~left & g.hit).expand(-1, 3, -1, -1)] == 0.5)
+
+
+@pytest.mark.parametrize(("color", "told"), [(0.9, 1), (0.0, 0)])
+def test_light_through_glass_is_missed_only_where_there_is_glass(color: float, told: int, tmp_path: Path) -> None:
+    path = _glassy(tmp_path, **{"TransCol.RGB": np.where(LEFT, color, 0), "TransDir.RGB": 0 * GREY})
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        read_gbuffer(path, camera=CAMERA)
+    assert sum("lacks TransInd: its direct light is without that part" in str(line.message) for line in seen) == told
+
+
+def test_half_of_a_colour_that_lets_light_through_is_no_albedo(tmp_path: Path) -> None:
+    half = {name: np.full_like(GREY, 0.25) for name in ("TransCol.RGB", "DiffCol.RGB", "TransInd.RGB", "TransDir.RGB")}
+    g = read_gbuffer(_glassy(tmp_path, **half), camera=CAMERA).gbuffer
+    assert g.albedo is not None
+    assert torch.all(g.albedo[g.hit.expand(-1, 3, -1, -1)] == 0.25)
+
+
+def _floor(shine: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Albedo and light of a grey wall beside what has none, with two pixels of both between, as filters mix them."""
+    wall = torch.tensor([1.0] * 15 + [0.7, 0.2] + [0.0] * 15).expand(1, 3, 32, 32)
+    return 0.4 * wall, 0.8 * wall + shine * (1 - wall)
+
+
+def test_light_over_albedo_is_even_from_a_wall_to_a_mirror() -> None:
+    (albedo, light), hit = _floor(0.6), torch.ones(1, 1, 32, 32, dtype=torch.bool)
+    grey = explained(albedo, light, hit)
+    torch.testing.assert_close(light[..., 8:24] / grey[..., 8:24], torch.full((1, 3, 32, 16), 2.0), rtol=0.1, atol=0)
+    assert torch.equal(grey[..., :15], albedo[..., :15])
+    soot, dim = _floor(0.004)
+    assert float((explained(soot, dim, hit) - soot).abs().max()) < 0.01
+    assert torch.equal(explained(albedo[..., :15], light[..., :15], hit[..., :15]), albedo[..., :15])
+
+
+def test_pixels_mixed_with_the_sky_have_the_albedo_of_their_light() -> None:
+    albedo, light = _floor(0.6)
+    grey = explained(albedo, light, (albedo > 0)[:, :1])
+    torch.testing.assert_close(light[..., :17] / grey[..., :17], torch.full((1, 3, 32, 17), 2.0), rtol=0.1, atol=0)
+    assert torch.equal(grey[..., 17:], albedo[..., 17:])
+
+
+def test_finished_pictures_alone_get_an_albedo_of_mirrors(tmp_path: Path) -> None:
+    layers = {"dd.T": NAMES["hitPz.Z"], "nn.XYZ": T["normal"], "albedo.RGB": np.where(LEFT, GREY, 0)}
+    for lit in ("img", "direct"):
+        path = write(tmp_path / f"{lit}.exr", layers | {f"{lit}.RGB": np.where(LEFT, LIT, 0.9)})
+        (frame,) = Source.of([path], "mitsuba", None, 50.0).frames()
+        g = frame.gbuffer
+        assert g.albedo is not None
+        mirror = g.albedo[..., -4:][g.hit[..., -4:].expand(-1, 3, -1, -1)]
+        assert (frame.radiance is None) == (lit == "img")
+        assert bool((mirror > 0.5).all() if lit == "img" else (mirror == 0).all())

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from writers.foreign_exr import CAMERA, SIZE, truth, write
 
 from gbufrt.files import read_gbuffer
@@ -59,3 +60,28 @@ def test_normals_in_0_1_may_fall_below_it(tmp_path: Path) -> None:
     layers = {"depth.Z": np.where(SKY, 0, T["planar"]), "normal.XYZ": T["normal"] / 2 + 0.5 + 3000 * REST[..., None]}
     normal = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA).gbuffer.normal[0].permute(1, 2, 0).numpy()
     assert np.abs(normal - T["normal"])[T["hit"]].max() < 1e-3
+
+
+def test_silhouettes_averaged_with_a_sky_of_0_lie_where_their_surface_does(tmp_path: Path) -> None:
+    """As Mitsuba's filters make them, of a wall that fills three quarters and a tenth of two columns of pixels."""
+    share = np.where(np.arange(SIZE[1]) < 20, 1.0, 0.0)
+    share[20], share[21] = 0.75, 0.1
+    ahead = CAMERA.rotate_to_world(torch.tensor([0.0, 0.0, -1.0]).view(1, 3, 1, 1).expand(1, 3, *SIZE))
+    normal = ahead[0].permute(1, 2, 0).numpy() * share[:, None]
+    layers = {"dd.T": np.broadcast_to(8 * share, SIZE), "nn.XYZ": normal}
+    (tmp_path / "own.toml").write_text('base = "mitsuba"\nup = "y"\ndepth_kind = "planar"')
+    g = read_gbuffer(write(tmp_path / "a.exr", layers), tmp_path / "own.toml", camera=CAMERA).gbuffer
+    assert (g.hit[0, 0].numpy() == (share >= 0.5)).all()
+    torch.testing.assert_close(g.depth[g.hit], torch.full_like(g.depth[g.hit], 8.0))
+
+
+def test_what_fills_its_pixel_before_a_sky_of_0_stays_near(tmp_path: Path) -> None:
+    """A leaf, one pixel wide, before the far wall and the sky."""
+    depth = np.where(np.arange(SIZE[1]) < 20, 8.0, 0.0) + np.zeros(SIZE)
+    depth[:, 19] = 2.0
+    normal = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (*SIZE, 3))
+    (tmp_path / "own.toml").write_text('base = "mitsuba"\nup = "y"\ndepth_kind = "planar"')
+    g = read_gbuffer(
+        write(tmp_path / "a.exr", {"dd.T": depth, "nn.XYZ": normal}), tmp_path / "own.toml", camera=CAMERA
+    ).gbuffer
+    assert (g.depth[..., 19] == 2).all()

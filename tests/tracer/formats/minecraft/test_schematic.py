@@ -139,6 +139,7 @@ WRONG = {
     ),
     "the palette of biomes lacks number 0": sponge(2, BiomePalette=Compound(), BiomeData=ByteArray([0] * 378)),
     "Width must be int, got none": File({"Height": Short(1), "Length": Short(1)}),
+    "neither a schematic nor a structure: it holds Data": File({"Data": Compound({"raining": Int(0)})}),
 }
 
 

@@ -17,6 +17,14 @@ def test_palette_is_srgb_and_its_first_entry_colours_index_one(tmp_path: Path) -
     assert float(table.albedo.max()) == pytest.approx(0.85)
 
 
+def test_a_palette_of_255_colours_is_whole(tmp_path: Path) -> None:
+    colors = [(188, 0, 0, 255), *[(128, 128, 128, 255)] * 254]
+    short = vox.chunk("RGBA", b"".join(map(bytes, colors)))
+    assert read(tmp_path, MODEL, short).materials.albedo[1].tolist() == pytest.approx([0.5029, 0, 0], abs=1e-3)
+    with pytest.raises(ValueError, match="RGBA needs 1020 bytes"):
+        read(tmp_path, MODEL, vox.chunk("RGBA", b"".join(map(bytes, colors[1:]))))
+
+
 def test_the_default_palette_has_its_known_structure(tmp_path: Path) -> None:
     table = default_palette().astype(int)
     rows = {1: "ffffff", 2: "ffffcc", 6: "ffff00", 7: "ffccff", 37: "ccffff", 215: "000033", 216: "ee0000"}
