@@ -5,7 +5,16 @@ from __future__ import annotations
 import pytest
 import torch
 
-from post.upsampling.accumulate import Gathered, clipped, ellipses, ellipses_before, mean_weight, near, same_light, shear
+from post.upsampling.accumulate import (
+    Gathered,
+    clipped,
+    ellipses,
+    ellipses_before,
+    mean_weight,
+    near,
+    same_light,
+    shear,
+)
 from post.upsampling.samples import Samples
 from post.upsampling.upscale_reference import within
 
