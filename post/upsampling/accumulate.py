@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import torch
 import torch.nn.functional as F
@@ -11,7 +12,7 @@ from torch import Tensor
 
 from gbufrt.directions import length
 from gbufrt.luminance import luminance
-from gbufrt.sampling import inside, pixel_centers, sample, shifted
+from gbufrt.sampling import gather, inside, pixel_centers, sample, shifted
 from post.history.constants import WINDOW
 from post.history.taa_reference import rgb, ycocg
 from post.upsampling.constants import (
@@ -59,18 +60,19 @@ class Gathered:
     """See ``least``."""
 
 
-def gathered(toned: Tensor, expected: Tensor, at: Samples, weight: Tensor) -> Gathered:
+def gathered(toned: Tensor, expected: Tensor, shapes: Tensor, at: Samples, weight: Tensor) -> Gathered:
     """Gather a small picture ``(B, 3, h, w)`` for the pixels of a large one.
 
     Args:
         toned: tone-mapped colour.
         expected: ``(B, 3, h, w)`` what the history shows where the samples lie.
+        shapes: ``(B, 3, h, w)`` of `ellipses`, or of both these and `ellipses_before`.
         at: its samples.
         weight: ``(B, 1, H, W)`` of the history; with little of it the window is that of the small picture's pixels.
     """
     area, ready = at.ratio[0] * at.ratio[1], (weight / MATURE).clamp(0, 1)
     window = SAMPLE_WINDOW * ready + FIRST_WINDOW / area * (1 - ready)
-    xx, xy, yy = at.nearest(ellipses(toned)).split(1, dim=1)
+    xx, xy, yy = at.nearest(shapes).split(1, dim=1)
     taps = list(at.surrounding(torch.cat([toned, expected], dim=1)))
     zero = torch.zeros_like(weight)
     count, share, sums = zero, zero, zero
@@ -103,7 +105,30 @@ def ellipses(toned: Tensor) -> Tensor:
     """
     light = F.pad(luminance(toned), (2, 2, 2, 2), mode="replicate")
     x, y = light[..., 1:-1, 2:] - light[..., 1:-1, :-2], light[..., 2:, 1:-1] - light[..., :-2, 1:-1]
-    xx, xy, yy = (9 * F.avg_pool2d(torch.cat([x * x, x * y, y * y], dim=1), 3, stride=1)).split(1, dim=1)
+    return _along(*(9 * F.avg_pool2d(torch.cat([x * x, x * y, y * y], dim=1), 3, stride=1)).split(1, dim=1))
+
+
+def ellipses_before(toned: Tensor, px: Tensor) -> Tensor:
+    """``(B, 3, h, w)``: as `ellipses`, from the 4x4 pixels of a history ``(B, 3, H, W)`` around positions.
+
+    It tells how edges run between the samples of one frame.
+
+    Args:
+        toned: tone-mapped.
+        px: ``(B, 2, h, w)`` pixels of the history.
+    """
+    light, corner = luminance(toned), torch.floor(px - 0.5).long()
+    rows = [[gather(light, corner[:, 0] + i, corner[:, 1] + j) for i in range(-1, 3)] for j in range(-1, 3)]
+    sums = [torch.zeros_like(px[:, :1]) for _ in range(3)]
+    for above, below in pairwise(rows):
+        for (a, b), (c, d) in zip(pairwise(above), pairwise(below), strict=True):
+            x, y = b - a + d - c, c - a + d - b
+            sums = [total + square for total, square in zip(sums, (x * x, x * y, y * y), strict=True)]
+    return _along(*sums)
+
+
+def _along(xx: Tensor, xy: Tensor, yy: Tensor) -> Tensor:
+    """The ellipse along the edge that a structure tensor tells of."""
     larger = (xx + yy + ((xx - yy) * (xx - yy) + 4 * xy * xy + 1e-12).sqrt()) / 2
     share = (1 - ALONG) / (xx + yy + FLAT)
     return torch.cat([1 - share * (larger - xx), share * xy, 1 - share * (larger - yy)], dim=1)

@@ -9,27 +9,27 @@ FAR_SHARE = 1e-3  # of the twelve samples that are not the nearest four
 
 # of `post.upscale`: how samples count by their distance; exp(SAMPLE_WINDOW * d^2) falls to a tenth at 0.88 pixels
 SAMPLE_WINDOW = -3.0  # where there is history; d in pixels of the large picture; as `post.history.constants.WINDOW`
-FIRST_WINDOW = -4.0  # without history, d in pixels of the small picture: one sample must do for all around it
-BOX_WINDOW = -1.0  # d in pixels of the small picture, of the neighbours that bound what a history may hold
+FIRST_WINDOW = -3.4  # without history, d in pixels of the small picture: one sample must do for all around it
+BOX_WINDOW = -0.5  # d in pixels of the small picture, of the neighbours that bound what a history may hold
 STEPPED = 0.6  # how far a history's pixels are read as steps between their neighbours; the rest as slopes
 LEAST_WEIGHT = 1e-4  # of a frame that has no sample near a pixel: its history then stays, but is not divided by 0
-ALONG = 0.2  # factor on squared distances along an edge, where samples are few: they tell more of it than those beside
-FLAT = 7e-3  # squared differences of tone-mapped luminance over 3x3 pixels, below which noise has no edges
+ALONG = 0.25  # factor on squared distances along an edge, where samples are few: they tell more of it than those beside
+FLAT = 1.5e-2  # squared differences of tone-mapped luminance over 3x3 pixels, below which noise has no edges
 
 # how far a history is believed
 FOLLOWS = 0.5  # most of what a history changes between the pixel and the samples that colours are corrected by
 TRUSTED = 0.1  # weight of a history at which half of `FOLLOWS` is reached
-MATURE = 0.6  # weight of samples from which on a pixel has its history's window
+MATURE = 1.0  # weight of samples from which on a pixel has its history's window, and edges run as that shows them
 LOST_BETWEEN = 0.1  # share of a history's weight lost where it is read half way between pixels, since that blurs it
-LOST_MOVING = 0.2  # share lost besides for each pixel of movement, up to `FASTEST`
-LOST_SHEARED = 0.3  # share lost for each pixel by which neighbours move otherwise: surfaces beside it come into view
+LOST_MOVING = 0.15  # share lost besides for each pixel of movement, up to `FASTEST`
+LOST_SHEARED = 0.4  # share lost for each pixel by which neighbours move otherwise: surfaces beside it come into view
 FASTEST = 2.0  # pixels a frame
 
-# how a history is clipped: one of few samples is hardly better than those of this frame, one of many is
-NARROWEST = 0.5  # factor on the sides of its box where a history has no weight
-WIDEST = 3.0  # that factor for a history of `WIDEST_AT` frames
+# how a history is clipped: one of few samples is little better than those of this frame, one of many is
+NARROWEST = 3.0  # factor on the sides of its box where a history has no weight
+WIDEST = 5.0  # that factor for a history of `WIDEST_AT` frames
 WIDEST_AT = 12.0  # frames' mean weight
-DISTRUST = 12.0  # by how much clipping takes weight from a history: a change of 1 / DISTRUST halves it
+DISTRUST = 6.0  # by how much clipping takes weight from a history: a change of 1 / DISTRUST halves it
 
 # thin features, which samples miss in most frames, are locked
 DECAY = 0.1  # share of a lock that a sample at the pixel's centre uses up, so that it ends when the feature has gone

@@ -101,7 +101,7 @@ def _moved(a, b, c, d, f):
 
 
 @scalar
-def _moved_row(out, four, f):
+def moved_row(out, four, f):
     a, b, c, d = four[0], four[1], four[2], four[3]
     for x in range(pixels(out.shape[0])):
         out[x] = _moved(a[x], b[x], c[x], d[x], f[x])
@@ -112,5 +112,5 @@ def remapped_row(out, picture, taps, shares, four, rows):
     """One channel of a picture; ``four`` and ``rows`` are room for as many reads, four times each."""
     for k in range(FOUR):
         gather_taps(four, picture, taps, taps[FOUR + k])
-        _moved_row(rows[k], four, shares[0])
-    _moved_row(out, rows, shares[1])
+        moved_row(rows[k], four, shares[0])
+    moved_row(out, rows, shares[1])

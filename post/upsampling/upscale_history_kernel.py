@@ -139,7 +139,7 @@ def _seen_row(rows, taps, small, past):
 
 
 @scalar
-def _weight_row(kept, rows, taps, small):
+def _weight_row(kept, rows, taps, small, past):
     """What is left of the weight of each pixel's history."""
     index, row = small.across[INDEX, small.first : small.end], np.int32(small.down[INDEX, small.y])
     place, apart = taps[0], rows[VALUES]
@@ -148,10 +148,13 @@ def _weight_row(kept, rows, taps, small):
     gather_row(apart, small.seen[SHEAR], place)
     weight, move_x, move_y, valid = kept[WEIGHT], kept[NOW_MOTION], kept[NOW_MOTION + 1], rows[VALID]
     u, v, drift, wobble = rows[SHARE], rows[SHARE + 1], kept[DRIFT], kept[WOBBLE]
+    at_x, at_y, width, height = rows[AT], rows[AT + 1], np.float32(past.width), np.float32(past.height)
     for x in range(pixels(place.shape[0])):
         speed = min(math.sqrt(move_x[x] * move_x[x] + move_y[x] * move_y[x]), FASTEST)
         lost = (ONE + LOST_SHEARED * apart[x]) * (ONE + LOST_MOVING * speed)
         left = ONE - BETWEEN * (u[x] * (ONE - u[x]) + v[x] * (ONE - v[x]))
+        within = min(min(at_x[x], width - at_x[x]), min(at_y[x], height - at_y[x]))
+        left *= min(max(within + within, ZERO), ONE)
         weight[x] = weight[x] * left / lost if valid[x] > ZERO else ZERO
         drift[x], wobble[x] = drift[x] * valid[x], wobble[x] * valid[x]
 
@@ -227,7 +230,7 @@ def fetch_row(kept, small, past, lock, scratch):
         between_row(kept[LOCKED + k], past.planes[2 + k], taps, shares, values)
     for k in range(3):
         remapped_row(kept[OLD + k], past.old[k], taps, shares, values, reads)
-    _weight_row(kept, rows, taps, small)
+    _weight_row(kept, rows, taps, small, past)
     _between_samples(rows, taps, small)
     _react_rows(kept, rows, taps, small)
     between_row(reads[0], small.surfaces[ALIKE], taps, shares, values)

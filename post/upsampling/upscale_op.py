@@ -109,7 +109,7 @@ def upscaled_cpu(
     flat = [x.flatten(2) for x in (toned, planes, farthest, old, seen, length, kept)]
     flat[2], flat[5] = flat[2][:, 0], flat[5][:, 0]
     pictures = light, new, lengths[:, 0], news, *flat
-    samples = seen, flat[3], size, luma[:, 0], motion, lenses
+    samples = seen, flat[3], flat[5], size, luma[:, 0], motion, lenses
     numbers = orthographic, low, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
         samples_each(seen[:, 0].numel(), *samples)

@@ -13,7 +13,7 @@ from gbufrt.directions import length as size_of
 from gbufrt.luminance import luminance
 from gbufrt.sampling import inside, pixel_centers, sample
 from post.history.constants import BRIGHTEST
-from post.upsampling.accumulate import clipped, gathered, held, locked, mean_weight, shear
+from post.upsampling.accumulate import clipped, ellipses, ellipses_before, gathered, held, locked, mean_weight, shear
 from post.upsampling.constants import (
     FASTEST,
     FOLLOWS,
@@ -21,6 +21,7 @@ from post.upsampling.constants import (
     LOST_BETWEEN,
     LOST_MOVING,
     LOST_SHEARED,
+    MATURE,
     NEW_SHARE,
     STEADY,
     TRUSTED,
@@ -82,6 +83,7 @@ def upscaled_reference(
     read = torch.where(valid, sample(torch.cat([before.length, before.planes], dim=1), there), 0.0)
     weight, drift, wobble, locks = read.split((1, 1, 1, 4), dim=1)
     weight = weight * (1 - LOST_BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
+    weight = weight * within(there, size)
     apart = shear(small.motion * resident(at.ratio, weight)[None, :, None, None])
     weight = weight / (1 + LOST_SHEARED * at.nearest(apart).clamp_max(FASTEST))
     weight = weight / (1 + LOST_MOVING * size_of(motion).clamp_max(FASTEST))
@@ -89,7 +91,12 @@ def upscaled_reference(
     weight, locks = weight * alike.square(), torch.cat([locks[:, :1] * alike, locks[:, 1:]], dim=1)
     old = remapped(before.toned, there)
 
-    now = gathered(small.toned, remapped(before.toned, samples), at, weight)
+    shapes = torch.lerp(
+        ellipses(small.toned),
+        ellipses_before(before.toned, samples),
+        (sample(before.length, samples) / MATURE).clamp_max(1.0),
+    )
+    now = gathered(small.toned, remapped(before.toned, samples), shapes, at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
@@ -105,6 +112,17 @@ def upscaled_reference(
     locks = locked(locks, small.features, at, now.weight, depth, motion)
     length = (weight + now.weight).clamp_max(frames * mean_weight(at))
     return light_of(result), Large(result, length, torch.cat([drift, wobble, locks], dim=1))
+
+
+def within(px: Tensor, size: tuple[int, int]) -> Tensor:
+    """``(B, 1, H, W)``: 1 where reads lie between pixels, down to 0 at the border, beyond which nothing was seen.
+
+    Args:
+        px: ``(B, 2, H, W)`` pixels.
+        size: ``(H, W)`` of what is read.
+    """
+    end = px.new_tensor([size[1], size[0]])[None, :, None, None]
+    return (2 * torch.minimum(px, end - px)).amin(1, keepdim=True).clamp(0, 1)
 
 
 def samples_before(motion: Tensor, camera: Camera, at: Samples, size: tuple[int, int]) -> Tensor:
@@ -134,7 +152,7 @@ def begun(toned: Tensor, features: Tensor, depth: Tensor, at: Samples, size: tup
     """
     none = toned.new_zeros(toned.shape[0], 1, *size)
     motion, depth = none.expand(-1, 2, -1, -1), at.nearest(depth.detach().to(toned))
-    now = gathered(toned, toned, at, none)
+    now = gathered(toned, toned, ellipses(toned), at, none)
     locks = locked(torch.cat([none, depth, motion], dim=1), features, at, now.weight, depth, motion)
     length = now.weight.clamp_max(frames * mean_weight(at))
     return Large(now.color, length, torch.cat([none, none, locks], dim=1))

@@ -46,14 +46,15 @@ def upscale(
 ) -> tuple[Tensor, History]:
     """Average jittered frames into one anti-aliased picture of ``ratio`` times their sides.
 
-    Every sample counts for the pixels of the large picture by how near it lies to them; along an edge it counts farther
-    than across it. What a history shows at a pixel and not where the samples lie is added to them, so that they do not
-    blur it. The history is read where the surface in front was, with steps and slopes inside its pixels so that edges
-    stay sharp, and clipped in YCoCg to mean and variance of the samples around, the less the more frames it holds; its
-    weight falls by what clipping changes, and where neighbours move otherwise. Thin features, which the samples often
-    miss, are locked: they are not clipped until light changes. The box is wider where clipping moves history to and
-    fro, which would flicker. Where the light of an area changes, its history ends. All colours are weighted by 1 / (1 +
-    luminance), that of dim pictures as if it were exposed.
+    Every sample counts for the pixels of the large picture by how near it lies to them; along an edge, which the
+    history shows once it has samples enough, it counts farther than across it. What a history shows at a pixel and not
+    where the samples lie is added to them, so that they do not blur it. The history is read where the surface in front
+    was, with steps and slopes inside its pixels so that edges stay sharp, and clipped in YCoCg to mean and variance of
+    the samples around, the less the more frames it holds; its weight falls by what clipping changes, and where
+    neighbours move otherwise. Thin features, which the samples often miss, are locked: they are not clipped until light
+    changes. The box is wider where clipping moves history to and fro, which would flicker. Where the light of an area
+    changes, its history ends. All colours are weighted by 1 / (1 + luminance), that of dim pictures as if it were
+    exposed.
 
     The camera's jitter should take at least 8 x ratio squared places before it repeats, see `halton_jitter`.
 
@@ -65,8 +66,8 @@ def upscale(
             not tell of, such as reflections and animated textures; 1 for none.
         ratio: sides of the result over those of the frame, 1 to 4.
         frames: longest history.
-        gamma: standard deviations to which the history is clipped, half as many for one that is new and three times
-            as many for one of 12 frames.
+        gamma: standard deviations to which the history is clipped, three times as many for one that is new and five
+            times as many for one of 12 frames.
         lock: share of the clipping that thin features are spared; 0 locks nothing.
         stability: standard deviations that are added to ``gamma`` where clipping alternates.
         sharpness: 0 to 1 of the sharpening after all, which the history does not see.

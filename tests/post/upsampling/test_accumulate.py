@@ -5,8 +5,18 @@ from __future__ import annotations
 import pytest
 import torch
 
-from post.upsampling.accumulate import Gathered, clipped, ellipses, mean_weight, near, same_light, shear
+from post.upsampling.accumulate import (
+    Gathered,
+    clipped,
+    ellipses,
+    ellipses_before,
+    mean_weight,
+    near,
+    same_light,
+    shear,
+)
 from post.upsampling.samples import Samples
+from post.upsampling.upscale_reference import within
 
 SMALL, LARGE = (30, 40), (60, 80)
 
@@ -35,6 +45,22 @@ def test_samples_along_an_edge_count_farther_than_across_it():
     assert torch.allclose(ellipses(torch.ones(1, 3, 5, 5))[0, :, 2, 2], torch.tensor([1.0, 0.0, 1.0]), atol=1e-4)
 
 
+def test_a_history_tells_of_edges_between_the_samples_of_one_frame():
+    """A line two pixels of the history wide, which samples four pixels apart miss, read beside it and far from it."""
+    image = torch.zeros(1, 3, 24, 24)
+    image[..., 10:12] = 0.5
+    px = torch.tensor([[10.2, 12.0], [17.0, 12.0]]).T.reshape(1, 2, 1, 2)
+    beside, away = ellipses_before(image, px)[0, :, 0].unbind(1)
+    assert beside.tolist() == pytest.approx([1.0, 0.0, 0.27], abs=0.03)
+    assert away.tolist() == pytest.approx([1.0, 0.0, 1.0], abs=1e-4)
+    assert float(image[..., ::4, ::4].max()) == 0.0
+    down = ellipses_before(image.transpose(2, 3), px.flip(1))[0, :, 0, 0]
+    assert torch.allclose(down, beside.flip(0), atol=1e-6)
+    ramp = (torch.arange(24.0)[:, None] + torch.arange(24.0)).expand(1, 3, 24, 24) / 8
+    xx, xy, yy = ellipses_before(ramp, px)[0, :, 0, 0].tolist()
+    assert xx + yy - 2 * xy < 0.3 * (xx + yy + 2 * xy), "it runs from lower left to upper right"
+
+
 def test_four_samples_surround_each_pixel():
     at = Samples.of(SMALL, LARGE, torch.tensor([[0.3, -0.4]]), torch.zeros(1, 1, *SMALL))
     index = torch.arange(float(SMALL[0] * SMALL[1])).view(1, 1, *SMALL)
@@ -50,6 +76,12 @@ def test_the_kernel_is_nearly_exponential_and_never_zero():
     exponent = torch.linspace(-40, 0, 81)
     assert torch.allclose(near(exponent), exponent.exp(), atol=0.04)
     assert float(near(exponent).min()) > 0
+
+
+def test_reads_beyond_the_pixels_at_the_border_count_less():
+    x, y = torch.tensor([0.0, 0.25, 0.5, 40.0, 79.5, 79.75, 40.0]), torch.tensor([30.0] * 6 + [59.9])
+    share = within(torch.stack([x, y])[None, :, None], LARGE)
+    assert share.flatten().tolist() == pytest.approx([0.0, 0.5, 1.0, 1.0, 1.0, 0.5, 0.2], abs=1e-4)
 
 
 def test_shear_is_how_otherwise_neighbours_move():
@@ -72,14 +104,14 @@ def test_histories_of_more_frames_are_clipped_less_and_lose_weight_as_they_are(r
     at = Samples.of((2, 3), (2 * ratio, 3 * ratio), None, torch.zeros(1, 1, 2, 3))
     old, one = torch.full((1, 3, 2, 3), 0.9), torch.ones(1, 1, 2, 3)
     found = {
-        frames: clipped(old, of_gray(0.5, 0.1), one, one * frames * mean_weight(at), at) for frames in (0, 4, 12, 99)
+        frames: clipped(old, of_gray(0.5, 0.06), one, one * frames * mean_weight(at), at) for frames in (0, 4, 12, 99)
     }
     kept = {frames: float(color.mean()) for frames, (color, _, _) in found.items()}
-    assert kept[0] == pytest.approx(0.55)
+    assert kept[0] == pytest.approx(0.68)
     assert kept[0] < kept[4] < kept[12] == pytest.approx(0.8) == kept[99]
     for frames, (_, moved, left) in found.items():
         assert float(moved.mean()) == pytest.approx(kept[frames] - 0.9, abs=1e-6)
-        assert float(left.mean()) == pytest.approx(frames * mean_weight(at) / (1 - 12 * float(moved.mean())))
+        assert float(left.mean()) == pytest.approx(frames * mean_weight(at) / (1 - 6 * float(moved.mean())))
     color, moved, left = clipped(old, of_gray(0.9, 0.1), one, one, at)
     torch.testing.assert_close(color, old)
     assert float(moved.abs().max()) < 1e-6

@@ -54,7 +54,7 @@ def assert_close(got: list[Tensor], want: list[Tensor]) -> None:
 @pytest.mark.parametrize("case", ["moving", "orthographic", "sky", "ratio 1.5", "reactive", "channels", "tunables"])
 def test_forms_agree(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     frames = [frame_at(i, SIZE, orthographic=case == "orthographic", sky=case == "sky") for i in range(8)]
-    given = {"ratio": 1.5} if case == "ratio 1.5" else {}
+    given = {"ratio 1.5": {"ratio": 1.5}, "moving": {"gamma": 0.3}}.get(case, {})
     if case == "tunables":
         given = {"gamma": 0.7, "frames": 5.0, "lock": 0.5, "stability": 3.0}
     reactive = noise((1, 3 if case == "channels" else 1, *SIZE), 9) if case in ("reactive", "channels") else None
