@@ -19,7 +19,9 @@ FLAT = 7e-3  # squared differences of tone-mapped luminance over 3x3 pixels, bel
 # how far a history is believed
 FOLLOWS = 0.5  # most of what a history changes between the pixel and the samples that colours are corrected by
 TRUSTED = 0.1  # weight of a history at which half of `FOLLOWS` is reached
-MATURE = 0.6  # weight of samples from which on a pixel has its history's window
+MATURE = 0.6  # weight of samples from which on a pixel has its history's window, and samples count by their distance
+LEAVES = 0.5  # pixels a frame by which neighbours must move otherwise to show what they hid; one more shows all of it
+HID = 2.0  # factor on the share of the samples around that hid a pixel before, up to 1
 LOST_BETWEEN = 0.1  # share of a history's weight lost where it is read half way between pixels, since that blurs it
 LOST_MOVING = 0.2  # share lost besides for each pixel of movement, up to `FASTEST`
 LOST_SHEARED = 0.3  # share lost for each pixel by which neighbours move otherwise: surfaces beside it come into view
