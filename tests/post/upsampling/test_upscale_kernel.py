@@ -36,11 +36,11 @@ def frame_at(index: int, size: tuple[int, int], *, orthographic: bool = False, s
 def last_of(monkeypatch, compiled: bool, run: list[Frame], masks: dict[str, Tensor] | None = None, **tunables: float):
     """What a run leaves after its last frame; histories come from the reference until then."""
     result: tuple[Tensor, History | None] = torch.zeros(()), None
-    given: dict[str, Any] = dict(masks or {})
+    given: dict[str, Any] = {**(masks or {}), **tunables}
     for index, frame in enumerate(run):
         kernel = compiled and index == len(run) - 1
         monkeypatch.setattr(upscale_op, "form_of", lambda *each, k=kernel, **_: form_of(*each, compiled=k))
-        result = upscale(frame.read("color"), frame.gbuffer, result[1], **given, **tunables)
+        result = upscale(frame.read("color"), frame.gbuffer, result[1], **given)
     light, history = result
     assert history is not None
     return [light / (1 + light), history.signals["toned"], history.length, history.signals["planes"]]
