@@ -185,7 +185,7 @@ def mirrored_share(frame: Frame) -> Tensor | None:
     roughness, mirrored = frame.gbuffer.roughness, frame.reflection
     if roughness is None or mirrored is None:
         return None
-    share = luminance(mirrored).detach() / luminance(frame.read("color")).detach().clamp_min(1e-6)
+    share = luminance(mirrored) / luminance(frame.read("color")).clamp_min(1e-6)
     return torch.where(frame.gbuffer.hit, share * (1 - roughness.detach() / SMOOTH).clamp(0, 1), 0.0).clamp(0, 1)
 
 
