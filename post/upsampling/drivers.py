@@ -85,7 +85,7 @@ samples_each = Each(samples_pixel)
 
 @driver
 def upscaled_rows(
-    light, new, lengths, news, toned, surfaces, farthest, old, seen, length, planes, across, down, lenses,
+    light, new, lengths, news, toned, surfaces, depths, old, seen, length, planes, across, down, lenses,
     orthographic, low, gamma, frames, lock, stability, weight, threads,
 ):  # fmt: skip
     """See `post.upsampling.upscale_op.upscaled`."""
@@ -99,7 +99,7 @@ def upscaled_rows(
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
             past = Past(old[b], length[b], planes[b], height, width)
-            given = surfaces[b], farthest[b], toned[b], seen[b], lenses[b], across[b], down[b], orthographic
+            given = surfaces[b], depths[b], toned[b], seen[b], lenses[b], across[b], down[b], orthographic
             out = new[b], light[b], lengths[b], news[b]
             for begin in range(0, width, size):
                 first = min(begin, width - size)
@@ -109,7 +109,7 @@ def upscaled_rows(
 
 @scalar
 def upscaled_pixel(
-    i, light, new, lengths, news, toned, surfaces, farthest, old, seen, length, planes, across, down, lenses,
+    i, light, new, lengths, news, toned, surfaces, depths, old, seen, length, planes, across, down, lenses,
     orthographic, low, gamma, frames, lock, stability, weight,
 ):  # fmt: skip
     """As `upscaled_rows`, one pixel."""
@@ -119,7 +119,7 @@ def upscaled_pixel(
     sums = cuda.local.array((SUMS, 3), np.float32)
     numbers = np.float32(gamma), np.float32(frames), np.float32(stability), np.float32(weight)
     past = Past(old[b], length[b], planes[b], new.shape[2], new.shape[3])
-    given = surfaces[b], farthest[b], toned[b], seen[b], lenses[b], across[b], down[b], orthographic
+    given = surfaces[b], depths[b], toned[b], seen[b], lenses[b], across[b], down[b], orthographic
     small, out = Small(*given, low[0], low[1], y, x, x + 1), (new[b], light[b], lengths[b], news[b])
     _upscaled_row(out, small, past, np.float32(lock), (kept, now, sums, scratch), numbers)
 

@@ -26,6 +26,8 @@ class Movement(NamedTuple):
     """``(B, 1, H, W)`` planar view z now, world units."""
     depth_before: Tensor
     """``(B, 1, H, W)`` in the frame before, as it must have been."""
+    hidden: Tensor
+    """``(B, 1, H, W)`` in [0, 1]: share of the samples around it, in the frame before, that lay nearer."""
 
 
 @torch.no_grad()
@@ -45,15 +47,15 @@ def moving_surfaces(g: GBuffer, before: Camera) -> Tensor:
 
 
 @torch.no_grad()
-def farthest_around(previous: GBuffer) -> Tensor:
-    """``(B, 1, h, w)`` greatest depth in 3x3 of a frame, world units."""
+def depths_before(previous: GBuffer) -> Tensor:
+    """``(B, 2, h, w)`` greatest depth in 3x3 of a frame, and the pixel's own, world units."""
     depth = torch.where(previous.hit, previous.depth, previous.camera.far * 2)
-    return F.max_pool2d(F.pad(depth, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
+    return torch.cat([F.max_pool2d(F.pad(depth, (1, 1, 1, 1), mode="replicate"), 3, stride=1), depth], dim=1)
 
 
 @torch.no_grad()
 def upscaled_motion(
-    surfaces: Tensor, farthest: Tensor, camera: Camera, before: Camera, at: Samples, size: tuple[int, int]
+    surfaces: Tensor, depths: Tensor, camera: Camera, before: Camera, at: Samples, size: tuple[int, int]
 ) -> Movement:
     """Where each pixel of the large picture was, and whether the frame before showed what it shows.
 
@@ -62,7 +64,7 @@ def upscaled_motion(
 
     Args:
         surfaces: of `moving_surfaces`, this frame.
-        farthest: of `farthest_around`, the frame before.
+        depths: of `depths_before`, the frame before.
         camera: of this frame, small.
         before: of the frame before, small.
         at: the samples about each pixel.
@@ -80,9 +82,20 @@ def upscaled_motion(
     there = pixel_centers(moved) + moved + own_motion * scale
     jitter = 0.0 if before.jitter is None else before.jitter.to(there)[:, :, None, None]
     then = depth + moved_z + own_z
-    column, row = torch.floor(there / scale - jitter).long().unbind(dim=1)
-    seen = then <= gather(farthest, column, row) * (1 + TOLERANCE)
-    return Movement(there, seen, depth, then)
+    px = there / scale - jitter
+    column, row = torch.floor(px).long().unbind(dim=1)
+    seen = then <= gather(depths[:, :1], column, row) * (1 + TOLERANCE)
+    return Movement(there, seen, depth, then, _hidden(depths[:, 1:], px - 0.5, then))
+
+
+def _hidden(depth: Tensor, place: Tensor, then: Tensor) -> Tensor:
+    """Bilinear share of four samples of ``depth`` about ``place``, column and row, that lie nearer than ``then``."""
+    x, y = torch.floor(place).long().unbind(dim=1)
+    u, v = (place - torch.floor(place)).split(1, dim=1)
+    result = torch.zeros_like(then)
+    for dx, dy, share in ((0, 0, (1 - u) * (1 - v)), (1, 0, u * (1 - v)), (0, 1, (1 - u) * v), (1, 1, u * v)):
+        result = result + share * (then > gather(depth, x + dx, y + dy) * (1 + TOLERANCE))
+    return result
 
 
 def _in_front(depth: Tensor, at: Samples) -> tuple[Tensor, Tensor]:

@@ -80,6 +80,21 @@ def between_row(out, picture, taps, shares, four):
         out[x] = (ONE - v[x]) * above + v[x] * below
 
 
+@scalar
+def nearer_row(out, picture, then, tolerance, taps, shares, four):
+    """Which share of the four pixels in the middle lies nearer than ``then`` by more than a factor."""
+    a, b, c, d, u, v = four[0], four[1], four[2], four[3], shares[0], shares[1]
+    left, right, upper, lower = taps[1], taps[2], taps[5], taps[6]
+    for x in range(pixels(out.shape[0])):
+        a[x], b[x] = picture[np.uint32(left[x] + upper[x])], picture[np.uint32(right[x] + upper[x])]
+        c[x], d[x] = picture[np.uint32(left[x] + lower[x])], picture[np.uint32(right[x] + lower[x])]
+    for x in range(pixels(out.shape[0])):
+        a[x], b[x] = ONE if then[x] > a[x] * tolerance else ZERO, ONE if then[x] > b[x] * tolerance else ZERO
+        c[x], d[x] = ONE if then[x] > c[x] * tolerance else ZERO, ONE if then[x] > d[x] * tolerance else ZERO
+        above, below = (ONE - u[x]) * a[x] + u[x] * b[x], (ONE - u[x]) * c[x] + u[x] * d[x]
+        out[x] = (ONE - v[x]) * above + v[x] * below
+
+
 @inlined
 def _sloped(near, up, here, f):
     """``near`` with what its slope adds on the way to its neighbour; it rises by ``up``, then by ``here``."""

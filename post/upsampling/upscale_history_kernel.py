@@ -15,34 +15,42 @@ import numpy as np
 from gbufrt.compute.each import pixels
 from gbufrt.compute.kernel import scalar
 from post.upsampling import constants
-from post.upsampling.remap_kernel import FOUR, SHARES, between_row, bounded, gather_row, remapped_row, taps_row
+from post.upsampling.remap_kernel import (
+    FOUR,
+    SHARES,
+    between_row,
+    bounded,
+    gather_row,
+    nearer_row,
+    remapped_row,
+    taps_row,
+)
 
 ZERO, HALF, ONE, NEAREST = (np.float32(x) for x in (0, 0.5, 1, 1e-9))
 BETWEEN = np.float32(2 * constants.LOST_BETWEEN)
 PARTING, COVERED = np.float32(constants.PARTING), np.float32(1 - constants.COVERED)
 IN_FRONT = np.float32(1 - constants.IN_FRONT)
-LOST_MOVING, LOST_SHEARED, FASTEST = (
-    np.float32(constants.LOST_MOVING),
-    np.float32(constants.LOST_SHEARED),
-    np.float32(constants.FASTEST),
-)
+LOST_MOVING, LOST_SHEARED = np.float32(constants.LOST_MOVING), np.float32(constants.LOST_SHEARED)
+FASTEST = np.float32(constants.FASTEST)
 STRETCH, TOLERANCE = np.float32(constants.STRETCH), np.float32(1 + constants.TOLERANCE)
 EDGE_ON = np.float32(constants.EDGE_ON)
+LEAVES, HID = np.float32(constants.LEAVES), np.float32(constants.HID)
 INDEX, BOXES, LOCK, PLACE, AWAY, STEP = 0, 1, 4, 5, 6, 7
 """Rows of `axis_table`."""
-DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11
+DEPTH, HIT, FACING, OFFSET, OWN, OWN_Z, ALIKE, FEATURE, MIRRORED, REACTIVE = 0, 1, 2, 5, 6, 8, 9, 10, 11, 12
 """Channels of what the small picture tells of its surfaces."""
-WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT = 0, 1, 4, 5, 6, 10, 11, 13, 14
+WEIGHT, OLD, DRIFT, WOBBLE, LOCKED, NOW_DEPTH, NOW_MOTION, SPARED, REACT, EVEN = 0, 1, 4, 5, 6, 10, 11, 13, 14, 17
 """Rows of what is kept of each pixel's history; `LOCKED` has four, as `accumulate.locked`, `REACT` three."""
-KEPT = 17
-AT, THEN, VALID, SHARE, VALUES, READS = 9, 11, 12, 13, 13 + SHARES, 13 + SHARES + FOUR
-"""Rows of scratch after those of surfaces: where pixels were, their depth there, whether it was seen, and for reads."""
+KEPT = 18
+AT, THEN, VALID, HIDDEN, SHARE, VALUES, READS = 9, 11, 12, 13, 14, 14 + SHARES, 14 + SHARES + FOUR
+"""Rows of scratch after those of surfaces: where pixels were, their depth there, whether it was seen, what share of the
+samples around hid it, and for reads."""
 SCRATCH = READS + FOUR
 EXPECTED, SHEAR, ELLIPSE = 0, 3, 4
 """Channels of what `samples_row` tells of samples."""
 
 
-Small = namedtuple("Small", "surfaces farthest toned seen lens across down orthographic height width y first end")
+Small = namedtuple("Small", "surfaces depths toned seen lens across down orthographic height width y first end")
 """Flat pictures of samples, what leads to them, their height and width, and which pixels of the large picture to do."""
 Past = namedtuple("Past", "old length planes height width")
 """A flat history."""
@@ -133,9 +141,15 @@ def _seen_row(rows, taps, small, past):
         column = min(max(np.floor(at_x[x] / lens[22] - lens[20]), ZERO), right)
         row = min(max(np.floor(at_y[x] / lens[23] - lens[21]), ZERO), bottom)
         place[x] = np.int32(row) * np.int32(small.width) + np.int32(column)
-    gather_row(farthest, small.farthest, place)
+    gather_row(farthest, small.depths[0], place)
     for x in range(pixels(valid.shape[0])):
         valid[x] = valid[x] if then[x] <= farthest[x] * TOLERANCE else ZERO
+    place_x, place_y, shares = rows[READS], rows[READS + 1], rows[SHARE : SHARE + SHARES]
+    for x in range(pixels(valid.shape[0])):
+        place_x[x], place_y[x] = at_x[x] / lens[22] - lens[20], at_y[x] / lens[23] - lens[21]
+    taps_row(taps, shares, place_x, place_y, small.height, small.width)
+    values = rows[VALUES : VALUES + FOUR]
+    nearer_row(rows[HIDDEN], small.depths[1], then, TOLERANCE, taps, shares, values)
 
 
 @scalar
@@ -147,7 +161,7 @@ def _weight_row(kept, rows, taps, small, past):
         place[x] = row * np.int32(small.width) + np.int32(index[x])
     gather_row(apart, small.seen[SHEAR], place)
     weight, move_x, move_y, valid = kept[WEIGHT], kept[NOW_MOTION], kept[NOW_MOTION + 1], rows[VALID]
-    u, v, drift, wobble = rows[SHARE], rows[SHARE + 1], kept[DRIFT], kept[WOBBLE]
+    u, v, drift, wobble, hidden = rows[SHARE], rows[SHARE + 1], kept[DRIFT], kept[WOBBLE], rows[HIDDEN]
     at_x, at_y, width, height = rows[AT], rows[AT + 1], np.float32(past.width), np.float32(past.height)
     for x in range(pixels(place.shape[0])):
         speed = min(math.sqrt(move_x[x] * move_x[x] + move_y[x] * move_y[x]), FASTEST)
@@ -155,6 +169,7 @@ def _weight_row(kept, rows, taps, small, past):
         left = ONE - BETWEEN * (u[x] * (ONE - u[x]) + v[x] * (ONE - v[x]))
         within = min(min(at_x[x], width - at_x[x]), min(at_y[x], height - at_y[x]))
         left *= min(max(within + within, ZERO), ONE)
+        left *= ONE - min(max(apart[x] - LEAVES, ZERO), ONE) * min(HID * hidden[x], ONE)
         weight[x] = weight[x] * left / lost if valid[x] > ZERO else ZERO
         drift[x], wobble[x] = drift[x] * valid[x], wobble[x] * valid[x]
 
@@ -193,14 +208,9 @@ def _react_rows(kept, rows, taps, small):
 def _lock_row(kept, rows, alike, lock):
     """What is left of locks, and how far they spare pixels of clipping; the weight that a change of light leaves."""
     strength, was, moved_x, moved_y = kept[LOCKED], kept[LOCKED + 1], kept[LOCKED + 2], kept[LOCKED + 3]
-    move_x, move_y, depth, then, valid = (
-        kept[NOW_MOTION],
-        kept[NOW_MOTION + 1],
-        kept[NOW_DEPTH],
-        rows[THEN],
-        rows[VALID],
-    )
+    move_x, move_y, depth = kept[NOW_MOTION], kept[NOW_MOTION + 1], kept[NOW_DEPTH]
     red, green, blue, spared, weight = kept[REACT], kept[REACT + 1], kept[REACT + 2], kept[SPARED], kept[WEIGHT]
+    even, then, valid = kept[EVEN], rows[THEN], rows[VALID]
     for x in range(pixels(strength.shape[0])):
         weight[x] *= alike[x] * alike[x]
         off_x, off_y = moved_x[x] - move_x[x], moved_y[x] - move_y[x]
@@ -208,7 +218,7 @@ def _lock_row(kept, rows, alike, lock):
         alive = strength[x] * alive if then[x] > was[x] * COVERED else ZERO
         strength[x], was[x] = alive, was[x] * valid[x] + depth[x] - then[x]
         moved_x[x], moved_y[x] = moved_x[x] * valid[x], moved_y[x] * valid[x]
-        spared[x] = lock * alive * (ONE - max(max(red[x], green[x]), blue[x]))
+        spared[x] = lock * alive * (ONE - max(max(red[x], green[x]), blue[x])) * (ONE - even[x])
 
 
 @scalar
@@ -233,5 +243,6 @@ def fetch_row(kept, small, past, lock, scratch):
     _weight_row(kept, rows, taps, small, past)
     _between_samples(rows, taps, small)
     _react_rows(kept, rows, taps, small)
+    between_row(kept[EVEN], small.surfaces[MIRRORED], taps, shares, values)
     between_row(reads[0], small.surfaces[ALIKE], taps, shares, values)
     _lock_row(kept, rows, reads[0], lock)

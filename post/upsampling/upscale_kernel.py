@@ -22,6 +22,7 @@ from post.upsampling.upscale_history_kernel import (
     BOXES,
     DRIFT,
     ELLIPSE,
+    EVEN,
     EXPECTED,
     FEATURE,
     INDEX,
@@ -44,9 +45,10 @@ TINY = np.float32(1e-12)
 BRIGHTEST, EIGHTH, FARTHEST = np.float32(MOST_BRIGHT), np.float32(1 / 8), np.float32(1 / 32)
 SAMPLE_WINDOW, FIRST_WINDOW = np.float32(constants.SAMPLE_WINDOW), np.float32(constants.FIRST_WINDOW)
 FOLLOWS, TRUSTED = np.float32(constants.FOLLOWS), np.float32(constants.TRUSTED)
-LEAST_WEIGHT, MATURE, DECAY = (
+LEAST_WEIGHT, MATURE, KNOWN, DECAY = (
     np.float32(constants.LEAST_WEIGHT),
     np.float32(constants.MATURE),
+    np.float32(constants.KNOWN),
     np.float32(constants.DECAY),
 )
 NARROWEST, WIDER = np.float32(constants.NARROWEST), np.float32(constants.WIDEST - constants.NARROWEST)
@@ -190,16 +192,19 @@ def _clip_row(rows, kept, now):
 def mix_row(kept, now, small, rows, numbers, new, light, length):
     """The new history: the old one, clipped to its box, with this frame in it; and the light that it shows."""
     (gamma, frames, stability, mean_weight), y, first, end = numbers, small.y, small.first, small.end
+    most_length, weight, more, spared = frames * mean_weight, kept[WEIGHT], now[NOW_WEIGHT], kept[SPARED]
+    counts, even = rows[5], kept[EVEN]
+    for x in range(pixels(weight.shape[0])):
+        counts[x] = mean_weight + (more[x] - mean_weight) * min(weight[x] / KNOWN, ONE) * (ONE - even[x])
     _extent_row(rows[3], kept, gamma, stability, WIDEST_AT * mean_weight)
     _clip_row(rows, kept, now)
-    most_length, weight, more, spared = frames * mean_weight, kept[WEIGHT], now[NOW_WEIGHT], kept[SPARED]
     for k in range(3):
         clipped, old, color, react = rows[k], kept[OLD + k], now[COLOR + k], kept[REACT + k]
         lowest, highest, out = now[LOWEST + k], now[HIGHEST + k], new[k, y, first:end]
         for x in range(pixels(weight.shape[0])):
             most = min(weight[x], (ONE - react[x]) * most_length)
             was = clipped[x] + (old[x] - clipped[x]) * spared[x]
-            mixed = was + (color[x] - was) * (more[x] / (most + more[x]))
+            mixed = was + (color[x] - was) * (counts[x] / (most + counts[x]))
             mixed = min(max(mixed, min(was, lowest[x])), max(was, highest[x]))
             out[x] = mixed if weight[x] > ZERO else color[x]
     red, green, blue, lengths = new[0, y, first:end], new[1, y, first:end], new[2, y, first:end], length[y, first:end]

@@ -44,13 +44,13 @@ def upscaled(
     """
     if form_of(*small, *before, *tunables, compiled=compiled, cuda=True) is Form.REFERENCE:
         return upscaled_reference(small, before, at, camera, previous, tunables)
-    planes = torch.cat([small.surfaces, small.alike, small.features, small.reactive], dim=1).detach()
+    planes = torch.cat([small.surfaces, small.alike, small.features, small.mirrored, small.reactive], dim=1).detach()
     tables = [axis_table(at, axis, small.toned.shape[-1 - axis]) for axis in (0, 1)]
     size, numbers = (before.length.shape[-2], before.length.shape[-1]), [float(number) for number in tunables]
     light = F.pad(luminance(small.toned.detach()), (2, 2, 2, 2), mode="replicate")
     motion = F.pad(small.motion.detach(), (1, 1, 1, 1), mode="replicate")
     found = upscaled_cpu(
-        small.toned, light, motion, planes, small.farthest, *before, *tables, _lenses(camera, previous, at, size),
+        small.toned, light, motion, planes, small.depths, *before, *tables, _lenses(camera, previous, at, size),
         camera.orthographic, *numbers, mean_weight(at),
     )  # fmt: skip
     return found[0], Large(*found[1:])
@@ -89,7 +89,7 @@ def _lenses(camera: Camera, previous: Camera, at: Samples, size: tuple[int, int]
 
 @operator("gbufrt::upscale")
 def upscaled_cpu(
-    toned: Tensor, luma: Tensor, motion: Tensor, planes: Tensor, farthest: Tensor, old: Tensor, length: Tensor,
+    toned: Tensor, luma: Tensor, motion: Tensor, planes: Tensor, depths: Tensor, old: Tensor, length: Tensor,
     kept: Tensor, across: Tensor, down: Tensor, lenses: Tensor, orthographic: bool, gamma: float,
     frames: float, lock: float, stability: float, weight: float,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
@@ -106,8 +106,8 @@ def upscaled_cpu(
     )
     seen = toned.new_empty(toned.shape[0], SEEN, *toned.shape[2:])
     size, low = (length.shape[-2], length.shape[-1]), (toned.shape[-2], toned.shape[-1])
-    flat = [x.flatten(2) for x in (toned, planes, farthest, old, seen, length, kept)]
-    flat[2], flat[5] = flat[2][:, 0], flat[5][:, 0]
+    flat = [x.flatten(2) for x in (toned, planes, depths, old, seen, length, kept)]
+    flat[5] = flat[5][:, 0]
     pictures = light, new, lengths[:, 0], news, *flat
     samples = seen, flat[3], flat[5], size, luma[:, 0], motion, lenses
     numbers = orthographic, low, gamma, frames, lock, stability, weight

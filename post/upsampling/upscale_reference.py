@@ -17,6 +17,9 @@ from post.upsampling.accumulate import clipped, ellipses, ellipses_before, gathe
 from post.upsampling.constants import (
     FASTEST,
     FOLLOWS,
+    HID,
+    KNOWN,
+    LEAVES,
     LOCK_WIDENS,
     LOST_BETWEEN,
     LOST_MOVING,
@@ -38,14 +41,16 @@ class Small(NamedTuple):
     """3: tone-mapped colour."""
     surfaces: Tensor
     """9: see `post.upsampling.motion.moving_surfaces`."""
-    farthest: Tensor
-    """1: see `post.upsampling.motion.farthest_around`, of the frame before."""
+    depths: Tensor
+    """2: see `post.upsampling.motion.depths_before`, of the frame before."""
     alike: Tensor
     """1: see `post.upsampling.accumulate.same_light`."""
     features: Tensor
     """1: see `post.upsampling.accumulate.thin_features`."""
     motion: Tensor
     """2: of each sample, in pixels of the small picture."""
+    mirrored: Tensor
+    """1: how far samples count alike, whatever their distance, as what mirrors show changes over areas."""
     reactive: Tensor
     """0, 1 or 3: how much less history each channel may hold."""
 
@@ -76,7 +81,7 @@ def upscaled_reference(
     """Arguments and results are those of `post.upsampling.upscale_op.upscaled`."""
     size = before.length.shape[-2], before.length.shape[-1]
     gamma, frames, lock, stability = tunables
-    there, seen, depth, depth_before = upscaled_motion(small.surfaces, small.farthest, camera, previous, at, size)
+    there, seen, depth, depth_before, hidden = upscaled_motion(small.surfaces, small.depths, camera, previous, at, size)
     motion = there - pixel_centers(there)
     valid, samples = inside(there, size) & seen, samples_before(small.motion, camera, at, size)
     between = (there - 0.5) - torch.floor(there - 0.5)
@@ -85,7 +90,8 @@ def upscaled_reference(
     weight = weight * (1 - LOST_BETWEEN * (4 * between * (1 - between)).mean(1, keepdim=True))
     weight = weight * within(there, size)
     apart = shear(small.motion * resident(at.ratio, weight)[None, :, None, None])
-    weight = weight / (1 + LOST_SHEARED * at.nearest(apart).clamp_max(FASTEST))
+    apart = at.nearest(apart).clamp_max(FASTEST)
+    weight = weight * (1 - (apart - LEAVES).clamp(0, 1) * (HID * hidden).clamp_max(1)) / (1 + LOST_SHEARED * apart)
     weight = weight / (1 + LOST_MOVING * size_of(motion).clamp_max(FASTEST))
     locks, alike = held(locks, depth, depth_before, motion), at.between(small.alike)
     weight, locks = weight * alike.square(), torch.cat([locks[:, :1] * alike, locks[:, 1:]], dim=1)
@@ -98,14 +104,16 @@ def upscaled_reference(
     )
     now = gathered(small.toned, remapped(before.toned, samples), shapes, at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
-    spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True))
+    own, even = 1 - at.between(small.mirrored), torch.full_like(weight, mean_weight(at))
+    counts = torch.lerp(even, now.weight, (weight / KNOWN).clamp(0, 1) * own)
+    spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True)) * own
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
     color = now.color + FOLLOWS * weight / (weight + TRUSTED) * (old - now.expected)
     kept, moved, weight = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm, weight, at)
     moved = torch.where(weight > 0, moved.detach(), 0.0)
     most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
     kept = torch.lerp(kept, old, spared)
-    mixed = torch.lerp(kept, color, now.weight / (most + now.weight))
+    mixed = torch.lerp(kept, color, counts / (most + counts))
     mixed = torch.minimum(torch.maximum(mixed, torch.minimum(kept, now.least)), torch.maximum(kept, now.most))
     result = torch.where(weight > 0, mixed, now.color)
     drift, wobble = torch.lerp(drift, moved, NEW_SHARE), torch.lerp(wobble, moved.abs(), NEW_SHARE)

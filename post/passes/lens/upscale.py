@@ -19,7 +19,7 @@ from post.display.sharpen import sharpened
 from post.history.reproject import history_for, motion_of
 from post.shading.composite_op import specular_albedo
 from post.upsampling.accumulate import light_around, same_light, thin_features
-from post.upsampling.motion import farthest_around, moving_surfaces
+from post.upsampling.motion import depths_before, moving_surfaces
 from post.upsampling.samples import Samples
 from post.upsampling.upscale_op import upscaled
 from post.upsampling.upscale_reference import Large, Small, Tunables, begun, light_of
@@ -28,6 +28,7 @@ MOST_RATIO = 4.0
 DIM = 0.06  # geometric mean of luminance: darker pictures are averaged as if they were as bright
 MOST_BRIGHTER = 8.0  # times: beyond it lamps come too near to the end of the tone curve
 DRIFT = 0.75  # stops by which that factor may be off until it changes, which the whole history then does
+EVEN = 2.0  # factor on the share of mirrored light, up to 1
 SMOOTH = 0.5  # perceptual roughness from which on reflections are too blurred for their motion to show
 
 
@@ -37,6 +38,7 @@ def upscale(
     history: History | None = None,
     *,
     reactive: Tensor | None = None,
+    mirrored: Tensor | None = None,
     ratio: float = 2.0,
     frames: float = 32.0,
     gamma: float = 1.5,
@@ -64,6 +66,8 @@ def upscale(
         history: what this function returned for the frame before; None at first.
         reactive: ``(B, 1 or 3, h, w)`` in [0, 1]: how much less history each channel may hold, for what motion does
             not tell of, such as reflections and animated textures; 1 for none.
+        mirrored: ``(B, 1, h, w)`` in [0, 1]: share of the light that smooth surfaces mirror. It changes over areas, and
+            samples there count alike for all pixels around, which else stood out as a grid; None for none.
         ratio: sides of the result over those of the frame, 1 to 4.
         frames: longest history.
         gamma: standard deviations to which the history is clipped, three times as many for one that is new and five
@@ -87,7 +91,7 @@ def upscale(
     check_history(gbuffer, history, "toned", "planes", "around", "level")
     _check(ratio, frames, gamma, lock, stability, sharpness)
     check_pictures(gbuffer.camera, depth=gbuffer.depth, color=color)
-    check_alike("color", color=color, reactive=reactive)
+    check_alike("color", color=color, reactive=reactive, mirrored=mirrored)
     size = round(color.shape[-2] * float(ratio)), round(color.shape[-1] * float(ratio))
     if history is not None and tuple(history.length.shape[-2:]) != size:
         raise ValueError(f"the history must be {size}, got {tuple(history.length.shape[-2:])}; start with state=None")
@@ -102,10 +106,11 @@ def upscale(
     else:
         past, before = _before(history, brighter)
         previous, react = history.gbuffer.camera, toned[:, :0] if reactive is None else _spread(reactive.to(toned))
+        even = torch.zeros_like(around) if mirrored is None else (EVEN * _spread(mirrored.to(toned))).clamp(0, 1)
         motion = motion_of(gbuffer, previous)[0]
         alike = same_light(around, past, motion)
-        surfaces, farthest = moving_surfaces(gbuffer, previous), farthest_around(history.gbuffer)
-        small = Small(toned, surfaces, farthest, alike, features, motion.detach().to(toned), react)
+        surfaces, depths = moving_surfaces(gbuffer, previous), depths_before(history.gbuffer)
+        small = Small(toned, surfaces, depths, alike, features, motion.detach().to(toned), even, react)
         tunables = Tunables(gamma, frames, lock, stability)
         light, large = upscaled(small, before, at, gbuffer.camera, previous, tunables)
     if sharpness:
@@ -176,6 +181,15 @@ def reactive_mask(g: GBuffer, *, reactivity: float = 1.0) -> Tensor:
     return torch.where(g.hit, share * reactivity, 0.0).clamp(0, 1)
 
 
+def mirrored_share(frame: Frame) -> Tensor | None:
+    """``(B, 1, h, w)`` in [0, 1]: share of ``color`` that smooth surfaces mirror; None where there is no reflection."""
+    roughness, mirrored = frame.gbuffer.roughness, frame.reflection
+    if roughness is None or mirrored is None:
+        return None
+    share = luminance(mirrored) / luminance(frame.read("color")).clamp_min(1e-6)
+    return torch.where(frame.gbuffer.hit, share * (1 - roughness.detach() / SMOOTH).clamp(0, 1), 0.0).clamp(0, 1)
+
+
 def _spread(mask: Tensor) -> Tensor:
     return F.max_pool2d(F.pad(mask, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
 
@@ -199,7 +213,7 @@ class Upscale(TemporalPass):
     """
 
     reads = frozenset({"depth", "hit", "normal", "color"})
-    optional = frozenset({"motion", "motion_z", "reactive", "transmittance", "roughness", "metallic"})
+    optional = frozenset({"motion", "motion_z", "reactive", "transmittance", "roughness", "metallic", "reflection"})
     writes = frozenset({"color"})
 
     def __init__(
@@ -224,5 +238,6 @@ class Upscale(TemporalPass):
         if reactive is None and reactivity:
             reactive = reactive_mask(frame.gbuffer, reactivity=reactivity)
         history = history_for(state, frame.cut)
-        color, state = upscale(frame.read("color"), frame.gbuffer, history, reactive=reactive, **tunables)
+        color, masks = frame.read("color"), {"reactive": reactive, "mirrored": mirrored_share(frame)}
+        color, state = upscale(color, frame.gbuffer, history, **masks, **tunables)
         return frame.replace(color=color), state

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import boxes
 import pytest
@@ -32,13 +33,14 @@ def frame_at(index: int, size: tuple[int, int], *, orthographic: bool = False, s
     return frame.replace(color=frame.read("radiance") * (0.2 + 3 * noise((1, 3, *size), index) ** 4))
 
 
-def last_of(monkeypatch, compiled: bool, run: list[Frame], *, reactive: Tensor | None = None, **tunables: float):
+def last_of(monkeypatch, compiled: bool, run: list[Frame], masks: dict[str, Tensor] | None = None, **tunables: float):
     """What a run leaves after its last frame; histories come from the reference until then."""
     result: tuple[Tensor, History | None] = torch.zeros(()), None
+    given: dict[str, Any] = {**(masks or {}), **tunables}
     for index, frame in enumerate(run):
         kernel = compiled and index == len(run) - 1
-        monkeypatch.setattr(upscale_op, "form_of", lambda *given, k=kernel, **_: form_of(*given, compiled=k))
-        result = upscale(frame.read("color"), frame.gbuffer, result[1], reactive=reactive, **tunables)
+        monkeypatch.setattr(upscale_op, "form_of", lambda *each, k=kernel, **_: form_of(*each, compiled=k))
+        result = upscale(frame.read("color"), frame.gbuffer, result[1], **given)
     light, history = result
     assert history is not None
     return [light / (1 + light), history.signals["toned"], history.length, history.signals["planes"]]
@@ -51,14 +53,18 @@ def assert_close(got: list[Tensor], want: list[Tensor]) -> None:
         assert float(off.float().mean()) <= 0.002
 
 
-@pytest.mark.parametrize("case", ["moving", "orthographic", "sky", "ratio 1.5", "reactive", "channels", "tunables"])
+@pytest.mark.parametrize(
+    "case", ["moving", "orthographic", "sky", "ratio 1.5", "reactive", "channels", "mirrored", "tunables"]
+)
 def test_forms_agree(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     frames = [frame_at(i, SIZE, orthographic=case == "orthographic", sky=case == "sky") for i in range(8)]
     given = {"ratio 1.5": {"ratio": 1.5}, "moving": {"gamma": 0.3}}.get(case, {})
     if case == "tunables":
         given = {"gamma": 0.7, "frames": 5.0, "lock": 0.5, "stability": 3.0}
-    reactive = noise((1, 3 if case == "channels" else 1, *SIZE), 9) if case in ("reactive", "channels") else None
-    got, want = (last_of(monkeypatch, form, frames, reactive=reactive, **given) for form in (True, False))
+    several = case == "channels"
+    masks = {"reactive": noise((1, 3 if several else 1, *SIZE), 9)} if several or case == "reactive" else {}
+    masks |= {"mirrored": noise((1, 1, *SIZE), 9) ** 4} if case == "mirrored" else {}
+    got, want = (last_of(monkeypatch, form, frames, masks, **given) for form in (True, False))
     assert_close(got, want)
     length, planes = want[2], want[3]
     if case == "moving":
@@ -85,7 +91,7 @@ def test_small_pictures(monkeypatch: pytest.MonkeyPatch, size: tuple[int, int]) 
 
 
 def test_operator_is_registered_properly() -> None:
-    shapes = (3, 4, 5), (1, 8, 9), (2, 6, 7), (12, 4, 5), (1, 4, 5), (3, 8, 10), (1, 8, 10), (6, 8, 10), (8, 10), (8, 8)
+    shapes = (3, 4, 5), (1, 8, 9), (2, 6, 7), (13, 4, 5), (2, 4, 5), (3, 8, 10), (1, 8, 10), (6, 8, 10), (8, 10), (8, 8)
     operands = [*(torch.rand(1, *shape) for shape in shapes), torch.rand(1, 26)]
     settings = (False, 2.0, 32.0, 1.0, 1.0, 0.3)
     checks = ("test_schema", "test_faketensor")
