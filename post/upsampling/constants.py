@@ -31,6 +31,7 @@ FASTEST = 2.0  # pixels a frame
 # how a history is clipped: one of few samples is little better than those of this frame, one of many is
 NARROWEST = 3.0  # factor on the sides of its box where a history has no weight
 WIDEST = 5.0  # that factor for a history of `WIDEST_AT` frames
+MIRRORS = 0.5  # share of its sides that a box loses where all light is mirrored, which changes though nothing moves
 WIDEST_AT = 12.0  # frames' mean weight
 DISTRUST = 6.0  # by how much clipping takes weight from a history: a change of 1 / DISTRUST halves it
 

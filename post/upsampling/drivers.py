@@ -60,7 +60,7 @@ upsampled_each = Each(upsampled_pixel)
 
 
 @driver
-def sample_rows(seen, old, length, size, luma, motion, lenses, threads):
+def sample_rows(seen, old, length, mirrored, size, luma, motion, lenses, threads):
     """See `post.upsampling.upscale_samples_kernel.samples_row`."""
     batch, _, height, width = seen.shape
     for thread in prange(threads):
@@ -68,16 +68,18 @@ def sample_rows(seen, old, length, size, luma, motion, lenses, threads):
         scratch = np.empty((TAPS, width), np.int32), np.empty((SAMPLE_SCRATCH, width), np.float32)
         for item in range(thread, batch * height, threads):
             b, y = item // height, item % height
-            samples_row(seen[b, :, y], sums, scratch, old[b], length[b], size, luma[b], motion[b], lenses[b], y, 0)
+            given = old[b], length[b], mirrored[b], size, luma[b], motion[b], lenses[b]
+            samples_row(seen[b, :, y], sums, scratch, *given, y, 0)
 
 
 @scalar
-def samples_pixel(i, seen, old, length, size, luma, motion, lenses):
+def samples_pixel(i, seen, old, length, mirrored, size, luma, motion, lenses):
     """As `sample_rows`, one sample."""
     b, y, x = pixel_of(i, seen.shape[2], seen.shape[3])
     sums = cuda.local.array((TENSOR, 3), np.float32)
     scratch = cuda.local.array((TAPS, 1), np.int32), cuda.local.array((SAMPLE_SCRATCH, 1), np.float32)
-    samples_row(seen[b, :, y, x : x + 1], sums, scratch, old[b], length[b], size, luma[b], motion[b], lenses[b], y, x)
+    given = old[b], length[b], mirrored[b], size, luma[b], motion[b], lenses[b]
+    samples_row(seen[b, :, y, x : x + 1], sums, scratch, *given, y, x)
 
 
 samples_each = Each(samples_pixel)

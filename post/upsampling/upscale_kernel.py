@@ -51,6 +51,7 @@ LEAST_WEIGHT, MATURE, KNOWN, DECAY = (
     np.float32(constants.KNOWN),
     np.float32(constants.DECAY),
 )
+MIRRORS = np.float32(constants.MIRRORS)
 NARROWEST, WIDER = np.float32(constants.NARROWEST), np.float32(constants.WIDEST - constants.NARROWEST)
 WIDEST_AT, DISTRUST = np.float32(constants.WIDEST_AT), np.float32(constants.DISTRUST)
 NEW_SHARE, STEADY, LOCK_WIDENS = (
@@ -165,11 +166,11 @@ def box_row(now, sums, small, begin):
 @scalar
 def _extent_row(extent, kept, gamma, stability, widest_at):
     """Standard deviations to the sides of the boxes."""
-    drift, wobble, spared, weight = kept[DRIFT], kept[WOBBLE], kept[SPARED], kept[WEIGHT]
+    drift, wobble, spared, weight, even = kept[DRIFT], kept[WOBBLE], kept[SPARED], kept[WEIGHT], kept[EVEN]
     for x in range(pixels(extent.shape[0])):
         calm = min(max(ONE - abs(drift[x]) / max(wobble[x], STEADY), ZERO), ONE) if wobble[x] > STEADY else ZERO
         wide = NARROWEST + WIDER * min(max(weight[x] / widest_at, ZERO), ONE)
-        extent[x] = (gamma + LOCK_WIDENS * spared[x] + stability * calm) * wide
+        extent[x] = (gamma + LOCK_WIDENS * spared[x] + stability * calm) * wide * (ONE - MIRRORS * even[x])
 
 
 @scalar

@@ -99,6 +99,7 @@ def upscaled_cpu(
     """
     from gbufrt.compute.kernel import array, replaced, threads
     from post.upsampling.drivers import sample_rows, samples_each, upscaled_each, upscaled_rows
+    from post.upsampling.upscale_history_kernel import MIRRORED
     from post.upsampling.upscale_samples_kernel import SEEN
 
     light, new, lengths, news = (
@@ -109,7 +110,7 @@ def upscaled_cpu(
     flat = [x.flatten(2) for x in (toned, planes, depths, old, seen, length, kept)]
     flat[5] = flat[5][:, 0]
     pictures = light, new, lengths[:, 0], news, *flat
-    samples = seen, flat[3], flat[5], size, luma[:, 0], motion, lenses
+    samples = seen, flat[3], flat[5], planes[:, MIRRORED], size, luma[:, 0], motion, lenses
     numbers = orthographic, low, gamma, frames, lock, stability, weight
     if form_of(old, cuda=True) is Form.CUDA:
         samples_each(seen[:, 0].numel(), *samples)

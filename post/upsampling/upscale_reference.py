@@ -25,6 +25,7 @@ from post.upsampling.constants import (
     LOST_MOVING,
     LOST_SHEARED,
     MATURE,
+    MIRRORS,
     NEW_SHARE,
     STEADY,
     TRUSTED,
@@ -97,11 +98,8 @@ def upscaled_reference(
     weight, locks = weight * alike.square(), torch.cat([locks[:, :1] * alike, locks[:, 1:]], dim=1)
     old = remapped(before.toned, there)
 
-    shapes = torch.lerp(
-        ellipses(small.toned),
-        ellipses_before(before.toned, samples),
-        (sample(before.length, samples) / MATURE).clamp_max(1.0),
-    )
+    known = (sample(before.length, samples) / MATURE).clamp_max(1.0) * (1 - small.mirrored)
+    shapes = torch.lerp(ellipses(small.toned), ellipses_before(before.toned, samples), known)
     now = gathered(small.toned, remapped(before.toned, samples), shapes, at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     own, even = 1 - at.between(small.mirrored), torch.full_like(weight, mean_weight(at))
@@ -109,7 +107,8 @@ def upscaled_reference(
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True)) * own
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
     color = now.color + FOLLOWS * weight / (weight + TRUSTED) * (old - now.expected)
-    kept, moved, weight = clipped(old, now, gamma + LOCK_WIDENS * spared + stability * calm, weight, at)
+    extent = (gamma + LOCK_WIDENS * spared + stability * calm) * (1 - MIRRORS * (1 - own))
+    kept, moved, weight = clipped(old, now, extent, weight, at)
     moved = torch.where(weight > 0, moved.detach(), 0.0)
     most = torch.minimum(weight, (1 - react) * frames * mean_weight(at))
     kept = torch.lerp(kept, old, spared)

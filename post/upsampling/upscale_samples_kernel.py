@@ -27,12 +27,12 @@ SCRATCH = LIGHTS + FOUR * FOUR
 
 
 @scalar
-def samples_row(out, sums, scratch, old, length, size, light, motion, lens, y, first):
+def samples_row(out, sums, scratch, old, length, mirrored, size, light, motion, lens, y, first):
     """What the history shows where samples lie, how otherwise their neighbours move, and ellipses along edges.
 
     ``sums`` is room for two columns more than ``out`` has, ``scratch`` are taps and rows. ``old`` and ``length``
-    are flat, of ``size``.
-    ``light`` and ``motion``, pixels of the small picture, reach two and one pixels beyond the picture. Of ``lens`` see
+    are flat, of ``size``. ``mirrored`` is how far samples count alike, whatever their distance. ``light`` and
+    ``motion``, pixels of the small picture, reach two and one pixels beyond the picture. Of ``lens`` see
     `post.upsampling.upscale_op`.
     """
     (taps, rows), (height, width) = scratch, size
@@ -61,7 +61,7 @@ def samples_row(out, sums, scratch, old, length, size, light, motion, lens, y, f
             moved_row(reads[j], values, shares[0])
         moved_row(out[EXPECTED + k], reads, shares[1])
     between_row(reads[0], length, taps, shares, values)
-    _ellipse_row(out, sums, lights, reads[0])
+    _ellipse_row(out, sums, lights, reads[0], mirrored[y, first : first + out.shape[1]])
 
 
 @inlined
@@ -81,8 +81,8 @@ def _add_rows(sums, values, share):
 
 
 @scalar
-def _ellipse_row(out, sums, lights, length):
-    """Ellipses of this frame, replaced by those of the 4x4 pixels of the history as far as it has samples."""
+def _ellipse_row(out, sums, lights, length, mirrored):
+    """Ellipses of this frame, but of the 4x4 pixels of the history as far as that has samples, and shows no mirrors."""
     sums[:] = ZERO
     xx, xy, yy = sums[0], sums[1], sums[2]
     for k in range(3):
@@ -97,7 +97,7 @@ def _ellipse_row(out, sums, lights, length):
                 yy[x] += down * down
     first, second, third = out[ELLIPSE], out[ELLIPSE + 1], out[ELLIPSE + 2]
     for x in range(pixels(length.shape[0])):
-        share, (a, b, c) = min(length[x] / MATURE, ONE), _along(xx[x], xy[x], yy[x])
+        share, (a, b, c) = min(length[x] / MATURE, ONE) * (ONE - mirrored[x]), _along(xx[x], xy[x], yy[x])
         first[x] += (a - first[x]) * share
         second[x] += (b - second[x]) * share
         third[x] += (c - third[x]) * share
