@@ -122,5 +122,5 @@ def upscaled_cpu(
 
 
 @upscaled_cpu.register_fake
-def _(toned, luma, motion, planes, farthest, old, length, kept, *_):
+def _(toned, luma, motion, planes, depths, old, length, kept, *_):
     return torch.empty_like(old), torch.empty_like(old), torch.empty_like(length), torch.empty_like(kept)

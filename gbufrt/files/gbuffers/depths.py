@@ -15,7 +15,7 @@ from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
 
 WHOLE, HALF = 0.98, 0.5  # share of a pixel that a surface fills: from the one on all, below the other it is the sky's
-EDGE = 2  # pixels over which filters of renderers mix surface and sky
+EDGE = 2  # pixels over which filters of renderers mix surfaces, or surface and sky
 OFF = 0.05  # of the picture's width: how far from their pixels positions may lie
 
 

@@ -8,12 +8,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.files.gbuffers.depths import EDGE
 from gbufrt.files.gbuffers.named import Light, Named
 from gbufrt.files.gbuffers.sky import sky_lacks
 from gbufrt.luminance import luminance
 
 BLACK = 1e-3  # of albedo: no surface that scatters light is so dark
-EDGE = 2  # pixels over which filters of renderers mix surfaces
 AROUND = 4  # pixels over which the light of what is black is averaged
 
 

@@ -67,7 +67,8 @@ def upscale(
         reactive: ``(B, 1 or 3, h, w)`` in [0, 1]: how much less history each channel may hold, for what motion does
             not tell of, such as reflections and animated textures; 1 for none.
         mirrored: ``(B, 1, h, w)`` in [0, 1]: share of the light that smooth surfaces mirror. It changes over areas, and
-            samples there count alike for all pixels around, which else stood out as a grid; None for none.
+            samples there count alike for all pixels around, which else stood out as a grid, and histories are clipped
+            in boxes of down to half the sides; None for none.
         ratio: sides of the result over those of the frame, 1 to 4.
         frames: longest history.
         gamma: standard deviations to which the history is clipped, three times as many for one that is new and five
