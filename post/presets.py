@@ -181,7 +181,7 @@ def _light(quality: Quality, composite: Mode, metre: float) -> dict[str, Stage]:
         bounce_loss=1.0 if physical else 0.6,
     )
     reflection = SSR(
-        samples=quality.reflection_samples - quality.reflection_samples // 4,  # more gain nothing that shows
+        samples=quality.reflection_samples,
         steps=quality.reflection_steps,
         distance=None if physical else quality.reflection_distance * metre,
     )

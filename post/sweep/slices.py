@@ -5,16 +5,13 @@ Planes are ``(B, h, w)`` rather than stacked channels, so that elementwise code 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-
 import torch
 from torch import Tensor
 
-from gbufrt import Camera, Frame
+from gbufrt import Camera
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.noise.noise import GOLDEN
-from gbufrt.numeric import check_between, check_counts, check_numbers
+from gbufrt.numeric import check_counts, check_numbers
 from post.margin import reference as margin
 from post.sweep.constants import BIAS, FIRST, MIN_FACING
 from post.sweep.layout import Receivers, Receiving, Slice
@@ -57,21 +54,6 @@ def bands(at: Receivers) -> list[tuple[slice, Receivers]]:
     tall = next((rows for rows in range(most, most // 2, -1) if height % rows == 0), most)
     cuts = [slice(first, min(first + tall, height)) for first in range(0, height, tall)]
     return [(cut, Receivers(*(plane[:, cut] for plane in at[:-1]), aspect=at.aspect)) for cut in cuts]
-
-
-def by_slices(
-    frame: Frame, directions: int, fresh: int, sweep: Callable[..., tuple[Tensor, ...]], **given: Tensor
-) -> tuple[Tensor, ...]:
-    """What a ``sweep`` of ``directions`` finds in what is ``given``; ``fresh`` times as many for pictures with none
-    before them, which have no others to average with, and for no others of their batch."""
-    check_between(1, math.inf, fresh=fresh)
-    check_counts(fresh=fresh)
-    cut = None if frame.cut is None else frame.cut[:, None, None, None]
-    new = len(frame.gbuffer.depth) if frame.previous is None else 0 if cut is None else int(cut.sum())
-    if new in (0, len(frame.gbuffer.depth)) or fresh == 1 or cut is None:
-        return sweep(directions=directions * fresh if new else directions, **given)
-    few, many = (sweep(directions=count, **given) for count in (directions, directions * fresh))
-    return tuple(torch.where(cut.to(one.device), other, one) for one, other in zip(few, many, strict=True))
 
 
 def slice_noise(at: Receivers, noise: Tensor, which: int, directions: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -18,6 +18,7 @@ from gbufrt.noise.noise import blue_noise
 from gbufrt.numeric import check_between, check_counts
 from post.margin.op import scene
 from post.margin.view import PaddedView
+from post.passes.light.fresh import by_history, times
 from post.sweep import arcs, slices
 from post.sweep.arcs import Side
 from post.sweep.bitmask import bitmask_ao
@@ -238,5 +239,7 @@ class GTAO(Pass):
         tunables = {**self.tunables(), "thickness": solid}
         directions, fresh = tunables.pop("directions"), tunables.pop("fresh")
         sweep = partial(gtao, g.depth, g.normal, g.camera, hit=g.hit, index=frame.index, **tunables)
-        ao, bent_normal = slices.by_slices(frame, directions, fresh, sweep)
+        ao, bent_normal = by_history(
+            frame, lambda count: sweep(directions=count), first=times(directions, fresh), later=directions
+        )
         return frame.replace(ao=ao, bent_normal=bent_normal)

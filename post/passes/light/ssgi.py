@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -16,6 +17,7 @@ from gbufrt.noise.noise import blue_noise
 from gbufrt.numeric import check_counts, check_kind, check_numbers
 from post.filters.surfaces import surface
 from post.margin.op import scene
+from post.passes.light.fresh import by_history, times
 from post.shading.sent_light import all_bounces, nothing_before, sent_light, starts
 from post.sweep import slices
 from post.sweep.chords import known_thickness, thickness_from_depth
@@ -170,12 +172,16 @@ class SSGI(Pass):
         light = sent_light(_lit_from_above(frame), **once, bounces=self.bounces, bounce_loss=self.bounce_loss)
         albedo = frame.read("albedo") * (1.0 if g.metallic is None else 1 - g.metallic)
         one = partial(ssgi, g.depth, g.normal, g.camera, albedo=albedo, **sweep)
-        gather = partial(slices.by_slices, frame, self.directions, self.fresh, one)
-        gi, sky, _ = gather(light=light)
+        gather = partial(self._gathered, frame, one)
+        gi, sky, _ = gather(light)
         if self.bounces > 1 and starts(frame):
-            every = all_bounces(gi, lambda found: gather(light=light + self.bounce_loss * found)[0], self.bounces)
+            every = all_bounces(gi, lambda found: gather(light + self.bounce_loss * found)[0], self.bounces)
             gi = torch.where(nothing_before(frame), every, gi)
         return frame.replace(gi=gi, sky_visibility=sky * _open_above(frame))
+
+    def _gathered(self, frame: Frame, sweep: Callable[..., tuple[Tensor, ...]], light: Tensor) -> tuple[Tensor, ...]:
+        first = times(self.directions, self.fresh)
+        return by_history(frame, lambda n: sweep(directions=n, light=light), first=first, later=self.directions)
 
 
 def _open_above(frame: Frame) -> Tensor | float:

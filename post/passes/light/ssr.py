@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from types import MappingProxyType
 
 import torch
@@ -16,6 +17,7 @@ from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
+from post.passes.light.fresh import by_history
 from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0
 from post.shading.op import reflect
@@ -153,10 +155,12 @@ def _shifts(index: int | Tensor, samples: int, method: Method, noise: Tensor) ->
 class SSR(Pass):
     """See `ssr`; the light that surfaces send is `outgoing_light`.
 
+    Frames with one before them send half as many rays, as their histories average them with others.
+
     Args:
         assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``; by default
             estimated, see `post.thickness_from_depth`.
-        samples: see `ssr`, as the rest.
+        samples: see `ssr`, as the rest; those of a frame with none before it.
     """
 
     reads = frozenset({"depth", "hit", "normal", "roughness", "radiance"})
@@ -204,7 +208,9 @@ class SSR(Pass):
         known |= {"thickness": known_thickness(g, assumed_thickness=assumed), "index": frame.index}
         known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
         known |= {"metallic": g.metallic}
-        found = ssr(g.depth, g.normal, g.camera, outgoing_light(frame), roughness, **known, **tunables)
+        samples, light = tunables.pop("samples"), outgoing_light(frame)
+        given = partial(ssr, g.depth, g.normal, g.camera, light, roughness, **known, **tunables)
+        found = by_history(frame, lambda count: given(samples=count), first=samples, later=-(-samples // 2))
         reflection, confidence, distance = found
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
 

@@ -9,11 +9,13 @@ import pytest
 import torch
 
 from gbufrt import Pass
-from post import GTAO, SSGI
+from post import GTAO, SSGI, SSR
+
+STAGES = {"GTAO": GTAO(fresh=3), "SSGI": SSGI(fresh=3, directions=1, bounces=2), "SSR": SSR()}
 
 
-@pytest.mark.parametrize("stage", [GTAO(fresh=3), SSGI(fresh=3, directions=1, bounces=2)], ids=["GTAO", "SSGI"])
-def test_only_what_begins_takes_more_slices(stage: Pass) -> None:
+@pytest.mark.parametrize("stage", STAGES.values(), ids=STAGES.keys())
+def test_only_what_begins_takes_more_samples(stage: Pass) -> None:
     size, cut = (24, 32), torch.tensor([False, True, False])
     pair = boxes.frame(boxes.cameras(3, size))
     pair = pair.replace(gi=0.1 * pair.gbuffer.depth.expand(-1, 3, -1, -1))
