@@ -1,8 +1,8 @@
-"""Run the body of `post.shading.reflect_kernel` over pictures, on CPU threads."""
+"""Run the bodies of reflections over pictures, on CPU threads or on a GPU."""
 
 from __future__ import annotations
 
 from gbufrt.compute.each import Each
-from post.shading import reflect_kernel
+from post.shading import fireflies_kernel, reflect_kernel
 
-reflect_each = Each(reflect_kernel.reflect)
+reflect_each, calm_each = Each(reflect_kernel.reflect), Each(fireflies_kernel.calmed)

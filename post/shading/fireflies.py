@@ -6,13 +6,27 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.environment import environment_mean
 from gbufrt.luminance import luminance
 from gbufrt.specular import MIRROR_ROUGHNESS
+from post.shading.constants import BROAD, LIMIT, UNKNOWN
 
-BROAD = 0.2  # perceptual roughness from which bright samples are many, and filters average them
-LIMIT = 2.0  # times the brightest of the pixels around
-UNKNOWN = -1.0  # less than any light: around lie no other pixels of such lobes
+
+@operator("gbufrt::without_lone_fireflies")
+def calmed_cpu(reflection: Tensor, roughness: Tensor) -> Tensor:
+    """See `without_lone_fireflies`."""
+    from post.shading.drivers import calm_each
+
+    out = torch.empty_like(reflection, memory_format=torch.contiguous_format)
+    calm_each(roughness.numel(), out, reflection, roughness)
+    return out
+
+
+@calmed_cpu.register_fake
+def _(reflection, roughness):
+    return torch.empty_like(reflection, memory_format=torch.contiguous_format)
 
 
 def mean_light(light: Tensor, hit: Tensor, f0: Tensor, environment: Tensor | None, visibility: Tensor | None) -> Tensor:
@@ -37,7 +51,7 @@ def mean_light(light: Tensor, hit: Tensor, f0: Tensor, environment: Tensor | Non
     return (sent * hit).sum((1, 2, 3), keepdim=True) / hit.sum((1, 2, 3), keepdim=True).clamp_min(1)
 
 
-def without_lone_fireflies(reflection: Tensor, roughness: Tensor) -> Tensor:
+def without_lone_fireflies(reflection: Tensor, roughness: Tensor, *, compiled: bool | None = None) -> Tensor:
     """Scale down pixels that are far brighter than each of the eight around them, as far as these have such a lobe.
 
     The lobe of water or polished stone is narrow, and its tail wide and faint. A ray of the tail that finds a lamp
@@ -47,12 +61,15 @@ def without_lone_fireflies(reflection: Tensor, roughness: Tensor) -> Tensor:
     Args:
         reflection: ``(B, 3, H, W)`` linear radiance, not negative.
         roughness: ``(B, 1, H, W)`` perceptual, in [0, 1].
+        compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
         ``(B, 3, H, W)``.
 
     Source: Zhdan 2021 (rank filters against fireflies).
     """
+    if form_of(reflection, roughness, compiled=compiled, cuda=True) is not Form.REFERENCE:
+        return calmed_cpu(reflection, roughness.expand(len(reflection), -1, -1, -1))
     glossy = (roughness >= MIRROR_ROUGHNESS) & (roughness < BROAD)
     light = luminance(reflection)
     wide = F.pad(torch.where(glossy, light, UNKNOWN), (1, 1, 1, 1), value=UNKNOWN)

@@ -48,6 +48,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "planes_cell",
         "coarser_cell",
         "reflect",
+        "calmed",
         "through_air",
         "reconstruct_pixel",
         "prefilter_pixel",

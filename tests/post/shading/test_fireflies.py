@@ -6,7 +6,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from post.shading.fireflies import BROAD, LIMIT, without_lone_fireflies
+from post.shading.constants import BROAD, LIMIT
+from post.shading.fireflies import without_lone_fireflies
 
 
 def water(size: tuple[int, int] = (9, 9), roughness: float = 0.05) -> tuple[Tensor, Tensor]:
@@ -47,3 +48,14 @@ def test_a_surface_of_one_pixel_is_not_compared_with_others() -> None:
     assert torch.equal(without_lone_fireflies(light, roughness), light)
     single = torch.full((1, 3, 1, 1), 7.0)
     assert torch.equal(without_lone_fireflies(single, torch.full((1, 1, 1, 1), 0.05)), single)
+
+
+@pytest.mark.parametrize("size", [(48, 63), (1, 9), (9, 1), (1, 1)])
+def test_kernel_equals_reference(size: tuple[int, int]) -> None:
+    draw = torch.Generator().manual_seed(5)
+    light = torch.rand((2, 5, *size), generator=draw).pow(12) * 50
+    roughness = 0.3 * torch.rand((2, 1, *size), generator=draw)
+    for part in (light[:, :3], light[:, :3].contiguous()):
+        got, want = (without_lone_fireflies(part, roughness, compiled=form) for form in (True, False))
+        torch.testing.assert_close(got, want, rtol=1e-5, atol=0)
+    assert max(size) < 10 or 0.02 < float((got != light[:, :3]).any(1).float().mean()) < 0.5
