@@ -12,11 +12,12 @@ from collections import namedtuple
 
 import numpy as np
 
-from gbufrt.compute.each import pixels
+from gbufrt.compute.each import pixel_of, pixels
 from gbufrt.compute.kernel import inlined, scalar
 from post.history import constants
 
 ZERO, HALF, ONE, NEAREST = np.float32(0), np.float32(0.5), np.float32(1), np.float32(1e-9)
+SHORT = np.float32(1e-12)
 STILL, FARTHEST, ANY_WAY = (np.float32(x) for x in (constants.STILL, constants.FARTHEST, constants.ANY_WAY))
 
 Lens = namedtuple("Lens", "focal_x focal_y center_x center_y jitter_x jitter_y")
@@ -70,6 +71,28 @@ def expected_row(out, surface, motion, motion_z, lens, before, pose, parallel, y
         points_y[x] = (row - before.center_y) / before.focal_y * spread
         points_z[x] = z
         footprint[x] = ONE / before.focal_y if parallel else ONE / (before.focal_y / max(z, NEAREST))
+
+
+@scalar
+def image_motion(i, out, depth, distance, lenses, moves, parallel, was_parallel):
+    """One pixel of `post.history.virtual.virtual_motion`; ``moves``: from this view to the one before."""
+    height, width = depth.shape[2:]
+    b, y, x = pixel_of(i, height, width)
+    lens, before, move, z = lens_at(lenses[b, 0]), lens_at(lenses[b, 1]), moves[b], depth[b, 0, y, x]
+    column, row = np.float32(x) + HALF + lens.jitter_x, np.float32(y) + HALF + lens.jitter_y
+    spread, beyond = ONE if parallel else z, distance[b, 0, y, x]
+    across, down = (column - lens.center_x) / lens.focal_x * spread, (row - lens.center_y) / lens.focal_y * spread
+    if parallel:
+        z += beyond
+    else:
+        longer = ONE + beyond / max(math.sqrt(across * across + down * down + z * z), SHORT)
+        across, down, z = across * longer, down * longer, z * longer
+    there = move[2, 0] * across + move[2, 1] * down + move[2, 2] * z + move[2, 3]
+    spread = ONE if was_parallel else max(there, NEAREST)
+    there = move[0, 0] * across + move[0, 1] * down + move[0, 2] * z + move[0, 3]
+    out[b, 0, y, x] = there / spread * before.focal_x + before.center_x - column
+    there = move[1, 0] * across + move[1, 1] * down + move[1, 2] * z + move[1, 3]
+    out[b, 1, y, x] = there / spread * before.focal_y + before.center_y - row
 
 
 @inlined

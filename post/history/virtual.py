@@ -8,6 +8,8 @@ import torch
 from torch import Tensor
 
 from gbufrt import GBuffer
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.operators import operator
 from gbufrt.directions import length as norm
 from post.filters.around import pooled
 from post.history.read import SAME_PLANE, read_history
@@ -81,13 +83,54 @@ def _compared(distance: Tensor) -> Tensor:
     return pooled(image, torch.ones_like(image), AROUND) > 0
 
 
-def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor) -> Tensor:
-    """Motion of the virtual image, which lies as far behind the surface as the reflected hit lies in front of it."""
-    camera = gbuffer.camera
+@operator("gbufrt::image_motion")
+def image_motion_cpu(
+    depth: Tensor, distance: Tensor, lenses: Tensor, moves: Tensor, parallel: bool, was_parallel: bool
+) -> Tensor:
+    """See `virtual_motion`.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z, world units.
+        distance: as ``depth``, to the reflected hit.
+        lenses: ``(B, 2, 6)``: `Camera.lens` of this frame and the one before.
+        moves: ``(B, 4, 4)`` from this view to the one before.
+        parallel: whether the camera is orthographic.
+        was_parallel: whether the one before is.
+    """
+    from post.history.drivers import image_motion_each
+
+    out = depth.new_empty(len(depth), 2, *depth.shape[2:])
+    image_motion_each(depth.numel(), out, depth, distance, lenses, moves, parallel, was_parallel)
+    return out
+
+
+@image_motion_cpu.register_fake
+def _(depth, distance, lenses, moves, parallel, was_parallel):
+    return depth.new_empty(len(depth), 2, *depth.shape[2:])
+
+
+def virtual_motion(gbuffer: GBuffer, before: GBuffer, distance: Tensor, *, compiled: bool | None = None) -> Tensor:
+    """Motion of the virtual image, which lies as far behind the surface as the reflected hit lies in front of it.
+
+    Args:
+        gbuffer: of this frame.
+        before: of the frame before.
+        distance: ``(B, 1, H, W)`` world units to the reflected hit.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 2, H, W)`` pixels, previous minus current.
+    """
+    camera, was, depth = gbuffer.camera, before.camera, gbuffer.depth
+    poses = (camera.intrinsics, camera.world_from_view, was.intrinsics, was.world_from_view)
+    if form_of(depth, distance, *poses, compiled=compiled, cuda=True) is not Form.REFERENCE:
+        lenses = torch.stack([one.lens.expand(len(depth), -1) for one in (camera, was)], dim=1).to(depth)
+        moves = was.view_from_world.double() @ camera.world_from_view.double()
+        return image_motion_cpu(depth, distance, lenses, moves.to(depth), camera.orthographic, was.orthographic)
     points = gbuffer.points_view()
     points = points - camera.to_eye(points) * distance  # one name: each of these ends with the next
-    points = before.camera.to_view(camera.to_world(points))
-    return before.camera.project(points) - camera.pixel_centers(dtype=points.dtype)
+    points = was.to_view(camera.to_world(points))
+    return was.project(points) - camera.pixel_centers(dtype=points.dtype)
 
 
 def image_kept(gbuffer: GBuffer, before: GBuffer) -> Tensor:

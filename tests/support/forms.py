@@ -25,6 +25,7 @@ from post.filters.units import unit_vectors
 from post.history.changes import follow_changes
 from post.history.op import anti_alias, blended, taken_in
 from post.history.read import read_history
+from post.history.virtual import virtual_motion
 from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
@@ -33,6 +34,7 @@ from post.passes.lens.upscale import upscale
 from post.passes.light.ssgi import ssgi
 from post.passes.light.ssr import ssr
 from post.shading.composite_op import specular_albedo, sum_light
+from post.shading.fireflies import without_lone_fireflies
 from post.sweep.bitmask import bitmask_ao
 from post.sweep.op import bodies
 from post.upsampling.op import upsample
@@ -80,7 +82,8 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
 
 
 def of_pixels(frame: Frame) -> dict[str, Tensor]:
-    """Anti-aliased, tone-mapped and upsampled light, backs of bodies, and light of a frame before, read twice."""
+    """Anti-aliased, tone-mapped, upsampled and calmed light, backs of bodies, motion of images, and light of a frame
+    before, read twice."""
     g, light = frame.gbuffer, frame.read("radiance")
     before = boxes.frame(boxes.camera(SIZE, dx=0.35)).to(light.device).gbuffer
     geometry, moved = surface(g.depth, g.normal, g.hit, g.camera), light[:, :2] * 3 - 1
@@ -106,6 +109,8 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
         "smooth": smooth_stairs(light.clamp(0, 1), subpixel=0.75, edge_threshold=0.06, dark_threshold=0.02),
         "upsampled": upsample(light[..., 1::2, 1::2], geometry, offset=(1, 1)),
         "back": bodies(g.depth, g.hit, g.depth + 0.3),
+        "calmed": without_lone_fireflies(noise(light)[:, :3] ** 8, torch.full_like(g.depth, 0.1)),
+        "image's motion": virtual_motion(g, before, light[:, :1]),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
         "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
     }

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer
 from post import ASVGF
-from post.history.virtual import image_kept, misfit
+from post.history.virtual import image_kept, misfit, virtual_motion
 
 SIZE, FAR = (24, 32), 50.0
 TURN = 0.08  # radians
@@ -101,3 +101,15 @@ def test_what_is_cut_of_rare_bright_reflections_is_given_back():
             found, state = stage(frame.replace(specular=rare(g, 0.05, index) * frame.read("specular")), state)
             shares.append(float(found.read("specular")[g.hit.expand(-1, 3, -1, -1)].mean()))
     assert sum(shares[-6:]) / 6 > 0.95, "cuts take a third"
+
+
+@pytest.mark.parametrize("parallel", [(False, False), (True, True), (False, True)])
+def test_the_motion_of_images_by_the_kernel_equals_the_reference(parallel: tuple[bool, bool]):
+    now = boxes.frame(boxes.cameras(2, SIZE, orthographic=parallel[0])).gbuffer
+    now = now.replace(camera=now.camera.with_jitter((0.3, -0.4)))
+    was = now.replace(camera=boxes.cameras(2, SIZE, apart=0.9, orthographic=parallel[1]).with_jitter((-0.2, 0.1)))
+    distance = 8 * torch.rand(now.depth.shape, generator=torch.Generator().manual_seed(3))
+    got, want = (virtual_motion(now, was, distance, compiled=form) for form in (True, False))
+    torch.testing.assert_close(got, want, rtol=1e-4, atol=2e-4)
+    still = virtual_motion(now, was, 0 * distance, compiled=False)
+    assert all(parallel) or float((want - still).abs().mean()) > 0.01, "the distance counts"
