@@ -38,6 +38,7 @@ CONTRAST, FLOOR = 0.25, 0.05  # of a pixel's luminance, and besides: how far a t
 AROUND = 9  # pixels of the small picture along the square over which light is compared between frames
 AREA = 5  # pixels of the small picture: squares in which all light has to change
 SAME, OTHER = 0.3, 0.6  # relative change of that light up to which nothing has changed, and from which all has
+DARK = 0.01  # of that light: changes of what is darker count relative to this; 0.05 is shown as a mid-tone
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,10 +217,13 @@ def held(locks: Tensor, depth: Tensor, depth_before: Tensor, motion: Tensor) -> 
 
 
 def light_around(toned: Tensor) -> Tensor:
-    """``(B, 1, h, w)`` mean luminance about each pixel of the small picture, which jitter hardly changes."""
+    """``(B, 1, h, w)`` typical luminance about each pixel of the small picture, which jitter hardly changes.
+
+    The mean is that of square roots, as few bright pixels in the dark, which samples meet or miss, are no change.
+    """
     side = AROUND // 2
-    light = F.pad(luminance(toned).detach(), (side,) * 4, mode="replicate")
-    return F.avg_pool2d(F.avg_pool2d(light, (AROUND, 1), stride=1), (1, AROUND), stride=1)
+    light = F.pad(luminance(toned).detach().clamp_min(0.0).sqrt(), (side,) * 4, mode="replicate")
+    return F.avg_pool2d(F.avg_pool2d(light, (AROUND, 1), stride=1), (1, AROUND), stride=1).square()
 
 
 def same_light(now: Tensor, before: Tensor, motion: Tensor) -> Tensor:
@@ -235,5 +239,5 @@ def same_light(now: Tensor, before: Tensor, motion: Tensor) -> Tensor:
     """
     px = pixel_centers(now) + motion.detach()
     was = torch.where(inside(px, (now.shape[-2], now.shape[-1])), sample(before, px), now)
-    change = (now - was).abs() / torch.maximum(now, was).clamp_min(FLOOR)
+    change = (now - was).abs() / torch.maximum(now, was).clamp_min(DARK)
     return F.max_pool2d(((OTHER - change) / (OTHER - SAME)).clamp(0, 1), AREA, 1, AREA // 2)

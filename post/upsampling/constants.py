@@ -21,6 +21,7 @@ FOLLOWS = 0.5  # most of what a history changes between the pixel and the sample
 TRUSTED = 0.1  # weight of a history at which half of `FOLLOWS` is reached
 MATURE = 1.0  # weight of samples from which on a pixel has its history's window, and edges run as that shows them
 KNOWN = 0.6  # weight of samples from which on those of a frame count by their distance; below it more and more alike
+FEW = 2.0  # frames: where they weigh less, as at large ratios, that stands for `KNOWN`
 LEAVES = 0.5  # pixels a frame by which neighbours must move otherwise to show what they hid; one more shows all of it
 HID = 2.0  # factor on the share of the samples around that hid a pixel before, up to 1
 LOST_BETWEEN = 0.1  # share of a history's weight lost where it is read half way between pixels, since that blurs it

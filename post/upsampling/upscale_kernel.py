@@ -51,7 +51,7 @@ LEAST_WEIGHT, MATURE, KNOWN, DECAY = (
     np.float32(constants.KNOWN),
     np.float32(constants.DECAY),
 )
-MIRRORS = np.float32(constants.MIRRORS)
+MIRRORS, FEW = np.float32(constants.MIRRORS), np.float32(constants.FEW)
 NARROWEST, WIDER = np.float32(constants.NARROWEST), np.float32(constants.WIDEST - constants.NARROWEST)
 WIDEST_AT, DISTRUST = np.float32(constants.WIDEST_AT), np.float32(constants.DISTRUST)
 NEW_SHARE, STEADY, LOCK_WIDENS = (
@@ -194,9 +194,9 @@ def mix_row(kept, now, small, rows, numbers, new, light, length):
     """The new history: the old one, clipped to its box, with this frame in it; and the light that it shows."""
     (gamma, frames, stability, mean_weight), y, first, end = numbers, small.y, small.first, small.end
     most_length, weight, more, spared = frames * mean_weight, kept[WEIGHT], now[NOW_WEIGHT], kept[SPARED]
-    counts, even = rows[5], kept[EVEN]
+    counts, even, known = rows[5], kept[EVEN], min(KNOWN, FEW * mean_weight)
     for x in range(pixels(weight.shape[0])):
-        counts[x] = mean_weight + (more[x] - mean_weight) * min(weight[x] / KNOWN, ONE) * (ONE - even[x])
+        counts[x] = mean_weight + (more[x] - mean_weight) * min(weight[x] / known, ONE) * (ONE - even[x])
     _extent_row(rows[3], kept, gamma, stability, WIDEST_AT * mean_weight)
     _clip_row(rows, kept, now)
     for k in range(3):
@@ -211,7 +211,7 @@ def mix_row(kept, now, small, rows, numbers, new, light, length):
     red, green, blue, lengths = new[0, y, first:end], new[1, y, first:end], new[2, y, first:end], length[y, first:end]
     r, g, b = light[0, y, first:end], light[1, y, first:end], light[2, y, first:end]
     for x in range(pixels(weight.shape[0])):
-        lengths[x] = min(weight[x] + more[x], most_length)
+        lengths[x] = min(weight[x] + counts[x], most_length)
         level = ONE - min(max(luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
         r[x], g[x], b[x] = red[x] / level, green[x] / level, blue[x] / level
 

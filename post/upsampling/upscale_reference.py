@@ -16,6 +16,7 @@ from post.history.constants import BRIGHTEST
 from post.upsampling.accumulate import clipped, ellipses, ellipses_before, gathered, held, locked, mean_weight, shear
 from post.upsampling.constants import (
     FASTEST,
+    FEW,
     FOLLOWS,
     HID,
     KNOWN,
@@ -103,7 +104,7 @@ def upscaled_reference(
     now = gathered(small.toned, remapped(before.toned, samples), shapes, at, weight)
     react = at.between(small.reactive) if small.reactive.shape[1] else torch.zeros_like(weight)
     own, even = 1 - at.between(small.mirrored), torch.full_like(weight, mean_weight(at))
-    counts = torch.lerp(even, now.weight, (weight / KNOWN).clamp(0, 1) * own)
+    counts = torch.lerp(even, now.weight, (weight / min(KNOWN, FEW * mean_weight(at))).clamp(0, 1) * own)
     spared = lock * locks[:, :1] * (1 - react.amax(1, keepdim=True)) * own
     calm = (1 - drift.abs() / wobble.clamp_min(STEADY)).clamp(0, 1) * (wobble > STEADY)
     color = now.color + FOLLOWS * weight / (weight + TRUSTED) * (old - now.expected)
@@ -117,7 +118,7 @@ def upscaled_reference(
     result = torch.where(weight > 0, mixed, now.color)
     drift, wobble = torch.lerp(drift, moved, NEW_SHARE), torch.lerp(wobble, moved.abs(), NEW_SHARE)
     locks = locked(locks, small.features, at, now.weight, depth, motion)
-    length = (weight + now.weight).clamp_max(frames * mean_weight(at))
+    length = (weight + counts).clamp_max(frames * mean_weight(at))
     return light_of(result), Large(result, length, torch.cat([drift, wobble, locks], dim=1))
 
 
@@ -161,7 +162,7 @@ def begun(toned: Tensor, features: Tensor, depth: Tensor, at: Samples, size: tup
     motion, depth = none.expand(-1, 2, -1, -1), at.nearest(depth.detach().to(toned))
     now = gathered(toned, toned, ellipses(toned), at, none)
     locks = locked(torch.cat([none, depth, motion], dim=1), features, at, now.weight, depth, motion)
-    length = now.weight.clamp_max(frames * mean_weight(at))
+    length = torch.full_like(none, min(frames, 1.0) * mean_weight(at))
     return Large(now.color, length, torch.cat([none, none, locks], dim=1))
 
 

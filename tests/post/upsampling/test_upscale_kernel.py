@@ -68,7 +68,7 @@ def test_forms_agree(monkeypatch: pytest.MonkeyPatch, case: str) -> None:
     assert_close(got, want)
     length, planes = want[2], want[3]
     if case == "moving":
-        assert float(length.amin()) < 0.1 < 0.5 < float(length.median()), "some pixels have no history"
+        assert float(length.amin()) < 0.24 < 0.5 < float(length.median()), "some pixels hold this frame alone"
         assert float(planes[:, 2].amax()) > 0.5, "something is locked"
         assert float(planes[:, 1].amax()) > 0.01, "something is clipped"
 

@@ -14,6 +14,7 @@ from gbufrt.luminance import luminance
 from gbufrt.noise.noise import halton_jitter
 from post import upscale
 from post.passes.lens.upscale import DIM, toned_again
+from post.upsampling.accumulate import light_around, same_light
 
 
 def jittered(index: int) -> Frame:
@@ -65,6 +66,27 @@ def test_noisy_light_that_goes_out_leaves_less_behind(monkeypatch: pytest.Monkey
     now = left()
     monkeypatch.setattr("post.passes.lens.upscale.same_light", lambda now, before, motion: torch.ones_like(now))
     assert 0 < now < 0.75 * left()
+
+
+def test_light_that_comes_on_leaves_no_dark_edges():
+    """Clipping holds a history to a box that is wide at edges, so that there the dark would stay for many frames."""
+    state, last = None, jittered(16)
+    for index in range(16):
+        frame = jittered(index)
+        _, state = upscale(torch.zeros_like(frame.read("radiance")), frame.gbuffer, state)
+    lit = 0.03 * last.read("albedo")
+    lit[..., : lit.shape[-1] // 2] *= 20  # exposure follows this half
+    shown, anew = upscale(lit, last.gbuffer, state)[0], upscale(lit, last.gbuffer)[0]
+    assert float((shown / anew)[:, :, 8:, 45:].min()) > 0.99
+
+
+def test_few_bright_pixels_that_samples_miss_are_no_change():
+    dark, still = torch.full((1, 3, 24, 32), 0.01), torch.zeros(1, 2, 24, 32)
+    met = dark.clone()
+    met[..., 12, 16] = 0.9
+    for now, before in ((dark, met), (met, dark)):
+        assert bool((same_light(light_around(now), light_around(before), still) == 1).all())
+    assert not bool(same_light(light_around(3 * dark), light_around(dark), still).any())
 
 
 def test_a_history_without_its_brightness_is_refused():

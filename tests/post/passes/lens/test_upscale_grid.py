@@ -28,12 +28,10 @@ def mirror(index: int) -> Frame:
     return still.replace(gbuffer=smooth, color=light, reflection=light)
 
 
-def grid(color: Tensor) -> float:
-    """How far the means over every second pixel, across and down, differ in squares of 12 pixels."""
-    tone = (color / (1 + color)).mean(1)
-    squares = tone.unfold(1, 12, 12).unfold(2, 12, 12)
-    phases = [squares[..., j::2, i::2].mean((-1, -2)) for j in (0, 1) for i in (0, 1)]
-    return float(torch.stack(phases).std(0).mean())
+def dots(color: Tensor) -> float:
+    """How far pixels differ from the mean of the 3x3 around."""
+    around = F.avg_pool2d(F.pad(color, (1, 1, 1, 1), mode="replicate"), 3, stride=1)
+    return float((color - around).square().mean().sqrt())
 
 
 def last(stage: Upscale, frames: list[Frame]) -> Tensor:
@@ -48,7 +46,15 @@ def test_what_mirrors_show_changes_all_pixels_alike():
     frames = [mirror(index) for index in range(12)]
     rough = [frame.replace(reflection=None) for frame in frames]
     stage = Upscale(reactivity=0.0)
-    assert grid(last(stage, frames)) < 0.75 * grid(last(stage, rough))
+    assert dots(last(stage, frames)) < 0.75 * dots(last(stage, rough))
+
+
+def test_first_frames_count_alike_where_their_light_differs():
+    """As it does until a denoiser has seen some. Pixels that a sample lies near to would else keep the light of its
+    frame, and their neighbours take that of the next: 0.21 at the second frame, 0.18 at the third."""
+    frames = [mirror(index).replace(reflection=None) for index in range(3)]
+    for count, most in ((2, 0.12), (3, 0.14)):
+        assert dots(last(Upscale(reactivity=0.0), frames[:count])) < most
 
 
 def test_only_smooth_surfaces_mirror():
