@@ -7,7 +7,7 @@ another object, or in a crease. Bodies are taken for boxes. The picture gives th
 - to a hidden side, square to the front, at the silhouette: a ray slanted toward it leaves the body there;
 - to the back of a body of which only the front is visible: it is about as deep as it is wide.
 
-The smallest over rows and columns counts. A body that rounds off is no box: see `post.sweep.rims`.
+The smallest over rows and columns counts. A body that rounds off is no box: see `post.sweep.thickness`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from gbufrt.camera import Camera
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 from gbufrt.numeric import check_between
-from post.sweep.rims import End, round_chord
+from post.sweep.thickness import End, round_chord
 
 # Fitted to ray-traced AO in six views of the built-in world at 240x135, by the radius and scales of samples/fit_ao.py,
 # and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, and at most 0.0007
@@ -71,7 +71,7 @@ class Lengths(NamedTuple):
     """Along the view ray, from the runs along one axis. All ``(B, 1, H, W)``, world units."""
 
     round: Tensor
-    """To the back of a body that rounds off, see `post.sweep.rims`; inf where none does."""
+    """To the back of a body that rounds off, see `post.sweep.thickness`; inf where none does."""
 
     back: Tensor
     """To the back of a body that ends on screen; inf where it does not."""
