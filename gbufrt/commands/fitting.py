@@ -25,6 +25,7 @@ AOVS = {"albedo": "Base Color", "roughness": "Roughness", "metallic": "Metallic"
 """What Blender's files call channels that it has no passes of."""
 SEEN = 0.01  # of the height of what is seen at the median depth: a smaller radius of ``ao`` leaves next to nothing
 BLURRED = 0.01  # of the picture's height: a median radius of depth of field that is no longer a lens's of a camera
+MIRRORING = 0.01  # share of the surfaces that are black through and through, from which it is told
 SHORT = {"dof": "depth_of_field"}
 
 
@@ -61,10 +62,7 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
     left_out = set(LIT) - set(names) if finished else set()
     if not finished and not names and frame.gbuffer.roughness is None:
         left_out.add("reflection")
-        warnings.warn(
-            "the files hold no roughness, so that reflections are left out; --passes reflection,ao,gi,... guesses it",
-            stacklevel=2,
-        )
+        warnings.warn(f"the files hold no roughness, so that reflections are left out{_black(frame)}", stacklevel=2)
     if names:
         always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
         left_out |= set(stages) - set(names) - always
@@ -80,6 +78,19 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
     if denoised:
         first["denoise"] = Denoise(signal=light)
     return Pipeline(given={"color"} if finished else (), **first, **kept)  # pyright: ignore[reportArgumentType]
+
+
+def _black(frame: Frame) -> str:
+    """What to do about reflections that are left out: surfaces with neither light nor albedo are mirrors or glass."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    dark = g.hit if g.albedo is None else g.hit & (g.albedo.amax(1, keepdim=True) <= 0)
+    share = float((dark & (light.amax(1, keepdim=True) <= 0)).sum() / g.hit.sum().clamp_min(1))
+    if g.albedo is None or share < MIRRORING:
+        return "; --passes reflection,ao,gi,... guesses it"
+    return (
+        f", and {share:.0%} of the surfaces, which have neither light nor albedo as mirrors and glass, stay black: "
+        "give roughness, metallic and albedo, or the finished picture in place of the direct light"
+    )
 
 
 def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:

@@ -10,7 +10,8 @@ import torch
 from command_line import fake_me1
 
 from gbufrt import Camera, Frame, GBuffer
-from gbufrt.commands.fitting import hint_of_units
+from gbufrt.commands.fitting import hint_of_units, pipeline_for
+from gbufrt.commands.recipe import Recipe
 from gbufrt.commands.session import Runner, bare, own
 from gbufrt.files.exr import write_exr
 from gbufrt.noise.noise import blue_noise
@@ -94,3 +95,16 @@ def test_a_table_top_that_the_lens_would_blur_is_told_from_a_room() -> None:
     assert room == ["", "", ""]
     small = me1("high").with_tunables({"depth_of_field.aperture_radius": 0.04})
     assert hint_of_units(frame, small) == "", "a lens that was chosen"
+
+
+def test_mirrors_that_stay_black_without_reflections_are_told() -> None:
+    """As Mitsuba gives a conductor: no albedo, and no direct light but of lamps that it happens to show."""
+    mirror = torch.arange(SHAPE[1]) < 5
+    light = torch.where(mirror, 0.0, 0.5).expand(1, 3, *SHAPE)
+    frame = wall(5.0).replace(radiance=light)
+    g = frame.gbuffer
+    with pytest.warns(UserWarning, match=r"left out, and 16% of the surfaces, which have neither light nor albedo"):
+        pipeline_for(frame.replace(gbuffer=g.replace(albedo=light)), Recipe(), ())
+    for albedo in (None, torch.full_like(light, 0.5)):  # shadows are black too
+        with pytest.warns(UserWarning, match=r"are left out; --passes reflection,ao,gi,\.\.\. guesses it"):
+            pipeline_for(frame.replace(gbuffer=g.replace(albedo=albedo)), Recipe(), ())
