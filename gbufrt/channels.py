@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -71,7 +72,7 @@ def check_tensor(
         ValueError: wrong shape or device.
     """
     if not isinstance(tensor, Tensor):
-        raise TypeError(f"{name} must be a torch.Tensor, got {type(tensor).__name__}")
+        raise TypeError(f"{name} must be a torch.Tensor, got {_told_kind(tensor)}")
     expected = f"({batch},{row.components},{size[0]},{size[1]})" if row.full_size else f"({batch},{row.components},h,w)"
     shape = tuple(tensor.shape)
     fits = len(shape) == 4 and shape[:2] == (batch, row.components) and _fits(shape[2:], size, row)
@@ -96,7 +97,7 @@ def check_extra(extra: Any, tables: tuple[Collection[str], ...]) -> None:
         if not isinstance(name, str):
             raise TypeError(f"extra signals are named by text, got {name!r}")
         if not isinstance(tensor, Tensor):
-            raise TypeError(f"extra signal {name!r} must be a torch.Tensor, got {type(tensor).__name__}")
+            raise TypeError(f"extra signal {name!r} must be a torch.Tensor, got {_told_kind(tensor)}")
         if any(name in known for known in tables):
             raise ValueError(f"extra signal {name!r} has the name of a known channel; set that one instead")
 
@@ -122,7 +123,7 @@ def check_picture(name: str, picture: Any, meaning: str, components: int | None 
         ValueError: wrong shape.
     """
     if not isinstance(picture, Tensor):
-        raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
+        raise TypeError(f"{name} must be a torch.Tensor, got {_told_kind(picture)}")
     shape, row = tuple(picture.shape), Channel(components or 3, meaning)
     if len(shape) != 4 or shape[1] != (components or max(shape[1], 1)):
         wanted = f"(B,{components or 'C'},H,W)"
@@ -145,7 +146,7 @@ def check_like(name: str, picture: Any, first: str, like: Tensor, components: tu
         ValueError: wrong shape or device.
     """
     if not isinstance(picture, Tensor):
-        raise TypeError(f"{name} must be a torch.Tensor, got {type(picture).__name__}")
+        raise TypeError(f"{name} must be a torch.Tensor, got {_told_kind(picture)}")
     (batch, _, *size), shape = like.shape, tuple(picture.shape)
     if len(shape) != 4 or shape[1] not in components or [shape[0], *shape[2:]] != [batch, *size]:
         wanted = _shape_text((batch, components[0], *size))
@@ -175,9 +176,13 @@ def check_one_kind(**pictures: Any) -> None:
 def _check_numbers(name: str, tensor: Tensor, kind: Kind) -> None:
     if tensor.dtype not in NUMBERS[kind]:
         bytes_ = kind == "float" and tensor.dtype == torch.uint8
-        remedy = ".float() / 255, if it is a picture of bytes" if bytes_ else ".to()"
+        remedy = ".float() / 255, if it is a picture of bytes" if bytes_ else f".{kind}()"
         wanted = " or ".join(map(_kind_text, NUMBERS[kind] if kind == "float" else NUMBERS[kind][:1]))
         raise TypeError(f"{name} must be {wanted}, got {_kind_text(tensor.dtype)}; convert it with {remedy}")
+
+
+def _told_kind(value: Any) -> str:
+    return "ndarray; use torch.from_numpy(x)" if isinstance(value, np.ndarray) else type(value).__name__
 
 
 def _kind_text(kind: torch.dtype) -> str:
@@ -202,6 +207,12 @@ def _shape_hint(shape: tuple[int, ...], row: Channel) -> str:
         return "; add the batch dimension: x[None]"
     if len(shape) == 2 and row.components == 1:
         return "; add batch and channel dimensions: x[None, None]"
+    if len(shape) == 4 and shape[1] == 4 and row.components == 3:
+        return "; leave alpha out: x[:, :3]"
+    if len(shape) == 4 and shape[1] == 1 and row.components == 3:
+        return "; make three of one: x.expand(-1, 3, -1, -1)"
+    if len(shape) == 4 and shape[1] == 3 and row.components == 1:
+        return "; take one of three alike: x[:, :1]"
     return ""
 
 

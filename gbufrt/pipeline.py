@@ -21,7 +21,7 @@ from gbufrt.gbuffer import CHANNELS
 from gbufrt.history import PipelineState, let_go, size_text
 from gbufrt.mending import remember, remembering
 from gbufrt.names import several
-from gbufrt.numeric import check_counts
+from gbufrt.numeric import check_counts, check_flags
 from gbufrt.passes import Branch, Stage, Stages, TemporalPass
 from gbufrt.reduction import Place, Reduction
 from gbufrt.specimen import specimen
@@ -83,6 +83,7 @@ class Pipeline(Branch):
     ) -> tuple[Frame, PipelineState]:
         """`forward`; each stage contains non-finite pixels itself."""
         check_frame(frame)
+        check_flags(keep_graph=keep_graph)
         if not isinstance(state, PipelineState | None):
             raise TypeError(f"state must be None or what the pipeline returned with it, got {type(state).__name__}")
         check_inputs(self.reads, self.passes(), frame)
@@ -167,8 +168,7 @@ class Pipeline(Branch):
         they are loaded in a moment. Stderr says what is compiled. To reach every kernel, the pipeline runs over a frame
         twice, without a history and with one; nothing of that is kept.
 
-        `torch.compile` is not used: of what has a kernel it gained nothing, for a minute of compilation and a third of
-        one for every further size.
+        `torch.compile` is not used: it gained nothing for a minute of compilation, and more for every further size.
 
         Args:
             frame: one like those to come, of any size; by default a small one with all that the tracer gives.

@@ -98,7 +98,8 @@ def matrix_of(name: str, rows: Any, side: int) -> Tensor:
         raise TypeError(f"{name} must be rows of numbers, got {rows!r}") from None
     matrix = matrix[None] if matrix.ndim == 2 else matrix
     if matrix.ndim != 3 or matrix.shape[1:] != (side, side) or not len(matrix):
-        raise ValueError(f"{name} must be ({side},{side}) or (B,{side},{side}), got {told_shape(matrix)}")
+        more = f"; its first three rows and columns: {name}[..., :3, :3]" if matrix.shape[1:] == (4, 4) else ""
+        raise ValueError(f"{name} must be ({side},{side}) or (B,{side},{side}), got {told_shape(matrix)}{more}")
     return matrix
 
 

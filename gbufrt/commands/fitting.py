@@ -13,6 +13,8 @@ from gbufrt.gbuffer import CHANNELS
 from gbufrt.names import unknown
 from gbufrt.pipeline import Pipeline
 from post import Composite, Denoise, EstimateMissing
+from post.lens.thin_lens import autofocus, circle_of_confusion
+from post.presets import APERTURE_RADIUS
 
 LIT = ("ao", "gi", "reflection", "behind", "composite")
 """Stages that make light of direct light; a finished picture holds it already."""
@@ -22,6 +24,8 @@ GUESSED = ("roughness", "metallic")
 AOVS = {"albedo": "Base Color", "roughness": "Roughness", "metallic": "Metallic"}
 """What Blender's files call channels that it has no passes of."""
 SEEN = 0.01  # of the height of what is seen at the median depth: a smaller radius of ``ao`` leaves next to nothing
+BLURRED = 0.01  # of the picture's height: a median radius of depth of field that is no longer a lens's of a camera
+MIRRORING = 0.01  # share of the surfaces that are black through and through, from which it is told
 SHORT = {"dof": "depth_of_field"}
 
 
@@ -58,10 +62,7 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
     left_out = set(LIT) - set(names) if finished else set()
     if not finished and not names and frame.gbuffer.roughness is None:
         left_out.add("reflection")
-        warnings.warn(
-            "the files hold no roughness, so that reflections are left out; --passes reflection,ao,gi,... guesses it",
-            stacklevel=2,
-        )
+        warnings.warn(f"the files hold no roughness, so that reflections are left out{_black(frame)}", stacklevel=2)
     if names:
         always = {"denoise", "missing", *DISPLAY, *(() if finished else ("composite",))}
         left_out |= set(stages) - set(names) - always
@@ -79,6 +80,19 @@ def pipeline_for(frame: Frame, recipe: Recipe, wanted: Iterable[str]) -> Pipelin
     return Pipeline(given={"color"} if finished else (), **first, **kept)  # pyright: ignore[reportArgumentType]
 
 
+def _black(frame: Frame) -> str:
+    """What to do about reflections that are left out: surfaces with neither light nor albedo are mirrors or glass."""
+    g, light = frame.gbuffer, frame.read("radiance")
+    dark = g.hit if g.albedo is None else g.hit & (g.albedo.amax(1, keepdim=True) <= 0)
+    share = float((dark & (light.amax(1, keepdim=True) <= 0)).sum() / g.hit.sum().clamp_min(1))
+    if g.albedo is None or share < MIRRORING:
+        return "; --passes reflection,ao,gi,... guesses it"
+    return (
+        f", and {share:.0%} of the surfaces, which have neither light nor albedo as mirrors and glass, stay black: "
+        "give roughness, metallic and albedo, or the finished picture in place of the direct light"
+    )
+
+
 def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:
     """Whether light is denoised though nobody asked for it; says so, or that it should be."""
     noise = noisy(frame)
@@ -92,19 +106,36 @@ def _denoised_unasked(frame: Frame, names: Sequence[str]) -> bool:
 
 
 def hint_of_units(frame: Frame, pipeline: Pipeline) -> str:
-    """What to say where ``ao`` reaches so little of the picture that world units are hardly metres; else nothing."""
+    """What to say where ``ao`` reaches so little of the picture, or the lens blurs so much of it, that world units are
+    hardly metres; else nothing."""
     g = frame.gbuffer
-    radius = pipeline.all_tunables().get("ao.estimate.radius")
-    if radius is None or not bool(g.hit.any()):
+    if not bool(g.hit.any()):
         return ""
-    depth = float(g.depth[g.hit].median())
+    tunables, depth = pipeline.all_tunables(), float(g.depth[g.hit].median())
+    radius, aperture = (tunables.get(path) for path in ("ao.estimate.radius", "depth_of_field.aperture_radius"))
     seen = g.camera.size[0] / float(g.camera.lens[0, 1]) * (1.0 if g.camera.orthographic else depth)
-    if radius >= SEEN * seen:
+    if radius is not None and radius < SEEN * seen:
+        return (
+            f"the median depth is {depth:.4g} units, of which ambient occlusion looks {radius:g} far, as if they were "
+            "metres: --units-per-metre 100 if they are centimetres"
+        )
+    ours = aperture == APERTURE_RADIUS
+    blur = _blur(frame, tunables["depth_of_field.focus_distance"], APERTURE_RADIUS) if ours else 0.0
+    if blur < BLURRED * g.camera.height:
         return ""
     return (
-        f"the median depth is {depth:.4g} units, of which ambient occlusion looks {radius:g} far, as if they were "
-        "metres: --units-per-metre 100 if they are centimetres"
+        f"depth of field blurs half of the picture by {blur:.2g} pixels or more, as a lens of "
+        f"{200 * APERTURE_RADIUS:g} cm does at a depth of {depth:.2g} m: --without depth_of_field, or --set "
+        f"depth_of_field.aperture_radius={APERTURE_RADIUS * BLURRED * g.camera.height / blur / 2:.1g}, in world units"
     )
+
+
+def _blur(frame: Frame, focus: float | None, aperture: float) -> float:
+    """The median radius in pixels by which a lens blurs surfaces."""
+    g = frame.gbuffer
+    at = autofocus(g.depth, g.camera, hit=g.hit) if focus is None else focus
+    radius = circle_of_confusion(g.depth, g.camera, focus_distance=at, aperture_radius=aperture, hit=g.hit)
+    return float(radius[g.hit].abs().median())
 
 
 def remedies(*, sky: str) -> dict[str, str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
@@ -74,7 +73,7 @@ def post(
 
     from gbufrt.commands.fitting import remedies
     from gbufrt.commands.progress import progress
-    from gbufrt.commands.session import Runner, check_only, encode, open_device, precision_of, save
+    from gbufrt.commands.session import Runner, check_only, encode, open_device, own, precision_of, save
     from gbufrt.commands.trial import check_overlays, tried
     from gbufrt.demands.inputs import told_with
     from gbufrt.files.precision import as_stored
@@ -129,15 +128,6 @@ def post(
             save(out, name, result, notes=told, debug=options.debug, files=keeps)
     print(f"wrote {len(paths)} frame{'s' if len(paths) > 1 else ''} to {out}")
     encode(written, [out / f"{name}.png" for name in names], rate_of(notes[paths[0]]))
-
-
-def own(paths: list[Path]) -> Iterator[Frame]:
-    """The frames of files that `gbufrt render` wrote, as they were before the passes."""
-    from gbufrt.commands.session import bare
-    from gbufrt.files.exr import read_exr
-
-    for path in paths:
-        yield bare(read_exr(path))
 
 
 def one_size(paths: list[Path]) -> tuple[int, int]:

@@ -46,6 +46,7 @@ class Pace:
             self._counted += 1
         self._kinds.add(kind)
         self._last, self._compiled, self.done = now, self.compiled, self.done + 1
+        self.steps = max(self.steps, self.done)  # gaps in a sequence add some
 
     @property
     def left(self) -> timedelta | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from gbufrt.commands.arguments.options import FileOptions
 from gbufrt.commands.arguments.values import check_device, parse_names
 from gbufrt.commands.progress import Tick
 from gbufrt.files.color_maps import to_srgb
-from gbufrt.files.exr import best_picture, write_exr
+from gbufrt.files.exr import best_picture, read_exr, write_exr
 from gbufrt.files.png import to_pil, write_png
 from gbufrt.files.precision import Precision
 from gbufrt.files.views import debug_names, debug_view, layers_sheet, sheet_of
@@ -91,6 +92,17 @@ def bare(frame: Frame) -> Frame:
         behind=None if frame.behind is None else bare(frame.behind),
         **{name: frame.get(name) for name in LIGHT},  # pyright: ignore[reportArgumentType]
     )
+
+
+def own(paths: Iterable[Path]) -> Iterator[Frame]:
+    """The frames of files that `gbufrt render` wrote, as they were before the passes; says where one is missing."""
+    expected = None
+    for path in paths:
+        frame = bare(read_exr(path))
+        if expected is not None and int(frame.index) > expected:
+            print(f"gbufrt: no frame {expected} before {path}: histories begin anew after a gap", file=sys.stderr)
+        expected = int(frame.index) + 1
+        yield frame
 
 
 def precision_of(files: FileOptions, notes: Mapping[str, Any] | None = None) -> Precision:

@@ -42,7 +42,9 @@ def check_inputs(reads: Collection[str], stages: Iterable[tuple[str, Reader]], f
     lacking = {name for name in reads if frame.get(name) is None}
     for path, stage in stages if lacking else ():
         for name in sorted(lacking & stage.reads):
-            raise ValueError(lacks(f"{path} ({type(stage).__name__})", name))
+            told, first = name in _remedies.get(), path.partition(".")[0]
+            leave = "" if told else f', or leave the stage out: pipeline.without("{first}")'
+            raise ValueError(lacks(f"{path} ({type(stage).__name__})", name) + leave)
 
 
 def check_inputs_of(stage: Reader, frame: Frame) -> None:

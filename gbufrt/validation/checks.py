@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from torch import Tensor
 
 from gbufrt.camera.matrices import check_matrices
+from gbufrt.tree import map_tensors, without_graph
 from gbufrt.validation.geometry import Geometry, check_depth, check_normal, check_planar
 from gbufrt.validation.ids import check_ids
 from gbufrt.validation.motion import check_motion, check_movers, check_previous
@@ -22,6 +23,7 @@ LIGHTS = (
 
 def validate_gbuffer(g: Geometry, before: Geometry | None = None, prefix: str = "") -> None:
     """See `gbufrt.GBuffer.validate`; ``prefix`` goes before the names of channels in messages."""
+    g, before = map_tensors(without_graph, (g, before))  # checks read numbers
     for camera in (g.camera, g.previous_camera):
         if camera is not None:
             check_matrices(camera.intrinsics, camera.world_from_view, camera.jitter)

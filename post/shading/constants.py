@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 BORDER = 0.005  # of the picture's height: hits nearer to its border than this fade out
-HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden one, as a guess of the hidden one's
+HIDDEN_SHARE = 0.5  # share of the radiance of the surface next to a hidden side, as a guess of the side's
+CONTINUED_SHARE = 1.0  # likewise of a surface that goes on behind what hides it: a mirror shows where it would end
 FIREFLY = 16.0  # times the frame's mean luminance, over roughness: limit of one sample
 GUESSED = 4.0  # times that mean: limit of a hidden side, since lamps seldom continue behind their occluders
 OPEN = 0.9  # visibility of the sky that counts as all of it: what is missing there is noise, or the picture's border

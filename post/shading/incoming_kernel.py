@@ -16,7 +16,8 @@ from post.shading import constants
 from post.shading.lobe_kernel import dot, scaled
 
 ZERO, HALF, ONE, TWO, THREE = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
-HIDDEN_SHARE, ROW_SLOPE = np.float32(constants.HIDDEN_SHARE), np.float32(constants.ROW_SLOPE)
+HIDDEN_SHARE, CONTINUED_SHARE = np.float32(constants.HIDDEN_SHARE), np.float32(constants.CONTINUED_SHARE)
+ROW_SLOPE = np.float32(constants.ROW_SLOPE)
 OPEN, SOFTEST, SOFTNESS = np.float32(constants.OPEN), np.float32(1e-3), np.float32(0.3)
 CLOSED, POLE = np.float32(20), np.float32(1e-12)
 
@@ -112,11 +113,17 @@ def border_fade(lit, end, border):
     return min(max(min(min(end.x, width - end.x), min(end.y, height - end.y)) / border, ZERO), ONE)
 
 
+@inlined
+def hidden_share(end):
+    """See `post.shading.reference`."""
+    return HIDDEN_SHARE if end.agreement > ZERO else CONTINUED_SHARE
+
+
 @scalar
 def incoming(lit, hit, sky, around, end, confidence, x, y, bent, has_bent, world, away):
     """The radiance that a ray brings: light from the screen as far as it is trusted, else what lies beyond."""
     if end.status == BLOCKED:
-        return scaled(read(lit, end.x, end.y), HIDDEN_SHARE)
+        return scaled(read(lit, end.x, end.y), hidden_share(end))
     guess = ZERO, ZERO, ZERO
     if confidence < ONE:
         row, column = min(max(np.int64(end.y), 0), lit.shape[0] - 1), min(max(np.int64(end.x), 0), lit.shape[1] - 1)

@@ -13,7 +13,17 @@ from gbufrt.luminance import luminance
 from gbufrt.sampling import gather, pixel_centers, sample
 from post.march.attached import attach_hits
 from post.march.rays import Hierarchy, Hits, march_rays, off_edge
-from post.shading.constants import BORDER, FIREFLY, GLOSSY, GUESSED, HIDDEN_SHARE, NEXT, OPEN, ROW_SLOPE
+from post.shading.constants import (
+    BORDER,
+    CONTINUED_SHARE,
+    FIREFLY,
+    GLOSSY,
+    GUESSED,
+    HIDDEN_SHARE,
+    NEXT,
+    OPEN,
+    ROW_SLOPE,
+)
 from post.shading.fireflies import mean_light
 from post.shading.ggx import grazing
 from post.shading.lobes import (
@@ -132,7 +142,7 @@ def _followed(
             break
         column, row = hits.px[:, 0].floor(), hits.px[:, 1].floor()
         other, f0 = gather(facing, column, row), gather(g.f0, column, row)
-        seen, metal = confidence + HIDDEN_SHARE * hits.blocked, gather(g.metallic, column, row)
+        seen, metal = confidence + _hidden_share(hits) * hits.blocked, gather(g.metallic, column, row)
         cosine = -dot(way, other)
         edge, goes = grazing(cosine.abs()), seen * metal > 0
         way = torch.where(cosine > 0, unit(way + 2 * cosine * other), other)
@@ -227,8 +237,13 @@ def off_horizon(world: Tensor) -> Tensor:
 def _incoming(light: Tensor, hits: Hits, confidence: Tensor, guess: Tensor) -> Tensor:
     """Radiance of each ray: light from the screen as far as it is trusted, else a guess."""
     visible = sample(light, hits.px)
-    guess = torch.where(hits.blocked, HIDDEN_SHARE * visible, guess)
+    guess = torch.where(hits.blocked, _hidden_share(hits) * visible, guess)
     return guess + (visible - guess) * confidence
+
+
+def _hidden_share(hits: Hits) -> Tensor:
+    """Share of the light next to hidden geometry that it is taken to send: all, where the same surface goes on."""
+    return torch.where(hits.agreement > 0, HIDDEN_SHARE, CONTINUED_SHARE)
 
 
 def _firefly_factor(incoming: Tensor, limit: Tensor, roughness: Tensor, guessed: Tensor) -> Tensor:

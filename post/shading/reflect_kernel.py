@@ -14,13 +14,13 @@ from gbufrt.specular import MIRROR_ROUGHNESS
 from post.march.constants import BLOCKED, HIT, LEFT
 from post.march.kernel import Ending, off_edge, trace
 from post.shading import constants
-from post.shading.incoming_kernel import beyond, border_fade, incoming, open_share
+from post.shading.incoming_kernel import beyond, border_fade, hidden_share, incoming, open_share
 from post.shading.lobe_kernel import dot, grazing, mirror, reflected, scaled, unit
 
 ZERO, HALF, ONE, TWO, STEEP = np.float32(0), np.float32(0.5), np.float32(1), np.float32(2), np.float32(10)
 SMOOTH, SMOOTHEST, DARK = np.float32(MIRROR_ROUGHNESS), np.float32(1e-3), np.float32(1e-9)
 FIREFLY, GUESSED = np.float32(constants.FIREFLY), np.float32(constants.GUESSED)
-HIDDEN_SHARE, RED, GREEN, BLUE = np.float32(constants.HIDDEN_SHARE), *(np.float32(share) for share in REC709)
+RED, GREEN, BLUE = (np.float32(share) for share in REC709)
 GLOSSY, NEXT = np.float32(constants.GLOSSY), np.float32(constants.NEXT)
 FULL_SHARE, FILTERED = np.float32(constants.FULL_SHARE), np.float32(constants.FILTERED)
 
@@ -140,7 +140,7 @@ def reflect(
             light = _more(light, carried, sent)
             if bounce == 0:
                 first, sure = end, confidence
-            likely = HIDDEN_SHARE if end.status == BLOCKED else confidence
+            likely = hidden_share(end) if end.status == BLOCKED else confidence
             if metallic.shape[0] == 0 or not likely > ZERO:
                 break
             row, column = min(max(np.int64(end.y), 0), height - 1), min(max(np.int64(end.x), 0), width - 1)

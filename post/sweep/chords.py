@@ -7,7 +7,7 @@ another object, or in a crease. Bodies are taken for boxes. The picture gives th
 - to a hidden side, square to the front, at the silhouette: a ray slanted toward it leaves the body there;
 - to the back of a body of which only the front is visible: it is about as deep as it is wide.
 
-The smallest over rows and columns counts.
+The smallest over rows and columns counts. A body that rounds off is no box: see `post.sweep.thickness`.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from gbufrt.camera import Camera
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.directions import length
 from gbufrt.numeric import check_between
+from post.sweep.thickness import End, round_chord
 
 # Fitted to ray-traced AO in six views of the built-in world at 240x135, by the radius and scales of samples/fit_ao.py,
 # and to the AO and GI of the Cornell box. The mean RMSE of the views is flat about them: 0.0626, and at most 0.0007
@@ -66,19 +67,11 @@ class Contacts(NamedTuple):
     """Near, and of two different objects."""
 
 
-class End(NamedTuple):
-    """One end of each pixel's run. All of one height and width."""
-
-    point: Tensor
-    """``(B, 3, H, W)``, of the run's last pixel in that direction."""
-    opened: Tensor
-    """``(B, 1, H, W)`` bool: the pixel past it is farther away or belongs to another object, without a crease."""
-    crease: Tensor
-    """``(B, 1, H, W)`` bool: there is a crease between it and the pixel past it."""
-
-
 class Lengths(NamedTuple):
     """Along the view ray, from the runs along one axis. All ``(B, 1, H, W)``, world units."""
+
+    round: Tensor
+    """To the back of a body that rounds off, see `post.sweep.thickness`; inf where none does."""
 
     back: Tensor
     """To the back of a body that ends on screen; inf where it does not."""
@@ -132,10 +125,13 @@ def thickness_from_depth(
         hit=hit,
         object_id=torch.zeros_like(hit, dtype=torch.int32) if object_id is None else object_id,
     )
-    row, column = _lengths(picture, 0), _lengths(picture.turned(), 1).turned()
+    flat = camera.orthographic
+    row, column = _lengths(picture, 0, flat), _lengths(picture.turned(), 1, flat).turned()
     back = FULLNESS * torch.minimum(row.back, column.back)
     back = torch.where(torch.isfinite(back), back, WIDER * torch.minimum(row.least, column.least))
     solid = torch.minimum(back, FULLNESS * torch.minimum(row.side, column.side))
+    ball = torch.minimum(row.round, column.round)
+    solid = torch.where(torch.isfinite(ball), FULLNESS * ball, solid)
     return torch.where(hit, solid.clamp_max(camera.far), 0.0)
 
 
@@ -158,11 +154,12 @@ def known_thickness(gbuffer: GBuffer, **assumed: float | None) -> Tensor | float
     return thickness_from_depth(g.depth, g.normal, g.camera, hit=g.hit, object_id=g.object_id)
 
 
-def _lengths(picture: Picture, axis: int) -> Lengths:
+def _lengths(picture: Picture, axis: int, orthographic: bool) -> Lengths:
     """Lengths from the runs along the last dimension, along which ``axis`` of space grows."""
     contacts = _contacts(picture)
     joined = contacts.near & ~contacts.border
-    ends = _ends(picture, contacts, *_runs(joined & ~contacts.crease))
+    runs = _runs(joined & ~contacts.crease)
+    ends = _ends(picture, contacts, *runs)
     # A crease can end a body but does not prove that there is one: rooms and stairs have creases on both sides.
     ended = (ends[0].opened & (ends[1].opened | ends[1].crease)) | (ends[1].opened & ends[0].crease)
     back = torch.where(ended, length(ends[1].point - ends[0].point) + picture.pixel, torch.inf)
@@ -177,7 +174,8 @@ def _lengths(picture: Picture, axis: int) -> Lengths:
         leaves = (beside.clamp_min(0.0) + picture.pixel / 2) / (way * slant).clamp_min(GRAZING)
         side = torch.where(end.opened & (way * slant > GRAZING), torch.minimum(side, leaves), side)
     shown = torch.where(reach > SIDE * picture.pixel, reach / facing.clamp_min(GRAZING), torch.inf)
-    return Lengths(torch.minimum(back, shown), side, _span(picture, *_runs(joined)))
+    chord = round_chord(picture.point, picture.normal, facing, ends, runs, orthographic)
+    return Lengths(chord, torch.minimum(back, shown), side, _span(picture, *_runs(joined)))
 
 
 def _contacts(picture: Picture) -> Contacts:

@@ -48,6 +48,14 @@ KIND: Any = GTAO
         (lambda: write_exr("a.exr", G), r"frame must be a gbufrt\.Frame, got GBuffer"),
         (lambda: tracer.load(3), "name_or_path must be a name or a path, got int"),  # pyright: ignore
         (lambda: LOW.settle(FRAME, 2.5), "runs must be a whole number, got 2.5"),
+        (lambda: LOW(FRAME, keep_graph=WORD), "keep_graph must be True or False, got 'x'"),
+        (lambda: next(LOW.stream([FRAME], keep_graph=NUMBER)), "keep_graph must be True or False, got 3"),
+        (lambda: G.replace(depth=G.depth.numpy()), r"depth must be .*, got ndarray; use torch\.from_numpy\(x\)"),
+        (
+            lambda: G.replace(depth=G.depth.half()),
+            r"depth must be float32 or float64, got float16; convert it with \.float\(\)",
+        ),
+        (lambda: G.replace(hit=G.hit.byte()), r"hit must be bool, got uint8; convert it with \.bool\(\)"),
         (lambda: LOW.settle(G), r"frame must be a gbufrt\.Frame, got GBuffer"),
         (lambda: list(LOW.stream(FRAME)), r"frames must be frames in order, got a Frame; stream\(\[frame\]\)"),
         (lambda: list(LOW.stream(NONE)), "frames must be frames in order, got a NoneType"),
@@ -80,6 +88,10 @@ def test_the_wrong_kind_is_named(
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (
+            lambda: Camera.from_intrinsics(torch.eye(4), POSE, size=SIZE),
+            r"intrinsics must be .*, got \(1,4,4\); its first three rows and columns: intrinsics\[\.\.\., :3, :3\]",
+        ),
         (lambda: Camera.look_at(**AHEAD, orthographic_height=-1.0), "orthographic_height must be positive"),
         (lambda: CAMERA.with_jitter((1, 2, 3)), r"jitter must be \(2,\) or \(1,2\) in pixels, got \(3\)"),
         (lambda: CAMERA.unproject(G.depth[..., :4]), r"depth must be \(B,1,72,96\) like its camera, got \(1,1,72,4\)"),

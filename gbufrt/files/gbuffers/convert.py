@@ -37,7 +37,7 @@ def planar(distance: Tensor, profile: Profile, camera: Camera) -> Tensor:
 
 
 def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor, Tensor]:
-    """``(B, 3, H, W)`` unit normals in our world, and where the file holds one."""
+    """``(B, 3, H, W)`` unit normals in our world; ``(B, 1, H, W)`` their length in the file, 0 where it holds none."""
     encoded = profile.normal_encoded
     if encoded == "auto":
         encoded = _units(2 * raw - 1) > _units(raw)
@@ -48,7 +48,7 @@ def world_normals(raw: Tensor, profile: Profile, camera: Camera) -> tuple[Tensor
         unit = camera.rotate_to_world(unit * unit.new_tensor(VIEWS[profile.normal_space]).view(1, 3, 1, 1))
     else:
         unit = our_axes(unit, profile)
-    return unit, (size > UNIT) & size.isfinite()
+    return unit, torch.where((size > UNIT) & size.isfinite(), size, 0.0)
 
 
 def our_axes(vectors: Tensor, profile: Profile) -> Tensor:

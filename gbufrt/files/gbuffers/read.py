@@ -24,7 +24,7 @@ from gbufrt.files.gbuffers.profile import Profile, load_profile
 from gbufrt.files.gbuffers.sequence import shot_parts
 from gbufrt.files.gbuffers.settle import settled
 from gbufrt.files.gbuffers.sky import COUNTED
-from gbufrt.files.gbuffers.surfaces import hit_of
+from gbufrt.files.gbuffers.surfaces import hit_of, unmixed
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 from gbufrt.numeric import check_counts, check_numbers
@@ -223,8 +223,9 @@ def _normal(named: Named, view: Camera, depth: Tensor, hit: Tensor, *, posed: bo
             warnings.warn(
                 f"{named.layers.path}: normals reach {most:g}; write them from -1 to 1, or 0 to 1", stacklevel=5
             )
-        given, there = world_normals(raw, named.profile, view)
-        normal = torch.where(there, given, normal)
+        given, long = world_normals(raw, named.profile, view)
+        there = long > 0
+        normal = torch.where(there, unmixed(given, long, depth, hit, view), normal)
         away = hit & ((normal * eye).sum(1, keepdim=True) < 0)
         if int(away.sum()) < MOST_AWAY * int(hit.sum()):
             normal = torch.where(away, -normal, normal)

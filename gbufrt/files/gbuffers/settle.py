@@ -81,8 +81,8 @@ def _cosines(profile: Profile, raw: Tensor, normal: Tensor, camera: Camera) -> T
     """``(N,)`` how parallel normals are to those of the depth, whatever side they face; a 0 where there are none."""
     depth, hit = _depth(profile, raw, camera)
     like = camera.normals_from_depth(torch.where(hit, depth, camera.far))
-    read, there = world_normals(normal, profile, camera)
-    both = hit & there
+    read, size = world_normals(normal, profile, camera)
+    both = hit & (size > 0)
     return (read * like).sum(1, keepdim=True).abs()[both] if bool(both.any()) else raw.new_zeros(1)
 
 

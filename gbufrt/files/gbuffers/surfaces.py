@@ -1,12 +1,14 @@
-"""Which pixels of a file's depth show a surface, and which the sky."""
+"""Which pixels of a file's depth show a surface and which the sky, and normals of those that show two surfaces."""
 
 from __future__ import annotations
 
 import math
 
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
+from gbufrt.camera import Camera
 from gbufrt.files.gbuffers.convert import FARTHEST, distances
 from gbufrt.files.gbuffers.profile import Profile
 from gbufrt.files.precision import MOST_HALF
@@ -19,6 +21,8 @@ MANY = 0.02  # share of the surfaces' pixels that may not be lost to the sky of 
 MOST_NOISE = 1e-6  # of the largest depths: negative ones below it are what lossy compression leaves of 0
 NOISE = 4.0  # how many times larger than the negative ones positive leavings may be
 ENOUGH = 1 << 20  # pixels that quantiles are taken of
+MIXED = 0.9  # of the usual length of a file's normals: the mean of two that are 50 degrees apart
+AROUND = [(i // 3, i % 3) for i in range(9) if i != 4]
 
 
 def hit_of(raw: Tensor, profile: Profile) -> Tensor:
@@ -30,6 +34,39 @@ def hit_of(raw: Tensor, profile: Profile) -> Tensor:
     if profile.depth_kind in SHARES and not profile.reversed:
         hit = hit & (raw < 1)
     return hit
+
+
+def unmixed(normal: Tensor, size: Tensor, depth: Tensor, hit: Tensor, camera: Camera) -> Tensor:
+    """Normals, where the file has the mean of two surfaces' that of the neighbour in whose plane the pixel lies.
+
+    Renderers average normals over a pixel, but not depth. Such a mean is shorter than 1, and the plane that it makes
+    of a pixel at an edge stands in the way of reflected rays.
+
+    Args:
+        normal: ``(1, 3, H, W)`` world space, unit length.
+        size: ``(1, 1, H, W)`` length of the file's normals; 0 where it holds none.
+        depth: ``(1, 1, H, W)`` planar view z, world units.
+        hit: ``(1, 1, H, W)`` bool.
+        camera: of the picture.
+
+    Returns:
+        ``(1, 3, H, W)`` as ``normal``.
+    """
+    there = hit & (size > 0)
+    mixed = there & (size < MIXED * _quantile(size[there], 0.5)) if bool(there.any()) else there
+    if not bool(mixed.any()):
+        return normal
+    point = camera.unproject(depth)
+    planes = torch.cat([camera.rotate_to_view(normal), point, (there & ~mixed).to(depth), normal], dim=1)
+    (height, width), around = camera.size, F.pad(planes, (1, 1, 1, 1))
+    best, nearest = normal, torch.full_like(depth, torch.inf)
+    for down, right in AROUND:
+        beside = around[..., down : down + height, right : right + width]
+        facing, other, sure, found = beside.split((3, 3, 1, 3), dim=1)
+        off = ((point - other) * facing).sum(1, keepdim=True).abs()
+        closer = mixed & (sure > 0) & (off < nearest)
+        nearest, best = torch.where(closer, off, nearest), torch.where(closer, found, best)
+    return best
 
 
 def _sky_of(raw: Tensor, profile: Profile) -> float:

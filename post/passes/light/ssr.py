@@ -59,10 +59,10 @@ def ssr(
     visibility: that of the surface it was last in front of, or that of the cone around ``bent_normal`` that
     ``visibility`` leaves open. So windows reflect the sky, and interiors do not fill with it. The rest of what it
     brings, and the environment where there is none, is guessed from what the picture shows in other directions: see
-    `post.shading.surroundings.look_around`. A ray that ends at a surface hidden from the camera brings some of the
-    light of the surface next to it, at confidence 0. A ray that hits a metal goes on as from a smooth mirror, and after
-    its last bounce brings what lies beyond the picture. Lone bright pixels of narrow lobes are limited: see
-    `post.shading.fireflies.without_lone_fireflies`.
+    `post.shading.surroundings.look_around`. A ray that ends at geometry hidden from the camera brings the light of the
+    surface that goes on there, or some of that next to a side, at confidence 0. A ray that hits a metal goes on as from
+    a smooth mirror, and after its last bounce brings what lies beyond the picture. Lone bright pixels of narrow lobes
+    are limited: see `post.shading.fireflies.without_lone_fireflies`.
 
     Differentiable in all tensors but ``thickness``: rays turn with ``normal`` and ``roughness``, and what they hit
     moves with ``depth`` and ``normal`` of both ends. Which pixel a ray hits, and whether it hits, is held fixed.

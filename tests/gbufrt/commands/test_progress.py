@@ -47,6 +47,8 @@ def test_nothing_is_told_before_the_second_step_and_at_the_end():
         assert pace.left is None
         pace.step("passes of frame 0")
     assert pace.left is None
+    pace.step("passes of frame 2")  # a history that begins anew there runs more often than was known
+    assert (pace.done, pace.steps, pace.left) == (3, 3, None)
 
 
 def test_a_log_names_compilation_and_tells_no_time_that_compilation_makes(

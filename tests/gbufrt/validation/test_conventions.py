@@ -34,6 +34,13 @@ def test_broken_conventions_are_named(moving, name, change, message):
         moving.replace(**{name: change(getattr(moving, name))}).validate()
 
 
+@pytest.mark.filterwarnings("error")
+def test_tensors_of_an_optimisation_are_checked_without_a_word_of_torch(moving: GBuffer) -> None:
+    floats = [name for name in moving.present if getattr(moving, name).is_floating_point()]
+    leaves = {name: getattr(moving, name).clone().requires_grad_() for name in floats}
+    Frame(gbuffer=moving.replace(**leaves), radiance=leaves["albedo"]).validate()
+
+
 def ogl(gbuffer):
     """The buffer with the matrix of a camera that looks along -z."""
     camera = gbuffer.camera

@@ -85,3 +85,18 @@ def test_what_fills_its_pixel_before_a_sky_of_0_stays_near(tmp_path: Path) -> No
         write(tmp_path / "a.exr", {"dd.T": depth, "nn.XYZ": normal}), tmp_path / "own.toml", camera=CAMERA
     ).gbuffer
     assert (g.depth[..., 19] == 2).all()
+
+
+def test_normals_averaged_over_an_edge_are_those_of_the_surface_that_depth_is_of(tmp_path: Path) -> None:
+    """Beside the edge between floor and wall, and along their silhouettes, where the sky leaves half of a normal."""
+    normal = T["normal"].astype(np.float32)
+    around = [np.roll(normal, shift, axis=axis) for axis in (0, 1) for shift in (-1, 1)]
+    other = np.stack([(normal != side).any(-1) for side in around]).any(0) & T["hit"]
+    assert other.sum() > 50
+    normal[other] = np.mean([normal, *around], axis=0)[other]
+    short = np.linalg.norm(normal, axis=-1) < 0.9
+    file = write(tmp_path / "a.exr", {"depth.Z": np.where(SKY, 0, T["planar"]), "normal.XYZ": normal})
+    found = read_gbuffer(file, camera=CAMERA).gbuffer.normal[0].permute(1, 2, 0).numpy()
+    cosine = (found * T["normal"]).sum(-1)[other & short]
+    assert cosine.size > 200
+    assert (cosine > 0.999).mean() > 0.98  # not where three surfaces meet

@@ -11,6 +11,7 @@ from torch import Tensor
 
 import tracer
 from gbufrt import Camera, Frame, Pass
+from gbufrt.sampling import gather
 from gbufrt.tree import map_tensors
 from post.passes.light.march_gi import MarchGI
 from post.passes.light.ssr import SSR, ssr
@@ -158,3 +159,17 @@ def test_wrong_arguments():
         SSR(samples=0)(frame)
     with pytest.raises(ValueError, match="bounces"):
         SSR(bounces=0)(frame)
+
+
+def test_a_mirror_shows_all_the_light_of_a_wall_that_goes_on_behind_a_beam() -> None:
+    """Its part behind the beam is on screen nowhere; half the light there would draw the shape of the beam."""
+    floor, wall = [[-40.0, -1.0, -9.0], [40.0, 0.0, 40.0]], [[-40.0, 0.0, -10.0], [40.0, 8.0, -9.0]]
+    room = torch.tensor([floor, wall, [[-1.4, 2.0, -0.3], [1.4, 2.8, 0.3]]])
+    frame = shiny(Camera.look_at((0, 2, 7), (0, 1, 0), size=(90, 120), fov_y=50.0), scene=room)
+    truth = mirrors.intersect(frame.gbuffer.camera, *mirrors.reflected(frame), scene=room)
+    column, row = truth.px.floor().unbind(1)
+    over = gather(frame.read("material_id"), column, row) == 3
+    hidden = (frame.read("material_id") == 1) & truth.hit & (truth.box == 1) & ~truth.visible & over
+    assert int(hidden.sum()) > 20
+    found = SSR(samples=1, bounces=1)(frame).read("reflection").movedim(1, 0)[:, hidden[:, 0]]
+    assert float(((found - boxes.ALBEDO[1][:, None]).abs() < 0.02).float().mean()) > 0.9
