@@ -51,7 +51,9 @@ class Quality:
     Slices, and the taps on each of their sides, are ours: ME1 sweeps 4, 6, 8 or 12 directions for AO and sends 4, 8,
     12 or 16 rays for GI. With a history few are enough, but of one alone bent normals lie in its plane: their error is
     half again as large as of two. A frame without a history takes `FRESH` times as many. With 24 taps for 36 the light
-    in the gaps is a twentieth darker. One ray a pixel for reflections errs by a seventh more than three.
+    in the gaps is a twentieth darker. Reflections send half of their rays after the first frame, see `post.SSR`: over
+    the village, 4 after 8 have noise of 0.085 of the light in the first frame of a flight and 0.055 in the eighth, 6 in
+    all frames 0.10 and 0.038, for a sixth more time of the branch.
     """
 
     strides: Mapping[str, int]
