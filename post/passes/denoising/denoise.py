@@ -23,7 +23,7 @@ from post.history.reproject import history_for
 from post.mirrors.glossy import contrasting, frames_lasting, glossy_metals
 from post.mirrors.image import METAL, tight_metals
 from post.passes.denoising.atrous import atrous
-from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
+from post.passes.denoising.shown import in_mirrors, light_of_lamps, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
 from post.passes.denoising.turning import frames_lit
 
@@ -53,12 +53,12 @@ def denoise(
 ) -> tuple[Tensor, History]:
     """Turn light with one sample a pixel into a clean picture.
 
-    Emission is set aside and reflectance, that of dielectric surfaces included, divided out; the rest is accumulated
-    over time with a sharp history, filtered by wavelets that fit planes to it as its variance requires, averaged with
-    neighbours that keep less noise, and recombined. Pixels next to alone on their surface lean on like surfaces around;
-    bodies thinner than a pixel, which show another side each frame, keep a short history of what lies as deep.
-    Highlights do not take the texture of what they lie on, so pixels that owe unlike shares of their reflectance to a
-    highlight are not averaged.
+    Emission, or where it is not told what lamps seem to send, is set aside and reflectance, that of dielectric
+    surfaces included, divided out; the rest is accumulated over time with a sharp history, filtered by wavelets that
+    fit planes to it as its variance requires, averaged with neighbours that keep less noise, and recombined. Pixels
+    next to alone on their surface lean on like surfaces around; bodies thinner than a pixel, which show another side
+    each frame, keep a short history of what lies as deep. Highlights do not take the texture of what they lie on, so
+    pixels that owe unlike shares of their reflectance to a highlight are not averaged.
     Where a surface transmits, what lies ``behind`` is the guide: it gives edges and albedo, and history follows it or
     the reflected image, whichever agrees better. In smooth metals, and in water and polished surfaces that reflect most
     of their light, the guide is what they reflect, as far as it is on screen.
@@ -101,6 +101,8 @@ def denoise(
         gbuffer, surfaces, before, reflected if specular else None, faced, tight
     )
     emission = torch.minimum(emission.to(light), light)
+    if gbuffer.emission is None:
+        emission = emission + light_of_lamps(light - emission, divisor, shown.hit)
     noisy = (light - emission) / divisor
     longest = None if before is None else frames_lasting(gbuffer, before, tight)
     if history is not None and history.gbuffer is not None:
