@@ -211,7 +211,7 @@ def mix_row(kept, now, small, rows, numbers, new, light, length):
     red, green, blue, lengths = new[0, y, first:end], new[1, y, first:end], new[2, y, first:end], length[y, first:end]
     r, g, b = light[0, y, first:end], light[1, y, first:end], light[2, y, first:end]
     for x in range(pixels(weight.shape[0])):
-        lengths[x] = min(weight[x] + counts[x], most_length)
+        lengths[x] = min(weight[x] + more[x], most_length)
         level = ONE - min(max(luminance(red[x], green[x], blue[x]), ZERO), BRIGHTEST)
         r[x], g[x], b[x] = red[x] / level, green[x] / level, blue[x] / level
 

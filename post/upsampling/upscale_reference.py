@@ -118,7 +118,7 @@ def upscaled_reference(
     result = torch.where(weight > 0, mixed, now.color)
     drift, wobble = torch.lerp(drift, moved, NEW_SHARE), torch.lerp(wobble, moved.abs(), NEW_SHARE)
     locks = locked(locks, small.features, at, now.weight, depth, motion)
-    length = (weight + counts).clamp_max(frames * mean_weight(at))
+    length = (weight + now.weight).clamp_max(frames * mean_weight(at))
     return light_of(result), Large(result, length, torch.cat([drift, wobble, locks], dim=1))
 
 
