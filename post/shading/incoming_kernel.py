@@ -1,6 +1,6 @@
 """What a reflected ray brings: the picture's light where it ended, or the sky, as scalar bodies.
 
-Names and steps are those of the torch reference in `post.shading.reference`, which is the definition.
+Names and steps are those of the torch reference in `post.shading.incoming`, which is the definition.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def _corners(picture, place):
 
 @inlined
 def _off_horizon(world):
-    """See `post.shading.reference.off_horizon`."""
+    """See `post.shading.incoming.off_horizon`."""
     least = ROW_SLOPE * math.sqrt(max(world[0] * world[0] + world[2] * world[2], POLE))
     return world[0], max(world[1], least) if world[1] > ZERO else min(world[1], -least), world[2]
 
@@ -115,7 +115,7 @@ def border_fade(lit, end, border):
 
 @inlined
 def hidden_share(end):
-    """See `post.shading.reference`."""
+    """See `post.shading.incoming.hidden_share`."""
     return HIDDEN_SHARE if end.agreement > ZERO else CONTINUED_SHARE
 
 

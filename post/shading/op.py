@@ -11,7 +11,8 @@ from gbufrt.compute.operators import operator
 from gbufrt.compute.resident import resident
 from post.march.rays import Hierarchy, check_reach, lens_of
 from post.shading.fireflies import mean_light
-from post.shading.reference import Method, Picture, border_width, reflect_reference
+from post.shading.incoming import Picture, border_width
+from post.shading.reference import Method, reflect_reference
 
 OPEN = (0.0, 0.0, 0.0, 1.0)  # nothing but the sky lies around
 

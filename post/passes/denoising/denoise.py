@@ -23,7 +23,8 @@ from post.history.reproject import history_for
 from post.mirrors.glossy import contrasting, frames_lasting, glossy_metals
 from post.mirrors.image import METAL, tight_metals
 from post.passes.denoising.atrous import atrous
-from post.passes.denoising.shown import in_mirrors, light_of_lamps, reflectance_of, visible_layer
+from post.passes.denoising.lamps import light_of_lamps
+from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
 from post.passes.denoising.turning import frames_lit
 

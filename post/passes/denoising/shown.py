@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from functools import reduce
 from typing import NamedTuple
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
-from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
-from post.filters.around import pooled
-from post.filters.edges import padded, windows
 from post.filters.signals import MIN_ALBEDO
 from post.mirrors.image import METAL, SMOOTH, mirror_image
 from post.shading.composite_op import specular_albedo
 
 CLEAR = 0.05  # transmittance above which a pixel is taken to show what lies behind the surface
 MOST = 2.0  # times as much light by reflection as otherwise, for equal light all around, makes a mirror
-GLARING = 8.0  # times the median light: as much is a lamp's if it is even
-EVEN = 0.02  # relative difference of a lamp's pixels
-HOLE, CLEAN = 6, 7  # pixels around a dark one that, if they are alike, make it the noise of a penumbra; and the side of
-# the square in which a lamp has no such noise
-RIM = 0.25  # of a lamp's light: the least of a pixel that it covers in part
-SPARSE = 4  # pixels of which one counts for the median, both ways
-BESIDE = 15  # pixels: squares over which surfaces beside a lamp are averaged
 GEOMETRY = ("depth", "normal", "normal_geo", "motion", "motion_z", "object_id")
 
 
@@ -121,44 +109,6 @@ def in_mirrors(
         None if shown.glossy is None else torch.where(image.mask, 0.0, shown.glossy),
         image.facing,
     )
-
-
-def light_of_lamps(light: Tensor, divisor: Tensor, hit: Tensor) -> Tensor:
-    """``(B, 3, H, W)``: a guess of emission, for frames that do not tell it; 0 where there is none.
-
-    The lens sees lamps without noise, so that neighbours on them send the same light, and far more than most surfaces;
-    what the sun lights is as even, but for dots in penumbras. Not told apart, a lamp in a ceiling shines into the light
-    of the ceiling around it. Lamps smaller than 3x3 pixels are not found. What a lamp reflects besides is taken to be
-    like that around it.
-
-    Args:
-        light: ``(B, 3, H, W)`` linear radiance.
-        divisor: as ``light``, its albedo.
-        hit: ``(B, 1, H, W)`` bool.
-    """
-    level = luminance(light.detach())
-    some = torch.where(hit, level, torch.nan)[..., ::SPARSE, ::SPARSE]
-    bright = hit & (level > GLARING * some.flatten(1).nanmedian(1).values.nan_to_num()[:, None, None, None])
-    lit = torch.where(bright, level, 0.0)
-    most = (1 - EVEN) * _highest(lit, 3)
-    core = bright & (most <= -_highest(-lit, 3))
-    if not (waits(core) or bool(core.any())):
-        return torch.zeros_like(light)
-    beside = [(other > most).to(level) for other in windows(padded(lit, 1), 1)]
-    holes = (lit < most) & (reduce(torch.add, beside) >= HOLE)
-    core = _highest(torch.where(core & (_highest(holes.to(level), CLEAN) == 0), level, 0.0), 5)
-    lamp = bright & (core > 0) & (level > RIM * core)
-    others = (hit & ~lamp).to(light)
-    plain, every = light / divisor, others.sum((2, 3), keepdim=True).clamp_min(1)
-    near = pooled(others, torch.ones_like(others), BESIDE) > 0
-    around = torch.where(near, pooled(plain, others, BESIDE), (plain * others).sum((2, 3), keepdim=True) / every)
-    return torch.where(lamp, (light - divisor * around).clamp_min(0.0), 0.0)
-
-
-def _highest(value: Tensor, size: int) -> Tensor:
-    """The highest value of the square of ``size`` pixels around each, within the picture."""
-    across = F.max_pool2d(value, (1, size), 1, (0, size // 2))
-    return F.max_pool2d(across, (size, 1), 1, (size // 2, 0))
 
 
 def _polished(g: GBuffer, shown: Shown, reflected: Tensor) -> Tensor | None:

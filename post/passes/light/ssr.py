@@ -20,8 +20,9 @@ from post.march.rays import depth_hierarchy
 from post.passes.light.fresh import by_history
 from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0
+from post.shading.incoming import Picture
 from post.shading.op import reflect
-from post.shading.reference import Method, Picture
+from post.shading.reference import Method
 from post.shading.sent_light import outgoing_light
 from post.shading.surroundings import look_around
 from post.sweep.chords import known_thickness, thickness_from_depth

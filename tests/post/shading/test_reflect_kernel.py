@@ -12,8 +12,8 @@ from torch import Tensor
 from gbufrt import Camera
 from post.march.rays import depth_hierarchy, lens_of
 from post.shading import lobes
+from post.shading.incoming import Picture
 from post.shading.op import reflect, reflect_cpu
-from post.shading.reference import Picture
 
 SHIFTS = torch.stack([torch.tensor([(0.25, 0.625), (0.7, 0.1), (0.45, 0.9), (0.95, 0.3)]) + n / 9 for n in range(4)])
 OPTIONS = {"bounces": 2, "steps": 64, "distance": 60.0}

@@ -14,7 +14,7 @@ from gbufrt import Camera, Frame, Pipeline
 from gbufrt.environment import lookup_environment
 from gbufrt.luminance import luminance
 from post import SSGI, SSR, ssr
-from post.shading.reference import off_horizon
+from post.shading.incoming import off_horizon
 from post.shading.sent_light import outgoing_light
 from post.shading.surroundings import look_around
 from tracer.scene.scene import Scene, Sky

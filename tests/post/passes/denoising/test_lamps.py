@@ -8,7 +8,7 @@ from torch import Tensor
 
 from gbufrt import Camera, GBuffer
 from post import denoise
-from post.passes.denoising.shown import light_of_lamps
+from post.passes.denoising.lamps import light_of_lamps
 
 SIZE, LAMP = (48, 64), (slice(None), slice(None), slice(20, 28), slice(24, 40))
 
