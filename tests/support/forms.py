@@ -25,7 +25,7 @@ from post.filters.units import unit_vectors
 from post.history.changes import follow_changes
 from post.history.op import anti_alias, blended, taken_in
 from post.history.read import read_history
-from post.history.virtual import virtual_motion
+from post.history.virtual import closer, virtual_motion
 from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
@@ -111,6 +111,7 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
         "solid": planar_thickness(g.camera, g.depth, g.hit, light[:, :1] + 0.2, 0.1),
         "calmed": without_lone_fireflies(noise(light)[:, :3] ** 8, torch.full_like(g.depth, 0.1)),
         "image's motion": virtual_motion(g, before, light[:, :1]),
+        "closer": closer(old, noise(light)[:, :3], light, g.hit).float(),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
         "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
     }
