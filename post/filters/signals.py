@@ -12,6 +12,7 @@ from gbufrt import SIGNALS, Frame
 from gbufrt.channels import check_picture
 from gbufrt.names import several
 from gbufrt.numeric import check_counts
+from gbufrt.validation.known import is_known, know
 from post.filters.units import unit_vectors
 
 UNIT_VECTORS = frozenset(name for name, row in SIGNALS.items() if "unit length" in row.meaning)
@@ -53,9 +54,13 @@ def stack(frame: Frame, names: tuple[str, ...], *, demodulate: bool = False) -> 
     for name in names:
         if (extra := frame.extra.get(name)) is not None:
             check_picture(name, extra, "any unit", None)
+    known = all(map(is_known, present))
     if demodulate and present[0].shape[1] == 3:
         present[0] = present[0] / guarded_albedo(frame)
-    return torch.cat(present, dim=1) if len(present) > 1 else present[0]
+    stacked = torch.cat(present, dim=1) if len(present) > 1 else present[0]
+    if known:
+        know(stacked)
+    return stacked
 
 
 def unstack(

@@ -95,6 +95,22 @@ def image_motion(i, out, depth, distance, lenses, moves, parallel, was_parallel)
     out[b, 1, y, x] = there / spread * before.focal_y + before.center_y - row
 
 
+@scalar
+def closer(i, out, one, other, signal, where):
+    """One pixel of `post.history.virtual.closer`."""
+    channels, height, width = signal.shape[1:]
+    b, y, x = pixel_of(i, height, width)
+    first = second = ZERO
+    if where[b, 0, y, x]:
+        for c in range(channels):
+            for row in range(max(y - 1, 0), min(y + 2, height)):
+                for column in range(max(x - 1, 0), min(x + 2, width)):
+                    wanted = signal[b, c, row, column]
+                    first += abs(one[b, c, row, column] - wanted)
+                    second += abs(other[b, c, row, column] - wanted)
+    out[b, 0, y, x] = second < first
+
+
 @inlined
 def _identity_row(out, surface, pose, y, first, end):
     """Normals in the previous view and in the world, whether there is a surface, and of which object."""

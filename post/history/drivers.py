@@ -10,7 +10,16 @@ from numba import prange
 
 from gbufrt.compute.each import Each, pixel_of
 from gbufrt.compute.kernel import driver, scalar
-from post.history.correspondence_kernel import EXPECTED, Channels, Past, expected_row, image_motion, lens_at, shift_row
+from post.history.correspondence_kernel import (
+    EXPECTED,
+    Channels,
+    Past,
+    closer,
+    expected_row,
+    image_motion,
+    lens_at,
+    shift_row,
+)  # fmt: skip
 from post.history.read_kernel import ALL, ROWS, any_wanted, leave_out, read_row
 from post.history.taa_kernel import box_row, fetch_row, front_row, light_row, mix_row, resample_row, tone_row
 
@@ -138,7 +147,7 @@ def alias_pixel(
     _alias_row(out[b], new[b], lengths[b], given, scratch, parallel, longest, gamma, y, x, x + 1)
 
 
-alias_each, image_motion_each = Each(alias_pixel), Each(image_motion)
+alias_each, image_motion_each, closer_each = Each(alias_pixel), Each(image_motion), Each(closer)
 
 
 @scalar

@@ -37,11 +37,10 @@ def agreeing_motion(
     """
     motion, virtual = motion_of(gbuffer, before.camera)[0], virtual_motion(gbuffer, before, distance)
     lead, wanted = image.shape[1], _compared(distance)
-    found = read_history(gbuffer, before, image, length=length, wanted=wanted)
-    apart, lost = misfit(found.image, signal, lead), ~found.valid
-    found = read_history(gbuffer, before, image, length=length, motion=virtual, wanted=wanted)
-    agrees = lost | (misfit(found.image, signal, lead) < apart)
-    return torch.where(found.valid & (distance > 0) & agrees, virtual, motion)
+    surfaces = read_history(gbuffer, before, image, length=length, wanted=wanted)
+    images = read_history(gbuffer, before, image, length=length, motion=virtual, wanted=wanted)
+    agrees = closer(surfaces.image, images.image, signal[:, :lead], found := images.valid & (distance > 0))
+    return torch.where(found & (agrees | ~surfaces.valid), virtual, motion)
 
 
 def with_image(
@@ -81,6 +80,39 @@ def _compared(distance: Tensor) -> Tensor:
     """``(B, 1, H, W)`` bool: pixels that hold an image, and those around, which `misfit` compares too."""
     image = (distance > 0).to(distance.dtype)
     return pooled(image, torch.ones_like(image), AROUND) > 0
+
+
+@operator("gbufrt::closer")
+def closer_op(one: Tensor, other: Tensor, signal: Tensor, where: Tensor) -> Tensor:
+    """See `closer`."""
+    from post.history.drivers import closer_each
+
+    out = torch.empty_like(where, memory_format=torch.contiguous_format)
+    closer_each(out.numel(), out, one, other, signal, where)
+    return out
+
+
+@closer_op.register_fake
+def _(one, other, signal, where):
+    return torch.empty_like(where, memory_format=torch.contiguous_format)
+
+
+def closer(one: Tensor, other: Tensor, signal: Tensor, where: Tensor, *, compiled: bool | None = None) -> Tensor:
+    """Whether the ``other`` history differs less from a signal than ``one``, see `misfit`.
+
+    Args:
+        one: ``(B, C, H, W)``.
+        other: as ``one``.
+        signal: as ``one``.
+        where: ``(B, 1, H, W)`` bool: pixels where it is wanted; the kernel finds False at others.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
+
+    Returns:
+        ``(B, 1, H, W)`` bool.
+    """
+    if form_of(one, other, signal, compiled=compiled, cuda=True) is not Form.REFERENCE:
+        return closer_op(one, other, signal, where)
+    return misfit(other, signal, signal.shape[1]) < misfit(one, signal, signal.shape[1])
 
 
 @operator("gbufrt::image_motion")

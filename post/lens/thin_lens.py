@@ -87,10 +87,11 @@ def autofocus(depth: Tensor, camera: Camera, *, hit: Tensor | None = None, regio
         raise ValueError(f"region must lie in (0, 1], got {region}")
     rows, columns = (max(1, round(n * float(region))) for n in depth.shape[-2:])
     top, left = (depth.shape[-2] - rows) // 2, (depth.shape[-1] - columns) // 2
-    known = torch.isfinite(depth) & (depth > 0)  # no surface lies at the eye: 0 stands for the sky in many files
-    known = known if hit is None else hit & known
-    middle = torch.where(known, depth, torch.nan)
-    return median_depth(middle[:, 0, top : top + rows, left : left + columns].flatten(1), camera.far)
+    place = (..., slice(top, top + rows), slice(left, left + columns))
+    middle = depth[place]
+    known = torch.isfinite(middle) & (middle > 0)  # no surface lies at the eye: 0 stands for the sky in many files
+    known = known if hit is None else hit[place] & known
+    return median_depth(torch.where(known, middle, torch.nan).flatten(1), camera.far)
 
 
 def _per_camera(value: float | Tensor, like: Tensor) -> Tensor:

@@ -62,5 +62,5 @@ def padded_row(out, depth, normal, reach, hit, light, lens, pose, margin, near, 
         out[place, 0], out[place, 1] = (z, reach[y, x]) if stands else (ZERO, ZERO)
         if light.shape[0] > 0:
             for c in range(3):
-                out[place, 2 + c] = light[c, y, x] if inner else ZERO
+                out[place, 2 + c] = light[c, y, x] if inner and stands else ZERO
             out[place, 5], out[place, 6], out[place, 7] = n

@@ -34,8 +34,8 @@ def scene(
         normal: ``(B, 3, H, W)`` world space.
         hit: ``(B, 1, H, W)`` bool.
         reach: ``(B, 1, H, W)`` planar depth from front to back of visible surfaces, world units.
-        light: ``(B, 3, H, W)`` that pixels send, read together with their normals in view space; the margin sends
-            none.
+        light: ``(B, 3, H, W)`` that pixels send, read together with their normals in view space; the margin and
+            pixels that hit nothing send none.
         within: whether taps end at the picture's border. Of the margin, which has twice the picture's pixels, only
             what is next to the border is then made.
         compiled: see `gbufrt.compute.dispatch.form_of`.

@@ -74,5 +74,5 @@ def padded(
     front, stands = continued(camera, depth, hit, normal, m)
     planes = [front, torch.where(stands, spread(reach, m), 0.0)]
     if light is not None:
-        planes += [empty(light, m), spread(camera.rotate_to_view(normal), m)]
+        planes += [empty(light * hit, m), spread(camera.rotate_to_view(normal), m)]
     return F.pad(torch.cat(planes, dim=1), (1, 1, 1, 1))

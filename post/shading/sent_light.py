@@ -28,7 +28,7 @@ def gathered_radiance(frame: Frame) -> Tensor:
 def _without_emission(frame: Frame, *, known: bool) -> Tensor:
     """Radiance, less emission where the frame holds all that it sends already."""
     light, emission = frame.read("radiance"), frame.gbuffer.emission
-    return (light - emission).clamp_min(0) if known and emission is not None else light
+    return (light - emission).clamp_min_(0) if known and emission is not None else light
 
 
 def sent_light(
@@ -80,7 +80,7 @@ def sent_light(
         if share is None or waits(new) or bool(new.any()):
             swept = _sky_share(frame, distance, thickness, steps, new)
             share = swept if share is None else torch.where(valid, share, swept)
-        light = light + frame.ambient * share
+        light = torch.addcmul(light, frame.ambient, share)
     if gi is not None and known is not None:
         light = light + bounce_loss * known[:, :3]
     return torch.where(g.hit, light, 0.0)
@@ -143,7 +143,8 @@ def outgoing_light(frame: Frame) -> Tensor:
 def _with_visible_sky(frame: Frame, light: Tensor) -> Tensor:
     visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
     if frame.ambient is not None:
-        light = light + (frame.ambient if visibility is None else frame.ambient * visibility)
+        one = light.new_ones(()) if visibility is None else visibility
+        light = torch.addcmul(light, frame.ambient, one)
     return light
 
 
@@ -178,10 +179,10 @@ def all_bounces(once: Tensor, further: Callable[[Tensor], Tensor], bounces: int)
 
 def _sky_share(
     frame: Frame, distance: float | Tensor | None, thickness: Tensor | float | None, steps: int, where: Tensor
-) -> Tensor | float:
+) -> Tensor:
     """Visibility of the sky at the pixels ``where`` it is wanted; others may get any."""
     if distance is not None:
-        return 1.0 if frame.ao is None else frame.ao
+        return torch.ones_like(frame.gbuffer.depth) if frame.ao is None else frame.ao
     g = frame.gbuffer
     coarse = max(steps // SKY_COARSER, 1)
     sweep = {"radius": None, "directions": SKY_DIRECTIONS, "steps": coarse, "where": where}

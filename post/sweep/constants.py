@@ -28,3 +28,5 @@ UPRIGHT = 1e-3  # length of a normal's part across the ray below which all slice
 STRIDES = (1, 2, 3)  # pixels between neighbours, one pass each: bodies are found from up to 6 pixels around
 
 MOST_STEPS, MOST_RADII = 64, 4  # of a sweep on a GPU, whose threads have scratch memory of constant size
+
+UNBOUNDED = 1e6  # limit of thickness, in place of "no end", as a multiple of the depth

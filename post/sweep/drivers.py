@@ -8,9 +8,9 @@ import numba.cuda
 import numpy as np
 from numba import prange
 
-from gbufrt.compute.each import Each, pixel_of
+from gbufrt.compute.each import Each, pixel_of, pixels
 from gbufrt.compute.kernel import driver, inlined, scalar
-from post.sweep.constants import FOUND, LIGHT, MOST_RADII, MOST_STEPS, SUMS
+from post.sweep.constants import FOUND, LIGHT, MOST_RADII, MOST_STEPS, SUMS, UNBOUNDED
 from post.sweep.lane_kernel import (
     LANES,
     PAIRS,
@@ -26,7 +26,8 @@ from post.sweep.lane_kernel import (
 from post.sweep.sweep_kernel import gather, occlude
 
 cuda: Any = numba.cuda
-ONE = np.float32(1)
+ONE, HALF = np.float32(1), np.float32(0.5)
+FARTHEST = np.float32(UNBOUNDED)
 MOST_SUMS = MOST_RADII * (SUMS + LIGHT)
 
 
@@ -139,17 +140,46 @@ sweep_each = Each(sweep_pixel)
 
 
 @driver
-def bodies_rows(out, depth, hit, back, pixel, stride, threads):
-    """One pass of `post.sweep.reference.bodies_reference`: the deepest back among neighbours that overlap in depth."""
-    batch, height, width = depth.shape
+def backs_rows(out, depth, thickness, lens, parallel, threads):
+    """Planar depth of the back that is measured along each pixel's ray, see `post.sweep.thickness`."""
+    batch, height, _ = depth.shape
     for thread in prange(threads):
         for row in range(thread, batch * height, threads):
-            b = row // height
-            _bodies_row(out[b], depth[b], hit[b], back[b], pixel[b], stride, row % height, 0, width)
+            b, y = row // height, row % height
+            back, front, measured = out[b, y], depth[b, y], thickness[b, y]
+            for x in range(pixels(back.shape[0])):
+                back[x] = _back(front[x], measured[x], _toward(lens[b], parallel, x, y))
 
 
 @scalar
-def bodies_pixel(i, out, depth, hit, back, pixel, stride):
+def backs_pixel(i, out, depth, thickness, lens, parallel):
+    """As `backs_rows`, one pixel."""
+    b, y, x = pixel_of(i, *depth.shape[1:])
+    out[b, y, x] = _back(depth[b, y, x], thickness[b, y, x], _toward(lens[b], parallel, x, y))
+
+
+backs_each = Each(backs_pixel)
+
+
+@driver
+def bodies_rows(out, depth, hit, back, pixel, stride, hidden, lens, parallel, last, threads):
+    """One pass of `post.sweep.reference.bodies_reference`: the deepest back among neighbours that overlap in depth.
+
+    The ``last`` one makes it the planar depth from front to back, with what is ``hidden``.
+    """
+    batch, height, width = depth.shape
+    for thread in prange(threads):
+        for row in range(thread, batch * height, threads):
+            b, y = row // height, row % height
+            _bodies_row(out[b], depth[b], hit[b], back[b], pixel[b], stride, y, 0, width)
+            if last:
+                deepest, front = out[b, y], depth[b, y]
+                for x in range(pixels(deepest.shape[0])):
+                    deepest[x] = deepest[x] - front[x] + hidden[0] * _toward(lens[b], parallel, x, y)
+
+
+@scalar
+def bodies_pixel(i, out, depth, hit, back, pixel, stride, hidden, lens, parallel, last):
     """As `bodies_rows`, one pixel: what is deepest so far is not in memory that other threads read."""
     height, width = depth.shape[1:]
     b, y, x = pixel_of(i, height, width)
@@ -164,10 +194,23 @@ def bodies_pixel(i, out, depth, hit, back, pixel, stride):
                 np.float32(dx * dx + dy * dy),
             )
             deepest = _joined(deepest, front, own, pixel[b], one, apart)
-    out[b, y, x] = deepest
+    out[b, y, x] = deepest - front + hidden[0] * _toward(lens[b], parallel, x, y) if last else deepest
 
 
 bodies_each = Each(bodies_pixel)
+
+
+@inlined
+def _toward(lens, parallel, x, y):
+    """Planar depth of a world unit along a pixel's ray, see `gbufrt.camera.Camera.along_axis`."""
+    across = (np.float32(x) + HALF + lens[4] - lens[2]) / lens[0]
+    down = (np.float32(y) + HALF + lens[5] - lens[3]) / lens[1]
+    return ONE if parallel else ONE / np.sqrt(across * across + down * down + ONE)
+
+
+@inlined
+def _back(front, measured, toward):
+    return front + min(measured, FARTHEST * front) * toward
 
 
 @scalar

@@ -15,7 +15,7 @@ from post.sweep import arcs
 from post.sweep.constants import FOUND, GROUPS, LIGHT, MOST_RADII, MOST_STEPS, STRIDES, SUMS
 from post.sweep.layout import Receiving
 from post.sweep.open_sky import Sky
-from post.sweep.reference import bodies_reference, sweep_reference
+from post.sweep.reference import sweep_reference
 from post.sweep.slices import receivers
 from post.sweep.turns import table
 
@@ -191,45 +191,41 @@ def _by_kernel(
 
 
 @operator("gbufrt::bodies")
-def bodies_cpu(depth: Tensor, hit: Tensor, back: Tensor, pixel: Tensor) -> Tensor:
-    """See `bodies`."""
-    from gbufrt.compute.kernel import array, threads
-    from post.sweep.drivers import bodies_each, bodies_rows
+def bodies_cpu(
+    depth: Tensor, hit: Tensor, thickness: Tensor, lens: Tensor, pixel: Tensor, hidden: Tensor, parallel: bool
+) -> Tensor:
+    """See `post.sweep.thickness.planar_thickness`.
 
-    on_gpu, near = form_of(depth, cuda=True) is Form.CUDA, back
+    Args:
+        depth: ``(B, 1, H, W)``.
+        hit: ``(B, 1, H, W)`` bool.
+        thickness: ``(B, 1, H, W)`` along the view ray.
+        lens: ``(B, 6)``, see `Camera.lens`.
+        pixel: ``(B, 2)``, see `post.sweep.reference.bodies_reference`.
+        hidden: ``(1,)``.
+        parallel: whether the camera is orthographic.
+    """
+    from gbufrt.compute.kernel import array, threads
+    from post.sweep import drivers
+
+    on_gpu, back = form_of(depth, cuda=True) is Form.CUDA, depth.new_empty(depth.shape)
+    planes, view = [t[:, 0] for t in (back, depth, thickness)], (lens, parallel)
+    if on_gpu:
+        drivers.backs_each(back.numel(), *planes, *view)
+    else:
+        drivers.backs_rows(*map(array, planes), array(lens), parallel, threads())
     for stride in STRIDES:
-        far = near.new_empty(near.shape)
-        planes = [t[:, 0] for t in (far, depth, hit, near)]
+        out, last = back.new_empty(back.shape), stride == STRIDES[-1]
+        planes = [t[:, 0] for t in (out, depth, hit, back)]
         if on_gpu:
-            bodies_each(far.numel(), *planes, pixel, stride)
+            drivers.bodies_each(out.numel(), *planes, pixel, stride, hidden, *view, last)
         else:
-            bodies_rows(*map(array, planes), array(pixel), stride, threads())
-        near = far
-    return near
+            given = (*map(array, (*planes, pixel)), stride, *map(array, (hidden, lens)))
+            drivers.bodies_rows(*given, parallel, last, threads())
+        back = out
+    return back
 
 
 @bodies_cpu.register_fake
-def _(depth, hit, back, pixel):
-    return back.new_empty(back.shape)
-
-
-def bodies(
-    depth: Tensor, hit: Tensor, back: Tensor, *, pixel: Tensor | None = None, compiled: bool | None = None
-) -> Tensor:
-    """Depth of the back of each pixel's body, from all surrounding pixels whose solids overlap with its own.
-
-    Args:
-        depth: ``(B, 1, H, W)`` planar view z of fronts, world units.
-        hit: ``(B, 1, H, W)`` bool.
-        back: as ``depth``, of backs.
-        pixel: ``(B, 2)``: the width of a pixel at depth 0 and its increase per unit of depth, as shares of how far
-            apart the rays to one body may be; by default 0, any distance.
-        compiled: see `gbufrt.compute.dispatch.form_of`.
-
-    Returns:
-        As ``back``.
-    """
-    pixel = depth.new_zeros(len(depth), 2) if pixel is None else pixel
-    if form_of(depth, back, compiled=compiled, cuda=True) is Form.REFERENCE:
-        return bodies_reference(depth, hit, back, pixel)
-    return bodies_cpu(depth, hit, back, pixel)
+def _(depth, hit, thickness, lens, pixel, hidden, parallel):
+    return depth.new_empty(depth.shape)

@@ -155,7 +155,18 @@ def _facing(plane: tuple[Tensor, ...], at: Receivers) -> Tensor:
 
 
 def bodies_reference(depth: Tensor, hit: Tensor, back: Tensor, pixel: Tensor) -> Tensor:
-    """Arguments and result are those of `post.sweep.op.bodies`."""
+    """Depth of the back of each pixel's body, from all surrounding pixels whose solids overlap with its own.
+
+    Args:
+        depth: ``(B, 1, H, W)`` planar view z of fronts, world units.
+        hit: ``(B, 1, H, W)`` bool.
+        back: as ``depth``, of backs.
+        pixel: ``(B, 2)``: the width of a pixel at depth 0 and its increase per unit of depth, as shares of how far
+            apart the rays to one body may be; 0 for any distance.
+
+    Returns:
+        As ``back``.
+    """
     height, width = depth.shape[-2:]
     narrowest, growth = pixel[..., None, None, None].unbind(1)
     wide = narrowest + growth * depth

@@ -13,11 +13,12 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.camera import Camera
-from gbufrt.compute.resident import waits
+from gbufrt.compute.dispatch import Form, form_of
+from gbufrt.compute.resident import number, waits
 from gbufrt.directions import length
-from post.sweep.op import bodies
-
-UNBOUNDED = 1e6  # limit of thickness, in place of "no end", as a multiple of the depth
+from post.sweep.constants import UNBOUNDED
+from post.sweep.op import bodies_cpu
+from post.sweep.reference import bodies_reference
 
 # Of a sweep's reach: how far apart rays may be that show one body. Of a quarter, half, all of it and no limit half has
 # the least mean RMSE of AO within 0.5, and within 2 and 4, in six views of the built-in world at 240x135.
@@ -36,6 +37,8 @@ def planar_thickness(
     thickness: Tensor | float,
     hidden: Tensor | float = 0.0,
     reach: Tensor | None = None,
+    *,
+    compiled: bool | None = None,
 ) -> Tensor:
     """Planar depth from front to back.
 
@@ -51,17 +54,25 @@ def planar_thickness(
             or 0-dim tensor, which is taken as it is.
         hidden: added to measured thickness, world units, for hidden geometry behind it.
         reach: of the sweep, a 0-dim tensor, world units; by default unlimited.
+        compiled: see `gbufrt.compute.dispatch.form_of`.
 
     Returns:
         ``(B, 1, H, W)`` world units.
     """
-    toward = camera.along_axis(depth.dtype)
-    limit = (UNBOUNDED * depth).detach()
     if not isinstance(thickness, Tensor) or thickness.ndim == 0:
-        return torch.minimum(torch.as_tensor(thickness).to(depth).expand_as(depth), limit) * toward
-    back = depth + torch.minimum(thickness.to(depth.dtype), limit) * toward
-    pixel = None if reach is None else _pixel(camera, depth) / (APART * reach.detach())
-    return bodies(depth, hit, back, pixel=pixel) - depth + hidden * toward
+        return _bounded(torch.as_tensor(thickness).to(depth).expand_as(depth), depth) * camera.along_axis(depth.dtype)
+    thickness, lens = thickness.to(depth.dtype), camera.lens.to(depth.dtype)
+    pixel = depth.new_zeros(len(depth), 2) if reach is None else _pixel(camera, depth) / (APART * reach.detach())
+    if form_of(depth, thickness, lens, hidden, compiled=compiled, cuda=True) is not Form.REFERENCE:
+        more = number(hidden, depth).reshape(1)
+        return bodies_cpu(depth, hit, thickness, lens.expand(len(depth), 6), pixel, more, camera.orthographic)
+    toward = camera.along_axis(depth.dtype)
+    back = depth + _bounded(thickness, depth) * toward
+    return bodies_reference(depth, hit, back, pixel) - depth + hidden * toward
+
+
+def _bounded(thickness: Tensor, depth: Tensor) -> Tensor:
+    return torch.minimum(thickness, (UNBOUNDED * depth).detach())
 
 
 def _pixel(camera: Camera, depth: Tensor) -> Tensor:

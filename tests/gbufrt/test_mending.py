@@ -10,6 +10,7 @@ from torch import Tensor
 from gbufrt import Frame
 from gbufrt.mending import Mended, contained, finite, held, mended, remember, remembering
 from gbufrt.reduction import every_nth
+from post.filters.signals import stack
 
 
 def put(tensor: Tensor, *values: float) -> Tensor:
@@ -134,6 +135,10 @@ def test_what_is_known_is_not_looked_at_again(looked: list[Tensor]):
         assert len(looked) == 3
         contained(every_nth(frame, 2), ("depth", "radiance", "normal"))
         assert len(looked) == 3, "part of what is known is known"
+        contained(frame, ("radiance", "ambient"))
+        looked.clear()
+        finite(stack(frame, ("radiance", "ambient")))
+        assert not looked, "what is known side by side is known"
         bad = frame.replace(radiance=put(frame.read("radiance"), torch.nan))
         assert bool(torch.isfinite(contained(bad, ("depth", "radiance")).read("radiance")).all())
     looked.clear()

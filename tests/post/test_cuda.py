@@ -50,6 +50,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "reflect",
         "calmed",
         "image_motion",
+        "closer",
         "through_air",
         "reconstruct_pixel",
         "prefilter_pixel",

@@ -25,7 +25,7 @@ from post.filters.units import unit_vectors
 from post.history.changes import follow_changes
 from post.history.op import anti_alias, blended, taken_in
 from post.history.read import read_history
-from post.history.virtual import virtual_motion
+from post.history.virtual import closer, virtual_motion
 from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
@@ -36,7 +36,7 @@ from post.passes.light.ssr import ssr
 from post.shading.composite_op import specular_albedo, sum_light
 from post.shading.fireflies import without_lone_fireflies
 from post.sweep.bitmask import bitmask_ao
-from post.sweep.op import bodies
+from post.sweep.thickness import planar_thickness
 from post.upsampling.op import upsample
 
 SIZE = (10, 14)
@@ -82,7 +82,7 @@ def answers(device: str = "cpu") -> dict[str, Tensor]:
 
 
 def of_pixels(frame: Frame) -> dict[str, Tensor]:
-    """Anti-aliased, tone-mapped, upsampled and calmed light, backs of bodies, motion of images, and light of a frame
+    """Anti-aliased, tone-mapped, upsampled and calmed light, depth of bodies, motion of images, and light of a frame
     before, read twice."""
     g, light = frame.gbuffer, frame.read("radiance")
     before = boxes.frame(boxes.camera(SIZE, dx=0.35)).to(light.device).gbuffer
@@ -108,9 +108,10 @@ def of_pixels(frame: Frame) -> dict[str, Tensor]:
         "darkened": darkened(light, 0.5, 0.2, 0.8),
         "smooth": smooth_stairs(light.clamp(0, 1), subpixel=0.75, edge_threshold=0.06, dark_threshold=0.02),
         "upsampled": upsample(light[..., 1::2, 1::2], geometry, offset=(1, 1)),
-        "back": bodies(g.depth, g.hit, g.depth + 0.3),
+        "solid": planar_thickness(g.camera, g.depth, g.hit, light[:, :1] + 0.2, 0.1),
         "calmed": without_lone_fireflies(noise(light)[:, :3] ** 8, torch.full_like(g.depth, 0.1)),
         "image's motion": virtual_motion(g, before, light[:, :1]),
+        "closer": closer(old, noise(light)[:, :3], light, g.hit).float(),
         "before": torch.cat([found.image, found.support, found.valid.float()], dim=1),
         "sharp before": torch.cat([sharp.image, sharp.support, sharp.valid.float()], dim=1),
     }

@@ -98,7 +98,7 @@ def ssgi(
     depth, hit, normal = held(depth, hit, normal, camera.far)
     thickness = thickness_from_depth(depth, normal, camera, hit=hit) if thickness is None else thickness
     solid = planar_thickness(camera, depth, hit, thickness)
-    lit = finite(light).to(depth.dtype) * hit  # a quarter of the time of `where`
+    lit = finite(light).to(depth.dtype)
     around = scene(camera, depth, normal, hit, solid, light=lit, within=True, compiled=compiled)
     corner = (0, 0) if resolution == 1 else _corner(index, camera)
     pixels = Receiving(camera, depth, normal, hit, resolution, corner)
@@ -111,15 +111,12 @@ def ssgi(
     found = sweep(around, pixels, pixels.of(noise), radii, sky, **sizes, gathers=True)[0]
     del around, noise  # half of what a frame needs at once
     if resolution == 2:
-        found = upsample(found, surface(depth, normal, hit, camera), stride=2, offset=corner, compiled=compiled)
+        geometry, clear = surface(depth, normal, hit, camera), (1.0, *(0.0,) * 6)  # as the sweep's
+        found = upsample(found, geometry, stride=2, offset=corner, clear=clear, compiled=compiled)
         bent = torch.nn.functional.normalize(found[:, 1:4], dim=1)
         found = torch.cat([found[:, :1], bent, found[:, 4:]], dim=1)
     visibility, bent, gathered = found.split([1, 3, 3], dim=1)
-    return (
-        (albedo * gathered).masked_fill_(~hit, 0.0),
-        torch.where(hit, visibility, 1.0),
-        torch.where(hit, bent, 0.0),
-    )
+    return (albedo * gathered).masked_fill_(~hit, 0.0), visibility, bent
 
 
 def _corner(index: int | Tensor, camera: Camera) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from gbufrt import Frame, GBuffer
 from post import ASVGF
-from post.history.virtual import image_kept, misfit, virtual_motion
+from post.history.virtual import closer, image_kept, misfit, virtual_motion
 
 SIZE, FAR = (24, 32), 50.0
 TURN = 0.08  # radians
@@ -101,6 +101,15 @@ def test_what_is_cut_of_rare_bright_reflections_is_given_back():
             found, state = stage(frame.replace(specular=rare(g, 0.05, index) * frame.read("specular")), state)
             shares.append(float(found.read("specular")[g.hit.expand(-1, 3, -1, -1)].mean()))
     assert sum(shares[-6:]) / 6 > 0.95, "cuts take a third"
+
+
+@pytest.mark.parametrize("size", [(9, 14), (1, 5), (2, 2)])
+def test_the_closer_of_two_histories_by_the_kernel_is_that_of_the_reference(size: tuple[int, int]):
+    one, other, signal = torch.rand((3, 2, 4, *size), generator=torch.Generator().manual_seed(0))
+    where, other = signal[:, :1] > 0.3, torch.where(one[:, :1] > 0.5, signal + (other - signal) / 2, other)
+    got, want = (closer(one, other, signal, where, compiled=form) for form in (True, False))
+    assert torch.equal(got, want & where)
+    assert bool((want != want[:1, :1, :1, :1]).any())
 
 
 @pytest.mark.parametrize("parallel", [(False, False), (True, True), (False, True)])

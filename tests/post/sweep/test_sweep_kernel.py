@@ -13,7 +13,8 @@ from gbufrt import Camera, Frame
 from post.margin.op import scene
 from post.passes.light.ssgi import ssgi
 from post.sweep.bitmask import bitmask_ao
-from post.sweep.op import bodies, bodies_cpu
+from post.sweep.op import bodies_cpu
+from post.sweep.thickness import planar_thickness
 from post.sweep.turns import table
 
 SIZE = (54, 72)
@@ -100,13 +101,20 @@ def test_operator_is_registered_properly() -> None:
         torch.library.opcheck(sweep_ops.sweep_cpu, given, test_utils=("test_schema", "test_faketensor"))
 
 
+@pytest.mark.parametrize("case", ["batch", "jittered", "orthographic"])
 @pytest.mark.parametrize("size", [(24, 31), (3, 2), (1, 9)])
-def test_bodies(size: tuple[int, int]) -> None:
-    depth, solid, chance = torch.rand((3, 2, 1, *size), generator=torch.Generator().manual_seed(0)).unbind(0)
-    depth, hit = 4 + depth, chance > 0.2
-    pixel, back = torch.tensor([[0.0, 0.0], [0.1, 0.05]]), depth + 0.5 * solid
-    got, want = (bodies(depth, hit, back, pixel=pixel, compiled=form) for form in (True, False))
-    assert torch.equal(got, want)
-    assert bool((got > back).any())
-    assert torch.equal(got[:1], bodies(depth, hit, back)[:1])
-    torch.library.opcheck(bodies_cpu, (depth, hit, back, pixel), test_utils=("test_schema", "test_faketensor"))
+def test_bodies(size: tuple[int, int], case: str) -> None:
+    camera = view(case).resized(size)
+    depth, solid, chance = torch.rand((3, camera.batch, 1, *size), generator=torch.Generator().manual_seed(0))
+    depth, hit, thickness = 4 + depth, chance > 0.2, torch.where(solid > 0.9, torch.inf, solid / 2)
+    for hidden, reach in ((0.0, None), (torch.tensor(0.15), torch.tensor(0.2))):
+        given = camera, depth, hit, thickness, hidden, reach
+        got, want = (planar_thickness(*given, compiled=form) for form in (True, False))
+        torch.testing.assert_close(got, want, rtol=1e-5, atol=3e-6)
+        assert bool((got > (thickness + hidden) * camera.along_axis(depth.dtype) + 0.01).any()) or reach is not None
+
+
+def test_bodies_is_an_operator() -> None:
+    depth = 4 + torch.rand(2, 1, 5, 6, generator=torch.Generator().manual_seed(0))
+    given = depth, depth > 4.2, depth / 9, torch.ones(2, 6), torch.zeros(2, 2), torch.zeros(1), False
+    torch.library.opcheck(bodies_cpu, given, test_utils=("test_schema", "test_faketensor"))
