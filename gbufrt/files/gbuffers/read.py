@@ -99,9 +99,8 @@ def read_gbuffer(
         raise ValueError(f"{path} {NO_CAMERA}")
     if layers.views:
         warnings.warn(f"{path} holds the views {', '.join(layers.views)}; took {layers.views[0]}", stacklevel=2)
-    if len(named.others) > 1:
-        there = f"{path} has depth in the layers {', '.join(named.others)}"
-        warnings.warn(f"{there}; took {named.layer}, set layer = in the profile for another", stacklevel=2)
+    if named.chosen:
+        warnings.warn(f"{path}: {named.chosen}", stacklevel=2)
     return _frame(named, camera, previous_camera, fov or 0.0, index, whole)
 
 
