@@ -114,7 +114,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     raw, profile = stored_depth(named, view, posed=camera is not None)
-    hit = hit_of(raw, profile)
+    facing = named.keys("normal")
+    hit = hit_of(raw, profile, named.layers.stack(facing, size) if facing else None)
     if not bool(hit.any()):
         warnings.warn(f"{path} {nothing_hit(named.layers, raw, profile, named.depth[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)

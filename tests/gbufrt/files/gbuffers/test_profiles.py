@@ -168,7 +168,8 @@ def test_albedo_is_decoded(tmp_path: Path) -> None:
 
 def test_view_layers_with_dots_are_kept_apart(tmp_path: Path) -> None:
     planes = {f"{v}.Depth.Z": np.full(SIZE, d) for v, d in (("a.b", 2.0), ("c", 3.0))}
-    path = write(tmp_path / "a.exr", planes | {f"{name}.X": np.full(SIZE, 0.3) for name in ("a.b.Metallic", "c.Roughness")})
+    others = {name: np.full(SIZE, 0.3) for name in ("a.b.Metallic.X", "c.Roughness.X")}
+    path = write(tmp_path / "a.exr", planes | others)
     with pytest.warns(UserWarning, match=r"depth is in the layers a\.b, c; a\.b is taken"):
         frame = read_gbuffer(path, fov=40)
     assert float(frame.gbuffer.depth.max()) == 2
