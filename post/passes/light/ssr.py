@@ -158,8 +158,8 @@ class SSR(Pass):
     """See `ssr`; the light that surfaces send is `outgoing_light`.
 
     Frames with one before them send half as many rays, as their histories average them with others. Where the frame's
-    light shows sky and lamps in mirrors already (``emitters_mirrored``), smooth metals that show them reflect nothing
-    else.
+    light shows sky and lamps in mirrors already (``emitters_mirrored``), smooth metals that show them reflect
+    nothing else but what is found on screen.
 
     Args:
         assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``; by default
@@ -217,7 +217,7 @@ class SSR(Pass):
         found = by_history(frame, lambda count: given(samples=count), first=samples, later=-(-samples // 2))
         reflection, confidence, distance = found
         if frame.emitters_mirrored and g.metallic is not None:
-            reflection = reflection * (1 - shown_already(frame))
+            reflection = reflection * (1 - shown_already(frame) * (1 - confidence))
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
 
 
