@@ -17,6 +17,7 @@ from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
+from post.mirrors.shown import shown_already
 from post.passes.light.fresh import by_history
 from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0
@@ -156,7 +157,9 @@ def _shifts(index: int | Tensor, samples: int, method: Method, noise: Tensor) ->
 class SSR(Pass):
     """See `ssr`; the light that surfaces send is `outgoing_light`.
 
-    Frames with one before them send half as many rays, as their histories average them with others.
+    Frames with one before them send half as many rays, as their histories average them with others. Where the frame's
+    light shows sky and lamps in mirrors already (``emitters_mirrored``), smooth metals that show them reflect
+    nothing else but what is found on screen.
 
     Args:
         assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``; by default
@@ -213,6 +216,8 @@ class SSR(Pass):
         given = partial(ssr, g.depth, g.normal, g.camera, light, roughness, **known, **tunables)
         found = by_history(frame, lambda count: given(samples=count), first=samples, later=-(-samples // 2))
         reflection, confidence, distance = found
+        if frame.emitters_mirrored and g.metallic is not None:
+            reflection = reflection * (1 - shown_already(frame) * (1 - confidence))
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
 
 
