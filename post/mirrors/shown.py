@@ -16,6 +16,19 @@ LEAST = 0.3  # of that: so much such filters leave
 TINY = 1e-12
 
 
+def without_shown(reflection: Tensor, confidence: Tensor, frame: Frame) -> Tensor:
+    """Reflections ``(B, 3, H, W)``; of those beyond the picture, without what the frame's light holds already.
+
+    Args:
+        reflection: linear radiance.
+        confidence: ``(B, 1, H, W)`` share of it that was found on screen.
+        frame: as `shown_already`; one that is not ``emitters_mirrored``, or lacks metals, holds nothing of them.
+    """
+    if not frame.emitters_mirrored or frame.gbuffer.metallic is None:
+        return reflection
+    return reflection * (1 - shown_already(frame) * (1 - confidence))
+
+
 def shown_already(frame: Frame) -> Tensor:
     """Share of a mirror's rays that the sky or a lamp ended, as the frame's light tells (``emitters_mirrored``).
 

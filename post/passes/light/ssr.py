@@ -17,7 +17,7 @@ from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
-from post.mirrors.shown import shown_already
+from post.mirrors.shown import without_shown
 from post.passes.light.fresh import by_history
 from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0
@@ -210,14 +210,12 @@ class SSR(Pass):
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
         known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
         known |= {"thickness": known_thickness(g, assumed_thickness=assumed), "index": frame.index}
-        known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
-        known |= {"metallic": g.metallic}
+        known |= {"visibility": visibility, "bent_normal": frame.bent_normal, "metallic": g.metallic}
         samples, light = tunables.pop("samples"), outgoing_light(frame)
         given = partial(ssr, g.depth, g.normal, g.camera, light, roughness, **known, **tunables)
         found = by_history(frame, lambda count: given(samples=count), first=samples, later=-(-samples // 2))
         reflection, confidence, distance = found
-        if frame.emitters_mirrored and g.metallic is not None:
-            reflection = reflection * (1 - shown_already(frame) * (1 - confidence))
+        reflection = without_shown(reflection, confidence, frame)
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
 
 
