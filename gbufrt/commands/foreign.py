@@ -17,7 +17,7 @@ from gbufrt.files.gbuffers.agreement import disagreements
 from gbufrt.files.gbuffers.cameras import Cameras, load_cameras
 from gbufrt.files.gbuffers.carried import carried_camera
 from gbufrt.files.gbuffers.cuts import cut_between, cut_off
-from gbufrt.files.gbuffers.detect import better, detect, named_by
+from gbufrt.files.gbuffers.detect import better, detect, is_frame, named_by
 from gbufrt.files.gbuffers.grain import lamps_told
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.light import explained
@@ -41,6 +41,7 @@ class Source:
         cameras: of the frames; None with ``fov``, or where the files carry theirs.
         fov: vertical field of view in degrees of a camera that stands still.
         whole: see `read_gbuffer`.
+        layer: that of the profile, if it is to be another.
     """
 
     shots: list[Shot]
@@ -48,13 +49,14 @@ class Source:
     cameras: Cameras | None
     fov: float | None
     whole: bool = False
+    layer: str = ""
     _told: set[str] = field(default_factory=set)
     _held: set[str] = field(default_factory=set)
     _lost: set[str] = field(default_factory=set)
     _profiles: dict[str, Profile] = field(default_factory=dict)
 
     @staticmethod
-    def named(paths: list[Path], profile: str, camera: Path | None, fov: float | None) -> Source:
+    def named(paths: list[Path], profile: str, camera: Path | None, fov: float | None, layer: str = "") -> Source:
         """The source that the command line names.
 
         Raises:
@@ -69,13 +71,18 @@ class Source:
             raise ValueError(unknown("profile", profile, "--from", ("auto", *SHIPPED)) + ", or give a .toml file")
         cameras = None if camera is None else load_cameras(camera)
         shots = shots_of(paths)
-        if len(shots) > 1 and not any(map(numbered, paths)) and not _is_frame(paths[0], profile):
+        if len(shots) > 1 and not any(map(numbered, paths)) and not is_frame(paths[0], profile):
             shots = [one_shot(paths)]
-        return Source(shots=shots, profile=profile, cameras=cameras, fov=fov)
+        return Source(shots=shots, profile=profile, cameras=cameras, fov=fov, layer=layer)
 
     @staticmethod
     def of(
-        paths: list[Path], profile: str, camera: Path | None, fov: float | None, passes: Collection[str] = ()
+        paths: list[Path],
+        profile: str,
+        camera: Path | None,
+        fov: float | None,
+        passes: Collection[str] = (),
+        layer: str = "",
     ) -> Source:
         """Files in order; says what they are taken for.
 
@@ -86,7 +93,7 @@ class Source:
             FileNotFoundError: see `named`.
         """
         whole = bool(passes) and not {*passes} & {*LIT}
-        source = replace(Source.named(paths, profile, camera, fov), whole=whole)
+        source = replace(Source.named(paths, profile, camera, fov, layer), whole=whole)
         numbers = [shot.number for shot in source.shots]
         for shot in source.shots:
             if source.are_frames(shot):
@@ -123,7 +130,7 @@ class Source:
 
     def are_frames(self, shot: Shot) -> bool:
         """Whether several files of one number are frames of their own, because the first has depth and more."""
-        return len(shot.files) > 1 and _is_frame(shot.files[0], self.profile)
+        return len(shot.files) > 1 and is_frame(shot.files[0], self.profile)
 
     def carried(self, shot: Shot) -> Camera | None:
         """The camera in a frame's files."""
@@ -188,7 +195,7 @@ class Source:
                 known["previous_camera"] = self.cameras.at(number - 1, *picture)
         elif follows and before is not None:
             known["previous_camera"] = before.gbuffer.camera
-        frame = read_gbuffer(shot.files, self._profile(shot), index=number, whole=self.whole, **known)
+        frame = read_gbuffer(shot.files, self.read_by(shot), index=number, whole=self.whole, **known)
         profile = self._keep(shot, frame)
         self._tell_lost(shot, profile)
         if follows and self.fov is not None:
@@ -211,17 +218,18 @@ class Source:
         self._held.update(there - self._lost)
         self._lost.update(lost)
 
-    def _profile(self, shot: Shot) -> Profile:
+    def read_by(self, shot: Shot) -> Profile:
         """The profile of a shot, as the first frame that it fits has settled it."""
         name = self.profile_of(shot)
-        return self._profiles.get(name) or load_profile(name)
+        profile = self._profiles.get(name) or load_profile(name)
+        return replace(profile, layer=self.layer or profile.layer)
 
     def _keep(self, shot: Shot, frame: Frame) -> Profile:
         """Let all frames have the settings that the pixels of the first one tell; says what they are.
 
         Motion is told by the first frame whose camera moves, so that it is read alike where it stands again.
         """
-        name, profile, g = self.profile_of(shot), self._profile(shot), frame.gbuffer
+        name, profile, g = self.profile_of(shot), self.read_by(shot), frame.gbuffer
         if name not in self._profiles and profile.is_open:
             named = named_by(Layers(shot.files[0], shot_parts(shot.files)), profile)
             self._profiles[name] = settled(named, g.camera, posed=self.fov is None).profile
@@ -236,13 +244,3 @@ class Source:
             named = named_by(Layers(shot.files[0], shot_parts(shot.files)), kept)
             self._profiles[name] = fitted(named, g.camera, before, g.depth, g.hit) or kept
         return self._profiles[name]
-
-
-def _is_frame(path: Path, profile: str) -> bool:
-    """Whether a file has depth and more: it is no pass among others."""
-    try:
-        name = detect(path).name if profile == "auto" else profile
-        named = named_by(Layers(path, shot_parts(path, header_only=True)), load_profile(name))
-    except ValueError:
-        return False
-    return any(named.keys(channel) for channel in CHANNELS if channel not in ("depth", "position"))

@@ -17,6 +17,7 @@ def inspect(
     source: Annotated[str, Parameter(name="--from")] = "auto",
     camera: Path | None = None,
     fov: float | None = None,
+    layer: str = "",
     out: Path | None = None,
 ) -> None:
     """Print what files hold, what they are taken for, and why.
@@ -33,6 +34,7 @@ def inspect(
             renderman, generic, or a profile of your own in TOML.
         camera: The cameras, in TOML. [default: those that the files carry]
         fov: In place of --camera: vertical field of view in degrees of a camera that stands still.
+        layer: The layer to take, such as Blender's view layers. [default: the one with most passes]
         out: Folder for a contact sheet of each EXR file: every layer as the file has it, then as gbufrt reads it.
     """
     if not files:
@@ -60,7 +62,7 @@ def inspect(
     from gbufrt.commands.inspection.world import show_world
 
     pictures = [file for file in shown if file.suffix.lower() == ".exr"]
-    inspector = Inspector(Source.named(pictures, source, camera, fov))
+    inspector = Inspector(Source.named(pictures, source, camera, fov, layer))
     console = Console(highlight=False)
     first = {shot.files[0]: shot for shot in inspector.source.shots}
     for place, file in enumerate(file for file in shown if file in first or file not in pictures):

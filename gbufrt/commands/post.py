@@ -27,6 +27,7 @@ def post(
     source: Annotated[str | None, Parameter(name="--from")] = None,
     camera: Path | None = None,
     fov: float | None = None,
+    layer: str = "",
     environment: Path | None = None,
     passes: Without = (),
     strict: Flag = False,
@@ -53,6 +54,7 @@ def post(
             renderman, generic, or a profile of your own in TOML. [default: gbufrt, or auto where it was another]
         camera: Of other renderers: the cameras, in TOML. [default: those that the files carry]
         fov: Of other renderers, in place of --camera: vertical field of view in degrees of a camera that stands still.
+        layer: Of other renderers: the layer to take, such as Blender's view layers. [default: the one with most passes]
         environment: Of other renderers: the sky that mirrors show where they show nothing on screen, as an EXR with a
             lat-long picture of linear radiance (in the middle -z, or +y where z is up; in Blender's own +x). It lights
             nothing else. Light that holds the sky in mirrors already, as Blender's Glossy Direct does, needs none.
@@ -65,7 +67,7 @@ def post(
     check_files(written)
     check_folder(out / "debug" if options.debug else out)
     paths = gathered(files, out)
-    if source is None and (camera is not None or fov is not None or passes or not is_own(paths[0])):
+    if source is None and (camera is not None or fov is not None or layer or passes or not is_own(paths[0])):
         source = "auto"
     if environment is not None and (source is None or fov is not None):
         why = "files of gbufrt carry their sky" if source is None else "with --fov nobody knows where the camera looks"
@@ -95,7 +97,7 @@ def post(
         from gbufrt.files.gbuffers.sky import read_environment, under
 
         wanted = parse_names(passes)
-        origin = Source.of(paths, source, camera, fov, wanted)
+        origin = Source.of(paths, source, camera, fov, wanted, layer)
         paths, names = [shot.files[0] for shot in origin.shots], [shot.name for shot in origin.shots]
         distinct(names)
         recipe, notes = Recipe.of(options), {path: {} for path in paths}

@@ -26,6 +26,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
     light = {"sweep", "padded", "bodies", "agx", "encode", "vignette", "upsampled", "read", "tone", "alias", "luma"}
     light |= {
         "samples",
+        "backs",
         "upscaled",
         "surface",
         "moments",

@@ -100,6 +100,13 @@ MITSUBA = f"""<scene version="3.0.0">{SENSOR.format(x=0)}{SENSOR.format(x=0.5)}
     <point name="center" x="2.5" y="2.5" z="0"/><float name="radius" value="0.3"/>
     <emitter type="area"><rgb name="radiance" value="2"/></emitter>
   </shape>
+  <shape type="sphere">
+    <bsdf type="roughconductor"><float name="alpha" value="0.09"/><string name="material" value="Au"/></bsdf>
+    <point name="center" x="-2.5" y="0.8" z="0"/><float name="radius" value="0.8"/>
+  </shape>
+  <shape type="sphere">
+    <bsdf type="dielectric"/><point name="center" x="2.5" y="0.8" z="0"/><float name="radius" value="0.8"/>
+  </shape>
   <emitter type="directional"><vector name="direction" x="1" y="-2" z="-1"/></emitter>
   <emitter type="constant"><rgb name="radiance" value="0.3"/></emitter>
 </scene>"""
@@ -180,7 +187,6 @@ def test_mitsuba_gives_a_surface_a_pixel_and_direct_light(tmp_path: Path, capfd)
     told, g = capfd.readouterr().err, frame.gbuffer
     assert "mitsuba (100% sure" in told
     assert "fits better" not in told
-    assert "no roughness, so that reflections are left out" in told
     frame.validate()
     assert g.camera.position[0].tolist() == pytest.approx([0.5, 2.5, 7])
     x, y, z = g.camera.to_world(g.camera.unproject(g.depth))[0]
@@ -189,9 +195,17 @@ def test_mitsuba_gives_a_surface_a_pixel_and_direct_light(tmp_path: Path, capfd)
     assert 10 < int(lamp.sum()) < 200
     assert float(frame.read("radiance")[0, :, lamp].median()) == float(frame.read("emission")[0, :, lamp].min()) == 2
     assert frame.emitters_mirrored
-    floor = g.hit[0, 0] & ~cube & ~lamp
+    gold, rough = frame.read("metallic")[0, 0] > 0.5, frame.read("roughness")[0, 0]
+    assert 50 < int(gold.sum()) < 500
+    assert float(rough[gold].mean()) == pytest.approx(0.3, abs=1e-3)  # alpha is its square
+    assert frame.read("albedo")[0][:, gold].mean(1).tolist() == pytest.approx([0.97, 0.8, 0.32], abs=0.02)
+    glass = g.hit[0, 0] & ~lamp & (frame.read("albedo")[0].amax(0) == 0)
+    assert 50 < int(glass.sum()) < 500
+    assert float(frame.read("radiance")[0].mean(0)[glass].median()) > 0.1  # the floor behind it
+    assert float(rough[glass].min()) == 1
+    floor = g.hit[0, 0] & ~cube & ~lamp & ~gold & ~glass
     assert 300 < int(cube.sum()) < 1500
     assert float(y[floor].abs().max()) < 2e-3
     assert float((torch.stack([x, y - 1, z]).abs().amax(0)[cube] - 1).abs().max()) < 2e-3
-    assert frame.reflection is None
+    assert float(frame.read("reflection")[0].mean(0)[gold].mean()) > 0.05
     assert float(frame.read("gi")[0, 0][floor].max()) > 0.02  # red of the cube

@@ -21,7 +21,7 @@ from tracer.scene.view import View
 MONTH = 29.53  # days from one full moon to the next
 MOON = 1 / 300  # a full moon's light over the sun's: an eye that has adapted to the night takes it for as much
 TINGE = (0.80, 0.93, 1.20)  # of moonlight, which such an eye sees bluer than it is
-GLOW = (0.00022, 0.00030, 0.00046)  # radiance of a sky without sun and moon, for a sun of irradiance 1
+GLOW = (0.0001, 0.00014, 0.00022)  # radiance of a sky without sun and moon, for a sun of irradiance 1
 DISC = 0.27  # degrees: the radius of sun and moon
 SIZE = (256, 512)  # of the sky's picture
 NIGHT = 0.13  # sine of the sun's elevation, 7.5 degrees, below which nothing is seen under water

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tracer.scene.cells import Cells, Ids, blocks_of_world, cells_of_world, world_of_cells
 from tracer.scene.material import Material, MaterialTable
-from tracer.scene.scene import Instance, Scene, Sky, Sun
+from tracer.scene.scene import Instance, Plain, Scene, Sky, Sun
 from tracer.scene.view import View
 from tracer.scene.world import World
 
@@ -20,7 +20,8 @@ GROUND = (
     Material(name="ground, darker", albedo=(0.265, 0.245, 0.21), roughness=0.85, variation=0.05),
 )
 SUN = Sun(direction=(-0.42, 0.62, 0.66), irradiance=(5.6, 4.7, 3.7))  # from the side of what `front` shows
-SKY = Sky(zenith=(0.10, 0.24, 0.62), horizon=(0.42, 0.54, 0.74), ground=(0.37, 0.35, 0.33))  # below: as the lit ground
+PLAIN = Plain(GROUND[0].albedo)
+SKY = Sky(zenith=(0.10, 0.24, 0.62), horizon=(0.42, 0.54, 0.74), ground=(0.37, 0.35, 0.33), plain=PLAIN)
 FOV_Y = 38.0
 ASPECT = 1.5  # the narrowest picture that shows all of the model
 TILE = 8

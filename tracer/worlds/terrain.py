@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tracer.scene.scene import Scene
+from tracer.scene.scene import Scene, Sky
 from tracer.scene.view import View
 from tracer.worlds.canvas import Canvas
 from tracer.worlds.fields import fractal_noise
+from tracer.worlds.regions.landscape import plain_of
 from tracer.worlds.views import still
 
 
@@ -33,7 +34,8 @@ def terrain(size: tuple[int, int, int] = (256, 128, 256), seed: int = 0) -> Scen
     ids = np.where(depth > 4, canvas.id("rock"), canvas.id("dirt"))
     ids = np.where(depth == 1, turf[:, None, :], ids)
     canvas.voxels[...] = np.where(depth > 0, ids, 0)
-    return Scene(world=canvas.world(), views={"horizon": _horizon(size, height)})
+    world = canvas.world()
+    return Scene(world=world, sky=Sky(plain=plain_of(world)), views={"horizon": _horizon(size, height)})
 
 
 def _horizon(size: tuple[int, int, int], height: np.ndarray) -> View:

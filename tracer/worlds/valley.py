@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,7 @@ from tracer.worlds.cave import cave
 from tracer.worlds.hall import hall
 from tracer.worlds.motion import instances
 from tracer.worlds.outskirts import bridge, meadow, road, windmill
+from tracer.worlds.regions.landscape import plain_of
 from tracer.worlds.views import views
 from tracer.worlds.village import village
 
@@ -62,7 +65,9 @@ def valley(seed: int = 0) -> Scene:
     flora.reeds(canvas, top, herbs, land.WATER, flora_rng)
     flora.forest(canvas, top, trees & (top > land.WATER + 1), flora_rng)
     flora.herbs(canvas, top, herbs, flora_rng)
-    return Scene(world=canvas.world(), instances=instances(), sun=SUN, sky=SKY, views=views())
+    world = canvas.world()
+    sky = replace(SKY, plain=plain_of(world))
+    return Scene(world=world, instances=instances(), sun=SUN, sky=sky, views=views())
 
 
 def _free(top: NDArray[np.int64], *, reach: float, tall: int) -> NDArray[np.bool_]:

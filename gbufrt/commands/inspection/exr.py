@@ -19,7 +19,7 @@ from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
 from gbufrt.files.gbuffers.light import lacking
 from gbufrt.files.gbuffers.named import Named
-from gbufrt.files.gbuffers.profile import AUTO, CHANNELS, Profile, load_profile
+from gbufrt.files.gbuffers.profile import AUTO, CHANNELS, Profile
 from gbufrt.files.gbuffers.read import nothing_hit
 from gbufrt.files.gbuffers.sequence import Shot, shot_parts
 from gbufrt.files.guard import Part
@@ -81,9 +81,9 @@ class Inspector:
             profile = found.name
             lines = [f"taken for {profile}, {found.certainty:.0%} sure:", *found.reasons]
             console.print(escape("\n  ".join(lines)), soft_wrap=True)
-        named = named_by(layers, load_profile(profile))
-        if len(named.others) > 1:
-            console.print(escape(f"depth is in the layers {', '.join(named.others)}; {named.layer} is taken"))
+        named = named_by(layers, self.source.read_by(shot))
+        if named.chosen:
+            console.print(escape(named.chosen), soft_wrap=True)
         console.print(_channel_table(named, estimates=self.source.fov is not None))
         if layers.views:
             console.print(escape(f"views are {', '.join(layers.views)}; {layers.views[0]} is taken"))

@@ -71,7 +71,7 @@ def named_by(layers: Layers, profile: Profile) -> Named:
         return Named(layers, profile)
     except ValueError as error:
         best = _fitting(layers)
-        if best.certainty == 0:
+        if profile.layer or best.certainty == 0:
             raise
         raise ValueError(f"{error}: {best.name} fits ({best.reasons[0]})") from error
 
@@ -80,6 +80,16 @@ def better(layers: Layers, name: str) -> Detection | None:
     """A shipped profile whose mark the file's header has, where another one was named."""
     best = _fitting(layers)
     return best if name in SHIPPED and best.name != name and best.marked else None
+
+
+def is_frame(path: Path, profile: str) -> bool:
+    """Whether a file has depth and more: it is no pass among others."""
+    try:
+        name = detect(path).name if profile == "auto" else profile
+        named = named_by(Layers(path, shot_parts(path, header_only=True)), load_profile(name))
+    except ValueError:
+        return False
+    return any(named.keys(channel) for channel in CHANNELS if channel not in ("depth", "position"))
 
 
 def _fitting(layers: Layers) -> Detection:
@@ -94,21 +104,21 @@ def _fitting(layers: Layers) -> Detection:
 
 
 def _weigh(name: str, profile: Profile, layers: Layers, headers: Mapping[str, Any]) -> Detection:
-    depth = depth_of(layers, profile)
-    if not depth:
+    if not depth_of(layers, profile):
         return Detection(name, 0.0, ())
     marks = [key for key, text in profile.header.items() if key in headers and text in str(headers[key])]
     if profile.marked and not marks:
         return Detection(name, 0.0, ())
+    named = Named(layers, profile)
+    depth, light = named.depth, named.light()
     reasons = [f"the header has {key} = {headers[key]!r}" for key in marks] + [
         f"depth is {depth[0]}" if len(depth) == 1 else f"depth follows from {', '.join(depth)}"
     ]
-    light = Named(layers, profile).light()
     found = {"depth"}
     names_of = {name: names for name, names in profile.channels.items() if name not in UNCOUNTED}
     for channel, names in names_of.items():
         names += profile.channels.get("motion_next", ()) if channel == "motion" else ()
-        keys = layers.find(names, CHANNELS[channel], any_case=profile.any_case)
+        keys = named.find(names, CHANNELS[channel])
         if channel != "depth" and keys:
             found.add(channel)
             reasons.append(f"{channel} is {', '.join(keys)}")

@@ -127,6 +127,10 @@ class Layers:
         alike = (name != key and name.endswith(key.removeprefix(layer)) for name in self.names)
         return layer if layer and (any(beside) or any(alike)) else ""
 
+    def passes_in(self, layer: str) -> int:
+        """How many layers have names that begin with ``layer`` and a dot, such as passes of a view layer."""
+        return sum(base.startswith(f"{layer}.") for base in self.groups())
+
     def stack(self, keys: Sequence[str], size: tuple[int, int] | None = None) -> Tensor:
         """``(1, C, H, W)`` float32 of those channels over the whole picture.
 

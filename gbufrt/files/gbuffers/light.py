@@ -14,6 +14,7 @@ from gbufrt.files.gbuffers.sky import sky_lacks
 from gbufrt.luminance import luminance
 
 BLACK = 1e-3  # of albedo: no surface that scatters light is so dark
+ROUNDED = 1e-4  # of the mean light: negative light of less is what renderers leave that make a pass by subtraction
 AROUND = 4  # pixels over which the light of what is black is averaged
 
 
@@ -32,6 +33,8 @@ def light_of(
     if not products:
         return None, finished, False
     direct = torch.stack(products).sum(0)
+    small = direct > -ROUNDED * direct[direct.isfinite()].abs().mean()
+    direct = torch.where(small, direct.clamp_min(0.0), direct)
     if finished is not None and sky_lacks(direct, finished, hit):
         text = f"direct light has no sky; that of {', '.join(light.finished)} is taken, which is the same"
         warnings.warn(f"{layers.path}: {text}", stacklevel=4)

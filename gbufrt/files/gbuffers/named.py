@@ -41,15 +41,28 @@ class Named:
     def __init__(self, layers: Layers, profile: Profile) -> None:
         self.layers, self.profile = layers, profile
         names, depth = profile.channels.get("depth", ()), depth_of(layers, profile)
+        there = tuple(name for name in layers.layers_of(names, any_case=profile.any_case) if name)
+        if not depth and profile.layer and there:
+            raise ValueError(f"{layers.path} has no depth in the layer {profile.layer!r}; it has {', '.join(there)}")
         if not depth:
             raise ValueError(
                 f"{layers.path} has no depth under {', '.join(names) or 'any name'}; choose another profile"
             )
         self.layer = profile.layer or layers.layer_of(depth[0])
-        self.others = (
-            () if profile.layer else tuple(name for name in layers.layers_of(names, any_case=profile.any_case) if name)
-        )
+        self.others = () if profile.layer else there
         """All layers that have depth, where the profile does not choose one."""
+        if self.layer in self.others:
+            self.layer = max(self.others, key=layers.passes_in)
+
+    @property
+    def chosen(self) -> str:
+        """What to say where several layers have depth; else nothing."""
+        if len(self.others) < 2:
+            return ""
+        return (
+            f"depth is in the layers {', '.join(self.others)}; {self.layer} is taken, as none has more passes: --layer "
+            "NAME, or layer = in a profile, takes another"
+        )
 
     @property
     def depth(self) -> list[str]:

@@ -99,9 +99,8 @@ def read_gbuffer(
         raise ValueError(f"{path} {NO_CAMERA}")
     if layers.views:
         warnings.warn(f"{path} holds the views {', '.join(layers.views)}; took {layers.views[0]}", stacklevel=2)
-    if len(named.others) > 1:
-        there = f"{path} has depth in the layers {', '.join(named.others)}"
-        warnings.warn(f"{there}; took {named.layer}, set layer = in the profile for another", stacklevel=2)
+    if named.chosen:
+        warnings.warn(f"{path}: {named.chosen}", stacklevel=2)
     return _frame(named, camera, previous_camera, fov or 0.0, index, whole)
 
 
@@ -115,7 +114,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
     view = camera if camera is not None else still_camera(fov, size, named.layers.pixel_aspect)
     named = settled(named, view, posed=camera is not None)
     raw, profile = stored_depth(named, view, posed=camera is not None)
-    hit = hit_of(raw, profile)
+    facing = named.keys("normal")
+    hit = hit_of(raw, profile, named.layers.stack(facing, size) if facing else None)
     if not bool(hit.any()):
         warnings.warn(f"{path} {nothing_hit(named.layers, raw, profile, named.depth[0])}", stacklevel=4)
     far = torch.where(hit, distances(raw, profile), 0.0)

@@ -25,11 +25,18 @@ MIXED = 0.9  # of the usual length of a file's normals: the mean of two that are
 AROUND = [(i // 3, i % 3) for i in range(9) if i != 4]
 
 
-def hit_of(raw: Tensor, profile: Profile) -> Tensor:
-    """``(B, 1, H, W)`` where depth is a surface's: positive, nearer than `FARTHEST`, and not the sky's."""
+def hit_of(raw: Tensor, profile: Profile, normal: Tensor | None = None) -> Tensor:
+    """``(B, 1, H, W)`` where depth is a surface's: positive, nearer than `FARTHEST`, and not the sky's.
+
+    Args:
+        raw: ``(B, 1, H, W)`` depth as ``profile`` has it.
+        profile: by which depth is read.
+        normal: ``(B, 3, H, W)`` of the file, which is 0 in the sky.
+    """
     near_enough = distances(raw, profile) < FARTHEST  # not so of NaN
     raw = raw * profile.depth_scale
-    sky = _sky_of(raw, profile)
+    bare = torch.zeros_like(raw, dtype=torch.bool) if normal is None else (normal == 0).all(1, keepdim=True)
+    sky = _sky_of(raw, bare, profile)
     hit = near_enough & (raw > _leavings(raw)) & (raw < sky * SKY_SHARE if abs(profile.sky) > 1 else raw != sky)
     if profile.depth_kind in SHARES and not profile.reversed:
         hit = hit & (raw < 1)
@@ -69,10 +76,11 @@ def unmixed(normal: Tensor, size: Tensor, depth: Tensor, hit: Tensor, camera: Ca
     return best
 
 
-def _sky_of(raw: Tensor, profile: Profile) -> float:
+def _sky_of(raw: Tensor, bare: Tensor, profile: Profile) -> float:
     """From which depth on, scaled as the profile says, a pixel shows the sky: the profile's, if the pixels allow it.
 
-    A largest depth that many pixels share and that is far beyond all others is a sky that the profile does not know.
+    A largest depth that many pixels share is a sky that the profile does not know, such as the far plane of Blender's
+    EEVEE, where it is far beyond all others, or where they, and not all others, are ``bare`` of normals.
     The largest half, as the sky of a profile, is that of halves: no sky where float depths of many surfaces are larger.
     """
     sky = profile.sky * profile.depth_scale
@@ -85,11 +93,14 @@ def _sky_of(raw: Tensor, profile: Profile) -> float:
     if not others.numel():
         return sky
     shared = there.numel() - others.numel() > ALIKE * raw.numel()
+    empty = shared and bool(bare[raw == last].all()) and not bool(bare[raw < last].all())
     middle, most = (_quantile(others, share) for share in (0.5, 1 - MANY))
     if profile.sky == MOST_HALF:
         lost = (others >= sky * SKY_SHARE) & (others < BEYOND * middle)
         if int(lost.sum()) > MANY * others.numel():
             sky = math.inf if not shared else last
+    if empty:
+        return min(sky, last)
     return min(sky, math.sqrt(most * last)) if shared and last > BEYOND * most else sky
 
 

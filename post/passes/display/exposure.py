@@ -48,7 +48,7 @@ def exposure(
         low: darkest share of pixels to leave out.
         high: share of pixels above which the brightest are left out.
         min_ev: least gain, in stops.
-        max_ev: largest gain, in stops.
+        max_ev: largest gain, in stops, before night takes its share: what is darker gets that of the limit.
         speed_up: rate per second of adapting to a brighter scene.
         speed_down: rate per second of adapting to a darker one, which eyes do more slowly.
         night: share of the stops below dusk (a luminance of 2^-6.5) that stay dark, so that night looks like night; 0

@@ -17,6 +17,7 @@ from gbufrt.noise.noise import PLASTIC, blue_noise, radical_inverse
 from gbufrt.numeric import check_between, check_counts
 from gbufrt.specular import DIELECTRIC_F0
 from post.march.rays import depth_hierarchy
+from post.mirrors.shown import without_shown
 from post.passes.light.fresh import by_history
 from post.shading.fireflies import without_lone_fireflies
 from post.shading.ggx import specular_f0
@@ -156,7 +157,9 @@ def _shifts(index: int | Tensor, samples: int, method: Method, noise: Tensor) ->
 class SSR(Pass):
     """See `ssr`; the light that surfaces send is `outgoing_light`.
 
-    Frames with one before them send half as many rays, as their histories average them with others.
+    Frames with one before them send half as many rays, as their histories average them with others. Where the frame's
+    light shows sky and lamps in mirrors already (``emitters_mirrored``), smooth metals that show them reflect
+    nothing else but what is found on screen.
 
     Args:
         assumed_thickness: of solids along the view ray, world units, where the frame has no ``thickness``; by default
@@ -207,12 +210,12 @@ class SSR(Pass):
         visibility = frame.ao if frame.sky_visibility is None else frame.sky_visibility
         known = {"hit": g.hit, "f0": _f0(frame), "normal_geo": g.normal_geo, "environment": frame.environment}
         known |= {"thickness": known_thickness(g, assumed_thickness=assumed), "index": frame.index}
-        known |= {"visibility": visibility, "bent_normal": frame.bent_normal}
-        known |= {"metallic": g.metallic}
+        known |= {"visibility": visibility, "bent_normal": frame.bent_normal, "metallic": g.metallic}
         samples, light = tunables.pop("samples"), outgoing_light(frame)
         given = partial(ssr, g.depth, g.normal, g.camera, light, roughness, **known, **tunables)
         found = by_history(frame, lambda count: given(samples=count), first=samples, later=-(-samples // 2))
         reflection, confidence, distance = found
+        reflection = without_shown(reflection, confidence, frame)
         return frame.replace(reflection=reflection, reflection_confidence=confidence, reflection_distance=distance)
 
 

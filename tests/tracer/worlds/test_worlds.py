@@ -7,13 +7,18 @@ import time
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from tracer import worlds
 from tracer.scene.cells import cells_of_world, world_of_cells
+from tracer.scene.daylight import at_hour
+from tracer.scene.material import Material, MaterialTable
+from tracer.scene.placement import place
 from tracer.scene.scene import Instance, Scene
+from tracer.scene.world import World
 from tracer.traversal.rays import trace
 
 TIMES = [0.0, 0.7, 2.5, 4.9, 7.3, 10.0]
@@ -179,3 +184,17 @@ def test_cells_of_a_world_make_the_same_world() -> None:
     probe = torch.randint(-20, 280, (4096, 3), generator=torch.Generator().manual_seed(0))
     assert torch.equal(world.at(probe), again.at(probe))
     assert math.prod(again.index.shape) <= math.prod(world.index.shape)
+
+
+@pytest.mark.parametrize("name", ["valley", "terrain", "model"])
+def test_the_plain_below_the_horizon_is_like_the_land_that_ends_there(name: str) -> None:
+    """Grey land would be violet under the blue and red light of a morning, beside land that is not."""
+    made = {"valley": valley, "terrain": worlds.terrain, "model": lambda: place(one_voxel())}
+    morning = at_hour(made[name](), 6.5).sky.picture
+    assert morning is not None
+    _, green, blue = morning[0, :, 160:].mean(dim=(1, 2)).tolist()
+    assert green > 1.15 * blue
+
+
+def one_voxel() -> World:
+    return world_of_cells(np.zeros((1, 3), np.int64), np.ones(1, np.int16), MaterialTable.of([Material(name="stone")]))

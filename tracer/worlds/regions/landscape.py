@@ -95,8 +95,12 @@ def night() -> torch.Tensor:
     )
 
 
+def plain_of(world: World) -> Plain:
+    """What goes on below the horizon where a land ends: the mean of its border."""
+    return _plain(heights_of(world), world.materials)
+
+
 def _plain(ground: HeightMap, materials: MaterialTable) -> Plain:
-    """The mean of the land's border."""
     kinds = torch.from_numpy(ground.kind[ends_of(np.isfinite(ground.top))])
     albedo, water = materials.albedo.cpu()[kinds], materials.water.cpu()[kinds]
     r, g, b = albedo[~water].mean(dim=0).tolist() if not water.all() else MEADOW.albedo

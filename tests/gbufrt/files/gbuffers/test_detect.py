@@ -128,3 +128,20 @@ def test_a_wrong_profile_is_told_the_one_that_fits(tmp_path: Path, capfd: pytest
     assert f"{source.shots[0]}: --from nuke, but {fits}" in capfd.readouterr().err
     Source.of([path], "blender", None, 50.0)
     assert "but" not in capfd.readouterr().err
+
+
+def test_of_several_view_layers_the_one_with_most_passes_is_taken(tmp_path: Path, capfd) -> None:
+    """Whatever their order in the file, which is that of their names; the option chooses another."""
+    layers = {"a_clay.Depth.Z": 2 * PLANE, "a_clay.Combined.RGB": RGB}
+    layers |= {"main.Depth.Z": 4 * PLANE, "main.Normal.XYZ": RGB, "main.Combined.RGB": RGB}
+    path = foreign_exr.write(tmp_path / "a.exr", layers, BLENDER)
+    assert "depth is main.Depth.Z" in detect(path).reasons
+    with pytest.warns(UserWarning, match="a_clay, main; main is taken, as none has more passes: --layer NAME"):
+        frame = read_gbuffer(path, fov=40.0)
+    assert float(frame.gbuffer.depth.max()) == 4
+    (other,) = Source.of([path], "auto", None, 40.0, layer="a_clay").frames()
+    assert float(other.gbuffer.depth.max()) == 2
+    assert run("inspect", path, "--layer", "a_clay", "--fov", 40) == 0
+    assert "a_clay.Depth.Z (planar" in capfd.readouterr().out
+    assert run("post", path, "--layer", "b", "--fov", 40, "--out", tmp_path / "out") == 2
+    assert "has no depth in the layer 'b'; it has a_clay, main" in capfd.readouterr().err.splitlines()[-1]

@@ -134,3 +134,14 @@ def test_finished_pictures_alone_get_an_albedo_of_mirrors(tmp_path: Path) -> Non
         mirror = g.albedo[..., -4:][g.hit[..., -4:].expand(-1, 3, -1, -1)]
         assert (frame.radiance is None) == (lit == "img")
         assert bool((mirror > 0.5).all() if lit == "img" else (mirror == 0).all())
+
+
+def test_rounding_below_zero_is_none(tmp_path: Path) -> None:
+    """As in Cycles' transmission passes; what is more is left to be seen."""
+    noisy = LIT.copy()
+    noisy[5, 5], noisy[6, 6] = -1e-6, -0.1
+    layers = {"depth.Z": NAMES["hitPz.Z"], "normal.XYZ": T["normal"], "direct.RGB": noisy}
+    light = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA).radiance
+    assert light is not None
+    assert float(light[0, 0, 5, 5]) == 0
+    assert float(light[0, 0, 6, 6]) == pytest.approx(-0.1)

@@ -168,8 +168,9 @@ def test_albedo_is_decoded(tmp_path: Path) -> None:
 
 def test_view_layers_with_dots_are_kept_apart(tmp_path: Path) -> None:
     planes = {f"{v}.Depth.Z": np.full(SIZE, d) for v, d in (("a.b", 2.0), ("c", 3.0))}
-    path = write(tmp_path / "a.exr", planes | {"c.Roughness.X": np.full(SIZE, 0.3)})
-    with pytest.warns(UserWarning, match=r"depth in the layers a\.b, c; took a\.b"):
+    others = {name: np.full(SIZE, 0.3) for name in ("a.b.Metallic.X", "c.Roughness.X")}
+    path = write(tmp_path / "a.exr", planes | others)
+    with pytest.warns(UserWarning, match=r"depth is in the layers a\.b, c; a\.b is taken"):
         frame = read_gbuffer(path, fov=40)
     assert float(frame.gbuffer.depth.max()) == 2
     assert frame.gbuffer.roughness is None  # that of the other view layer

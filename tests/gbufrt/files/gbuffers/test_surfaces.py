@@ -14,6 +14,7 @@ from gbufrt.files import read_gbuffer
 T = truth()
 SKY = ~T["hit"]
 NORMAL = {"normal.XYZ": T["normal"]}
+FACING = {"normal.XYZ": np.where(SKY[..., None], [0.0, -1.0, 0.0], T["normal"])}  # of a backdrop in the sky's place
 REST = np.random.default_rng(0).choice((-1.0, 1.0), SIZE) * 1e-8
 
 
@@ -28,9 +29,21 @@ def test_what_lies_far_beyond_all_else_at_one_depth_is_sky(sky: float, tmp_path:
     assert (_hit(tmp_path, np.where(SKY, sky, T["planar"]), str(tmp_path / "own.toml")) == T["hit"]).all()
 
 
+def test_the_far_plane_without_normals_is_sky(tmp_path: Path) -> None:
+    """As of Blender's EEVEE, which has the camera's clip end there, be it near; a far wall has normals."""
+    normal = np.where(SKY[..., None], 0.0, T["normal"])
+    layers = {"V.Depth.Z": np.where(SKY, 4 * T["planar"][~SKY].max(), T["planar"]), "V.Normal.XYZ": normal}
+    marked = {"BlenderMultiChannel": "Blender V2.55.1 and newer"}
+    frame = read_gbuffer(write(tmp_path / "a.exr", layers, marked), camera=CAMERA)
+    assert torch.equal(frame.gbuffer.hit[0, 0], torch.from_numpy(~SKY))
+    wall = layers | {"V.Normal.XYZ": FACING["normal.XYZ"]}
+    assert bool(read_gbuffer(write(tmp_path / "b.exr", wall, marked), camera=CAMERA).gbuffer.hit.all())
+
+
 def test_a_backdrop_of_one_depth_is_a_surface(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text('[channels]\ndepth = ["depth.Z"]\nnormal = ["normal"]')
-    assert _hit(tmp_path, np.where(SKY, 900.0, T["planar"]), str(tmp_path / "own.toml")).all()
+    path = write(tmp_path / "a.exr", {"depth.Z": np.where(SKY, 900.0, T["planar"]), **FACING})
+    assert read_gbuffer(path, str(tmp_path / "own.toml"), camera=CAMERA).gbuffer.hit.all()
 
 
 @pytest.mark.parametrize("sky", [0.0, np.inf, 1e11])
