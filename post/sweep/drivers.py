@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numba.cuda
@@ -205,7 +206,7 @@ def _toward(lens, parallel, x, y):
     """Planar depth of a world unit along a pixel's ray, see `gbufrt.camera.Camera.along_axis`."""
     across = (np.float32(x) + HALF + lens[4] - lens[2]) / lens[0]
     down = (np.float32(y) + HALF + lens[5] - lens[3]) / lens[1]
-    return ONE if parallel else ONE / np.sqrt(across * across + down * down + ONE)
+    return ONE if parallel else ONE / math.sqrt(across * across + down * down + ONE)
 
 
 @inlined
