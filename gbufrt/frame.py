@@ -34,6 +34,8 @@ class Frame:
     """Seconds; like the index, it may lie on the device, as a 0-dim tensor of doubles."""
     cut: Tensor | None = None
     """``(B,)`` bool: the camera jumped, so nothing of the frame before may be used."""
+    steady: bool = False
+    """Whether nothing has moved or changed since the frame before, see `still`: what differs is noise."""
     emitters_sampled: bool = True
     """Whether ``radiance`` already includes direct light from emitters, so that GI must not gather emission again."""
     emitters_mirrored: bool = False
@@ -52,9 +54,7 @@ class Frame:
     fog_light: Tensor | None = channel(
         3, "mean radiance that fog there scatters over the share it takes, or of every second pixel", full_size=False
     )
-    fog_mirrored: Tensor | None = channel(
-        4, "the same along the mirrored ray, then the share that fog lets through there", full_size=False
-    )
+    fog_mirrored: Tensor | None = channel(4, "the same on the mirrored ray, and its transmittance", full_size=False)
 
     diffuse: Tensor | None = channel(3, "diffuse light by one sample a pixel, albedo divided out, linear radiance")
     indirect: Tensor | None = channel(3, "the part of `diffuse` that surfaces and the sky send, albedo divided out")
@@ -95,7 +95,7 @@ class Frame:
         check_layer(Frame, "previous", self.previous)
         check_index(self.index)
         check_numbers(time=self.time)
-        check_flags(emitters_sampled=self.emitters_sampled, emitters_mirrored=self.emitters_mirrored)
+        check_flags(**{name: getattr(self, name) for name in ("steady", "emitters_sampled", "emitters_mirrored")})
         if not isinstance(self.cut, Tensor | None):
             raise TypeError(f"cut must be a ({camera.batch},) bool tensor or None, got {type(self.cut).__name__}")
         if self.cut is not None and (self.cut.shape != (camera.batch,) or self.cut.dtype != torch.bool):
@@ -218,8 +218,8 @@ class Frame:
         g = self.gbuffer
         none = {name: torch.zeros_like(g_name) for name in MOTION if (g_name := getattr(g, name)) is not None}
         behind = None if self.behind is None else self.behind.still()
-        gone = dict.fromkeys(REPLAYED)  # they are at the pixels of a camera that stood elsewhere
-        return self.replace(gbuffer=g.replace(previous_camera=g.camera, **none), cut=None, behind=behind, **gone)
+        gone = dict.fromkeys(("cut", *REPLAYED))  # samples at the pixels of a camera that stood elsewhere
+        return self.replace(gbuffer=g.replace(previous_camera=g.camera, **none), steady=True, behind=behind, **gone)
 
     def moving_as(self, frame: Frame) -> Frame:
         """This frame with motion, cut and replayed samples of another one, `behind` likewise: undoes `still`."""
@@ -230,7 +230,7 @@ class Frame:
             behind = behind.moving_as(frame.behind)
         moving = self.gbuffer.replace(previous_camera=g.previous_camera, **motion)
         replayed = {name: getattr(frame, name) for name in REPLAYED}
-        return self.replace(gbuffer=moving, cut=frame.cut, behind=behind, **replayed)
+        return self.replace(gbuffer=moving, cut=frame.cut, steady=frame.steady, behind=behind, **replayed)
 
     def as_previous(self, names: Iterable[str] = ("radiance", "ambient", "gi", "sky_visibility", "composite")) -> Frame:
         """What the next frame may read of this one: geometry and the signals called ``names``."""

@@ -7,11 +7,12 @@ import warnings
 import boxes
 import pytest
 import torch
+import torch.nn.functional as F
 
 from gbufrt import Frame, History, Pass, Pipeline, TemporalPass
 from gbufrt.frame import REPLAYED
 from gbufrt.noise.noise import blue_noise
-from post import SSR, EstimateMissing
+from post import SSR, EstimateMissing, Temporal
 
 
 class Noise(Pass):
@@ -63,6 +64,25 @@ def test_a_still_converges_and_the_same_index_again_does_not():
             _, state = PIPELINE(frame, state)
     assert state is not None
     assert float(settled) < 0.1 * float(state.stages["mean"].signals["ao"].std())
+
+
+class Blurred(Pass):
+    """Noise as filters leave it: alike in pixels that lie side by side."""
+
+    reads, writes = frozenset({"depth"}), frozenset({"ao"})
+
+    def forward(self, frame: Frame) -> Frame:
+        noise = torch.randn(frame.gbuffer.depth.shape, generator=torch.Generator().manual_seed(int(frame.index)))
+        return frame.replace(ao=0.5 + F.avg_pool2d(noise, 9, stride=1, padding=4, count_include_pad=False))
+
+
+def test_noise_that_filters_have_spread_is_not_taken_for_changes_of_light_in_a_still():
+    """Over an area it is as great as in a pixel, and histories that follow it do not converge."""
+    pipeline, frame = Pipeline(noise=Blurred(), mean=Temporal(signal="ao")), boxes.frame(boxes.camera((48, 64)))
+    hit = frame.gbuffer.hit
+    errors = [pipeline.settle(frame, runs)[0].read("ao")[hit].sub(0.5).square().mean().sqrt() for runs in (1, 16)]
+    assert float(errors[1]) < 0.3 * float(errors[0])
+    assert pipeline.settle(frame, 2)[0].steady is False
 
 
 def test_passes_see_no_motion_and_the_result_has_its_own():

@@ -178,7 +178,7 @@ class Temporal(TemporalPass):
 
     Writes ``<signal>_history``, the number of frames in each pixel's mean, and for denoisers that follow
     ``<signal>_variance``, of its output, without albedo where that was divided out. The confidence of a reflection is
-    averaged with it.
+    averaged with it. In frames that are ``steady`` no changes are looked for, lest noise is taken for them.
 
     Args:
         signal: name of a signal, or several; the first leads.
@@ -219,12 +219,12 @@ class Temporal(TemporalPass):
         self.writes = frozenset({*names, f"{names[0]}_history", *([f"{names[0]}_variance"] if variance else [])})
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
-        names = signal_names(self.signal)
-        divide = wants_albedo(names, self.demodulate)
+        divide = wants_albedo(names := signal_names(self.signal), self.demodulate)
         mean, state = temporal(
             stack(frame, names, demodulate=divide), frame.gbuffer, history_for(state, frame.cut), blend=self.blend,
-            clamp=self.clamp, firefly=self.firefly, motion_response=self.motion_response, feedback=self.feedback,
-            variance=self.variance, distance=_reflected(frame, names, self.virtual), lead=frame.read(names[0]).shape[1],
+            clamp=0.0 if frame.steady else self.clamp, firefly=self.firefly, motion_response=self.motion_response,
+            feedback=self.feedback, variance=self.variance, distance=_reflected(frame, names, self.virtual),
+            lead=frame.read(names[0]).shape[1],
         )  # fmt: skip
         frame = unstack(frame, names, mean, demodulate=divide, views=True)  # the state holds the mean
         if self.variance:
