@@ -103,7 +103,7 @@ def denoise(
     )
     emission = torch.minimum(emission.to(light), light)
     if gbuffer.emission is None:
-        emission = emission + light_of_lamps(light - emission, divisor, shown.hit)
+        emission = emission + light_of_lamps(light - emission, divisor, shown.hit, gbuffer.albedo)
     noisy = (light - emission) / divisor
     longest = None if before is None else frames_lasting(gbuffer, before, tight)
     if history is not None and history.gbuffer is not None:
