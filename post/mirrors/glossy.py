@@ -8,9 +8,11 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.compute.resident import waits
 from gbufrt.directions import length
+from post.history.reproject import motion_of
 from post.mirrors.image import METAL, SMOOTH
 
 LASTING = 1.0  # widths of the lobe that the eye may turn round a surface while its reflection counts as the same
+FOLLOWED = 1.25  # pixels by which an image may move over a mirror that curves tightly while it counts as the same
 LEAST = 2.0  # frames: a single sample is worse than a lag of one frame
 SHARP, SMALL = 0.25, 0.5  # roughness below which images have strong contrasts; and where surfaces curve tightly
 TRUSTED = 0.1  # least share of a variance that such contrasts leave
@@ -42,28 +44,31 @@ def contrasting(g: GBuffer, tight: Tensor) -> Tensor | None:
     return torch.where(g.hit & (g.metallic > METAL), broad, 1.0)
 
 
-def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor) -> Tensor | None:
+def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor, image: GBuffer) -> Tensor | None:
     """How many frames a history of what metals reflect may hold, where they show too much of it to be matt.
 
     A highlight stays where it is on a surface as long as the eye turns round it by less than the lobe is wide. Further
-    frames show light that is no longer there. Smooth metals, and those that curve tightly, are left to
-    `post.mirrors.image`: their histories follow what they show.
+    frames show light that is no longer there. Smooth metals are left to `post.mirrors.image`: their histories follow
+    what they show. Where they curve tightly they can do so to the first order alone, and lamps as small as a pixel
+    would become streaks.
 
     Args:
         g: of the frame.
         previous: camera of the frame before.
         tight: see `glossy_metals`.
+        image: as ``g``, with the motion of what mirrors show.
 
     Returns:
         ``(B, 1, H, W)``, infinite where nothing limits it; None where nothing does, or the G-buffer does not tell.
     """
     if g.roughness is None or g.metallic is None:
         return None
-    glossy = g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH) & ~tight
-    if not (waits(glossy) or bool(glossy.any())):
+    glossy, curved = g.hit & (g.metallic > METAL) & (g.roughness >= SMOOTH) & ~tight, tight & (g.roughness < SMOOTH)
+    if not (waits(glossy) or bool((glossy | curved).any())):
         return None
     points = g.camera.to_world(g.points_view())
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
     turned = length(now - was)  # radians, as it is small
-    frames = (LASTING * g.roughness.square() / turned.clamp_min(1e-9)).clamp_min(LEAST)
-    return torch.where(glossy, frames, torch.inf)
+    moved = length(motion_of(image, previous)[0] - motion_of(g, previous)[0])
+    frames = torch.where(curved, FOLLOWED / moved.clamp_min(1e-9), LASTING * g.roughness.square() / turned.clamp_min(1e-9))
+    return torch.where(glossy | curved, frames.clamp_min(LEAST), torch.inf)

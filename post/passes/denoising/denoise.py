@@ -24,7 +24,7 @@ from post.mirrors.glossy import contrasting, frames_lasting, glossy_metals
 from post.mirrors.image import METAL, tight_metals
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.lamps import light_of_lamps
-from post.passes.denoising.shown import in_mirrors, reflectance_of, visible_layer
+from post.passes.denoising.shown import completed, in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
 from post.passes.denoising.turning import frames_lit
 
@@ -96,6 +96,7 @@ def denoise(
         check_sizes(gbuffer.camera, **{"behind.depth": behind.depth})
     before = None if history is None or history.gbuffer is None else history.gbuffer.camera
     faced = None if history is None else history.signals.get(FACING)
+    gbuffer, behind = completed(gbuffer, before), None if behind is None else completed(behind, before)
     reflected, tight = reflectance_of(gbuffer, specular=specular), tight_metals(gbuffer)
     surfaces = visible_layer(gbuffer, behind, reflected, specular=specular)
     shown, divisor, emission, mirrors, glossy, facing = in_mirrors(
@@ -105,7 +106,7 @@ def denoise(
     if gbuffer.emission is None:
         emission = emission + light_of_lamps(light - emission, divisor, shown.hit, gbuffer.albedo)
     noisy = (light - emission) / divisor
-    longest = None if before is None else frames_lasting(gbuffer, before, tight)
+    longest = None if before is None else frames_lasting(gbuffer, before, tight, shown)
     if history is not None and history.gbuffer is not None:
         longest = _shorter(longest, frames_lit(noisy, shown, history.gbuffer), gbuffer)
     mean, history = temporal(

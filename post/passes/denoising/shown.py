@@ -10,6 +10,7 @@ from torch import Tensor
 from gbufrt import Camera, GBuffer
 from gbufrt.luminance import luminance
 from post.filters.signals import MIN_ALBEDO
+from post.history.reproject import motion_of
 from post.mirrors.image import METAL, SMOOTH, mirror_image
 from post.shading.composite_op import specular_albedo
 
@@ -34,6 +35,26 @@ class Shown(NamedTuple):
     and shows the texture again."""
     facing: Tensor | None = None
     """``(B, 3, H, W)`` normals of the mirrors themselves; None where there is no mirror."""
+
+
+def completed(g: GBuffer, previous: Camera | None) -> GBuffer:
+    """The G-buffer, with what it leaves out and mirrors need.
+
+    Motion follows from the cameras, for a world that stands still: images in mirrors move otherwise. Metals whose
+    albedo is black are white: many renderers write that of diffuse light alone, and a division by black would make
+    their light that of a lamp.
+
+    Args:
+        g: of the frame, or of what lies behind the first surface.
+        previous: camera of the frame before.
+    """
+    changes = dict[str, Tensor]()
+    if previous is not None and (g.motion is None or g.motion_z is None):
+        changes["motion"], changes["motion_z"] = motion_of(g, previous)
+    if g.metallic is not None and g.albedo is not None:
+        black = (g.metallic > METAL) & (g.albedo.amax(1, keepdim=True) <= MIN_ALBEDO)
+        changes["albedo"] = torch.where(black, 1.0, g.albedo)
+    return g.replace(**changes) if changes else g
 
 
 def reflectance_of(g: GBuffer, *, specular: bool) -> Tensor | None:

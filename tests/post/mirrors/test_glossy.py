@@ -9,7 +9,8 @@ import torch
 
 from gbufrt import Camera, Frame, GBuffer, Pipeline
 from post import Denoise, denoise
-from post.mirrors.glossy import LASTING, LEAST, SHARP, SMALL, TRUSTED, contrasting, frames_lasting
+from post.mirrors.curvature import TIGHT
+from post.mirrors.glossy import FOLLOWED, LASTING, LEAST, SHARP, SMALL, TRUSTED, contrasting, frames_lasting
 from post.mirrors.image import tight_metals
 
 SIZE = (48, 64)
@@ -41,25 +42,37 @@ def test_a_history_lasts_while_the_eye_turns_by_the_lobe(roughness: float, monke
     monkeypatch.setattr("post.mirrors.curvature.TIGHT", math.inf)
     g = ball(1, roughness)
     assert g.previous_camera is not None
-    frames = frames_lasting(g, g.previous_camera, tight_metals(g))
+    frames = frames_lasting(g, g.previous_camera, tight_metals(g), g)
     assert frames is not None
     middle = frames[..., SIZE[0] // 2, SIZE[1] // 2]
     seen = DISTANCE / (DISTANCE - RADIUS) * TURN  # about the middle of the ball; its front is nearer
     assert float(middle) == pytest.approx(max(LASTING * roughness**2 / seen, LEAST), rel=0.05)
     assert bool(torch.isinf(frames[~g.hit]).all())
-    still = frames_lasting(g, g.camera, tight_metals(g))
+    still = frames_lasting(g, g.camera, tight_metals(g), g)
     assert still is not None
     assert float(still.min()) > 1e6
 
 
-def test_what_is_matt_or_a_mirror_or_curves_tightly_is_not_limited():
+def test_what_is_matt_or_a_plane_mirror_or_curves_tightly_is_not_limited(monkeypatch: pytest.MonkeyPatch):
     """The last of them, a ball of 18 pixels, has histories that follow what it shows."""
-    for roughness, metallic in ((0.2, 0.0), (0.05, 1.0), (0.2, 1.0)):
+    for roughness, metallic, tight in ((0.2, 0.0, TIGHT), (0.05, 1.0, math.inf), (0.2, 1.0, TIGHT)):
+        monkeypatch.setattr("post.mirrors.curvature.TIGHT", tight)
         g = ball(1, roughness, metallic)
         assert g.previous_camera is not None
-        assert frames_lasting(g, g.previous_camera, tight_metals(g)) is None
+        assert frames_lasting(g, g.previous_camera, tight_metals(g), g) is None
     g = ball(1).replace(metallic=None)
-    assert frames_lasting(g, g.camera, tight_metals(g)) is None
+    assert frames_lasting(g, g.camera, tight_metals(g), g) is None
+
+
+def test_a_curved_mirror_forgets_once_its_image_has_moved_a_pixel():
+    g = ball(1, roughness=0.05)
+    assert g.previous_camera is not None
+    assert g.motion is not None
+    for pixels, expected in ((0.1, FOLLOWED / 0.1), (0.9, LEAST)):
+        image = g.replace(motion=g.motion + torch.tensor([pixels, 0.0]).view(1, 2, 1, 1))
+        frames = frames_lasting(g, g.previous_camera, tight_metals(g), image)
+        assert frames is not None
+        torch.testing.assert_close(frames[g.hit], torch.full_like(frames[g.hit], expected), rtol=1e-3, atol=0)
 
 
 def highlight(g: GBuffer) -> torch.Tensor:
@@ -153,3 +166,17 @@ def test_a_first_frame_keeps_the_contrast_that_a_smooth_ball_of_metal_shows(monk
     sharp = error()
     monkeypatch.setattr("post.passes.denoising.denoise.contrasting", lambda *g: None)
     assert sharp < 0.9 * error()
+
+
+def test_images_of_a_world_that_stands_still_need_no_motion():
+    generator, results = torch.Generator().manual_seed(3), []
+    noise = [torch.exp(torch.randn((1, 1, *SIZE), generator=generator) - 0.5) for _ in range(4)]
+    for told in (True, False):
+        frames = []
+        for n, each in enumerate(noise):
+            g = ball(n)
+            light = highlight(g) * each
+            frames.append(Frame(gbuffer=g if told else g.replace(motion=None, motion_z=None), radiance=light, index=n))
+        *_, last = Pipeline(denoise=Denoise(signal="radiance")).stream(frames)
+        results.append(last.read("radiance"))
+    torch.testing.assert_close(*results)

@@ -63,3 +63,31 @@ def test_noise_and_even_light_are_no_lamps(level: float):
         some[..., 40:] = 0  # most is dark
         assert bool((light_of_lamps(8 * some + level, one, one[:, :1] > 0) == 0).all()), lit
     assert bool((light_of_lamps(0 * one + level, one, one[:, :1] > 0) == 0).all())
+
+
+def test_lamps_of_black_albedo_are_found_however_ragged_or_small():
+    """One sample a pixel leaves pixels of a lamp alone at its border; a lamp may be as small as they are."""
+    draw = torch.Generator().manual_seed(3)
+    lamp = torch.rand((1, 1, *SIZE), generator=draw) < 0.1
+    albedo = torch.where(lamp, 0.0, 0.8).expand(1, 3, *SIZE)
+    light = torch.where(lamp, 20.0, noisy())
+    own = light_of_lamps(light, albedo.clamp_min(0.01), torch.ones_like(lamp), albedo)
+    torch.testing.assert_close(own, torch.where(lamp, 20.0, 0.0).expand_as(own), rtol=0.02, atol=0)
+    white = torch.full_like(albedo, 0.8)
+    assert bool((light_of_lamps(light, white, torch.ones_like(lamp), white) == 0).all())
+
+
+def test_noise_on_black_stone_is_no_lamp():
+    black = torch.zeros(1, 3, *SIZE)
+    some = noisy() * 0.01
+    some[..., 20:28, 24:40] = 20 * penumbra(0.5)[..., 20:28, 24:40]  # what it mirrors of a lamp
+    assert bool((light_of_lamps(some, black + 0.04, black[:, :1] == 0, black) == 0).all())
+
+
+def test_the_same_light_as_a_lamp_s_is_its_own_beside_it():
+    light = noisy()
+    light[LAMP] = 20.0
+    light[..., 24, 42] = 20.0  # a sample alone, three pixels away
+    one = torch.ones_like(light)
+    own = light_of_lamps(light, one, one[:, :1] > 0)
+    assert float(own[..., 24, 42].min()) > 19

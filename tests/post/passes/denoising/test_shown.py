@@ -8,7 +8,7 @@ import torch
 
 from gbufrt import GBuffer
 from post import denoise
-from post.passes.denoising.shown import Shown, reflectance_of, visible_layer
+from post.passes.denoising.shown import Shown, completed, reflectance_of, visible_layer
 from post.shading.composite_op import specular_albedo
 
 SIZE = (36, 48)
@@ -48,3 +48,18 @@ def test_the_share_of_a_highlight_is_great_on_dark_and_smooth_surfaces_alone():
     assert share(tiled(1.0)) == (0.0, 0.0)  # a wide lobe gathers light as the diffuse one does
     g = tiled(0.2)
     assert visible_layer(g, None, reflectance_of(g, specular=False)).glossy is None
+
+
+def test_metals_of_black_albedo_count_as_white():
+    """Renderers that write diffuse albedo alone write black for metals."""
+    g = tiled(0.2)
+    assert g.albedo is not None
+    metal = torch.zeros_like(g.depth)
+    metal[..., :24] = 1.0
+    given = g.replace(metallic=metal, albedo=torch.where(g.albedo > 0.5, g.albedo, 0.0))
+    found = completed(given, None).albedo
+    assert found is not None
+    assert given.albedo is not None
+    white = (metal > 0) & (given.albedo == 0)
+    assert torch.equal(found, torch.where(white, 1.0, given.albedo))
+    assert bool(white.any())
