@@ -70,5 +70,6 @@ def frames_lasting(g: GBuffer, previous: Camera, tight: Tensor, image: GBuffer) 
     now, was = (camera.rotate_to_world(camera.to_eye(camera.to_view(points))) for camera in (g.camera, previous))
     turned = length(now - was)  # radians, as it is small
     moved = length(motion_of(image, previous)[0] - motion_of(g, previous)[0])
-    frames = torch.where(curved, FOLLOWED / moved.clamp_min(1e-9), LASTING * g.roughness.square() / turned.clamp_min(1e-9))
-    return torch.where(glossy | curved, frames.clamp_min(LEAST), torch.inf)
+    by_lobe, by_image = LASTING * g.roughness.square() / turned.clamp_min(1e-9), FOLLOWED / moved.clamp_min(1e-9)
+    frames = torch.where(curved, by_image, by_lobe).clamp_min(LEAST)
+    return torch.where(glossy | curved, frames, torch.inf)
