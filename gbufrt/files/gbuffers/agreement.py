@@ -12,6 +12,9 @@ from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 from gbufrt.validation.geometry import FEW, flat
 from gbufrt.validation.motion import found_again
+from gbufrt.files.gbuffers.light import ended_line
+from gbufrt.files.gbuffers.motion import depth_factor
+from gbufrt.files.gbuffers.profile import Profile
 
 CLOSE = 5.0  # degrees between a normal and that of the depth, up to which they agree
 TILT = 8.0  # degrees between the mean normal of a block and that of the depth, up to which they agree
@@ -46,7 +49,7 @@ def disagreements(
             lines.append(_static_line(g, g.motion, g.previous_camera))
         if before is not None:
             lines.append(_mover_line(g, g.motion, before.gbuffer))
-    return [line for line in dict.fromkeys(lines) if line]
+    return [line for line in dict.fromkeys([*lines, ended_line(frame)]) if line]
 
 
 def depth_readings(g: GBuffer, kind: str = "planar") -> dict[str, Tensor]:

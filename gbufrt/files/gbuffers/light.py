@@ -11,7 +11,9 @@ from torch import Tensor
 from gbufrt.files.gbuffers.depths import EDGE
 from gbufrt.files.gbuffers.named import Light, Named
 from gbufrt.files.gbuffers.sky import sky_lacks
+from gbufrt.frame import Frame
 from gbufrt.luminance import luminance
+from gbufrt.validation.geometry import FEW
 
 BLACK = 1e-3  # of albedo: no surface that scatters light is so dark
 ROUNDED = 1e-4  # of the mean light: negative light of less is what renderers leave that make a pass by subtraction
@@ -56,6 +58,20 @@ def lacking(named: Named, light: Light, size: tuple[int, int]) -> list[str]:
     """The layers whose part of the direct light is missing: none is where what it would be multiplied by is black."""
     stack = named.layers.stack
     return [name for name, factors in light.lacking.items() if all(bool((stack(k, size) > 0).any()) for k in factors)]
+
+
+def ended_line(frame: Frame) -> str:
+    """What to say of light none of whose channels exceeds 1, and some, one apart from the others, end there; else "".
+
+    Lamps and skies may be 1 in all channels. Only a picture made for display has colours with a single one cut off.
+    """
+    light = frame.composite if frame.radiance is None else frame.radiance
+    if light is None or float(light.nan_to_num(0.0).max()) != 1:
+        return ""
+    ends = (light == 1).sum(1, keepdim=True)
+    if int(((ends > 0) & (ends < light.shape[1]) & frame.gbuffer.hit).sum()) < FEW:
+        return ""
+    return "light is cut off at 1, as in pictures for display: write linear light, without a view transform"
 
 
 def explained(albedo: Tensor, light: Tensor, hit: Tensor) -> Tensor:

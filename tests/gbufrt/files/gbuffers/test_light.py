@@ -145,3 +145,14 @@ def test_rounding_below_zero_is_none(tmp_path: Path) -> None:
     assert light is not None
     assert float(light[0, 0, 5, 5]) == 0
     assert float(light[0, 0, 6, 6]) == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize(("most", "tint", "told"), [(1.0, 0.6, 1), (1.0, 1.0, 0), (1.5, 0.6, 0), (0.9, 0.6, 0)])
+def test_pictures_made_for_display_are_told_by_where_they_end(
+    most: float, tint: float, told: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Lamps that are 1 in all channels are none."""
+    light = np.where(LEFT, (most, most * tint, most * tint), 0.2)
+    layers = {"depth.Z": NAMES["hitPz.Z"], "normal.XYZ": T["normal"], "albedo.RGB": GREY, "RGB": light}
+    list(Source.of([write(tmp_path / f"a.{n}.exr", layers) for n in (1, 2)], "auto", None, 50.0).frames())
+    assert capfd.readouterr().err.count("write linear light, without a view transform") == told
