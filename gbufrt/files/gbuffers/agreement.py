@@ -22,7 +22,6 @@ BLOCKS = 6  # along the shorter side of the picture
 AGREE = 0.5  # share of the flat pixels whose normals must be those of the depth
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
 MOVES = 0.5  # pixels of motion apart from the cameras' own
-SCALES = (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0)  # of depth: millimetres and centimetres beside metres
 RECIPROCAL = '"reciprocal" or "device"'
 CAMERA = "check the camera: another pose or lens, a picture cropped to a border and a panorama look so"
 
@@ -170,13 +169,11 @@ def _static_line(g: GBuffer, motion: Tensor, previous: Camera) -> str:
     line = _motion_line(now, {text: share(m) for text, m in motion_readings(motion).items()}, "the cameras")
     if line or now > BETTER:
         return line
-    for scale in SCALES:
-        still, _ = g.camera.static_motion(previous, g.depth * scale, g.hit)
-        fits = float(((motion - still).norm(dim=1, keepdim=True) < 0.1)[told].float().mean())
-        if fits > AGREE:
-            return (
-                f"depth_scale times {scale:g} fits better: motion agrees with the cameras at {fits:.0%} of the pixels"
-            )
+    scale = depth_factor(motion, g.camera, previous, g.depth, told)
+    still, _ = g.camera.static_motion(previous, g.depth * scale, g.hit)
+    fits = float(((motion - still).norm(dim=1, keepdim=True) < 0.1)[told].float().mean())
+    if fits > max(now + BETTER, AGREE):
+        return f"depth_scale times {scale:.3g} fits better: motion agrees with the cameras at {fits:.0%} of the pixels"
     return (
         f"motion agrees with the cameras at {now:.0%} of the pixels, and no setting makes it fit; if not all of them "
         "move, take that of a still world: motion = [] under [channels] of a profile"
