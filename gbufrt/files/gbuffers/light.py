@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -16,6 +18,7 @@ from gbufrt.luminance import luminance
 from gbufrt.validation.geometry import FEW
 
 BLACK = 1e-3  # of albedo: no surface that scatters light is so dark
+CYCLES_SKY = 1e9  # Cycles' sky lies ten times as far, no far plane does
 ROUNDED = 1e-4  # of the mean light: negative light of less is what renderers leave that make a pass by subtraction
 AROUND = 4  # pixels over which the light of what is black is averaged
 
@@ -58,6 +61,21 @@ def lacking(named: Named, light: Light, size: tuple[int, int]) -> list[str]:
     """The layers whose part of the direct light is missing: none is where what it would be multiplied by is black."""
     stack = named.layers.stack
     return [name for name, factors in light.lacking.items() if all(bool((stack(k, size) > 0).any()) for k in factors)]
+
+
+def is_eevee(header: Mapping[str, Any], raw: Tensor, hit: Tensor) -> bool:
+    """Whether a Blender file is EEVEE's, whose sky lies at the far plane; Cycles' at 1e10.
+
+    Its mirrors show the sky where surfaces hide it too and, with ray tracing, those on screen, all in Glossy Direct.
+
+    Args:
+        header: of the file; that of Cycles says so, unless the compositor wrote it.
+        raw: ``(1, 1, H, W)`` depth as the file has it.
+        hit: ``(1, 1, H, W)`` bool.
+    """
+    if "BlenderMultiChannel" not in header or any(key.startswith("cycles.") for key in header):
+        return False
+    return bool((~hit).any()) and float(raw[~hit].max()) < CYCLES_SKY
 
 
 def ended_line(frame: Frame) -> str:

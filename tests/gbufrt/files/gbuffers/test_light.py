@@ -156,3 +156,15 @@ def test_pictures_made_for_display_are_told_by_where_they_end(
     layers = {"depth.Z": NAMES["hitPz.Z"], "normal.XYZ": T["normal"], "albedo.RGB": GREY, "RGB": light}
     list(Source.of([write(tmp_path / f"a.{n}.exr", layers) for n in (1, 2)], "auto", None, 50.0).frames())
     assert capfd.readouterr().err.count("write linear light, without a view transform") == told
+
+
+@pytest.mark.parametrize(("sky", "mark", "told"), [(1e3, {}, 1), (1e10, {}, 0), (1e3, {"cycles.V.samples": "8"}, 0)])
+def test_mirrors_of_eevee_are_told_to_be_whole(sky: float, mark: dict[str, str], told: int, tmp_path: Path) -> None:
+    layers = {"V.Depth.Z": np.where(T["hit"], T["planar"], sky), "V.Normal.XYZ": T["normal"]}
+    passes = ("Diffuse Direct", "Diffuse Color", "Glossy Direct", "Glossy Color")
+    layers |= {f"V.{name}.RGB": LIT for name in passes}
+    path = write(tmp_path / "a.exr", layers, {"BlenderMultiChannel": "Blender V2.55.1 and newer", **mark})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        read_gbuffer(path, camera=CAMERA)
+    assert sum("(--without reflection)" in str(warning.message) for warning in caught) == told
