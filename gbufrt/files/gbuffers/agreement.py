@@ -29,6 +29,7 @@ MENDED, BROKEN = 0.01, 0.1  # least share of the pixels that other axes mend, an
 MOVES = 0.5  # pixels of motion apart from the cameras' own
 RECIPROCAL = '"reciprocal" or "device"'
 PLAIN = Profile(channels={})
+PANORAMA = "; panoramas and fisheyes, which are not read, look so too"
 CAMERA = "check the camera: another pose or lens, a picture cropped to a border and a panorama look so"
 
 
@@ -50,7 +51,8 @@ def disagreements(
     readings = depth_readings(g, profile.depth_kind).values()
     lines = [normalised_line(g, profile.depth_kind, readings)] if min(g.camera.size) > 2 else []
     if lines == [""]:
-        lines = [_depth_line(g, profile.depth_kind), _normal_line(g, profile)]
+        bent = _depth_line(g, profile.depth_kind)
+        lines = [f"{bent}{PANORAMA * bool(bent and not posed)}", _normal_line(g, profile)]
     if g.motion is not None and posed:
         if g.previous_camera is not None:
             lines.append(_static_line(g, g.motion, g.previous_camera))
