@@ -75,7 +75,7 @@ def is_eevee(header: Mapping[str, Any], raw: Tensor, hit: Tensor) -> bool:
     """
     if "BlenderMultiChannel" not in header or any(key.startswith("cycles.") for key in header):
         return False
-    return bool((~hit).any()) and float(raw[~hit].max()) < CYCLES_SKY
+    return bool((~hit).any()) and 0 < float(raw[~hit].max()) < CYCLES_SKY  # 0 lies beside a crop
 
 
 def ended_line(frame: Frame) -> str:

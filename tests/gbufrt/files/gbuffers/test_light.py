@@ -158,7 +158,9 @@ def test_pictures_made_for_display_are_told_by_where_they_end(
     assert capfd.readouterr().err.count("write linear light, without a view transform") == told
 
 
-@pytest.mark.parametrize(("sky", "mark", "told"), [(1e3, {}, 1), (1e10, {}, 0), (1e3, {"cycles.V.samples": "8"}, 0)])
+@pytest.mark.parametrize(
+    ("sky", "mark", "told"), [(1e3, {}, 1), (1e10, {}, 0), (0, {}, 0), (1e3, {"cycles.V.samples": "8"}, 0)]
+)
 def test_mirrors_of_eevee_are_told_to_be_whole(sky: float, mark: dict[str, str], told: int, tmp_path: Path) -> None:
     layers = {"V.Depth.Z": np.where(T["hit"], T["planar"], sky), "V.Normal.XYZ": T["normal"]}
     passes = ("Diffuse Direct", "Diffuse Color", "Glossy Direct", "Glossy Color")
