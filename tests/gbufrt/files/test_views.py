@@ -179,6 +179,7 @@ def test_two_layers_stand_side_by_side():
 def test_a_long_name_ends_where_its_picture_does(width):
     black = Image.new("RGB", (width, width))
     page = sheet_of({"AfterAFolder.WithALongName." * 4 + "RGB": black, " ": black}, width=width)
-    assert len(page.crop((width, 0, page.width, LABEL)).getcolors()) == 1
+    label = np.asarray(page)[:LABEL]
+    assert not np.ptp(label[:, width:])
     if width > 5:
-        assert len(page.crop((width - 30, 0, width, LABEL)).getcolors()) > 1
+        assert np.ptp(label[:, width - 30 : width])
