@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
@@ -29,6 +30,8 @@ from gbufrt.files.gbuffers.settle import found_settings, settled
 from gbufrt.frame import Frame
 from gbufrt.names import unknown
 from post import normals_from_depth
+
+SHARES = re.compile(r"\d+%|bend by \S+|instead of \S+")  # of a disagreement, which differ from frame to frame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,10 +145,10 @@ class Source:
         """The profile's name or path."""
         return detect(shot.files).name if self.profile == "auto" else self.profile
 
-    def tell(self, line: str) -> None:
-        """Say something once, on stderr."""
-        if line not in self._told:
-            self._told.add(line)
+    def tell(self, line: str, kind: str = "") -> None:
+        """Say something once, on stderr; of lines of a ``kind`` the first."""
+        if (kind or line) not in self._told:
+            self._told.add(kind or line)
             print(f"gbufrt: {line}", file=sys.stderr)
 
     def frames(self) -> Iterator[Frame]:
@@ -167,7 +170,7 @@ class Source:
         """One of the frames, ready for the passes; ``before`` is the one before it, if there is one."""
         frame, wrong = self.read(shot, before)
         for line in wrong:
-            self.tell(f"{shot}: {line}")
+            self.tell(f"{shot}: {line}", SHARES.sub("", line))  # all frames are wrong in one way
         if lamps := lamps_told(frame):
             self.tell(lamps)
         guessed, g = frame.extra.get("normal_estimated"), frame.gbuffer
@@ -206,7 +209,7 @@ class Source:
             self.tell(f"{shot}: {why}: taken for a cut, histories begin anew")
             cut, before = True, None
         frame = cut_off(frame) if cut else frame
-        return frame, disagreements(frame, before, profile.depth_kind, posed=self.fov is None)
+        return frame, disagreements(frame, before, profile=profile, posed=self.fov is None)
 
     def _tell_lost(self, shot: Shot, profile: Profile) -> None:
         """Say once of each channel that a frame lacks it where others before have it."""

@@ -140,7 +140,10 @@ def one_size(paths: list[Path]) -> tuple[int, int]:
     for path, (height, width) in sizes.items():
         if (height, width) != sizes[paths[0]]:
             first = sizes[paths[0]]
-            raise ValueError(f"{path} has {width}x{height} pixels, {paths[0]} {first[1]}x{first[0]}; run them apart")
+            raise ValueError(
+                f"{path} has {width}x{height} pixels, {paths[0]} {first[1]}x{first[0]}; run them apart, "
+                "or save them at one size if they are passes of a frame"
+            )
     return sizes[paths[0]]
 
 

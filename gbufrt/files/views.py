@@ -96,7 +96,7 @@ def layers_sheet(frame: Frame, *, columns: int = 2, width: int = 640) -> Image.I
 
 
 def sheet_of(pictures: Mapping[str, Image.Image], *, columns: int = 5, width: int = 320) -> Image.Image:
-    """Pictures on one page, each with its name; the first one's shape is that of a cell."""
+    """Pictures on one page, each with its name, or the end that fits; the first one's shape is that of a cell."""
     first, font = next(iter(pictures.values())), ImageFont.load_default(LABEL - 9)
     height, columns = max(1, round(width * first.height / first.width)), min(columns, len(pictures))
     step_x, step_y = width + GAP, height + LABEL
@@ -105,6 +105,8 @@ def sheet_of(pictures: Mapping[str, Image.Image], *, columns: int = 5, width: in
     for place, (name, picture) in enumerate(pictures.items()):
         x, y = place % columns * step_x, place // columns * step_y
         page.paste(ImageOps.contain(picture, (width, height)), (x, y + LABEL))
+        while name and pen.textlength(name, font) > width - 4:  # the ends tell passes and values
+            name = f"…{name.lstrip('…')[1:]}".removesuffix("…")
         pen.text((x + 4, y + 2), name, fill=(235, 235, 235), font=font)
     return page
 

@@ -31,7 +31,7 @@ BRIGHT = 4.0  # times the picture's mean luminance: lamps and noise are no surro
 TINY = 1e-12
 
 
-def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Tensor]:
+def look_around(light: Tensor, hit: Tensor, camera: Camera, depth: Tensor | None = None) -> tuple[Tensor, Tensor]:
     """Guess what lies in each direction, beyond the picture's border and behind the camera.
 
     Each direction gets a mean of the picture, weighted by how near its parts lie in elevation and azimuth: a heuristic
@@ -41,6 +41,8 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
         light: ``(B, 3, H, W)`` linear radiance that each pixel sends, the sky's where there is no surface.
         hit: ``(B, 1, H, W)`` bool: where there is a surface.
         camera: of the picture.
+        depth: ``(B, 1, H, W)`` planar view z, world units. Orthographic cameras look one way in all pixels: there
+            surfaces lie where they are seen from the middle of them.
 
     Returns:
         Two lat-long pictures, see `gbufrt.environment`: ``(B, 4, h, w)`` linear radiance of surfaces and the share of
@@ -48,14 +50,18 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
         no sky that of surfaces.
     """
     step = max(camera.height // LINES, 1)
-    light, hit = (picture[..., step // 2 :: step, step // 2 :: step] for picture in (light, hit))
-    solid, over = hit.to(light), (_ways(camera, light)[:, 1:2] > 0).to(light)
+    thin = lambda picture: picture[..., step // 2 :: step, step // 2 :: step]
+    light, hit = thin(light), thin(hit)
+    aside = None if depth is None or not camera.orthographic else _from_middle(thin(depth.detach()), hit, camera)
+    ways = _ways(camera, light) if aside is None else aside
+    solid, over = hit.to(light), (ways[:, 1:2] > 0).to(light)
     mean = luminance(light).mean((2, 3), keepdim=True)
     light = light * (BRIGHT * mean / luminance(light).clamp_min(TINY)).clamp_max(1.0)
     planes = torch.cat([light * solid, solid, light * (1 - solid), 1 - solid], dim=1)
     parts = F.adaptive_avg_pool2d(torch.cat([planes * over, planes * (1 - over)], dim=1), BLOCKS)
     surface, covered, sky, free = torch.cat(parts.flatten(2).mT.chunk(2, dim=2), dim=1).split((3, 1, 3, 1), dim=2)
-    weight, up = _alike(camera, light)
+    shown = _ways(camera, light, BLOCKS) if aside is None else F.normalize(F.adaptive_avg_pool2d(aside, BLOCKS), dim=1)
+    weight, up = _alike(shown, light)
     told = weight @ covered
     colour = weight @ surface / told.clamp_min(TINY)
     clear = weight @ free + TINY
@@ -68,10 +74,10 @@ def look_around(light: Tensor, hit: Tensor, camera: Camera) -> tuple[Tensor, Ten
     return around.mT.unflatten(2, SIZE), above.mT.unflatten(2, SIZE)
 
 
-def _alike(camera: Camera, like: Tensor) -> tuple[Tensor, Tensor]:
+def _alike(ways: Tensor, like: Tensor) -> tuple[Tensor, Tensor]:
     """``(B, cells, 2 * blocks)`` how much a block of the picture says of a direction, by its part over the horizon and
     by that below it; ``(cells, 1)`` the direction's elevation."""
-    shown = _angles(_ways(camera, like, BLOCKS))
+    shown = _angles(ways)
     cells = _angles(environment_directions(SIZE, dtype=like.dtype, device=like.device))
     elevation, azimuth = (angle.unflatten(2, SIZE) for angle in cells)
     up, aside = elevation[..., :1].flatten(1)[..., None] - shown[0], azimuth[..., 0, :].mT - shown[1]
@@ -87,6 +93,14 @@ def _ways(camera: Camera, like: Tensor, size: tuple[int, int] | None = None) -> 
     """``(B, 3, H, W)`` where the pixels look, world space, if the picture had as many as ``like`` or ``size``."""
     height, width = like.shape[-2:] if size is None else size
     return camera.resized((height, width)).rays()[1].movedim(-1, 1).to(like)
+
+
+def _from_middle(depth: Tensor, hit: Tensor, camera: Camera) -> Tensor:
+    """``(B, 3, H, W)`` where surfaces lie from the middle of all, world space; elsewhere as the camera looks."""
+    view, solid = camera.resized((depth.shape[-2], depth.shape[-1])), hit.to(depth)
+    points = view.to_world(view.unproject(depth))
+    middle = (points * solid).sum((2, 3), keepdim=True) / solid.sum((2, 3), keepdim=True).clamp_min(1.0)
+    return torch.where(hit, F.normalize(points - middle, dim=1), _ways(camera, depth))
 
 
 def _angles(directions: Tensor) -> tuple[Tensor, Tensor]:

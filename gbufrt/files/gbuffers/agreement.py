@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import permutations, product
+
 import torch
 from torch import Tensor
 
 from gbufrt.camera import Camera
 from gbufrt.directions import length
+from gbufrt.files.gbuffers.convert import their_axes
 from gbufrt.files.gbuffers.flatness import BEND, NEARER, bend_of, normalised_line
+from gbufrt.files.gbuffers.light import ended_line
+from gbufrt.files.gbuffers.motion import depth_factor
+from gbufrt.files.gbuffers.profile import Profile
 from gbufrt.frame import Frame
 from gbufrt.gbuffer import GBuffer
 from gbufrt.validation.geometry import FEW, flat
@@ -18,35 +25,40 @@ TILT = 8.0  # degrees between the mean normal of a block and that of the depth, 
 BLOCKS = 6  # along the shorter side of the picture
 AGREE = 0.5  # share of the flat pixels whose normals must be those of the depth
 BETTER = 0.1  # share of the pixels by which another reading must fit better to be told
+MENDED, BROKEN = 0.01, 0.1  # least share of the pixels that other axes mend, and most of those that they break for it
 MOVES = 0.5  # pixels of motion apart from the cameras' own
-SCALES = (0.001, 0.01, 0.1, 10.0, 100.0, 1000.0)  # of depth: millimetres and centimetres beside metres
 RECIPROCAL = '"reciprocal" or "device"'
+PLAIN = Profile(channels={})
+PANORAMA = "; panoramas and fisheyes, which are not read, look so too"
 CAMERA = "check the camera: another pose or lens, a picture cropped to a border and a panorama look so"
 
 
 def disagreements(
-    frame: Frame, before: Frame | None = None, depth_kind: str = "planar", *, posed: bool = True
+    frame: Frame, before: Frame | None = None, depth_kind: str = "", *, profile: Profile = PLAIN, posed: bool = True
 ) -> list[str]:
     """What of a frame by `gbufrt.files.read_gbuffer` disagrees; each line names the profile's setting to change.
 
     Args:
         frame: its motion is tested against the cameras where it has the one before.
         before: the frame before, against which the motion of what moves by itself is tested.
-        depth_kind: how the profile read depth.
+        depth_kind: how the profile read depth, if not as ``profile`` says.
+        profile: by which the file was read.
         posed: whether the cameras' poses are known. One that is only taken to stand still tells nothing of motion: a
             camera that moved would make a mover of everything.
     """
     g = frame.gbuffer
-    readings = depth_readings(g, depth_kind).values()
-    lines = [normalised_line(g, depth_kind, readings)] if min(g.camera.size) > 2 else []
+    profile = replace(profile, depth_kind=depth_kind or profile.depth_kind)
+    readings = depth_readings(g, profile.depth_kind).values()
+    lines = [normalised_line(g, profile.depth_kind, readings)] if min(g.camera.size) > 2 else []
     if lines == [""]:
-        lines = [_depth_line(g, depth_kind), _normal_line(g, depth_kind)]
+        bent = _depth_line(g, profile.depth_kind)
+        lines = [f"{bent}{PANORAMA * bool(bent and not posed)}", _normal_line(g, profile)]
     if g.motion is not None and posed:
         if g.previous_camera is not None:
             lines.append(_static_line(g, g.motion, g.previous_camera))
         if before is not None:
             lines.append(_mover_line(g, g.motion, before.gbuffer))
-    return [line for line in dict.fromkeys(lines) if line]
+    return [line for line in dict.fromkeys([*lines, ended_line(frame)]) if line]
 
 
 def depth_readings(g: GBuffer, kind: str = "planar") -> dict[str, Tensor]:
@@ -114,7 +126,7 @@ def _depth_line(g: GBuffer, kind: str) -> str:
     return f"{told}: planes bend by {bends[best]:.2g} a step instead of {bend:.2g}"
 
 
-def _normal_line(g: GBuffer, kind: str) -> str:
+def _normal_line(g: GBuffer, profile: Profile) -> str:
     inside = flat(g)
     if int(inside.sum()) < FEW:
         return ""
@@ -124,17 +136,47 @@ def _normal_line(g: GBuffer, kind: str) -> str:
     if fits[best] <= max(now + BETTER, AGREE):
         mean = _agreeing_means(g, g.normal)
         if now >= AGREE or mean >= AGREE:
-            return ""
+            return _axes_line(g, profile, inside)
         means = {text: _agreeing_means(g, normal) for text, normal in normal_readings(g).items()}
         best = max(means, key=lambda text: means[text])
         if means[best] >= AGREE:
             return (
                 f"{best} fits better: mean normals agree with depth in {means[best]:.0%} of the blocks, not {mean:.0%}"
             )
-        most = float((1 / g.depth if kind == "reciprocal" else g.depth)[g.hit].max())
+        if line := _axes_line(g, profile, inside):
+            return line
+        most = float((1 / g.depth if profile.depth_kind == "reciprocal" else g.depth)[g.hit].max())
         hint = "depth lies within 0 and 1, and may be normalised: write it in world units" if most <= 1 else CAMERA
         return f"normals agree with depth at {now:.0%} of the pixels, and no setting makes them; {hint}"
     return f"{best} fits better: normals agree with depth at {fits[best]:.0%} of the pixels instead of {now:.0%}"
+
+
+def _axes_line(g: GBuffer, profile: Profile, inside: Tensor) -> str:
+    """By all orders and signs of the file's axes, where others mend many pixels and break next to none.
+
+    Walls along the axes fit most of them, and only what is round or askew tells. Normals that faced away have been
+    turned, so that neither side counts.
+    """
+    like = g.camera.normals_from_depth(g.depth)
+    given, true = (their_axes(n, profile, g.camera)[0][:, inside[0, 0]].T for n in (g.normal, like))
+    close, found = torch.tensor(CLOSE).deg2rad().cos(), dict[tuple[tuple[int, ...], tuple[int, ...]], Tensor]()
+    for order, signs in product(permutations(range(3)), ((1, 1, 1), (-1, 1, 1), (1, -1, 1), (1, 1, -1))):
+        found[order, signs] = (given[:, order] * given.new_tensor(signs) * true).sum(1)
+    fits = {reading: cosine.abs() > close for reading, cosine in found.items()}
+    now = fits[(0, 1, 2), (1, 1, 1)]
+    order, signs = max(fits, key=lambda reading: int(fits[reading].sum()))
+    best = fits[order, signs]
+    mended, broken = int((best & ~now).sum()), int((now & ~best).sum())
+    if mended < max(FEW, MENDED * len(now)) or broken > BROKEN * mended:
+        return ""
+    side = 1 if float(found[order, signs][best].sign().mean()) > 0 else -1
+    signs = [side * sign for sign in signs]
+    shares = f"at {float(best.float().mean()):.0%} of the pixels instead of {float(now.float().mean()):.0%}"
+    if order == (0, 1, 2):
+        scale = [sign * factor for sign, factor in zip(signs, profile.normal_scale, strict=True)]
+        return f"normal_scale = {scale} fits better: normals agree with depth {shares}"
+    axes = ", ".join(f"{'-' * (sign < 0)}{'XYZ'[axis]}" for axis, sign in zip(order, signs, strict=True))
+    return f"axes of normals in the order {axes} fit better: they agree with depth {shares}; write them so"
 
 
 def _agreeing_means(g: GBuffer, normal: Tensor) -> float:
@@ -167,13 +209,11 @@ def _static_line(g: GBuffer, motion: Tensor, previous: Camera) -> str:
     line = _motion_line(now, {text: share(m) for text, m in motion_readings(motion).items()}, "the cameras")
     if line or now > BETTER:
         return line
-    for scale in SCALES:
-        still, _ = g.camera.static_motion(previous, g.depth * scale, g.hit)
-        fits = float(((motion - still).norm(dim=1, keepdim=True) < 0.1)[told].float().mean())
-        if fits > AGREE:
-            return (
-                f"depth_scale times {scale:g} fits better: motion agrees with the cameras at {fits:.0%} of the pixels"
-            )
+    scale = depth_factor(motion, g.camera, previous, g.depth, told)
+    still, _ = g.camera.static_motion(previous, g.depth * scale, g.hit)
+    fits = float(((motion - still).norm(dim=1, keepdim=True) < 0.1)[told].float().mean())
+    if fits > max(now + BETTER, AGREE):
+        return f"depth_scale times {scale:.3g} fits better: motion agrees with the cameras at {fits:.0%} of the pixels"
     return (
         f"motion agrees with the cameras at {now:.0%} of the pixels, and no setting makes it fit; if not all of them "
         "move, take that of a still world: motion = [] under [channels] of a profile"

@@ -57,6 +57,15 @@ def our_axes(vectors: Tensor, profile: Profile) -> Tensor:
     return torch.stack([x, z, -mirror * y] if profile.up == "z" else [x, y, mirror * z], 1)
 
 
+def their_axes(vectors: Tensor, profile: Profile, camera: Camera) -> Tensor:
+    """``(B, 3, H, W)`` of our world in the space that the file's normals are in: what `world_normals` has turned."""
+    if profile.normal_space in VIEWS:
+        signs = vectors.new_tensor(VIEWS[profile.normal_space]).view(1, 3, 1, 1)
+        return camera.rotate_to_view(vectors) * signs
+    mirror, (x, y, z) = -1.0 if profile.handed == "left" else 1.0, vectors.unbind(1)
+    return torch.stack([x, -mirror * z, y] if profile.up == "z" else [x, y, mirror * z], 1)
+
+
 def told(raw: Tensor) -> bool:
     """Whether a layer holds normals: not one value everywhere that is none, as AOVs that nobody wrote."""
     return bool((raw != raw[:, :, :1, :1]).any()) or _units(raw) + _units(2 * raw - 1) > 0

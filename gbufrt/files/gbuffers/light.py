@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -11,9 +13,12 @@ from torch import Tensor
 from gbufrt.files.gbuffers.depths import EDGE
 from gbufrt.files.gbuffers.named import Light, Named
 from gbufrt.files.gbuffers.sky import sky_lacks
+from gbufrt.frame import Frame
 from gbufrt.luminance import luminance
+from gbufrt.validation.geometry import FEW
 
 BLACK = 1e-3  # of albedo: no surface that scatters light is so dark
+CYCLES_SKY = 1e9  # Cycles' sky lies ten times as far, no far plane does
 ROUNDED = 1e-4  # of the mean light: negative light of less is what renderers leave that make a pass by subtraction
 AROUND = 4  # pixels over which the light of what is black is averaged
 
@@ -56,6 +61,35 @@ def lacking(named: Named, light: Light, size: tuple[int, int]) -> list[str]:
     """The layers whose part of the direct light is missing: none is where what it would be multiplied by is black."""
     stack = named.layers.stack
     return [name for name, factors in light.lacking.items() if all(bool((stack(k, size) > 0).any()) for k in factors)]
+
+
+def is_eevee(header: Mapping[str, Any], raw: Tensor, hit: Tensor) -> bool:
+    """Whether a Blender file is EEVEE's, whose sky lies at the far plane; Cycles' at 1e10.
+
+    Its mirrors show the sky where surfaces hide it too and, with ray tracing, those on screen, all in Glossy Direct.
+
+    Args:
+        header: of the file; that of Cycles says so, unless the compositor wrote it.
+        raw: ``(1, 1, H, W)`` depth as the file has it.
+        hit: ``(1, 1, H, W)`` bool.
+    """
+    if "BlenderMultiChannel" not in header or any(key.startswith("cycles.") for key in header):
+        return False
+    return bool((~hit).any()) and 0 < float(raw[~hit].max()) < CYCLES_SKY  # 0 lies beside a crop
+
+
+def ended_line(frame: Frame) -> str:
+    """What to say of light none of whose channels exceeds 1, and some, one apart from the others, end there; else "".
+
+    Lamps and skies may be 1 in all channels. Only a picture made for display has colours with a single one cut off.
+    """
+    light = frame.composite if frame.radiance is None else frame.radiance
+    if light is None or float(light.nan_to_num(0.0).max()) != 1:
+        return ""
+    ends = (light == 1).sum(1, keepdim=True)
+    if int(((ends > 0) & (ends < light.shape[1]) & frame.gbuffer.hit).sum()) < FEW:
+        return ""
+    return "light is cut off at 1, as in pictures for display: write linear light, without a view transform"
 
 
 def explained(albedo: Tensor, light: Tensor, hit: Tensor) -> Tensor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import replace
 
@@ -19,6 +20,8 @@ MOVES = 0.5  # pixels of the cameras' motion, from which on it tells anything
 ALONG = 0.25  # pixels along an axis, from which on they tell its factor
 CLOSE = 0.1  # of the cameras' motion that the file's may be off to agree with it, at least this many pixels
 AGREE = 0.5  # share of the pixels that must agree: what moves by itself does not
+FARTHER = 1e6  # times as far, where cameras that go on move nothing
+STEPS = 4  # of the search for a factor on depth
 STILL = (0.0, 0.5)  # what motion may hold where nothing moves
 
 
@@ -83,6 +86,32 @@ def fitted(named: Named, view: Camera, previous: Camera, depth: Tensor, hit: Ten
     else:
         found = _fitted(raw, profile, static, hit)
     return found and replace(found, motion_target=named.profile.motion_target)
+
+
+def depth_factor(motion: Tensor, view: Camera, previous: Camera, depth: Tensor, told: Tensor) -> float:
+    """The factor on depth by which motion is most likely that of a static world: what is nearer moves more.
+
+    Args:
+        motion: ``(1, 2, H, W)`` previous minus current px.
+        view: the camera.
+        previous: that of the frame before.
+        depth: ``(1, 1, H, W)`` planar, in any unit.
+        told: ``(1, 1, H, W)`` bool, where motion tells something.
+
+    Returns:
+        It, or 1 where the camera only turns.
+    """
+    scale, depth = 1.0, depth.double()
+    turned, _ = view.static_motion(previous, depth * FARTHER, told)
+    rest = motion.double() - turned
+    for _ in range(STEPS):
+        gone = view.static_motion(previous, depth * scale, told)[0] - turned
+        share = (rest * gone).sum(1, keepdim=True) / gone.square().sum(1, keepdim=True)
+        nearer = float(share[told].median()) if bool(told.any()) else math.nan
+        if not 0 < nearer < math.inf:
+            return 1.0
+        scale /= nearer
+    return scale
 
 
 def _fitted(raw: Tensor, profile: Profile, static: Tensor, hit: Tensor) -> Profile | None:

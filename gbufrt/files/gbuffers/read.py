@@ -17,7 +17,7 @@ from gbufrt.files.gbuffers.convert import distances, linear, planar, told, world
 from gbufrt.files.gbuffers.depths import stored_depth
 from gbufrt.files.gbuffers.detect import detect, named_by
 from gbufrt.files.gbuffers.layers import Layers
-from gbufrt.files.gbuffers.light import light_of, opaque
+from gbufrt.files.gbuffers.light import is_eevee, light_of, opaque
 from gbufrt.files.gbuffers.motion import motion_of
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import Profile, load_profile
@@ -35,6 +35,9 @@ OVERSHOOT = 1.05  # of albedo, roughness and metallic: filters and losses oversh
 BYTES = 8.0  # above it colours count to 255, dark ones too; below it what lies behind surfaces may add up
 MANY_OVER = 0.01  # share of the surfaces that may be larger
 BETTER = "G-buffers with ZIP, PIZ or PXR24"
+EEVEE = (
+    "Glossy Direct of EEVEE holds all its mirrors show, to which reflections add: leave them out (--without reflection)"
+)
 NO_CAMERA = "carries no camera; give one, or a field of view for a camera that stands still"
 
 
@@ -133,6 +136,8 @@ def _frame(named: Named, camera: Camera | None, previous: Camera | None, fov: fl
         shaded = torch.cat([roughness, *colors], 1).abs().sum(1, keepdim=True) > 0
         roughness = torch.where(shaded, roughness, 1.0)
     radiance, finished, mirrors = light_of(named, size, whole, hit)
+    if mirrors and is_eevee(named.layers.header, raw, hit):
+        warnings.warn(EEVEE, stacklevel=4)
     gbuffer = GBuffer(
         camera=view,
         previous_camera=previous,

@@ -126,7 +126,7 @@ def ssr(
     flat, solid = normal if normal_geo is None else normal_geo, thickness
     solid = thickness_from_depth(depth.detach(), normal.detach(), camera, hit=hit) if solid is None else solid
     hierarchy = depth_hierarchy(depth, flat, camera, hit=hit, thickness=solid)
-    around, above = look_around(light, hit, camera) if surroundings else (None, None)
+    around, above = look_around(light, hit, camera, depth) if surroundings else (None, None)
     sky = (above if environment is None else environment, visibility, bent_normal)
     mirrors = metallic if bounces > 1 else None
     picture = Picture(depth, hit, normal, normal_geo, roughness, f0, light, *sky, mirrors, around)

@@ -13,7 +13,7 @@ from PIL import Image
 from gbufrt import Frame
 from gbufrt.files.color_maps import to_srgb, viridis
 from gbufrt.files.png import to_pil, write_png
-from gbufrt.files.views import GAP, LABEL, contact_sheet, debug_names, debug_view, layers_sheet
+from gbufrt.files.views import GAP, LABEL, contact_sheet, debug_names, debug_view, layers_sheet, sheet_of
 
 SIZE = (20, 31)
 
@@ -173,3 +173,13 @@ def test_two_layers_stand_side_by_side():
     assert layers_sheet(frame.replace(behind=behind)).width == 2 * 640 + GAP
     with pytest.raises(ValueError, match="no view 'colour'"):
         debug_view(frame.replace(behind=behind), "layers.colour")
+
+
+@pytest.mark.parametrize("width", [5, 100])
+def test_a_long_name_ends_where_its_picture_does(width):
+    black = Image.new("RGB", (width, width))
+    page = sheet_of({"AfterAFolder.WithALongName." * 4 + "RGB": black, " ": black}, width=width)
+    label = np.asarray(page)[:LABEL]
+    assert not np.ptp(label[:, width:])
+    if width > 5:
+        assert np.ptp(label[:, width - 30 : width])

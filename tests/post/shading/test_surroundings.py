@@ -147,3 +147,21 @@ def test_of_a_picture_without_environment_mirrors_show_the_sky_that_it_shows():
     found = shown.movedim(1, 0)[:, g.hit[:, 0, :25]]
     assert found.shape[1] > 100
     assert torch.allclose(found.mean(1), torch.tensor([0.3, 0.5, 0.9]), rtol=0.05)
+
+
+def test_an_orthographic_picture_tells_where_its_walls_are():
+    """All its pixels look one way, down: by that alone nothing is above the horizon."""
+    room = Camera.look_at((5.0, 6.0, 5.0), (0.0, 1.0, 0.0), size=(36, 64), orthographic_height=8.0, far=100.0)
+    origins, ways = room.rays()
+    floor, wall = -origins[..., 1] / ways[..., 1], (-3.0 - origins[..., 0]) / ways[..., 0]
+    on_wall = ((wall < floor) & (origins[..., 1] + wall * ways[..., 1] < 3.0))[:, None]
+    depth = torch.where(on_wall, wall[:, None], floor[:, None])
+    light = torch.where(on_wall, torch.tensor([0.8, 0.1, 0.1]).view(1, 3, 1, 1), 0.3)
+    hit = torch.ones_like(on_wall)
+    red, other = (
+        at(look_around(light, hit, room, depth)[0], (side, 0.2, 0.0), (side, 0.9, 0.0)) for side in (-1.0, 1.0)
+    )
+    assert float(red[0, 0]) > 4 * float(red[0, 1])
+    assert float(red[0, 3]) < 0.5 < float(other[1, 3])
+    blind = at(look_around(light, hit, room)[0], (-1.0, 0.2, 0.0))
+    assert float(blind[0, 3]) > 0.5

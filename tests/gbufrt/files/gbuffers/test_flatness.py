@@ -66,3 +66,13 @@ def test_depth_that_ends_at_one_is_told(tmp_path: Path) -> None:
     frame = read_gbuffer(path, own, camera=CAMERA)
     assert bool((frame.gbuffer.hit[0, 0].numpy() == (T["planar"] < 40)).all())
     assert disagreements(frame) == []
+
+
+@pytest.mark.parametrize("posed", [True, False])
+def test_panoramas_are_named_where_only_a_field_of_view_is_known(posed: bool, tmp_path: Path) -> None:
+    """Their depth is often along the ray, but no kind of it makes their planes flat."""
+    path = write(tmp_path / "a.exr", {"depth.Z": np.where(SKY, 0, T["ray"]), "RGB": GREY})
+    (own := tmp_path / "own.toml").write_text('base = "generic"\ndepth_kind = "planar"')
+    (line,) = disagreements(read_gbuffer(path, own, camera=CAMERA), posed=posed)
+    assert line.startswith('depth_kind = "ray" fits better: planes bend by ')
+    assert line.endswith("; panoramas and fisheyes, which are not read, look so too") != posed

@@ -145,3 +145,28 @@ def test_rounding_below_zero_is_none(tmp_path: Path) -> None:
     assert light is not None
     assert float(light[0, 0, 5, 5]) == 0
     assert float(light[0, 0, 6, 6]) == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize(("most", "tint", "told"), [(1.0, 0.6, 1), (1.0, 1.0, 0), (1.5, 0.6, 0), (0.9, 0.6, 0)])
+def test_pictures_made_for_display_are_told_by_where_they_end(
+    most: float, tint: float, told: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Lamps that are 1 in all channels are none."""
+    light = np.where(LEFT, (most, most * tint, most * tint), 0.2)
+    layers = {"depth.Z": NAMES["hitPz.Z"], "normal.XYZ": T["normal"], "albedo.RGB": GREY, "RGB": light}
+    list(Source.of([write(tmp_path / f"a.{n}.exr", layers) for n in (1, 2)], "auto", None, 50.0).frames())
+    assert capfd.readouterr().err.count("write linear light, without a view transform") == told
+
+
+@pytest.mark.parametrize(
+    ("sky", "mark", "told"), [(1e3, {}, 1), (1e10, {}, 0), (0, {}, 0), (1e3, {"cycles.V.samples": "8"}, 0)]
+)
+def test_mirrors_of_eevee_are_told_to_be_whole(sky: float, mark: dict[str, str], told: int, tmp_path: Path) -> None:
+    layers = {"V.Depth.Z": np.where(T["hit"], T["planar"], sky), "V.Normal.XYZ": T["normal"]}
+    passes = ("Diffuse Direct", "Diffuse Color", "Glossy Direct", "Glossy Color")
+    layers |= {f"V.{name}.RGB": LIT for name in passes}
+    path = write(tmp_path / "a.exr", layers, {"BlenderMultiChannel": "Blender V2.55.1 and newer", **mark})
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        read_gbuffer(path, camera=CAMERA)
+    assert sum("(--without reflection)" in str(warning.message) for warning in caught) == told

@@ -105,7 +105,7 @@ def test_motion_that_fitted_as_it_was_is_not_read_otherwise_later(tmp_path: Path
     assert _off(last.gbuffer, "motion", told[4]) < 1e-4
 
 
-@pytest.mark.parametrize("unit", [0.001, 100.0])
+@pytest.mark.parametrize("unit", [0.001, 0.0254, 3.28, 100.0])
 def test_depth_of_another_unit_than_the_cameras_is_told_by_motion(unit: float, tmp_path: Path) -> None:
     layers = {"RGB": GREY, "depth.Z": PLANAR / unit, "normal.XYZ": T["normal"], "motion.XY": T["motion"]}
     frame = read_gbuffer(write(tmp_path / "a.exr", layers), camera=CAMERA, previous_camera=BEFORE)
