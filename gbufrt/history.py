@@ -19,7 +19,7 @@ from gbufrt.numeric import check_kind
 from gbufrt.tree import map_tensors, without_graph
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class History:
     """Accumulated signals, how many frames each pixel has accumulated, and the geometry they belong to.
 
@@ -32,6 +32,11 @@ class History:
     length: Tensor
     signals: Mapping[str, Tensor] = field(default_factory=dict)
     gbuffer: GBuffer | None = None
+
+    def __repr__(self) -> str:
+        """Names and shapes in one line: two dozen pictures in full would fill a notebook."""
+        length = f"mean length {float(self.length.mean()):.3g}" if self.length.numel() else "handed over"
+        return f"History({'; '.join([length, *(f'{name} {tuple(t.shape)}' for name, t in self.signals.items())])})"
 
     def take(self) -> History:
         """This history, for a pass that reads it once; see `PipelineState.handed_over`."""
@@ -51,7 +56,7 @@ class History:
         return replace(self, length=torch.where(mask[:, None, None, None], 0.0, self.length))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PipelineState:
     """The states of a pipeline's stages by name, and the frame before (kept by the outermost pipeline)."""
 
@@ -59,6 +64,14 @@ class PipelineState:
     previous: Frame | None = None
     saw: Mapping[str, str] = field(default_factory=dict)
     """Size and batch of the frames that stages saw, in words."""
+
+    def __repr__(self) -> str:
+        """The frame before, and a line for each stage that keeps something, under its dotted name."""
+        head = "PipelineState"
+        if self.previous is not None:
+            g = self.previous.gbuffer
+            head += f" after frame {int(self.previous.index)}: {size_text(g)}, {_kind_text(g)}"
+        return "\n  ".join([head, *_rows(self.stages)])
 
     def handed_over(self) -> PipelineState:
         """The same state for a caller that does not need it again: every stage's is let go of once it has been read.
@@ -68,8 +81,11 @@ class PipelineState:
         stages = _Once({name: _handed_over(state) for name, state in self.stages.items()})
         return replace(self, stages=stages, previous=None if self.previous is None else _handed_frame(self.previous))
 
-    def check_fits(self, frame: Frame) -> None:
-        """Raise ValueError where histories of pixels belong to frames of another size, batch, kind or device."""
+    def check_fits(self, frame: Frame, stages: Collection[str]) -> None:
+        """Raise ValueError where the state is of other stages, or of frames of another size, batch, kind or device."""
+        if self.saw and not any(name in self.saw for name in stages):
+            theirs, ours = ", ".join(self.saw), ", ".join(stages) or "no stages"
+            raise ValueError(f"the state is of a pipeline of {theirs}, but this one has {ours}: start with state=None")
         if self.previous is None or not _has_pixels(self.stages):
             return
         before, now = self.previous.gbuffer, frame.gbuffer
@@ -185,6 +201,17 @@ def let_go(previous: Frame | None, names: Collection[str]) -> None:
 def size_text(g: GBuffer) -> str:
     """Size and batch of a G-buffer, for messages."""
     return f"{g.camera.width}x{g.camera.height} pixels in a batch of {g.batch}"
+
+
+def _rows(stages: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """What stages keep, a line for each of them."""
+    rows = list[str]()
+    for name, state in stages.items():
+        if isinstance(state, PipelineState):
+            rows += _rows(state.stages, f"{prefix}{name}.")
+        elif state is not None:
+            rows.append(f"{prefix}{name}: {state!r}")
+    return rows
 
 
 def _kind_text(g: GBuffer) -> str:

@@ -88,7 +88,7 @@ class Pipeline(Branch):
             raise TypeError(f"state must be None or what the pipeline returned with it, got {type(state).__name__}")
         check_inputs(self.reads, self.passes(), frame)
         if state is not None:
-            state.check_fits(frame)
+            state.check_fits(frame, self._stages())
         warn_if_repeated(frame, None if state is None else state.previous)
         self._tell_what_is_left_out(frame)
         return nn.Module.__call__(self, frame, state, keep_graph=keep_graph)

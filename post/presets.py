@@ -118,7 +118,8 @@ def me1(
     Args:
         preset: ``low``, ``medium``, ``high`` or ``ultra``.
         composite: ``physical`` takes sky visibility and GI from one sweep over the whole picture, so that nothing is
-            counted twice; ``me1`` is ME1's own formula, with its distances and its factor of 0.6 per bounce.
+            counted twice, and ``ao`` hardly counts; ``me1`` is ME1's own formula, which darkens by ``ao``, with its
+            distances and its factor of 0.6 per bounce.
         units_per_metre: world units per metre, for ME1's distances, the radius of ``ao`` and the lens's aperture.
         tunables: changes by dotted name, see `Pipeline.with_tunables`.
 

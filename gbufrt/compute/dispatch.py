@@ -9,6 +9,7 @@ from importlib.util import find_spec
 
 import torch
 from torch import Tensor
+from torch.autograd.forward_ad import unpack_dual
 
 
 class Form(Enum):
@@ -48,9 +49,14 @@ def form_of(*inputs: Tensor | float | None, compiled: bool | None = None, cuda: 
             )
         return kernel
     wants_gradient = torch.is_grad_enabled() and any(t.requires_grad for t in given)
-    if compiled is False or wants_gradient:
+    if compiled is False or wants_gradient or _has_tangent(given):
         return Form.REFERENCE
     return kernel
+
+
+def _has_tangent(tensors: list[Tensor]) -> bool:
+    """Whether derivatives are carried forward, as in `torch.func.jvp`: kernels would drop them without a word."""
+    return any(unpack_dual(t).tangent is not None for t in tensors if t.is_floating_point())
 
 
 def _kernel_form(tensors: list[Tensor], cuda: bool) -> Form:

@@ -62,6 +62,23 @@ def test_stages_that_a_state_does_not_know_start_anew_and_those_it_alone_knows_a
     assert set(state.stages["light"].stages) == {"accumulate"}
 
 
+def test_a_state_of_none_of_the_stages_is_told():
+    _, state = Pipeline(other=Temporal(signal="radiance"))(FRAME)
+    with pytest.raises(ValueError, match=r"^the state is of a pipeline of other, but this one has light: start with"):
+        accumulating()(NEXT, state)
+
+
+def test_a_state_is_shown_in_a_line_for_each_history():
+    _, state = accumulating()(FRAME)
+    b, c, h, w = FRAME.radiance.shape
+    head, row = repr(state).split("\n")
+    assert head == f"PipelineState after frame 0: {w}x{h} pixels in a batch of {b}, float32 on cpu"
+    assert row.startswith(f"  light.accumulate: History(mean length 1; signal {(b, c, h, w)}; ")
+    handed = state.handed_over().stages["light"].stages["accumulate"]
+    assert handed.take().length.numel()
+    assert repr(handed) == "History(handed over)"
+
+
 def two_frames(pipeline: Pipeline) -> Any:
     _, state = pipeline(FRAME)
     return pipeline(NEXT, state)[0].read("radiance")

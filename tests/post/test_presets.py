@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import re
+from pathlib import Path
+from typing import Any
+
 import boxes
 import pytest
 import torch
@@ -144,3 +149,18 @@ def test_gradient_reaches_the_light_and_the_depth():
     assert torch.isfinite(by_depth).all()
     assert by_light.abs().max() > 0
     assert by_depth.abs().max() > 0
+
+
+def test_tunables_that_the_readme_turns_are_not_set_so_already():
+    text = (Path(__file__).parents[2] / "README.md").read_text()
+    turned = ast.literal_eval(re.findall(r'me1\("high"\)[^\n]*\.with_tunables\((\{.*?\})\)', text)[0])
+    given = me1("high").all_tunables()
+    assert turned
+    assert all(given[name] != value for name, value in turned.items())
+
+
+@pytest.mark.parametrize(("composite", "counts"), [("physical", False), ("me1", True)])
+def test_ao_darkens_in_the_composite_of_me1_alone(composite: Any, counts: bool):
+    pipeline, frame = me1("low", composite=composite), boxes.frame(boxes.camera((36, 48)))
+    picture, without = run(pipeline, frame).read("composite"), run(pipeline.without("ao"), frame).read("composite")
+    assert (float((picture - without).abs().mean() / without.mean()) > 0.01) == counts

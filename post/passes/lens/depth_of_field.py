@@ -64,7 +64,7 @@ def depth_of_field(
     if focus_distance is None:
         focus_distance = autofocus(depth, camera, hit=hit)
     coc = circle_of_confusion(depth, camera, focus_distance=focus_distance, aperture_radius=aperture_radius, hit=hit)
-    tell_cut(coc, max_radius_px, "depth of field", "max_radius_px")
+    tell_cut(coc, max_radius_px, "depth of field", "max_radius_px", max_radius_px)
     coc = coc.clamp(-max_radius_px, max_radius_px).to(color.dtype)
     largest = max_radius_px if waits(coc) else float(coc.detach().abs().max())
     if largest < TINY:

@@ -82,7 +82,7 @@ def motion_blur(
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
     path, longest = motion.to(color.dtype) * share, tile / (1 + opening)
     size = length(path)
-    tell_cut(size, longest, "motion blur", "tile")
+    tell_cut(size, longest, "motion blur", "tile", tile)
     path = path * (longest / size).clamp_max(1.0)
     cell = max(tile // CELLS, 1)
     cells = _longest(path, cell)

@@ -41,3 +41,15 @@ def test_the_cuda_form_runs_where_there_is_one(compiles: bool, monkeypatch: pyte
     assert form_of(plane, cuda=True) is (Form.CUDA if compiles else Form.REFERENCE)
     assert form_of(plane) is Form.REFERENCE
     assert form_of(plane, torch.zeros(1), cuda=True) is Form.REFERENCE
+
+
+def test_derivatives_that_are_carried_forward_take_the_reference():
+    forms = list[Form]()
+
+    def called(given: torch.Tensor) -> torch.Tensor:
+        forms.append(form_of(given))
+        return given
+
+    torch.func.jvp(called, (torch.ones(2),), (torch.ones(2),))
+    assert forms == [Form.REFERENCE]
+    assert form_of(torch.ones(2)) is Form.CPU
