@@ -15,7 +15,8 @@ from post.sweep.layout import Receivers, Side, Slice
 
 WALL = 0.25  # weight of walls at the border, above the horizon, as evidence of a roof; a ceiling's is 1
 CEILING = 0.5  # cosine with straight down above which a surface is a ceiling
-LITTLE = 1e-3  # share of the border that is too little to be evidence
+LITTLE = 1e-3  # mean weight of the border that is half a proof; its square counts, so that rooms are closed
+TINY = 1e-12
 
 
 class Sky(NamedTuple):
@@ -44,10 +45,10 @@ def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
     weight = ray[:, 1:2].clamp_min(0) ** 2
     tall = normal[:, 1:2].abs() < CEILING
     closed = ((normal[:, 1:2] < -CEILING) + WALL * tall) * hit
-    total = [(weight * part).sum((2, 3)) for part in (~hit, closed)]
-    little = LITTLE * hit.shape[-1]
-    share = (total[0] + little) / (total[0] + total[1] + little)
-    trust = (total[0] + total[1]) / (total[0] + total[1] + little)
+    free, taken = ((weight * part).mean((2, 3)) for part in (~hit, closed))
+    told = free + taken
+    trust = told**2 / (told**2 + LITTLE**2)
+    share = 1 - trust * taken / (told + TINY)
     up = camera.world_from_view[:, 1, :3].to(normal)
     return Sky(share[..., None], trust[..., None], *up[..., None, None].unbind(1))
 

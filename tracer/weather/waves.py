@@ -129,6 +129,9 @@ def _meet(water: Water, origins: Tensor, directions: Tensor, t: Tensor, end: Ten
 def above_waves(scene: Scene, materials: Tensor | None, normals: Tensor, points: Tensor) -> Tensor:
     """Points ``(B, 3, H, W)`` to send rays from: those on waves lifted to the face of still water, out of its voxels.
 
+    So are those on banks and hulls over the mean height of the waves, which are taken as dry: the face of still water
+    would draw a dark line along the shore.
+
     Args:
         scene: what is there.
         materials: ``(B, 1, H, W)`` at the points.
@@ -137,7 +140,17 @@ def above_waves(scene: Scene, materials: Tensor | None, normals: Tensor, points:
     """
     if scene.waves is None or materials is None:
         return points
-    wave = scene.materials.water[materials.long()] & (normals[:, 1:2] > 0.1) & (normals[:, 1:2] < 1)
-    height = points[:, 1:2]
-    clear = torch.where(wave, torch.maximum(height, (height - 1e-2).ceil() + 1e-3), height)
+    height, water = points[:, 1:2], scene.materials.water
+    top = (height - 1e-2).ceil()
+    wave = water[materials.long()] & (normals[:, 1:2] > 0.1) & (normals[:, 1:2] < 1)
+    dry = ~water[materials.long()] & (normals[:, 1:2] > -0.1) & (height > top - scene.waves.amplitude)
+    clear = torch.where(wave | (dry & _ends_water(scene, points)), torch.maximum(height, top + 1e-3), height)
     return torch.cat([points[:, :1], clear, points[:, 2:]], dim=1)
+
+
+def _ends_water(scene: Scene, points: Tensor) -> Tensor:
+    """``(B, 1, H, W)`` whether points lie in voxels of water under open air."""
+    cells = points.movedim(1, -1).floor().long()
+    above = torch.cat([cells[..., :1], cells[..., 1:2] + 1, cells[..., 2:]], dim=-1)
+    here = scene.materials.water[scene.world.at(cells).long()] & (scene.world.at(above) == 0)
+    return here[:, None]

@@ -92,6 +92,19 @@ def test_a_closed_room_sees_no_sky_and_an_open_wall_does() -> None:
     assert 0.4 < float(sky(outside, yard).mean()) <= 1.0
 
 
+@pytest.mark.parametrize("target", [3.0, -1.0])
+def test_lamps_light_a_closed_room_and_no_share_of_the_sky_does(target: float) -> None:
+    """A twentieth of the sky was left, which outshone the lamps of a mine."""
+    inside = Camera.look_at((0, 3, 8), (0, target, -10), size=(36, 48), far=100.0)
+    assert float(sky(inside, torch.cat([ROOM, SIDES, BACK])).max()) < 0.006
+
+
+def test_a_strip_of_wall_above_the_horizon_is_no_proof_of_a_roof() -> None:
+    low = Camera.look_at((0, 4, 9), (0, -3, -4), size=(36, 48), far=100.0)
+    g = boxes.frame(low, boxes=WALL).gbuffer
+    assert 0 < float(sky_beyond(g.camera, g.hit, g.normal).trust) < 0.1
+
+
 def test_a_picture_without_anything_above_the_horizon_tells_nothing() -> None:
     down = Camera.look_at((0, 5, 1), (0, 0, 0), size=(36, 48), far=100.0)
     g = boxes.frame(down, boxes=WALL[:1]).gbuffer
