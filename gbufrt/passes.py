@@ -13,6 +13,7 @@ from typing import Any, Self
 
 from torch import nn
 
+from gbufrt.compute.precision import own_precision
 from gbufrt.demands.inputs import check_frame, check_inputs_of, remedy
 from gbufrt.demands.results import check_written
 from gbufrt.frame import Frame
@@ -84,7 +85,8 @@ class Pass(Stage, ABC):
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
         check_frame(frame)
         given = contained(frame, self.reads | self.optional)
-        result = super().__call__(given)
+        with own_precision(frame.gbuffer.depth):
+            result = super().__call__(given)
         check_written(self, given, result)
         return result
 
@@ -100,7 +102,8 @@ class TemporalPass(Stage, ABC):
         """`forward` over a frame in which no pixel can spread NaN or infinity, see `gbufrt.mending.contained`."""
         check_frame(frame)
         given = contained(frame, self.reads | self.optional)
-        result = super().__call__(given, state)
+        with own_precision(frame.gbuffer.depth):
+            result = super().__call__(given, state)
         check_written(self, given, result[0] if isinstance(result, tuple) and result else None)
         return result
 

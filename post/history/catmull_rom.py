@@ -90,7 +90,7 @@ def catmull_rom(image: Tensor, px: Tensor) -> Tensor:
     after = f * f * (-0.5 + 0.5 * f)
     middle = first + second
     at_before, at_middle, at_after = corner - 1.0, corner + second / middle, corner + 2.0
-    total, result = 0.0, torch.zeros(())
+    total, result = 0.0, torch.zeros((), dtype=middle.dtype)
     for x, wx, y, wy in (
         (at_middle, middle, at_middle, middle),
         (at_before, before, at_middle, middle),

@@ -136,7 +136,7 @@ def read_history(
     if form_of(image, length, moved, motion, *steps, compiled=compiled, cuda=True) is Form.REFERENCE:
         look = correspondence_reference(gbuffer, previous, length, motion)
         taps = find_taps(*look, plane_tolerance, normal_tolerance, search, sharp, lenient)
-        trust = taps.valid.to(image.dtype) * torch.where(taps.lent, 0.5, 1.0)
+        trust = taps.valid.to(image.dtype) * (1 - 0.5 * taps.lent.to(image.dtype))
         read = Reading(taps.fetch(image), taps.support, trust)
         return read if wanted is None else Reading(*(torch.where(wanted, t, torch.zeros_like(t)) for t in read))
     moved_z, depth, depth_then, facing, facing_then, pose, lens, was = steps  # operators have no gradient to pass on

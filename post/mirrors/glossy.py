@@ -40,7 +40,7 @@ def contrasting(g: GBuffer, tight: Tensor) -> Tensor | None:
     if g.roughness is None or g.metallic is None:
         return None
     roughness = g.roughness.detach()  # it chooses a blur, which has no gradient
-    broad = (roughness / torch.where(tight, SMALL, SHARP)).square().clamp(TRUSTED, 1.0)
+    broad = (roughness / torch.where(tight, SMALL, torch.full_like(roughness, SHARP))).square().clamp(TRUSTED, 1.0)
     return torch.where(g.hit & (g.metallic > METAL), broad, 1.0)
 
 

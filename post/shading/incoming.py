@@ -118,4 +118,4 @@ def incoming(light: Tensor, hits: Hits, confidence: Tensor, guess: Tensor) -> Te
 
 def hidden_share(hits: Hits) -> Tensor:
     """Share of the light next to hidden geometry that it is taken to send: all, where the same surface goes on."""
-    return torch.where(hits.agreement > 0, HIDDEN_SHARE, CONTINUED_SHARE)
+    return torch.where(hits.agreement > 0, HIDDEN_SHARE, torch.full_like(hits.agreement, CONTINUED_SHARE))

@@ -133,7 +133,7 @@ def rays_of(surface: Surface, f0: Tensor, roughness: Tensor, samples: int) -> Te
     """
     highest = f0.amax(1, keepdim=True)
     share = highest + (torch.maximum(1 - roughness, highest) - highest) * grazing(dot(surface.eye, surface.normal))
-    part = (share / FULL_SHARE).clamp_max(1.0) * torch.where(roughness < FILTERED, 1.0, 0.5)
+    part = (share / FULL_SHARE).clamp_max(1.0) * torch.where(roughness < FILTERED, 1.0, torch.full_like(roughness, 0.5))
     rays = (samples * part).ceil().nan_to_num(1.0).clamp_min(1.0)
     return torch.where(roughness < MIRROR_ROUGHNESS, 1.0, rays)
 

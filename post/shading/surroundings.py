@@ -85,7 +85,7 @@ def _alike(ways: Tensor, like: Tensor) -> tuple[Tensor, Tensor]:
     rows = torch.exp(-0.5 * (up / ELEVATION) ** 2) + REMOTE * torch.exp(-up.abs() / FADING)
     columns = ANYWHERE + torch.exp(-0.5 * (aside / AZIMUTH) ** 2)
     alike, up = (rows[:, :, None] * columns[:, None]).flatten(1, 2), cells[0][0].mT
-    over = torch.where(up > 0, 1.0, ACROSS)
+    over = torch.where(up > 0, torch.ones_like(up), ACROSS)
     return torch.cat([alike * over, alike * (1 + ACROSS - over)], dim=2), up
 
 

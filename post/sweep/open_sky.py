@@ -43,7 +43,7 @@ def sky_beyond(camera: Camera, hit: Tensor, normal: Tensor) -> Sky:
     hit, normal, px = (_border(t) for t in (hit, normal, camera.pixel_centers(dtype=normal.dtype)))
     ray = -camera.rotate_to_world(camera.to_eye(camera.unproject(torch.ones_like(normal[:, :1]), px)))
     weight = ray[:, 1:2].clamp_min(0) ** 2
-    tall = normal[:, 1:2].abs() < CEILING
+    tall = (normal[:, 1:2].abs() < CEILING).to(normal)
     closed = ((normal[:, 1:2] < -CEILING) + WALL * tall) * hit
     free, taken = ((weight * part).mean((2, 3)) for part in (~hit, closed))
     told = free + taken

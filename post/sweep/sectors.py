@@ -51,7 +51,7 @@ def group_shares(sectors: Tensor) -> Tensor:
         counts = sum(((sectors >> bit) & FIRST_BITS for bit in range(1, PER_GROUP)), sectors & FIRST_BITS)
         field = (1 << PER_GROUP) - 1
         counts = torch.stack([(counts >> (PER_GROUP * g)) & field for g in range(GROUPS)])
-        return counts.to(torch.get_default_dtype()) / PER_GROUP
+        return counts.to(torch.float32) / PER_GROUP
     return _fractions(sectors).unflatten(0, (GROUPS, PER_GROUP)).mean(1)
 
 
@@ -63,7 +63,7 @@ def share(sectors: Tensor) -> Tensor:
     field = (1 << PER_GROUP) - 1
     halves = counts + (counts >> (SECTORS // 2))  # sums of up to 10 still fit a field
     total = (halves & field) + ((halves >> PER_GROUP) & field) + ((halves >> (2 * PER_GROUP)) & field)
-    return total.to(torch.get_default_dtype()) / SECTORS
+    return total.to(torch.float32) / SECTORS
 
 
 def _fractions(sectors: Tensor) -> Tensor:

@@ -88,7 +88,7 @@ def lamps_of_world(world: World, *, side: int = GROUPS[0]) -> Lamps:
 def _found(world: World, side: int) -> Lamps:
     faces, sides, ids = _exposed_faces(world)
     if not len(ids):
-        none = torch.zeros(0, 1, 3, device=world.device)
+        none = torch.zeros(0, 1, 3, dtype=torch.float32, device=world.device)
         return Lamps(none, none, none, none[..., 0].long(), none[:, 0], none[:, 0], none[:, 0, 0])
     cells, lamp = ids[:, None], ids
     for group in (side, *(g for g in GROUPS if g > side)):
@@ -167,7 +167,7 @@ def _assembled(low: Tensor, high: Tensor, sides: Tensor, lamp: Tensor, radiance:
     edge_u = torch.zeros_like(size).scatter(1, first[:, None], size.gather(1, first[:, None]))
     count = torch.bincount(lamp, minlength=len(radiance))
     place = torch.arange(len(lamp), device=lamp.device) - (count.cumsum(0) - count)[lamp]
-    table = torch.zeros(3, len(radiance), int(count.max()), 3, device=low.device)
+    table = low.new_zeros(3, len(radiance), int(count.max()), 3)
     table[:, lamp, place] = torch.stack([low, edge_u, size - edge_u])
     side = sides.new_zeros(table.shape[1:3])
     side[lamp, place] = sides

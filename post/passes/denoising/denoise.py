@@ -164,7 +164,7 @@ def _lonely(same: Tensor, shiny: Tensor | None) -> Tensor:
     What metals show has its edges elsewhere, and like metals side by side may show unlike light: they do not count.
     ``same`` is `alike`.
     """
-    lonely = ((AMONG - same.sum(1, keepdim=True)) / (AMONG - LINE)).clamp(0.0, 1.0)
+    lonely = ((AMONG - same.sum(1, keepdim=True, dtype=torch.float32)) / (AMONG - LINE)).clamp(0.0, 1.0)
     return lonely if shiny is None else torch.where(shiny, 0.0, lonely)
 
 
