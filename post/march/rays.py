@@ -154,7 +154,8 @@ def off_edge(hits: Hits, hierarchy: Hierarchy, camera: Camera, begun: Tensor) ->
         The hits, with other ``px``.
     """
     planes, way = hierarchy.planes.permute(0, 3, 1, 2), hits.px - begun
-    step = torch.where(hits.agreement > 0, torch.ones_like(hits.agreement), -1.0) / way.abs().amax(1, keepdim=True).clamp_min(1.0)
+    onward = 2 * (hits.agreement > 0).to(way) - 1
+    step = onward / way.abs().amax(1, keepdim=True).clamp_min(1.0)
     column, row = hits.px[:, 0].floor(), hits.px[:, 1].floor()
     beside = (hits.px + step * way).floor()
     across, down = beside.unbind(1)
