@@ -12,6 +12,7 @@ from gbufrt import Camera, Frame, GBuffer, History, TemporalPass
 from gbufrt.demands.pictures import check_pictures
 from gbufrt.history import check_history
 from gbufrt.mending import finite
+from gbufrt.names import single
 from gbufrt.numeric import check_between
 from post.history.op import anti_alias
 from post.history.reproject import history_for, motion_of
@@ -92,23 +93,28 @@ def ray_matrix(camera: Camera) -> Tensor:
 
 
 class TAA(TemporalPass):
-    """Anti-alias ``color``. See `taa`.
+    """Anti-alias ``color``, or other light. See `taa`.
+
+    Samples need not lie where the camera's jitter says: after `Denoise`, edges of a path tracer that takes a random
+    place in each pixel become smooth too.
 
     Args:
+        signal: name of the light, such as ``radiance`` after `Denoise`.
         blend: see `taa`.
         gamma: see `taa`.
     """
 
-    reads = frozenset({"depth", "normal", "hit", "color"})
     optional = frozenset({"motion", "normal_geo"})
-    writes = frozenset({"color"})
 
-    def __init__(self, *, blend: float = 0.93, gamma: float = 1.25) -> None:
+    def __init__(self, *, signal: str = "color", blend: float = 0.93, gamma: float = 1.25) -> None:
         super().__init__()
+        self.signal = single("signal", signal, "radiance")
+        self.reads = frozenset({"depth", "normal", "hit", signal})
+        self.writes = frozenset({signal})
         self.blend = blend
         self.gamma = gamma
 
     def forward(self, frame: Frame, state: History | None = None) -> tuple[Frame, History]:
         history = history_for(state, frame.cut)
-        color, state = taa(frame.read("color"), frame.gbuffer, history, blend=self.blend, gamma=self.gamma)
-        return frame.replace(color=color), state
+        color, state = taa(frame.read(self.signal), frame.gbuffer, history, blend=self.blend, gamma=self.gamma)
+        return frame.write(self.signal, color), state

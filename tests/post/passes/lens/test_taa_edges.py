@@ -5,8 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from gbufrt import Camera, GBuffer, History
-from post.passes.lens.taa import taa
+from gbufrt import Camera, Frame, GBuffer, History
+from post.passes.lens.taa import TAA, taa
 
 STEP, RADIUS, AWAY = 0.16, 0.5, 3.4  # world units
 
@@ -47,3 +47,21 @@ def test_a_ball_that_moves_across_hardly_runs_ahead_of_itself():
         smooth, history = taa(light, g, history)
         ahead.append(middle_of(smooth) - middle_of(light))
     assert sum(ahead[6:]) / len(ahead[6:]) < 0.35, ahead  # 0.63 by the motion of the nearest pixel around
+
+
+def test_light_of_random_places_in_each_pixel_becomes_smooth_at_edges():
+    """As a path tracer's is after `Denoise`, whatever the signal's name; no jitter of the camera tells the places."""
+    height, width = 48, 64
+    camera = Camera.look_at((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), size=(height, width), fov_y=40.0)
+    one, draw = torch.ones(1, 1, height, width), torch.Generator().manual_seed(2)
+    normal = torch.cat([0 * one, 0 * one, one], dim=1)
+    g = GBuffer(camera=camera, previous_camera=camera, depth=2 * one, hit=one > 0, normal=normal)
+    y, x = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    above = lambda dx, dy: (0.4 * (x + dx) + 5 > y + dy).float().expand(1, 3, -1, -1).contiguous()
+    fine = [above((i + 0.5) / 8, (j + 0.5) / 8) for i in range(8) for j in range(8)]
+    truth, state, errors = torch.stack(fine).mean(0), None, []
+    for index in range(16):
+        light = above(*torch.rand((2, height, width), generator=draw))
+        result, state = TAA(signal="radiance")(Frame(gbuffer=g, radiance=light, index=index), state)
+        errors.append(float((result.read("radiance") - truth).square().mean().sqrt()))
+    assert errors[-1] < 0.5 * errors[0], errors
