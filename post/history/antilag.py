@@ -9,7 +9,6 @@ from gbufrt import GBuffer
 from gbufrt.compute.resident import waits
 from gbufrt.luminance import luminance
 from post.filters.around import least, pooled
-from post.filters.edges import padded, windows
 from post.filters.op import spatial_moments
 from post.filters.surfaces import surface
 from post.history.constants import FAST_BLEND, FAST_FRAMES, MOMENTS_BLEND, NOTICED, POOL, YOUNG
@@ -19,8 +18,6 @@ GRAINY = 0.03  # share of the light: where noise is stronger for `WIDE` pixels a
 SPECKLED = 120.0  # grain of single samples from which on dark ones prove no shadow: a third of the light is noise
 FIRST = 5  # pixels: square over which pixels of one sample share their relative variance
 AROUND, WIDE = 7, 25  # pixels: squares over which noise is compared with light, and of which the least counts
-NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
-FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
 
 
 def sample_variance(moments: Tensor, age: Tensor) -> Tensor:
@@ -123,37 +120,6 @@ def blend_reference(
         length,
     ]
     return torch.cat(after, dim=1)
-
-
-def into_shadow(mean: Tensor, sample: Tensor, same: Tensor, sure: Tensor) -> Tensor:
-    """Darken the mean where this frame's samples are far below it, but not below the neighbours' darkest mean.
-
-    History blurs penumbrae and lags behind shadows that move, and disoccluded pixels borrow light from their
-    neighbours. A bright sample proves little, since noise has a long bright tail. But a path to a lit surface hardly
-    ever brings less than its direct light where each path has all of that; so dark samples side by side show that the
-    light is occluded. Where light is sampled in part, dark samples lie among bright ones, and prove nothing.
-
-    Args:
-        mean: ``(B, 3, H, W)`` accumulated light without albedo.
-        sample: as ``mean``, this frame's.
-        same: see `alike`.
-        sure: ``(B, 1, H, W)`` in [0, 1]: how far to follow the samples.
-
-    Returns:
-        ``(B, 3, H, W)``.
-    """
-    light, own = luminance(mean), luminance(sample)
-    missing = 1 - own / light.clamp_min(1e-6)
-    dark = (missing > BLOCKED).to(light.dtype)
-    darkest, around, count = light, -dark, -torch.ones_like(dark)  # without the pixel itself
-    views = windows(padded(torch.cat([light, dark], dim=1), 1), 1)
-    for view, tap in zip(views, same.split(1, dim=1), strict=True):
-        darkest = torch.where(tap, torch.minimum(darkest, view[:, :1]), darkest)
-        around, count = around + view[:, 1:] * tap, count + tap
-    together = ((around / count.clamp_min(1.0) - FEW) / (MANY - FEW)).clamp(0.0, 1.0)
-    blocked = sure * together * ((missing - NOISE) / (BLOCKED - NOISE)).clamp(0.0, 1.0)
-    darker = light + blocked * (torch.maximum(own, darkest) - light).clamp_max(0.0)
-    return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)
 
 
 def trusted(grain: Tensor, length: Tensor) -> Tensor:

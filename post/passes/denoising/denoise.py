@@ -16,7 +16,7 @@ from gbufrt.numeric import check_kind
 from post.filters.around import alike
 from post.filters.edges import padded, windows
 from post.filters.surfaces import surface
-from post.history.antilag import grain_of, into_shadow, shared_at_first, tolerated, trusted
+from post.history.antilag import grain_of, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
 from post.history.inverse_variance import certain_mean
 from post.history.reproject import history_for
@@ -24,6 +24,7 @@ from post.mirrors.glossy import contrasting, frames_lasting, glossy_metals
 from post.mirrors.image import METAL, tight_metals
 from post.passes.denoising.atrous import atrous
 from post.passes.denoising.lamps import light_of_lamps
+from post.passes.denoising.shadows import into_shadow, often_dark
 from post.passes.denoising.shown import completed, in_mirrors, reflectance_of, visible_layer
 from post.passes.denoising.temporal import temporal
 from post.passes.denoising.turning import frames_lit
@@ -140,7 +141,7 @@ def denoise(
     smooth = certain_mean(smooth, variance, kept, geometry, _lonely(same, shiny), metallic)
     sure = trusted(grain, length)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
-    smooth = into_shadow(smooth, noisy, same, sure)
+    smooth = into_shadow(smooth, noisy, same, sure, often_dark(mean, variance, length, shown.hit))
     smooth = given_back(smooth, mean, history.signals["excess"], geometry, length=length)
     clean = smooth * divisor + emission
     if mirrors is not None:

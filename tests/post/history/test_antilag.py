@@ -9,8 +9,9 @@ import torch
 from gbufrt.luminance import luminance
 from post.filters.around import alike
 from post.filters.surfaces import surface
-from post.history.antilag import into_shadow, shared_at_first
+from post.history.antilag import shared_at_first
 from post.passes.denoising import denoise as stage
+from post.passes.denoising.shadows import into_shadow, often_dark
 
 SIZE = (36, 48)
 G = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1]).gbuffer
@@ -79,3 +80,25 @@ def test_dark_samples_among_bright_ones_are_no_shadow():
     together = into_shadow(mean, torch.where(columns < 24, 0.0, 1.0) * mean, same, sure)
     lower = (mean - together)[inner][g.hit.expand_as(mean)[inner] & (columns < 22).expand_as(mean)[inner]]
     assert float(lower.min()) > 0
+
+
+def test_samples_that_are_often_dark_prove_no_shadow():
+    """A penumbra that stays: half of its samples have been dark, and half of those of this frame are."""
+    frame = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
+    g = frame.gbuffer
+    same, sure = alike(surface(g.depth, g.normal, g.hit, g.camera)), torch.ones_like(g.depth)
+    mean = torch.linspace(0.4, 0.6, SIZE[1]).expand_as(g.normal).contiguous()
+    rows, columns = torch.arange(SIZE[0])[:, None], torch.arange(SIZE[1])
+    half = torch.where((rows + columns) % 2 == 0, 0.0, 2.0) * mean
+    long, one = torch.full_like(g.depth, 30.0), torch.ones_like(g.depth)
+    variance = mean[:, :1].square() / long  # of samples that are all or nothing, half of the time
+    often = often_dark(mean, variance, long, g.hit)
+    torch.testing.assert_close(often[g.hit], torch.full_like(often[g.hit], 0.5), rtol=0.02, atol=0)
+    young = often_dark(mean, variance * long, one, g.hit)
+    assert float(young.max()) == 0
+    whole = (same.all(dim=1, keepdim=True) & g.hit).expand_as(mean)
+    kept, darker = (into_shadow(mean, half, same, sure, each)[whole] for each in (often, young))
+    torch.testing.assert_close(kept, mean[whole])
+    assert float((darker - mean[whole]).min()) < -0.001
+    dark = into_shadow(mean, 0 * mean, same, sure, often)  # where all are dark a shadow has come
+    assert float((mean - dark)[g.hit.expand_as(mean)].mean()) > 0

@@ -9,8 +9,9 @@ import torch
 from post import denoise
 from post.filters.around import alike
 from post.filters.surfaces import surface
-from post.history.antilag import into_shadow, trusted
+from post.history.antilag import trusted
 from post.history.fireflies import cut_outliers, given_back, taken
+from post.passes.denoising.shadows import into_shadow
 
 SIZE = (36, 48)
 FRAME = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])

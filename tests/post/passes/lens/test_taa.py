@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import boxes
 import pytest
@@ -41,7 +42,7 @@ def tone(color: Tensor) -> Tensor:
     return color / (1 + color)
 
 
-def run(count: int, **tunables: float) -> list[Tensor]:
+def run(count: int, **tunables: Any) -> list[Tensor]:
     state, previous, results, stage = None, None, [], TAA(**tunables)
     for index in range(count):
         frame = frame_at(halton_jitter(index), previous=previous)
