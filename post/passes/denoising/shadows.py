@@ -12,7 +12,7 @@ from post.history.constants import YOUNG
 
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
-BESIDE = 3  # pixels: square over which the variance of samples is taken, as narrow as penumbrae
+BESIDE = 11  # pixels: square over which the variance of samples is taken; borders of sharp shadows are narrower
 
 
 def into_shadow(mean: Tensor, sample: Tensor, same: Tensor, sure: Tensor, often: Tensor | float = 0.0) -> Tensor:
