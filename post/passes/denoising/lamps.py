@@ -43,15 +43,16 @@ def light_of_lamps(light: Tensor, divisor: Tensor, hit: Tensor, albedo: Tensor |
     lit = torch.where(bright, level, 0.0)
     most = (1 - EVEN) * _highest(lit, 3)
     core = bright & (most <= least(lit, 3))
-    black = None if albedo is None else _even(level, bright, hit & (albedo.amax(1, keepdim=True) <= MIN_ALBEDO))
-    if not (waits(core) or bool(core.any()) or (black is not None and bool(black.any()))):
+    black = torch.zeros_like(hit) if albedo is None else hit & (albedo.amax(1, keepdim=True) <= MIN_ALBEDO)
+    black = _even(level, bright, black)
+    if not (waits(core) or bool((core | black).any())):
         return torch.zeros_like(light)
     beside = [(other > most).to(level) for other in windows(padded(lit, 1), 1)]
     holes = (lit < most) & (reduce(torch.add, beside) >= HOLE)
     core &= _highest(holes.to(level), CLEAN) == 0
-    core = torch.where(core if black is None else core | black, level, 0.0)
-    near, far = _highest(core, 5), _highest(core, AWAY)
-    lamp = bright & (((near > 0) & (level > RIM * near)) | ((level / far - 1).abs() < EVEN))
+    core = torch.where(core | black, level, 0.0)
+    rim, far = _highest(core, 5), _highest(core, AWAY)
+    lamp = bright & (((rim > 0) & (level > RIM * rim)) | ((level / far - 1).abs() < EVEN))
     others = (hit & ~lamp).to(light)
     plain, every = light / divisor, others.sum((2, 3), keepdim=True).clamp_min(1)
     near = pooled(others, torch.ones_like(others), BESIDE) > 0

@@ -38,15 +38,15 @@ class Shown(NamedTuple):
 
 
 def completed(g: GBuffer, previous: Camera | None) -> GBuffer:
-    """The G-buffer, with what it leaves out and mirrors need.
+    """The G-buffer, with what files of renderers leave out and `denoise` needs.
 
-    Motion follows from the cameras, for a world that stands still: images in mirrors move otherwise. Metals whose
-    albedo is black are white: many renderers write that of diffuse light alone, and a division by black would make
-    their light that of a lamp.
+    Motion is that of a world that stands still, from the cameras, because images in mirrors move unlike their
+    surfaces. Metals whose albedo is black are white: many renderers write that of diffuse light alone, and light
+    divided by black would outshine all around.
 
     Args:
         g: of the frame, or of what lies behind the first surface.
-        previous: camera of the frame before.
+        previous: camera of the frame before; None leaves motion as it is.
     """
     changes = dict[str, Tensor]()
     if previous is not None and (g.motion is None or g.motion_z is None):

@@ -7,11 +7,8 @@ import pytest
 import torch
 
 from post import denoise
-from post.filters.around import alike
 from post.filters.surfaces import surface
-from post.history.antilag import trusted
 from post.history.fireflies import cut_outliers, given_back, taken
-from post.passes.denoising.shadows import into_shadow
 
 SIZE = (36, 48)
 FRAME = boxes.frame(boxes.camera(SIZE), boxes=boxes.ROOM[:1])
@@ -95,15 +92,6 @@ def test_what_a_single_sample_brings_far_above_the_limit_is_lost():
     kept = torch.ones_like(G.normal)
     assert float(taken(9.0 * kept, kept, 3).max()) == pytest.approx(8.0)
     assert float(taken(60.0 * kept, kept, 3).max()) == pytest.approx(10.0)
-
-
-def test_one_dark_sample_proves_no_shadow_where_many_are_dark():
-    length = torch.full_like(G.depth, 8.0)
-    grain = torch.where(torch.arange(SIZE[1]) < 24, 100.0, 1.0).expand_as(G.depth)
-    ramp = torch.linspace(0.5, 1.0, SIZE[0])[:, None].expand_as(G.normal).contiguous()
-    kept = into_shadow(ramp, torch.zeros_like(ramp), alike(GEOMETRY), trusted(grain, length))
-    darker = (ramp - kept)[INNER]
-    assert 0 < float(darker[..., :12].mean()) < 0.02 * float(darker[..., 20:].mean())
 
 
 def test_a_lamp_that_goes_out_does_not_linger():
