@@ -141,7 +141,7 @@ def denoise(
     smooth = certain_mean(smooth, variance, kept, geometry, _lonely(same, shiny), metallic)
     sure = trusted(grain, length)
     sure = sure if metals is None else torch.where(metals, 0.0, sure)  # dark samples there are of a lobe's width
-    smooth = into_shadow(smooth, noisy, same, sure, often_dark(mean, variance, length, shown.hit))
+    smooth = into_shadow(smooth, noisy, same, sure, often_dark(mean, variance, length, shown.hit, same))
     smooth = given_back(smooth, mean, history.signals["excess"], geometry, length=length)
     clean = smooth * divisor + emission
     if mirrors is not None:

@@ -6,13 +6,13 @@ import torch
 from torch import Tensor
 
 from gbufrt.luminance import luminance
-from post.filters.around import pooled
+from post.filters.around import least, pooled
 from post.filters.edges import padded, windows
 from post.history.constants import YOUNG
 
 NOISE, BLOCKED = 0.3, 0.6  # missing share of the mean: below NOISE it may be noise, above BLOCKED it is occlusion
 FEW, MANY = 0.15, 0.4  # share of dark samples around from which on they are a shadow's, at first in part
-BESIDE = 11  # pixels: square over which the variance of samples is taken; borders of sharp shadows are narrower
+BESIDE = 5  # pixels: side of the square over which the variance of samples is taken
 
 
 def into_shadow(mean: Tensor, sample: Tensor, same: Tensor, sure: Tensor, often: Tensor | float = 0.0) -> Tensor:
@@ -48,19 +48,22 @@ def into_shadow(mean: Tensor, sample: Tensor, same: Tensor, sure: Tensor, often:
     return mean * (darker / light.clamp_min(1e-6)).clamp(0.0, 1.0)
 
 
-def often_dark(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor) -> Tensor:
+def often_dark(mean: Tensor, variance: Tensor, length: Tensor, hit: Tensor, same: Tensor) -> Tensor:
     """Share of a history's samples that have been dark, ``(B, 1, H, W)`` in [0, 1).
 
     If a share p of them brings all the light and the others nothing, their relative variance is (1 - p) / p. In young
-    histories it may be that of an edge; there the share is 0.
+    histories, and where surfaces are small, it may be that of an edge; there the share is 0. The mean over a square is
+    that of square roots: few pixels of much variance are the border of a sharp shadow.
 
     Args:
         mean: ``(B, 3, H, W)`` accumulated light without albedo.
         variance: ``(B, 1, H, W)`` of its luminance.
         length: ``(B, 1, H, W)`` frames in the mean.
         hit: ``(B, 1, H, W)`` bool.
+        same: see `alike`.
     """
-    values = torch.cat([variance * length, luminance(mean).square()], dim=1)
-    noise, square = pooled(values, hit.to(mean.dtype), BESIDE).split(1, dim=1)
-    noise = noise / square.clamp_min(1e-8)
-    return torch.where(length >= YOUNG, noise / (1 + noise), 0.0)
+    noise = variance * length
+    share = (noise / (noise + luminance(mean).square()).clamp_min(1e-8)).clamp_min(1e-8)  # whose root has a slope
+    wide = least(same.all(1, keepdim=True).to(share), BESIDE)
+    often = pooled(share.sqrt(), hit.to(share), BESIDE).square()
+    return torch.where((length >= YOUNG) & (wide > 0), often, 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import boxes
 import torch
+import torch.nn.functional as F
 
 from post.filters.around import alike
 from post.filters.surfaces import surface
@@ -48,14 +49,17 @@ def test_samples_that_are_often_dark_prove_no_shadow():
     half = torch.where((ROWS + COLUMNS) % 2 == 0, 0.0, 2.0) * mean
     long = torch.full_like(G.depth, 30.0)
     variance = mean[:, :1].square() / long  # of samples that are all or nothing, half of the time
-    often = often_dark(mean, variance, long, G.hit)
-    torch.testing.assert_close(often[G.hit], torch.full_like(often[G.hit], 0.5), rtol=0.02, atol=0)
-    young = often_dark(mean, variance * long, ONES, G.hit)
+    often = often_dark(mean, variance, long, G.hit, SAME)
+    whole = SAME.all(dim=1, keepdim=True) & G.hit
+    wide = whole & (F.avg_pool2d(whole.float(), 5, stride=1, padding=2) > 0.99)
+    torch.testing.assert_close(often[wide], torch.full_like(often[wide], 0.5), rtol=0.02, atol=0)
+    assert float(often[~wide].max()) == 0  # an edge is near, whose variance it may be
+    young = often_dark(mean, variance * long, ONES, G.hit, SAME)
     assert float(young.max()) == 0
-    whole = (SAME.all(dim=1, keepdim=True) & G.hit).expand_as(mean)
-    kept, darker = (into_shadow(mean, half, SAME, ONES, each)[whole] for each in (often, young))
-    torch.testing.assert_close(kept, mean[whole])
-    assert float((darker - mean[whole]).min()) < -0.001
+    wide = wide.expand_as(mean)
+    kept, darker = (into_shadow(mean, half, SAME, ONES, each)[wide] for each in (often, young))
+    torch.testing.assert_close(kept, mean[wide])
+    assert float((darker - mean[wide]).min()) < -0.001
     dark = into_shadow(mean, 0 * mean, SAME, ONES, often)  # where all are dark a shadow has come
     assert float((mean - dark)[G.hit.expand_as(mean)].mean()) > 0
 
@@ -67,3 +71,15 @@ def test_one_dark_sample_proves_no_shadow_where_many_are_dark():
     kept = into_shadow(ramp, torch.zeros_like(ramp), SAME, trusted(grain, length))
     darker = (ramp - kept)[INNER]
     assert 0 < float(darker[..., :12].mean()) < 0.02 * float(darker[..., 20:].mean())
+
+
+def test_the_variance_of_a_sharp_border_leaves_its_shadow():
+    """One row of pixels in five is as noisy as a penumbra: far less than in a penumbra, which is noisy all over."""
+    mean, long = torch.full_like(G.normal, 0.5), torch.full_like(G.depth, 30.0)
+    variance = mean[:, :1].square() / long
+    border = torch.where(ROWS == 20, variance, 0.0).requires_grad_()
+    often = often_dark(mean, border, long, G.hit, SAME)
+    assert float(often.detach().max()) < 0.1 * float(often_dark(mean, variance, long, G.hit, SAME).max())
+    often.sum().backward()
+    assert border.grad is not None
+    assert bool(border.grad.isfinite().all())
