@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.luminance import luminance
-from post.filters.edges import Surface
+from post.filters.edges import Surface, padded, windows
 from post.filters.op import spatial_moments
 from post.history.antilag import grain_of, trusted
 from post.history.changes import spread
 from post.history.constants import YOUNG
 
 RADIUS = 3  # pixels: surroundings of a sample are 7x7 pixels
+LONE = 4.0  # times the limit, from which on samples are cut where there is little noise as well
 MOST = 10.0  # times the light that is kept: more than this is lost, since what few samples bring is uncertain
 WIDE = 5  # wavelets over which light is given back: they reach 62 pixels to each side
 ENOUGH = 200.0  # samples of a surface that tell as much of what is to be given back to it as all that is around, as
@@ -27,7 +30,9 @@ def cut_outliers(
     """Scale down samples far above the surface around, unless the pixel's own history explains them.
 
     Unlike `antilag.without_fireflies`, which looks at 3x3 pixels of any surface, this works from the first frame on.
-    Where there is little noise all around nothing is cut: there what stands out is light.
+    Outliers among those around do not raise the limit: none counts for more than the brightest of the eight beside it.
+    Where there is little noise all around only what stands out far is cut, and where there is none nothing: there what
+    stands out is light.
 
     Args:
         signal: ``(B, C, H, W)`` of this frame.
@@ -44,18 +49,18 @@ def cut_outliers(
     light = luminance(signal, lead)
     if firefly <= 0:
         return signal
-    mean, variance = spatial_moments(signal, geometry, radius=RADIUS, lead=lead)
-    # without the pixel itself; on a surface of fewer pixels than the square has this leaves part of it in
-    count = float((2 * RADIUS + 1) ** 2)
-    square = variance * (count - 1) / count + mean * mean
-    others, around = (count * mean - light) / (count - 1), (count * square - light * light) / (count - 1)
-    limit = others + firefly * (around - others * others).clamp_min(0.0).add(1e-12).sqrt()
+    views = windows(padded(light, 1), 1)
+    second = torch.minimum(light, reduce(torch.maximum, (*views[:4], *views[5:])))
+    mean, variance = spatial_moments(second, geometry, radius=RADIUS, lead=1)
+    limit = mean + firefly * variance.add(1e-12).sqrt()
+    lone = LONE * limit
     if state is not None and noise is not None:
         own = luminance(state[:, : signal.shape[1]], lead) + firefly * noise.add(1e-12).sqrt()
         limit = torch.where(state[:, -1:] >= YOUNG, torch.maximum(limit, own), limit)
+    grain = grain_of(signal[:, :lead], (light - mean).square(), geometry.hit)
+    limit = limit + trusted(grain, torch.ones_like(light)) * (lone - limit).clamp_min(0.0)
     scale = torch.where((light > limit) & (limit > 0), limit / light.clamp_min(1e-12), 1.0)
-    calm = trusted(grain_of(signal[:, :lead], variance, geometry.hit), torch.ones_like(light))
-    scale = 1 - (1 - calm) * (1 - scale)
+    scale = scale + (1 - scale) / (1 + grain**3)
     return torch.cat([signal[:, :lead] * scale, signal[:, lead:]], dim=1)
 
 

@@ -43,6 +43,21 @@ def test_an_outlier_is_cut_among_noise_and_light_without_noise_is_not():
     assert torch.allclose(cut_outliers(edge, GEOMETRY, None, None, 3, 2.5), edge, rtol=0.02)
 
 
+def test_outliers_are_cut_where_there_is_little_noise_whatever_stands_beside_them():
+    """A quarter of the light is noise. The limit is that of the calm surface, with one outlier or with five."""
+    generator = torch.Generator().manual_seed(3)
+    calm = (1 + 0.25 * torch.randn(G.depth.shape, generator=generator)).clamp_min(0.1).expand_as(G.normal).contiguous()
+    assert float((cut_outliers(calm, GEOMETRY, None, None, 3, 2.5) - calm).abs().max()) < 0.1
+    one = calm.clone()
+    one[AT] = 200.0
+    kept = cut_outliers(one, GEOMETRY, None, None, 3, 2.5)
+    assert 1.6 < float(kept[AT].max()) < 8.0  # 2.5 standard deviations above, and four times that
+    five = one.clone()
+    for y, x in ((-2, 0), (2, 0), (0, -2), (0, 2)):
+        five[..., 18 + y, 24 + x] = 200.0
+    assert float(cut_outliers(five, GEOMETRY, None, None, 3, 2.5)[AT].max()) < 1.3 * float(kept[AT].max())
+
+
 def test_history_explains_a_bright_sample_once_it_is_old_enough():
     light = noisy(1)
     light[AT] = 9.0
