@@ -183,7 +183,7 @@ def _gbuffer(
     ``run`` is how far light from behind goes through the material that was hit, and ``rises`` how much higher the
     surface was a frame ago, where it is not an instance that moves.
     """
-    camera, table, which = rays.camera, scene.materials, hits.material.long()
+    camera, table = rays.camera, scene.materials
     hit = hits.hit[:, None]
     along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
     depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
@@ -191,7 +191,6 @@ def _gbuffer(
     pixels = camera.pixels_per_unit(depth)[:, 0]
     seen = look(scene, hits, rays.directions, pixels, poses=rays.poses)
     seen = wet(scene, rays.origins, rays.directions, hits, seen, pixels, poses=rays.poses, times=rays.times)
-    passed = (1 - table.opacity[which])[..., None] * table.tint[which] ** run.clamp_min(0)[..., None]
     values = {
         "depth": depth,
         "normal": _planes(seen.normal),
@@ -201,8 +200,8 @@ def _gbuffer(
         "roughness": seen.roughness[:, None],
         "metallic": seen.metallic[:, None],
         "emission": _planes(seen.emission),
-        "opacity": table.opacity[which][:, None],
-        "transmittance": _planes(passed),
+        "opacity": table.each("opacity", hits.material)[:, None],
+        "transmittance": _planes(table.passing(hits.material, run, hits.hit)),
         "material_id": hits.material[:, None],
         "object_id": hits.instance[:, None],
         "thickness": thickness[:, None],
