@@ -152,7 +152,7 @@ def _tensors(frame: Frame) -> list[Tensor]:
 
 
 def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
-    """Whether all tensors are known to be finite, by their sums: one test for all."""
+    """Whether all tensors are known to be finite, by their sums."""
     layers = [layer for layer in (frame, frame.behind, frame.previous) if layer is not None]
     every = [tensor for layer in layers for name in names if (tensor := layer.get(name)) is not None]
     every = [tensor for tensor in every if tensor.is_floating_point() and not is_known(tensor)]
@@ -160,11 +160,11 @@ def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
         return False
     if not every:
         return True
-    sums = torch.isfinite(torch.stack([tensor.detach().sum().double() for tensor in every])).tolist()
-    for tensor, is_finite in zip(every, sums, strict=True):
+    known = [all_finite(tensor) for tensor in every]
+    for tensor, is_finite in zip(every, known, strict=True):
         if is_finite:
             know(tensor)
-    return all(sums)
+    return all(known)
 
 
 def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:

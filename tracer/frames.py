@@ -11,7 +11,7 @@ from gbufrt import Camera, Frame, GBuffer
 from gbufrt.compute.resident import sent
 from gbufrt.numeric import check_between, check_counts
 from tracer.direct.fog import foggy
-from tracer.direct.lighting import light
+from tracer.direct.lighting import backdrop, light
 from tracer.gbuffers import layers
 from tracer.lights.sky import environment
 from tracer.scene.scene import Scene
@@ -54,10 +54,10 @@ def render(
     times = seconds(time, camera.batch)
     poses = sent(scene.poses(times), camera.position)
     picture = environment(scene).to(camera.device)
-    picture = picture.expand(camera.batch, *picture.shape[1:])
+    picture, sky = picture.expand(camera.batch, *picture.shape[1:]), backdrop(scene, first.camera)
 
     def lit(gbuffer: GBuffer, behind: Frame | None, seen: Tensor | None = None) -> Frame:
-        given = {"samples": light_samples, "index": index, "times": times, "seen": seen}
+        given = {"samples": light_samples, "index": index, "times": times, "seen": seen, "sky": sky}
         radiance, ambient = light(scene, gbuffer, poses=poses, **given)
         return Frame(
             gbuffer=gbuffer,

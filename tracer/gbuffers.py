@@ -10,9 +10,10 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
-from gbufrt.compute.resident import places, sent, waits
+from gbufrt.compute.resident import sent
 from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, range_of
+from tracer.motion import motion_of
 from tracer.scene.checks import check_scene, check_seen_by
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.scene.times import seconds
@@ -128,6 +129,8 @@ class _PrimaryRays:
     previous: Camera
     origins: Tensor
     directions: Tensor
+    along: Tensor
+    """``(B, H, W)`` planar depth of a world unit along each."""
     near: Tensor
     far: Tensor
     poses: Tensor
@@ -154,6 +157,7 @@ def _primary_rays(
         previous=camera if previous is None else previous,
         origins=origins,
         directions=directions,
+        along=along,
         near=camera.near / along,
         far=far if scene.haze is None else torch.minimum(far, range_of(scene.haze, directions)),
         poses=poses,
@@ -183,15 +187,13 @@ def _gbuffer(
     ``run`` is how far light from behind goes through the material that was hit, and ``rises`` how much higher the
     surface was a frame ago, where it is not an instance that moves.
     """
-    camera, table, which = rays.camera, scene.materials, hits.material.long()
+    camera, table = rays.camera, scene.materials
     hit = hits.hit[:, None]
-    along = (rays.directions * camera.forward[:, None, None, :]).sum(-1)
-    depth = torch.where(hits.hit, hits.t * along, camera.far)[:, None]
-    motion, motion_z = _motion(scene, rays, hits, depth, rises)
+    depth = torch.where(hits.hit, hits.t * rays.along, camera.far)[:, None]
+    motion, motion_z = motion_of(scene, camera, rays.previous, hits, depth, poses=rays.poses_before, rises=rises)
     pixels = camera.pixels_per_unit(depth)[:, 0]
     seen = look(scene, hits, rays.directions, pixels, poses=rays.poses)
     seen = wet(scene, rays.origins, rays.directions, hits, seen, pixels, poses=rays.poses, times=rays.times)
-    passed = (1 - table.opacity[which])[..., None] * table.tint[which] ** run.clamp_min(0)[..., None]
     values = {
         "depth": depth,
         "normal": _planes(seen.normal),
@@ -201,8 +203,8 @@ def _gbuffer(
         "roughness": seen.roughness[:, None],
         "metallic": seen.metallic[:, None],
         "emission": _planes(seen.emission),
-        "opacity": table.opacity[which][:, None],
-        "transmittance": _planes(passed),
+        "opacity": table.each("opacity", hits.material)[:, None],
+        "transmittance": _planes(table.passing(hits.material, run, hits.hit)),
         "material_id": hits.material[:, None],
         "object_id": hits.instance[:, None],
         "thickness": thickness[:, None],
@@ -215,34 +217,6 @@ def _gbuffer(
     if seen.normal is hits.normal:
         values["normal_geo"] = values["normal"]
     return GBuffer(camera=camera, previous_camera=rays.previous, hit=hit, motion=motion, **values)
-
-
-def _motion(scene: Scene, rays: _PrimaryRays, hits: Hits, depth: Tensor, rises: Tensor | None) -> tuple[Tensor, Tensor]:
-    """Motion and motion_z: of a static world, on instances of the same point of the model, and of water that rises."""
-    camera, previous = rays.camera, rays.previous
-    motion, motion_z = camera.static_motion(previous, depth, hits.hit[:, None])
-    if rises is not None and (waits(rises) or bool(rises.any())):
-        points = camera.to_world(camera.unproject(depth.double()))
-        points[:, 1] += rises
-        motion, motion_z = _moved(rays, depth, points, (rises != 0)[:, None], motion, motion_z)
-    moves = hits.instance > 0
-    if not scene.instances or not (waits(moves) or bool(moves.any())):
-        return motion, motion_z
-    batch, *_ = where = places(moves)
-    chosen = scene.world_from_model(rays.poses_before.double())[batch, hits.instance[where].long() - 1]
-    points = depth.new_zeros(*moves.shape, 3, dtype=torch.float64)
-    points[where] = (chosen[:, :3, :3] @ hits.local[where].double()[..., None])[..., 0] + chosen[:, :3, 3]
-    return _moved(rays, depth, points.permute(0, 3, 1, 2), moves[:, None], motion, motion_z)
-
-
-def _moved(
-    rays: _PrimaryRays, depth: Tensor, points: Tensor, moves: Tensor, motion: Tensor, motion_z: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Motion and motion_z, where ``moves`` those of what was at ``points`` ``(B, 3, H, W)`` a frame ago."""
-    before = rays.previous.to_view(points)
-    moved = (rays.previous.project(before) - rays.camera.pixel_centers(dtype=torch.float64)).to(depth.dtype)
-    change = (before[:, 2:] - depth).to(depth.dtype)
-    return torch.where(moves, moved, motion), torch.where(moves, change, motion_z)
 
 
 def _planes(values: Tensor) -> Tensor:

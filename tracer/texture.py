@@ -9,6 +9,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.compute.resident import places, resident
+from gbufrt.tree import map_tensors
 from tracer.scene.scene import Scene
 from tracer.scene.textures import COLOR, GLOW, METAL, ROUGH, TILT
 from tracer.traversal.hits import Hits
@@ -50,23 +51,26 @@ def look(scene: Scene, hits: Hits, directions: Tensor, pixels_per_unit: Tensor, 
         pixels_per_unit: ``(...)`` how many pixels a world unit spans in the picture, at each hit.
         poses: ``(I, 4, 4)`` of the instances, or ``(B, I, 4, 4)`` for hits ``(B, ...)``.
     """
-    table, which = scene.materials, hits.material.long()
-    scales = resident((1.0, *(i.scale for i in scene.instances)), hits.t)[hits.instance.long()]
+    table, which, shape = scene.materials, hits.material, hits.t.shape
+    sizes = resident((1.0, *(i.scale for i in scene.instances)), hits.t)
+    scales = sizes.index_select(0, hits.instance.flatten()).view(shape)
     pixels = pixels_per_unit * (hits.normal * directions).sum(-1).abs().clamp_min(1e-3).sqrt()
-    strays, wide = table.variation[which], pixels * scales
-    shows = places(hits.hit & (strays > 0) & (wide > FADED))  # beside these nothing varies
+    strays, wide = table.each("variation", which).flatten(), (pixels * scales).flatten()
+    shows = places(hits.hit.flatten() & (strays > 0) & (wide > FADED))[0]  # beside these nothing varies
+    some = map_tensors(lambda x: x.reshape(-1, *x.shape[len(shape) :]).index_select(0, shows), hits)
     tone = torch.ones_like(strays)
-    tone[shows] += strays[shows] * variation(hits.at(shows), hits.instance[shows], wide[shows])
+    tone[shows] += strays.index_select(0, shows) * variation(some, some.instance, wide.index_select(0, shows))
+    tone = tone.view(shape)
     plain = Look(
-        albedo=(table.albedo[which] * tone[..., None]).clamp(0.0, 1.0),
-        roughness=table.roughness[which],
-        metallic=table.metallic[which],
-        emission=table.emission[which],
+        albedo=(table.each("albedo", which) * tone[..., None]).clamp(0.0, 1.0),
+        roughness=table.each("roughness", which),
+        metallic=table.each("metallic", which),
+        emission=table.each("emission", which),
         normal=hits.normal,
     )
     if table.textures is None:
         return plain
-    faces = table.textures.faces[which, hits.face.long()].long()
+    faces = table.textures.faces[which.long(), hits.face.long()].long()
     textured = hits.hit & (faces[..., 1] > 0)
     here = places(textured)
     first, side = faces[here].unbind(dim=-1)

@@ -69,6 +69,7 @@ def _kernel_form(tensors: list[Tensor], cuda: bool) -> Form:
     return Form.CUDA if kind == "cuda" and cuda and _cuda_compiles() else Form.REFERENCE
 
 
+@cache
 def simulated() -> bool:
     """Whether numba simulates a GPU in this process, slowly: CUDA forms then run on tensors that lie on the CPU."""
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("", "0")

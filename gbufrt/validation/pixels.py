@@ -5,6 +5,7 @@ Every message names the channel, how many pixels are wrong, one of them, and a r
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
@@ -26,7 +27,7 @@ def check_finite(name: str, tensor: Tensor, remedy: str = "") -> None:
 
 def all_finite(tensor: Tensor) -> bool:
     """Whether a float tensor holds neither NaN nor infinity, in one pass; also False where the sum overflows."""
-    return bool(torch.isfinite(tensor.detach().sum()))
+    return math.isfinite(float(tensor.detach().sum()))
 
 
 def check_unit(name: str, vector: Tensor, hit: Tensor) -> None:

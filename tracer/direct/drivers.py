@@ -44,7 +44,7 @@ class Direct(reference.Direct):
             for start, rows, pixels in self._bands(1):
                 offsets = F.pad(lit[start : start + pixels].cumsum(0), (1, 0))
                 marked = offsets.new_full((pixels,), (len(self.lamps) << LEVEL) + ALL, dtype=torch.int32)
-                none = marked.new_zeros(pixels, most_drawn(samples)), arrived.new_zeros(pixels, most_drawn(samples))
+                none = marked.new_zeros(pixels, 1), arrived.new_zeros(pixels, 1)  # nothing is drawn beside the sun
                 self._sample(arrived, noise, samples, start, rows, offsets, marked, none, 1)
         if len(self.lamps):
             known, dice = self._known(arrived), noise[2].flatten()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from gbufrt import GBuffer
+from gbufrt import Camera, GBuffer
 from gbufrt.compute.dispatch import Form, form_of
 from gbufrt.noise.noise import blue_noise
 from gbufrt.numeric import check_kind
@@ -37,6 +37,7 @@ def light(
     seed: int = 0,
     times: Sequence[float] | None = None,
     seen: Tensor | None = None,
+    sky: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """Direct light and sky light that leave every pixel's surface toward the camera.
 
@@ -64,6 +65,7 @@ def light(
         times: B, seconds, of the waves that reflect the sun, where there are any; by default 0.
         seen: ``(B, 1, H, W)`` in [0, 1], how much of each pixel's light reaches the camera; by default all. The less it
             is, the fewer samples are taken.
+        sky: what `backdrop` returns for these cameras, where it is there already.
 
     Returns:
         ``radiance`` and ``ambient``, both ``(B, 3, H, W)`` outgoing linear radiance.
@@ -87,17 +89,21 @@ def light(
     if samples:
         given = {"samples": samples, "index": index, "seed": seed, "times": times, "seen": seen}
         shown = diffuse * _arriving(scene, gbuffer, diffuse, sky_light, poses, **given)
+    sky = backdrop(scene, camera) if sky is None else sky
+    if gbuffer.emission is not None:
+        shown = shown + gbuffer.emission
+    ambient = diffuse * sky_light
+    return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
+
+
+def backdrop(scene: Scene, camera: Camera) -> Tensor:
+    """``(B, 3, H, W)`` linear radiance of sky, stars and the sun's disc, as pixels show it that show no surface."""
     directions = camera.rays()[1].permute(0, 3, 1, 2)
     sky = sky_behind(scene, directions)
     if scene.sky.stars is not None and not camera.orthographic:  # which sees one point of the sky in all pixels
         night = stars(directions, scene.sky.stars, 1 / camera.intrinsics[0, 1, 1])
         sky = sky + torch.where(directions[:, 1:2] > 0, night, 0.0)  # none below the horizon, where land may be hazy
-    if scene.sun is not None:
-        sky = sky + sun_radiance(scene.sun, directions)
-    if gbuffer.emission is not None:
-        shown = shown + gbuffer.emission
-    ambient = diffuse * sky_light
-    return torch.where(hit, shown, sky), torch.where(hit, ambient, 0.0)
+    return sky if scene.sun is None else sky + sun_radiance(scene.sun, directions)
 
 
 def _arriving(

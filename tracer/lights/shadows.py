@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 import torch.nn.functional as F
@@ -51,7 +52,7 @@ class Surface:
     seen: Tensor | None = None
     besides: Tensor | None = None
 
-    @property
+    @cached_property
     def share(self) -> Tensor:
         """``(N,)`` what ``seen`` says, 0 where a pixel is not lit."""
         share = self.lit.to(self.points.dtype)

@@ -214,8 +214,8 @@ def grid_from_world(scene: Scene, poses: Tensor | None, device: torch.device) ->
 
 
 def _starts(hits: Hits) -> Tensor:
-    columns = torch.stack([hits.material.reshape(-1), hits.instance.reshape(-1)], dim=1)
-    return torch.cat([columns, hits.cell.reshape(-1, 3)], dim=1).contiguous()
+    parts = hits.material.reshape(-1, 1), hits.instance.reshape(-1, 1), hits.cell.reshape(-1, 3)
+    return torch.cat(parts, dim=1)
 
 
 def _normals(ids: Tensor, transforms: Tensor) -> Tensor:
