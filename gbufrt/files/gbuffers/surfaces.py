@@ -26,8 +26,8 @@ ENOUGH = 1 << 20  # pixels that quantiles are taken of
 MIXED = 0.9  # of the usual length of a file's normals: the mean of two that are 50 degrees apart
 NEAR = 0.02  # relative difference in depth of pixels on one surface
 EVEN = 0.75  # pixels by which the motion of neighbours on one surface differs at most
-OFF = 0.25  # pixels that motion may be off what its surface's neighbours tell, plus
-OFF_SHARE = 0.1  # of that
+OFF = 1.0  # pixels that motion may be off what its surface's neighbours tell, plus
+OFF_SHARE = 0.25  # of that
 AROUND = [(i // 3, i % 3) for i in range(9) if i != 4]
 
 
