@@ -15,3 +15,7 @@ ALIKE = 0.25  # pixels: paths that differ by less are one
 STILL = 0.5  # pixels: paths shorter than this are not blurred (Guertin et al. 2014)
 OWN_WEIGHT = 1e-3  # keeps a pixel's own colour where nothing else is known
 OVERSHOOT = 0.1  # of the range around it, by which a pixel may leave that range when sharpened: more would ring
+STEEP = 0.75  # pixels by which the motion of neighbours on one body differs at most: it turns by 40 degrees
+TILT = 0.35  # share of its turning by which a body may be sheared and still be taken to turn
+MOST_SINE = 0.9  # of the angle by which anything turns in a frame
+UNTURNED = 1e-9  # squared turning of a frame below which there is none

@@ -56,6 +56,7 @@ def test_the_simulated_cuda_forms_answer_as_those_of_the_cpu(tmp_path: Path) -> 
         "reconstruct_pixel",
         "prefilter_pixel",
         "similar_pixel",
+        "turn_pixel",
         *(f"{name}_pixel" for name in light),
     }
     check(found)

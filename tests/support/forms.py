@@ -26,6 +26,7 @@ from post.history.changes import follow_changes
 from post.history.op import anti_alias, blended, taken_in
 from post.history.read import read_history
 from post.history.virtual import closer, virtual_motion
+from post.lens.arc_op import turned
 from post.lens.op import blur_alike, reconstruct
 from post.march.rays import depth_hierarchy, march_rays
 from post.passes.lens.depth_of_field import depth_of_field
@@ -186,6 +187,7 @@ def of_lens(frame: Frame) -> dict[str, Tensor]:
     shutter: dict[str, Any] = {"opening": -0.5, "samples": 3, "softness": 0.05}
     return {
         "layers": depth_of_field(lamp, g.depth, g.camera, **lens),
+        "turned": turned(0.1 * path),
         "alike": blur_alike(light, path, moment, opening=-0.5, samples=3),
         "blurred": reconstruct(light, g.depth, path, path.roll(2, 3), moment, **shutter),
     }

@@ -14,6 +14,7 @@ from gbufrt.directions import length
 from gbufrt.files.gbuffers.convert import half_step_px, pixels_to_previous
 from gbufrt.files.gbuffers.named import Named
 from gbufrt.files.gbuffers.profile import AUTO, Profile
+from gbufrt.files.gbuffers.surfaces import unmixed_motion
 from gbufrt.validation.geometry import FEW
 
 MOVES = 0.5  # pixels of the cameras' motion, from which on it tells anything
@@ -61,6 +62,7 @@ def motion_of(
         return static, static_z
     motion = pixels_to_previous(raw, profile)
     known = hit & motion.isfinite().all(1, keepdim=True)
+    motion = unmixed_motion(torch.where(known, motion, 0.0), depth, known)
     if lost := int((hit & ~known).sum()):
         what = "stands still" if static is None else "is that of a world that stands still"
         warnings.warn(f"{named.layers.path}: motion of {lost} pixels is not finite, and {what} there", stacklevel=5)

@@ -1,4 +1,4 @@
-"""Which pixels of a file's depth show a surface and which the sky, and normals of those that show two surfaces."""
+"""Which pixels of a file's depth show a surface and which the sky; normals and motion of those that show two."""
 
 from __future__ import annotations
 
@@ -9,9 +9,11 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.camera import Camera
+from gbufrt.directions import length
 from gbufrt.files.gbuffers.convert import FARTHEST, distances
 from gbufrt.files.gbuffers.profile import Profile
 from gbufrt.files.precision import MOST_HALF
+from gbufrt.sampling import shifted
 
 SHARES = ("device", "normalised")  # kinds of depth from near to far
 SKY_SHARE = 0.99  # of the sky's depth, from which a pixel counts as sky
@@ -22,6 +24,10 @@ MOST_NOISE = 1e-6  # of the largest depths: negative ones below it are what loss
 NOISE = 4.0  # how many times larger than the negative ones positive leavings may be
 ENOUGH = 1 << 20  # pixels that quantiles are taken of
 MIXED = 0.9  # of the usual length of a file's normals: the mean of two that are 50 degrees apart
+NEAR = 0.02  # relative difference in depth of pixels on one surface
+EVEN = 0.75  # pixels by which the motion of neighbours on one surface differs at most
+OFF = 1.0  # pixels that motion may be off what its surface's neighbours tell, plus
+OFF_SHARE = 0.25  # of that
 AROUND = [(i // 3, i % 3) for i in range(9) if i != 4]
 
 
@@ -74,6 +80,35 @@ def unmixed(normal: Tensor, size: Tensor, depth: Tensor, hit: Tensor, camera: Ca
         closer = mixed & (sure > 0) & (off < nearest)
         nearest, best = torch.where(closer, off, nearest), torch.where(closer, found, best)
     return best
+
+
+def unmixed_motion(motion: Tensor, depth: Tensor, hit: Tensor) -> Tensor:
+    """Motion, where the file has the mean of two surfaces' that which two neighbours on the pixel's own surface tell.
+
+    Renderers average motion over a pixel, but not depth. Such a mean is nobody's motion: blur leaves an outline of what
+    flies past where it was, and histories are read at the wrong place.
+
+    Args:
+        motion: ``(1, 2, H, W)`` pixels.
+        depth: ``(1, 1, H, W)`` planar view z, world units.
+        hit: ``(1, 1, H, W)`` bool.
+
+    Returns:
+        ``(1, 2, H, W)`` as ``motion``.
+    """
+    planes = torch.cat([motion, torch.where(hit, depth, FARTHEST).log()], dim=1)
+    best, nearest = motion, torch.full_like(depth, torch.inf)
+    edge, told_so = torch.zeros_like(hit), torch.zeros_like(hit)
+    for down, right in AROUND:
+        beside, beyond = (shifted(planes, n * (right - 1), n * (down - 1)) for n in (1, 2))
+        off, further = ((at[:, 2:] - planes[:, 2:]).abs() for at in (beside, beyond))
+        edge = edge | (off > NEAR)
+        sure = (off < NEAR) & (further < NEAR) & (length(beside[:, :2] - beyond[:, :2]) < EVEN)
+        found = 2 * beside[:, :2] - beyond[:, :2]
+        told_so = told_so | (sure & (length(found - motion) < OFF + OFF_SHARE * length(found)))
+        closer = sure & (off < nearest)
+        nearest, best = torch.where(closer, off, nearest), torch.where(closer, found, best)
+    return torch.where(edge & ~told_so, best, motion)
 
 
 def _sky_of(raw: Tensor, bare: Tensor, profile: Profile) -> float:

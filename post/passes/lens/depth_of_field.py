@@ -44,7 +44,7 @@ def depth_of_field(
         camera: where the picture was taken.
         hit: ``(B, 1, H, W)`` bool; False marks the sky, which is infinitely far.
         focus_distance: planar depth that is sharp, world units; a float, ``(B,)``, or None for `autofocus`.
-        aperture_radius: of the lens, world units; a float or ``(B,)``.
+        aperture_radius: of the lens, world units: its focal length over twice its f-number; a float or ``(B,)``.
         max_radius_px: the largest blur radius, pixels; a warning tells where many would be larger.
         layer_step: relative step between the blur radii of neighbouring layers; smaller is smoother and slower.
 

@@ -15,6 +15,7 @@ from gbufrt.directions import length
 from gbufrt.mending import finite
 from gbufrt.noise.noise import blue_noise
 from gbufrt.numeric import check_counts, check_each, check_for_each, check_numbers
+from post.lens.arc_op import turned
 from post.lens.constants import STILL
 from post.lens.limits import tell_cut
 from post.lens.op import blur_alike, reconstruct
@@ -22,6 +23,8 @@ from post.lens.op import blur_alike, reconstruct
 Position = Literal["center", "trailing"]
 Weights = Literal["reconstruction", "similarity"]
 CELLS = 4  # to each side of a tile: the fastest of few pixels is more often what comes by
+LARGEST = 8  # pixels of a cell: the fastest of more hides what comes by, however long paths may be,
+RINGS = 32  # but no more cells to each side
 
 
 def motion_blur(
@@ -44,17 +47,19 @@ def motion_blur(
     that comes by. The path of the fastest thing nearby, of the cells around from which something reaches here (their
     borders jittered), leads to where that may be now, and the motion found there to which point of it comes by: parts
     of a spinning body all move unlike. A candidate counts if its own motion really brings it here, and the nearer one
-    occludes the other. What is disoccluded is filled with the surface behind. Beyond the picture its border goes on.
+    occludes the other. Paths are straight, tangents of the arcs on which spinning bodies move. What is disoccluded is
+    filled with the surface behind. Beyond the picture its border goes on.
 
     Args:
         color: ``(B, C, H, W)`` linear.
         depth: ``(B, 1, H, W)`` planar view z, world units.
         motion: ``(B, 2, H, W)`` previous minus current, pixels.
-        shutter: share of the frame interval during which the shutter is open; a float or ``(B,)``.
+        shutter: share of the frame interval during which the shutter is open, a half for 180 degrees; a float or
+            ``(B,)``.
         position: ``"center"`` exposes half before and half after the frame, ``"trailing"`` ends with it.
         samples: moments of the exposure a pixel.
         tile: pixels: the largest blur to either side, of which a warning tells where many would be larger; cells are a
-            quarter of that.
+            quarter of that, or 8 if that is less.
         weights: ``"reconstruction"``, or ``"similarity"``: the weights saturate(m_s . m_0 / m_0 . m_0) along the
             pixel's own motion, with which moving things do not spill over static ones.
         softness: relative difference in depth over which "in front" fades to "behind".
@@ -80,11 +85,12 @@ def motion_blur(
     color, depth, motion = finite(color), finite(depth), finite(motion)
     opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
-    path, longest = motion.to(color.dtype) * share, tile / (1 + opening)
+    path = turned(motion.to(color.dtype)) * share
+    longest = tile / (1 + opening)
     size = length(path)
     tell_cut(size, longest, "motion blur", "tile", tile)
     path = path * (longest / size).clamp_max(1.0)
-    cell = max(tile // CELLS, 1)
+    cell = max(min(tile // CELLS, LARGEST), tile // RINGS, 1)
     cells = _longest(path, cell)
     if weights == "reconstruction" and not waits(color) and not bool((cells.square().sum(1) > STILL**2).any()):
         return color

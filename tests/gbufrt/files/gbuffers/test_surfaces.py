@@ -113,3 +113,36 @@ def test_normals_averaged_over_an_edge_are_those_of_the_surface_that_depth_is_of
     cosine = (found * T["normal"]).sum(-1)[other & short]
     assert cosine.size > 200
     assert (cosine > 0.999).mean() > 0.98  # not where three surfaces meet
+
+
+def _motion(path: Path, motion: np.ndarray, depth: np.ndarray) -> torch.Tensor:
+    layers = {"V.Depth.Z": depth, "V.Vector.XYZW": np.concatenate([motion, motion], -1)}
+    marked = {"BlenderMultiChannel": "Blender V2.55.1 and newer"}
+    found = read_gbuffer(write(path / "a.exr", layers, marked), fov=40).gbuffer.motion
+    assert found is not None
+    return found[0].permute(1, 2, 0) * torch.tensor([1.0, -1.0])
+
+
+def test_motion_averaged_over_an_edge_is_that_of_the_surface_that_depth_is_of(tmp_path: Path) -> None:
+    """Something that spins and flies before a still wall: as Blender's Vector holds it, all round its silhouette."""
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]] - np.array(SIZE).reshape(2, 1, 1) / 2
+    own, flies = np.hypot(y, x) < 8, np.stack([20 - 0.3 * y, 5 + 0.3 * x], -1)
+    sharp, depth = np.where(own[..., None], flies, 0.0), np.where(own, 4.0, 9.0)
+    steps = np.linspace(-0.4, 0.4, 5)
+    inside = [np.hypot(y + down, x + right) < 8 for down in steps for right in steps]
+    share = np.mean(inside, axis=0)[..., None]
+    mixed = ((share > 0) & (share < 1))[..., 0]
+    assert mixed.sum() > 40
+    assert np.abs(share * flies - sharp)[mixed].max() > 8
+    found = _motion(tmp_path, share * flies, depth).numpy()
+    assert np.abs(found - sharp)[~mixed].max() < 1e-3, "others stay"
+    near = (np.abs(found - sharp).max(-1) < 0.25 * 21 + 1.0)[mixed]
+    assert near.mean() > 0.75, "0.58 as the file has it; some have no two neighbours in a line"
+
+
+def test_motion_that_no_two_neighbours_tell_stays(tmp_path: Path) -> None:
+    """A wire a pixel wide, and motion that nobody has averaged."""
+    motion, depth = np.zeros((*SIZE, 2)), np.full(SIZE, 9.0)
+    motion[:, 12], depth[:, 12] = 7.0, 4.0
+    motion[10:18, 20:30], depth[10:18, 20:30] = -5.0, 5.0
+    assert np.abs(_motion(tmp_path, motion, depth).numpy() - motion).max() < 1e-5

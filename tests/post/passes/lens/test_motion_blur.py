@@ -106,6 +106,29 @@ def test_all_parts_of_a_spinning_fan_spill(position):
     assert float(error) < 0.2 * float(sharp)
 
 
+@pytest.mark.parametrize(("position", "bound"), [("center", 28), ("trailing", 21)])
+def test_the_rim_of_a_wheel_stays_sharp(position, bound):
+    """All of it moves along itself, on arcs: paths as straight as the chord of a frame would leave it."""
+    y, x = torch.meshgrid(*(torch.arange(96) - 47.5,) * 2, indexing="ij")
+    radius, turn = torch.hypot(y, x)[None, None], 0.6
+    rim, cosine, sine = (radius > 34) & (radius < 42), math.cos(turn), math.sin(turn)
+    motion = torch.stack([cosine * x + sine * y - x, cosine * y - sine * x - y])[None]
+    color = torch.where(rim, 0.9, 0.1).expand(-1, 3, -1, -1)
+    depth, motion = torch.where(rim, 3.0, 9.0), torch.where(rim, motion, 0.0)
+    blurred = motion_blur(color, depth, motion, position=position)
+    assert psnr(blurred, color) > bound
+
+
+def test_cells_stay_small_where_paths_may_be_long():
+    """Beside something that goes far past, what comes by is found: a tile's quarter would show the faster alone."""
+    color, motion = torch.zeros(1, 3, 128, 400), torch.zeros(1, 2, 128, 400)
+    color[..., 20:50, 100:160], motion[:, 0, 20:50, 100:160] = 1.0, 100.0
+    color[..., 80:110, 240:300], motion[:, 0, 80:110, 240:300] = 1.0, 390.0
+    depth = torch.where(color[:, :1] > 0, 3.0, 9.0)
+    row = motion_blur(color, depth, motion, shutter=1.0, samples=64, tile=400)[0, 0, 35]
+    assert torch.allclose(row[165:205], (210 - torch.arange(165, 205) - 0.5) / 100, atol=0.15)
+
+
 def test_something_slower_spills_beside_something_fast():
     """Two movers a tile apart: the faster one, which does not come by, is not taken for the slower."""
     color, motion = torch.zeros(1, 3, 40, 96), torch.zeros(1, 2, 40, 96)
