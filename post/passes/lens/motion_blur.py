@@ -85,19 +85,18 @@ def motion_blur(
     color, depth, motion = finite(color), finite(depth), finite(motion)
     opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
-    path = turned(motion.to(color.dtype)) * share
-    longest = tile / (1 + opening)
+    motion, longest = motion.to(color.dtype), tile / (1 + opening)
+    if weights == "reconstruction" and not waits(color) and not bool((length(motion) * share > STILL).any()):
+        return color
+    path = turned(motion) * share
     size = length(path)
     tell_cut(size, longest, "motion blur", "tile", tile)
     path = path * (longest / size).clamp_max(1.0)
     cell = max(min(tile // CELLS, LARGEST), tile // RINGS, 1)
-    cells = _longest(path, cell)
-    if weights == "reconstruction" and not waits(color) and not bool((cells.square().sum(1) > STILL**2).any()):
-        return color
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
     if weights == "similarity":
         return blur_alike(color, path, noise[0], opening=opening, samples=samples)
-    dominant = _dominant(_reaching(cells, cell, 1 + opening, tile), cell, noise[1:])
+    dominant = _dominant(_reaching(_longest(path, cell), cell, 1 + opening, tile), cell, noise[1:])
     return reconstruct(color, depth, path, dominant, noise[0], opening=opening, samples=samples, softness=softness)
 
 
