@@ -86,12 +86,11 @@ def motion_blur(
     opening = -0.5 if position == "center" else 0.0
     share = number(shutter, motion).reshape(-1, 1, 1, 1)
     motion, longest = motion.to(color.dtype), tile / (1 + opening)
-    if weights == "reconstruction" and not waits(color) and not bool((length(motion) * share > STILL).any()):
+    size = length(motion) * share
+    if weights == "reconstruction" and not waits(color) and not bool((size > STILL).any()):
         return color
-    path = turned(motion) * share
-    size = length(path)
     tell_cut(size, longest, "motion blur", "tile", tile)
-    path = path * (longest / size).clamp_max(1.0)
+    path = turned(motion) * (share * (longest / size).clamp_max(1.0))
     cell = max(min(tile // CELLS, LARGEST), tile // RINGS, 1)
     noise = blue_noise(*color.shape[-2:], index=index, dims=3, seed=seed, device=color.device).to(color.dtype)
     if weights == "similarity":
