@@ -158,13 +158,10 @@ def _clean(frame: Frame, names: tuple[str, ...]) -> bool:
     every = [tensor for tensor in every if tensor.is_floating_point() and not is_known(tensor)]
     if any(waits(tensor) for tensor in every):
         return False
-    if not every:
-        return True
-    known = [all_finite(tensor) for tensor in every]
-    for tensor, is_finite in zip(every, known, strict=True):
-        if is_finite:
-            know(tensor)
-    return all(known)
+    finite_ones = [tensor for tensor in every if all_finite(tensor)]
+    for tensor in finite_ones:
+        know(tensor)
+    return len(finite_ones) == len(every)
 
 
 def held(depth: Tensor, hit: Tensor, normal: Tensor, far: float) -> tuple[Tensor, Tensor, Tensor]:

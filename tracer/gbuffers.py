@@ -10,11 +10,12 @@ import torch
 from torch import Tensor
 
 from gbufrt import Camera, GBuffer
-from gbufrt.compute.resident import sent
+from gbufrt.compute.resident import places, sent
 from gbufrt.gbuffer import CHANNELS
 from tracer.lights.haze import Air, range_of
 from tracer.motion import motion_of
 from tracer.scene.checks import check_scene, check_seen_by
+from tracer.scene.material import MaterialTable
 from tracer.scene.scene import MASK_PRIMARY, Scene
 from tracer.scene.times import seconds
 from tracer.texture import look
@@ -204,7 +205,7 @@ def _gbuffer(
         "metallic": seen.metallic[:, None],
         "emission": _planes(seen.emission),
         "opacity": table.each("opacity", hits.material)[:, None],
-        "transmittance": _planes(table.passing(hits.material, run, hits.hit)),
+        "transmittance": _planes(_transmittance(table, hits, run)),
         "material_id": hits.material[:, None],
         "object_id": hits.instance[:, None],
         "thickness": thickness[:, None],
@@ -217,6 +218,14 @@ def _gbuffer(
     if seen.normal is hits.normal:
         values["normal_geo"] = values["normal"]
     return GBuffer(camera=camera, previous_camera=rays.previous, hit=hit, motion=motion, **values)
+
+
+def _transmittance(table: MaterialTable, hits: Hits, run: Tensor) -> Tensor:
+    """``(B, H, W, 3)`` share of light that comes through; powers take long, so only where surfaces transmit."""
+    which = hits.material.flatten()
+    rows = places(hits.hit.flatten() & (table.each("opacity", which) < 1))[0]
+    share = table.passing(which.index_select(0, rows), run.flatten().index_select(0, rows))
+    return share.new_zeros(len(which), 3).index_copy(0, rows, share).view(*run.shape, 3)
 
 
 def _planes(values: Tensor) -> Tensor:

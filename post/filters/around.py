@@ -1,6 +1,8 @@
-"""What lies around pixels: means and least values over squares, and which neighbours show the same surface."""
+"""What lies around pixels: means, least and largest values over squares, and which neighbours show the same surface."""
 
 from __future__ import annotations
+
+from functools import reduce
 
 import torch
 import torch.nn.functional as F
@@ -103,6 +105,12 @@ def pooled(value: Tensor, mask: Tensor, size: int = 3, *, compiled: bool | None 
         return pooled_cpu(value, mask, size)
     total = F.avg_pool2d(value * mask, size, stride=1, padding=size // 2)
     return total / F.avg_pool2d(mask, size, stride=1, padding=size // 2).clamp_min(LEAST_SHARE)
+
+
+def most_beside(value: Tensor) -> Tensor:
+    """The largest of each channel among the eight pixels around, as ``value``; beyond the picture there is 0."""
+    views = windows(padded(value, 1), 1)
+    return reduce(torch.maximum, (*views[:4], *views[5:]))
 
 
 def least(value: Tensor, size: int, *, compiled: bool | None = None) -> Tensor:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import reduce
-
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
 from gbufrt.luminance import luminance
-from post.filters.edges import Surface, padded, windows
+from post.filters.around import most_beside
+from post.filters.edges import Surface
 from post.filters.op import spatial_moments
 from post.history.antilag import grain_of, trusted
 from post.history.changes import spread
@@ -49,8 +48,7 @@ def cut_outliers(
     light = luminance(signal, lead)
     if firefly <= 0:
         return signal
-    views = windows(padded(light, 1), 1)
-    second = torch.minimum(light, reduce(torch.maximum, (*views[:4], *views[5:])))
+    second = torch.minimum(light, most_beside(light))
     mean, variance = spatial_moments(second, geometry, radius=RADIUS, lead=1)
     limit = mean + firefly * variance.add(1e-12).sqrt()
     lone = LONE * limit

@@ -10,7 +10,7 @@ from post.lens.constants import MOST_SINE, STEEP, TILT, UNTURNED
 
 
 def turned_reference(motion: Tensor) -> Tensor:
-    """``(B, 2, H, W)``. Argument and result are those of `post.lens.op.turned`."""
+    """``(B, 2, H, W)``. Argument and result are those of `post.lens.arc_op.turned`."""
     (across_x, across_y), (down_x, down_y) = (_slope(motion, *way) for way in ((1, 0), (0, 1)))
     curl = (across_y - down_x) / 2
     shear = ((across_x - down_y).square() + (across_y + down_x).square()) / 4

@@ -122,7 +122,7 @@ def _go_through(
         run = run_lengths(scene, *way, first, poses=poses, cap=MAX_RUN)[1]
         run = torch.where(first.back_face, first.t, run)
         enters = 1 - schlick(dot(first.normal, way[1]).abs(), DIELECTRIC_F0)
-        share = (enters * _passing(scene, which, run).mean(dim=1)).clamp_max(most)
+        share = (enters * table.passing(which, run).mean(dim=1)).clamp_max(most)
         goes = u[rows] < share
         u[rows] = torch.where(goes, u[rows] / share.clamp_min(1e-12), (u[rows] - share) / (1 - share).clamp_min(1e-12))
         weight[rows[~goes]] /= (1 - share[~goes])[:, None]
@@ -133,16 +133,10 @@ def _go_through(
             scene, origins[rows], directions[rows], poses=poses, mask=given["mask"], t_max=ends, beyond=first
         )
         run = torch.where(first.back_face, run, torch.minimum(run, behind.t - first.t))
-        weight[rows] *= _passing(scene, which, run) * factor
+        weight[rows] *= table.passing(which, run) * factor
         inside[rows] = ~first.back_face & (run >= behind.t - first.t - SHORT)
         hits.put(rows, behind)
         rows = rows[behind.hit & (table.opacity[behind.material.long()] < 1)]
-
-
-def _passing(scene: Scene, which: Tensor, run: Tensor) -> Tensor:
-    """``(N, 3)`` light that comes through a ``run`` of a material."""
-    table = scene.materials
-    return (1 - table.opacity[which])[:, None] * table.tint[which] ** run.clamp_min(0)[:, None]
 
 
 def _vertices(

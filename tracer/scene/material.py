@@ -11,7 +11,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from gbufrt.compute.resident import places
 from gbufrt.numeric import check_numbers, check_three
 from gbufrt.tree import map_tensors
 from tracer.scene.textures import Textures
@@ -153,20 +152,15 @@ class MaterialTable:
         values: Tensor = getattr(self, column)
         return values.index_select(0, which.flatten()).view(which.shape + values.shape[1:])
 
-    def passing(self, which: Tensor, run: Tensor, wanted: Tensor) -> Tensor:
+    def passing(self, which: Tensor, run: Tensor) -> Tensor:
         """``(..., 3)`` share of light that comes through materials.
 
         Args:
             which: ``(...)`` integers.
             run: ``(...)`` how far light goes through each, world units.
-            wanted: ``(...)`` bool; elsewhere the share has no meaning.
         """
-        numbers, passed = which.flatten(), self.tint.new_zeros(which.numel(), 3)
-        rows = places(wanted.flatten() & (self.each("opacity", numbers) < 1))[0]  # powers take long
-        numbers, lengths = numbers.index_select(0, rows), run.flatten().index_select(0, rows)
-        share = self.each("tint", numbers) ** lengths.clamp_min(0)[:, None]
-        share = share * (1 - self.each("opacity", numbers))[:, None]
-        return passed.index_copy(0, rows, share).view(*which.shape, 3)
+        share = self.each("tint", which) ** run.clamp_min(0)[..., None]
+        return share * (1 - self.each("opacity", which))[..., None]
 
     def to(self, *args: Any, **kwargs: Any) -> MaterialTable:
         """The table on another device; arguments as `torch.Tensor.to`."""

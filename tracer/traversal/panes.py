@@ -45,9 +45,8 @@ def through_panes(
             pane, way = hits.at(rows), (origins[rows], directions[rows])
             behind = trace(scene, *way, poses=poses[b], mask=MASK_PRIMARY, t_max=t_max[rows], beyond=pane)
             run = run_lengths(scene, *way, pane, poses=poses[b], cap=THICK)[1]
-            run = torch.minimum(run, behind.t - pane.t).clamp_min(0)[:, None]
-            which, here = pane.material.long(), clear[rows[1:]]
-            passed = (1 - table.opacity[which])[:, None] * table.tint[which] ** run
-            share[rows] *= torch.where(here[:, None], passed, 1.0)
+            run = torch.minimum(run, behind.t - pane.t)
+            here = clear[rows[1:]]
+            share[rows] *= torch.where(here[:, None], table.passing(pane.material, run), 1.0)
             hits.put(rows, behind.where(here, pane))
     return hits, share

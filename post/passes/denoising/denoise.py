@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
 
 import torch
 from torch import Tensor
@@ -13,8 +12,7 @@ from gbufrt.demands.pictures import check_pictures, check_sizes
 from gbufrt.history import check_history
 from gbufrt.names import single
 from gbufrt.numeric import check_kind
-from post.filters.around import alike
-from post.filters.edges import padded, windows
+from post.filters.around import alike, most_beside
 from post.filters.surfaces import surface
 from post.history.antilag import grain_of, shared_at_first, tolerated, trusted
 from post.history.fireflies import given_back
@@ -177,12 +175,9 @@ def _despeckled(light: Tensor, same: Tensor, mirrors: Tensor) -> Tensor:
     ``same`` is `alike`.
     """
     alone = mirrors & (same.sum(1, keepdim=True) <= ALONE)
-    bounds = []
-    for way in (1, -1):
-        views = windows(padded(torch.where(mirrors, way * light, -torch.inf), 1), 1)
-        bounds.append(way * reduce(torch.maximum, (*views[:4], *views[5:])))
-    clamped = torch.maximum(torch.minimum(light, bounds[0]), bounds[1])
-    return torch.where(alone & bounds[0].isfinite(), clamped, light)
+    most, least = (way * most_beside(torch.where(mirrors, way * light, -torch.inf)) for way in (1, -1))
+    clamped = torch.maximum(torch.minimum(light, most), least)
+    return torch.where(alone & most.isfinite(), clamped, light)
 
 
 def _image_distance(g: GBuffer, reflected: Tensor | None) -> Tensor | None:
